@@ -12,4 +12,5 @@ pub mod scratch;
 pub mod solution;
 pub mod state;
 pub mod stepper;
+pub mod studies;
 pub mod system;
