@@ -7,12 +7,14 @@
 //! Ω orthogonal with determinant 1 and D diagonal, d₁ + d₂ = I₃, d₂ + d₃ = I₁, d₁ + d₃ = I₂. Written with
 //! the Gibbs vector g = tan(θ/2) n of the increment F = Ωᵀ, (j, k, l) cyclic, it becomes
 //! ```text
-//! g_j + κ_j g_k g_l = (1 + |g|²) u_j,    κ_j = (I_l − I_k)/I_j,    u_j = h L_j/(2 I_j)          (a)
-//! L₊ = L − (4/h) (I_l − I_k) g_k g_l / (1 + |g|²),                                              (b)
+//! I_j g_j + (I_l − I_k) g_k g_l = (1 + |g|²) m_j,    m = h L/2,                (a)
+//! L₊ = L − (4/h) (I_l − I_k) g_k g_l / (1 + |g|²),                            (b)
 //! ```
-//! three quadratic equations without a square root. By the triangle inequality |κ_j| ≤ 1, so (a) is well
-//! scaled for every body. Energy and |L|, and F L₊ = L, hold exactly where (a) does; form (b) adds an
-//! O(h) increment to L, so that round-off enters at h times the machine precision.
+//! three quadratic equations without a square root. Divided by I_j their coefficients lie within ±1 for
+//! every body (triangle inequality). Energy and |L|, and F L₊ = L, hold exactly where (a) does; (b) adds
+//! an O(h) increment to L, so that round-off enters at h times the machine precision. (a) and (b) use the
+//! same rounded moments and differences on purpose: the rounded map is then still reversible, and energy
+//! and |L| have no drift from its coefficients.
 //!
 //! Equation (a) has several solutions for a small h and none for a large one. The one meant is that which
 //! tends to 0 with h: [`MoserVeselov::increment`] returns it or fails.
@@ -25,6 +27,7 @@
 //! The thesis prints R₊ = Ω R, calls Ω skew-symmetric and permutes the indices of (5.21); see above for
 //! what holds. Ω is found as a Gibbs vector by Newton's method rather than from the matrix equation.
 
+use crate::inverse3::Inverse3;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// The equation of an implicit step was not solved: no solution was found that continues from a zero step.
@@ -53,9 +56,10 @@ pub struct MoserVeselov {
     half_inverse: Vector3<f64>,
     /// I_l − I_k.
     differences: Vector3<f64>,
-    /// κ.
+    /// κ_j = (I_l − I_k)/I_j.
     ratios: Vector3<f64>,
-    /// Largest |u|² at which the wanted solution is the only one within |g|² ≤ [`CONTRACTION_BALL`].
+    /// Largest |u|², u_j = m_j/I_j, at which the wanted solution is the only one within
+    /// |g|² ≤ [`CONTRACTION_BALL`].
     contraction_limit: f64,
 }
 
@@ -66,7 +70,11 @@ const CONTRACTION_LIMIT: f64 = 0.04;
 const CONTRACTION_RATIO: f64 = 1.5;
 
 /// Iterations granted to Newton's method from one start.
-const MAX_ITERATIONS: u32 = 12;
+const MAX_ITERATIONS: u32 = 40;
+/// Residual of (a), over I_j, that rounding alone can leave.
+const ROUND_OFF: f64 = 8.0 * f64::EPSILON;
+/// Determinant over its value at zero that round-off (its square root) can leave at a fold.
+const FOLD_ROUND_OFF: f64 = 1e-6;
 /// Shortest step of the continuation in h, as a fraction of h.
 const SHORTEST_CONTINUATION: f64 = 1e-5;
 
@@ -96,64 +104,65 @@ impl MoserVeselov {
     /// principal axis that is at h |ω| = 1.
     #[inline]
     pub fn increment(&self, momentum_body: &Vector3<f64>, h: f64) -> Result<Increment, NotConverged> {
-        let g = self.gibbs_vector(&(h * momentum_body.component_mul(&self.half_inverse)))?;
-        let norm = 1.0 + g.norm_squared();
-        let s = 1.0 / norm.sqrt();
-        let rate = if h == 0.0 { 0.0 } else { -4.0 / (h * norm) };
+        let g = self.gibbs_vector(&(0.5 * h * momentum_body))?;
+        let cos2 = 1.0 / (1.0 + g.norm_squared());
+        let s = cos2.sqrt();
+        let rate = if h == 0.0 { 0.0 } else { cos2 * (-4.0 / h) };
         Ok(Increment {
             rotation: UnitQuaternion::new_unchecked(Quaternion::new(s, s * g.x, s * g.y, s * g.z)),
             momentum_change: rate * pair_products(&g).component_mul(&self.differences),
         })
     }
 
-    /// The solution of (a) that is continuous with u = 0.
+    /// The solution of (a) that is continuous with m = 0.
     #[inline]
-    fn gibbs_vector(&self, u: &Vector3<f64>) -> Result<Vector3<f64>, NotConverged> {
-        let size = u.norm_squared();
+    fn gibbs_vector(&self, impulse: &Vector3<f64>) -> Result<Vector3<f64>, NotConverged> {
+        let u = 2.0 * impulse.component_mul(&self.half_inverse);
         // Two rounds of the fixed point leave an error of fourth order.
-        let first = u - pair_products(u).component_mul(&self.ratios);
+        let first = u - pair_products(&u).component_mul(&self.ratios);
         let start = (1.0 + first.norm_squared()) * u - pair_products(&first).component_mul(&self.ratios);
-        if size <= self.contraction_limit
-            && let Ok(root) = self.newton(u, start, MAX_ITERATIONS)
+        if u.norm_squared() <= self.contraction_limit
+            && let Ok(root) = self.newton(impulse, start)
             && root.gibbs.norm_squared() <= CONTRACTION_BALL
         {
             return Ok(root.gibbs);
         }
-        self.large_gibbs_vector(u, start)
+        self.large_gibbs_vector(impulse, start)
     }
 
     #[cold]
     #[inline(never)]
     fn large_gibbs_vector(
         &self,
-        u: &Vector3<f64>,
+        impulse: &Vector3<f64>,
         start: Vector3<f64>,
     ) -> Result<Vector3<f64>, NotConverged> {
         let mut iterations = 0;
-        if let Ok(root) = self.newton(u, start, MAX_ITERATIONS) {
+        if let Ok(root) = self.newton(impulse, start) {
             if self.is_principal(&root.gibbs) {
                 return Ok(root.gibbs);
             }
             iterations += root.iterations;
         }
-        // Follow the solution from s = 0 to 1 in (a) with s u in the place of u, predicting by its tangent.
+        // Follow the solution from s = 0 to 1 in (a) with s m in the place of m, predicting by its tangent.
         let (mut s, mut step, mut g) = (0.0, 0.25, Vector3::zeros());
+        let fold = -FOLD_ROUND_OFF * self.moments.product();
         while s < 1.0 {
             let next = f64::min(s + step, 1.0);
-            let jacobian = self.jacobian(&(s * u), &g);
-            let tangent = solve3(&jacobian, &((1.0 + g.norm_squared()) * u)).1;
+            let right = (1.0 + g.norm_squared()) * impulse;
+            let tangent = Inverse3::of(&self.jacobian(&(s * impulse), &g)).times(&right);
             let predicted = g + (next - s) * tangent;
-            let trial = self.newton(&(next * u), predicted, MAX_ITERATIONS);
+            let trial = self.newton(&(next * impulse), predicted);
             iterations += match &trial {
                 Ok(root) => root.iterations,
                 Err(failure) => failure.iterations,
             };
             match trial {
-                // On the way the determinant starts at 1 and vanishes first where the solution ends. A
-                // correction that is short beside the distance predicted keeps to the branch.
+                // On the way the determinant starts positive and vanishes first where the solution ends, at
+                // a fold; there the tangent predicts half the distance, elsewhere nearly all of it.
                 Ok(root)
-                    if solve3(&self.jacobian(&(next * u), &root.gibbs), u).0 > 0.0
-                        && (root.gibbs - predicted).norm() <= 0.2 * (root.gibbs - g).norm() =>
+                    if self.jacobian(&(next * impulse), &root.gibbs).determinant() >= fold
+                        && (root.gibbs - predicted).norm() <= 0.6 * (root.gibbs - g).norm() =>
                 {
                     (s, g, step) = (next, root.gibbs, 1.5 * step);
                 }
@@ -161,52 +170,61 @@ impl MoserVeselov {
             }
             // A NaN ends the loop as well.
             if !(step >= SHORTEST_CONTINUATION && g.norm_squared().is_finite()) {
-                let residual = self.residual(u, &g).amax();
-                return Err(NotConverged { residual, iterations });
+                return Err(self.failure(impulse, &g, iterations));
             }
         }
         Ok(g)
     }
 
+    /// Newton's method with each Jacobian used twice, of third order.
     #[inline]
-    fn newton(
-        &self,
-        u: &Vector3<f64>,
-        start: Vector3<f64>,
-        max_iterations: u32,
-    ) -> Result<Root, NotConverged> {
+    fn newton(&self, impulse: &Vector3<f64>, start: Vector3<f64>) -> Result<Root, NotConverged> {
         let mut g = start;
-        for iterations in 1..=max_iterations {
-            let correction = solve3(&self.jacobian(u, &g), &self.residual(u, &g)).1;
-            g -= correction;
-            // Convergence is quadratic: what is left after a correction is about its square.
-            if correction.norm_squared() <= 1e-20 * g.norm() {
+        for iterations in 1..=MAX_ITERATIONS {
+            let inverse = Inverse3::of(&self.jacobian(impulse, &g));
+            let first = inverse.times(&self.residual(impulse, &g));
+            g -= first;
+            let second = inverse.times(&self.residual(impulse, &g));
+            g -= second;
+            // What is left is about the product of the two corrections.
+            if first.norm_squared() * second.norm_squared() <= 1e-36 * g.norm_squared() {
                 return Ok(Root { gibbs: g, iterations });
             }
         }
-        Err(NotConverged { residual: self.residual(u, &g).amax(), iterations: max_iterations })
+        // At the fold itself the root is double and convergence linear.
+        let failure = self.failure(impulse, &g, MAX_ITERATIONS);
+        if failure.residual <= ROUND_OFF * (1.0 + g.norm_squared()) {
+            Ok(Root { gibbs: g, iterations: MAX_ITERATIONS })
+        } else {
+            Err(failure)
+        }
+    }
+
+    fn failure(&self, impulse: &Vector3<f64>, g: &Vector3<f64>, iterations: u32) -> NotConverged {
+        let half_angle = 2.0 * self.residual(impulse, g).component_mul(&self.half_inverse);
+        NotConverged { residual: half_angle.amax(), iterations }
     }
 
     /// Left minus right side of (a).
     #[inline]
-    fn residual(&self, u: &Vector3<f64>, g: &Vector3<f64>) -> Vector3<f64> {
-        g + self.ratios.component_mul(&pair_products(g)) - (1.0 + g.norm_squared()) * u
+    fn residual(&self, impulse: &Vector3<f64>, g: &Vector3<f64>) -> Vector3<f64> {
+        self.moments.component_mul(g) + self.differences.component_mul(&pair_products(g))
+            - (1.0 + g.norm_squared()) * impulse
     }
 
     #[inline]
-    fn jacobian(&self, u: &Vector3<f64>, g: &Vector3<f64>) -> Matrix3<f64> {
-        let k = &self.ratios;
-        let p = 2.0 * g;
+    fn jacobian(&self, impulse: &Vector3<f64>, g: &Vector3<f64>) -> Matrix3<f64> {
+        let (i, d, m, p) = (&self.moments, &self.differences, impulse, 2.0 * g);
         Matrix3::new(
-            1.0 - u.x * p.x,
-            k.x * g.z - u.x * p.y,
-            k.x * g.y - u.x * p.z,
-            k.y * g.z - u.y * p.x,
-            1.0 - u.y * p.y,
-            k.y * g.x - u.y * p.z,
-            k.z * g.y - u.z * p.x,
-            k.z * g.x - u.z * p.y,
-            1.0 - u.z * p.z,
+            i.x - m.x * p.x,
+            d.x * g.z - m.x * p.y,
+            d.x * g.y - m.x * p.z,
+            d.y * g.z - m.y * p.x,
+            i.y - m.y * p.y,
+            d.y * g.x - m.y * p.z,
+            d.z * g.y - m.z * p.x,
+            d.z * g.x - m.z * p.y,
+            i.z - m.z * p.z,
         )
     }
 
@@ -276,18 +294,8 @@ fn pair_products(v: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(v.y * v.z, v.z * v.x, v.x * v.y)
 }
 
-/// Determinant of m and the solution of m x = right by Cramer's rule, not finite where m is singular.
-#[inline]
-pub(crate) fn solve3(m: &Matrix3<f64>, right: &Vector3<f64>) -> (f64, Vector3<f64>) {
-    let (a, b, c) = (m.column(0).into_owned(), m.column(1).into_owned(), m.column(2).into_owned());
-    let bc = b.cross(&c);
-    let determinant = a.dot(&bc);
-    let x = Vector3::new(bc.dot(right), c.cross(&a).dot(right), a.cross(&b).dot(right));
-    (determinant, x * (1.0 / determinant))
-}
-
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// Largest entry of Ωᵀ D − D Ω − h hat(L), for F = Ωᵀ.
@@ -298,7 +306,7 @@ mod tests {
     }
 
     /// Numbers in (−1, 1), the same in every run.
-    fn noise(seed: u64) -> impl FnMut() -> f64 {
+    pub(crate) fn noise(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed;
         move || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -307,7 +315,7 @@ mod tests {
     }
 
     /// Moments of three point pairs on the axes with masses spread over `decades`.
-    fn random_moments(random: &mut impl FnMut() -> f64, decades: f64) -> Vector3<f64> {
+    pub(crate) fn random_moments(random: &mut impl FnMut() -> f64, decades: f64) -> Vector3<f64> {
         let d = Vector3::from_fn(|_, _| 10f64.powf(decades * random()));
         Vector3::new(d.y + d.z, d.x + d.z, d.x + d.y)
     }
@@ -348,12 +356,12 @@ mod tests {
     }
 
     /// The definition of the branch: small steps in h from h = 0, until the determinant vanishes.
-    fn traced(map: &MoserVeselov, u: &Vector3<f64>) -> Option<Vector3<f64>> {
+    fn traced(map: &MoserVeselov, impulse: &Vector3<f64>) -> Option<Vector3<f64>> {
         let mut g = Vector3::zeros();
         for n in 1..=400 {
-            let u = u * (f64::from(n) / 400.0);
-            g = map.newton(&u, g, 40).ok()?.gibbs;
-            if map.jacobian(&u, &g).determinant() <= 1e-3 {
+            let impulse = impulse * (f64::from(n) / 400.0);
+            g = map.newton(&impulse, g).ok()?.gibbs;
+            if map.jacobian(&impulse, &g).determinant() <= 1e-3 * map.moments.product() {
                 return None;
             }
         }
@@ -367,8 +375,9 @@ mod tests {
         for n in 0..4_000 {
             let map = MoserVeselov::new(&random_moments(&mut random, if n % 2 == 0 { 0.5 } else { 3.0 }));
             let u = 0.6 * Vector3::from_fn(|_, _| random());
-            let found = map.gibbs_vector(&u);
-            match traced(&map, &u) {
+            let impulse = map.moments.component_mul(&u);
+            let found = map.gibbs_vector(&impulse);
+            match traced(&map, &impulse) {
                 Some(expected) => {
                     let found = found.unwrap();
                     assert!((found - expected).norm() < 1e-9, "{:?} {u:?}: {found:?} {expected:?}", map.moments);
@@ -377,10 +386,20 @@ mod tests {
                 None => ended += 1,
             }
             if let Ok(g) = found {
-                assert!(map.residual(&u, &g).amax() < 1e-14 * (1.0 + g.norm_squared()), "{u:?} {g:?}");
+                let residual = map.residual(&impulse, &g).component_div(&map.moments).amax();
+                assert!(residual < 1e-14 * (1.0 + g.norm_squared()), "{u:?} {g:?}");
             }
         }
         assert!(solved > 1_000 && ended > 500, "{solved} solved, {ended} ended");
+    }
+
+    #[test]
+    fn a_ball_turning_a_quarter_per_step_is_at_the_fold() {
+        for axis in [Vector3::x(), Vector3::repeat(1.0 / 3f64.sqrt()), Vector3::new(0.6, 0.0, -0.8)] {
+            let (f, after) = step(&Vector3::repeat(1.0), &axis, 1.0).unwrap();
+            assert!((f.angle() - std::f64::consts::FRAC_PI_2).abs() < 1e-7);
+            assert!((after - axis).norm() < 1e-15);
+        }
     }
 
     #[test]
