@@ -1,6 +1,19 @@
-//! somersault-integrators
+//! Integrators for rigid bodies on ℝ³ × SO(3).
+#![forbid(unsafe_code)]
+
+pub use nalgebra;
+
+pub mod body;
+pub mod dense;
+pub mod driver;
+pub mod force;
 mod inverse3;
+pub mod methods;
 pub mod moser_veselov;
-mod preprocessing;
+pub mod preprocessing;
+pub mod scratch;
+pub mod solution;
+pub mod state;
+pub mod stepper;
+pub mod system;
 pub mod variational_cayley;
-pub use preprocessing::{ModifiedMoments, Preprocessing, StepTooLarge};

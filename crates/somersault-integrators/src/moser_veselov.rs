@@ -28,6 +28,7 @@
 //! what holds. Ω is found as a Gibbs vector by Newton's method rather than from the matrix equation.
 
 use crate::inverse3::Inverse3;
+use crate::stepper::StepError;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// The equation of an implicit step was not solved: no solution was found that continues from a zero step.
@@ -38,6 +39,12 @@ pub struct NotConverged {
     pub residual: f64,
     /// Newton iterations spent.
     pub iterations: u32,
+}
+
+impl NotConverged {
+    pub(crate) fn at(self, method: &'static str, t: f64) -> StepError {
+        StepError::NotConverged { method, t, iterations: self.iterations as usize, residual: self.residual }
+    }
 }
 
 /// What one step of a free body does, in the body frame.
@@ -80,7 +87,7 @@ const SHORTEST_CONTINUATION: f64 = 1e-5;
 
 impl MoserVeselov {
     /// The map of a body with principal `moments`, positive and finite. They may be
-    /// [modified](crate::ModifiedMoments) ones.
+    /// [modified](crate::preprocessing::ModifiedMoments) ones.
     pub fn new(moments: &Vector3<f64>) -> Self {
         let [i1, i2, i3] = (*moments).into();
         let differences = Vector3::new(i3 - i2, i1 - i3, i2 - i1);

@@ -30,6 +30,19 @@ pub enum Preprocessing {
     Ten,
 }
 
+impl Preprocessing {
+    /// The preprocessing for `order`; `None` for all but 4, 6, 8 and 10.
+    pub const fn of_order(order: u8) -> Option<Self> {
+        match order {
+            4 => Some(Self::Four),
+            6 => Some(Self::Six),
+            8 => Some(Self::Eight),
+            10 => Some(Self::Ten),
+            _ => None,
+        }
+    }
+}
+
 /// The modified moments Ĩ for one body, one free motion and one step size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModifiedMoments {
