@@ -190,7 +190,8 @@ mod tests {
             Preprocessing::Four,
         );
         assert!(matches!(refused, Err(StepTooLarge { .. })));
-        let nan = ModifiedMoments::try_new(&Vector3::repeat(1.0), &Vector3::x(), f64::NAN, Preprocessing::Ten);
+        let nan =
+            ModifiedMoments::try_new(&Vector3::repeat(1.0), &Vector3::x(), f64::NAN, Preprocessing::Ten);
         assert!(nan.is_err());
     }
 }
