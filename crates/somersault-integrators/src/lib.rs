@@ -1,1 +1,2 @@
 //! somersault-integrators
+pub mod exact;
