@@ -1,0 +1,59 @@
+//! The rigid body: mass and inertia.
+
+use nalgebra::Vector3;
+use somersault_core::{Inertia, InertiaError};
+
+/// Why a rigid body cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BodyError {
+    /// The mass is not a positive finite number.
+    #[error("`mass` must be positive and finite, found {found}")]
+    Mass {
+        /// The value given.
+        found: f64,
+    },
+    /// The inertia is not one of a rigid body.
+    #[error(transparent)]
+    Inertia(#[from] InertiaError),
+}
+
+/// A rigid body: mass (kg) and inertia about its centre of mass, in the body frame (kg m²).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidBody {
+    mass: f64,
+    inertia: Inertia,
+}
+
+impl RigidBody {
+    /// A body of the given mass and inertia.
+    pub fn try_new(mass: f64, inertia: Inertia) -> Result<Self, BodyError> {
+        if mass.is_finite() && mass >= f64::MIN_POSITIVE {
+            Ok(Self { mass, inertia })
+        } else {
+            Err(BodyError::Mass { found: mass })
+        }
+    }
+
+    /// A body whose axes are principal axes with the given moments.
+    pub fn try_principal(mass: f64, moments: Vector3<f64>) -> Result<Self, BodyError> {
+        Self::try_new(mass, Inertia::try_principal(moments)?)
+    }
+
+    /// A solid box with full side lengths `lengths` (m).
+    pub fn try_box(mass: f64, lengths: Vector3<f64>) -> Result<Self, BodyError> {
+        Self::try_new(mass, Inertia::try_box(mass, lengths)?)
+    }
+
+    /// Mass, kg.
+    #[inline]
+    pub fn mass(&self) -> f64 {
+        self.mass
+    }
+
+    /// Inertia about the centre of mass in the body frame.
+    #[inline]
+    pub fn inertia(&self) -> &Inertia {
+        &self.inertia
+    }
+}

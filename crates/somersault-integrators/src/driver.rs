@@ -1,0 +1,602 @@
+//! Drivers: from an initial state over an interval of time, by steps of fixed or adapted size.
+//!
+//! A fixed-step run counts its steps and computes each time from the count; where the step does not
+//! divide the interval the last one is shorter and the memory is restarted for it. After every step
+//! the rounding that products of unit quaternions gather is removed once, for every method alike
+//! ([`Configuration::renormalize`]).
+
+use crate::dense::{Decoded, Interpolant, Segment};
+use crate::state::{Configuration, Poses, Rate, State, Tolerances};
+use crate::stepper::{EmbeddedStepper, StepError, Stepper};
+use crate::system::{Decoder, Form, StateOf, System};
+
+/// Why an integration could not start or could not go on.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IntegrateError {
+    /// An interval that is empty, reversed or not finite.
+    #[error("`interval` must run forward between finite times, found ({start}, {end})")]
+    Interval {
+        /// Start given.
+        start: f64,
+        /// End given.
+        end: f64,
+    },
+    /// A step that is not positive and finite.
+    #[error("`{argument}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// More steps than an integration can count, or a step too small to change the time.
+    #[error("`dt` = {dt} is too small for the interval ({start}, {end}): times would not advance")]
+    TooManySteps {
+        /// Step given.
+        dt: f64,
+        /// Start of the interval.
+        start: f64,
+        /// End of the interval.
+        end: f64,
+    },
+    /// The initial state is not finite.
+    #[error("`state` must be finite, found {found}")]
+    InitialState {
+        /// Which part was not.
+        found: &'static str,
+    },
+    /// The state stopped being finite: the motion, or the method, is unstable at this step size.
+    #[error("the state stopped being finite in the step that ends at t = {t}")]
+    NonFinite {
+        /// End of the step.
+        t: f64,
+    },
+    /// The method has no error estimate to adapt its step by.
+    #[error("method `{method}` has no error estimate: give it a fixed step")]
+    NoErrorEstimate {
+        /// The method.
+        method: &'static str,
+    },
+    /// A step failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The step size control fell below what the time can resolve.
+    #[error("the step size fell to {h:e} at t = {t}; the tolerances cannot be met")]
+    StepSize {
+        /// Time reached.
+        t: f64,
+        /// Step tried.
+        h: f64,
+    },
+    /// The step budget was spent.
+    #[error("`max_steps` = {max_steps} steps were spent at t = {t}")]
+    Budget {
+        /// Steps allowed.
+        max_steps: usize,
+        /// Time reached.
+        t: f64,
+    },
+}
+
+/// An interval of time divided into steps of equal size, the last one possibly shorter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeGrid {
+    start: f64,
+    end: f64,
+    dt: f64,
+    full_steps: u64,
+    has_remainder: bool,
+}
+
+impl TimeGrid {
+    /// Steps of size `dt` from `start` to `end` > `start`.
+    ///
+    /// An interval within a relative 1e-9 of a whole number of steps is taken as that number, so that
+    /// ten steps of 0.1 reach 1.
+    pub fn try_new(start: f64, end: f64, dt: f64) -> Result<Self, IntegrateError> {
+        check_interval(start, end)?;
+        check_positive("dt", dt)?;
+        let ratio = (end - start) / dt;
+        // Beyond 2⁵³ steps, or below the spacing of the times, the times would repeat.
+        if ratio >= 9e15 || start + dt == start || end - dt == end {
+            return Err(IntegrateError::TooManySteps { dt, start, end });
+        }
+        let nearest = ratio.round();
+        if nearest >= 1.0 && (ratio - nearest).abs() <= 1e-9 * nearest {
+            Ok(Self { start, end, dt, full_steps: nearest as u64, has_remainder: false })
+        } else {
+            Ok(Self { start, end, dt, full_steps: ratio.floor() as u64, has_remainder: true })
+        }
+    }
+
+    /// `steps` equal steps from `start` to `end`.
+    pub fn try_with_steps(start: f64, end: f64, steps: u64) -> Result<Self, IntegrateError> {
+        check_interval(start, end)?;
+        if steps == 0 {
+            return Err(IntegrateError::NotPositive { argument: "steps", found: 0.0 });
+        }
+        Self::try_new(start, end, (end - start) / steps as f64)
+    }
+
+    /// Number of steps.
+    pub fn steps(&self) -> u64 {
+        self.full_steps + u64::from(self.has_remainder)
+    }
+
+    /// Time after `n` steps; exactly the end after the last.
+    pub fn time(&self, n: u64) -> f64 {
+        if n >= self.steps() { self.end } else { self.start + n as f64 * self.dt }
+    }
+}
+
+fn check_interval(start: f64, end: f64) -> Result<(), IntegrateError> {
+    if start.is_finite() && end.is_finite() && start < end {
+        Ok(())
+    } else {
+        Err(IntegrateError::Interval { start, end })
+    }
+}
+
+fn check_positive(argument: &'static str, found: f64) -> Result<(), IntegrateError> {
+    if found.is_finite() && found > 0.0 {
+        Ok(())
+    } else {
+        Err(IntegrateError::NotPositive { argument, found })
+    }
+}
+
+fn check_state<Q: Configuration>(x: &State<Q>) -> Result<(), IntegrateError> {
+    if !x.configuration.is_finite() {
+        Err(IntegrateError::InitialState { found: "a NaN or infinite position or orientation" })
+    } else if !x.rate.is_finite() {
+        Err(IntegrateError::InitialState { found: "a NaN or infinite velocity or angular velocity" })
+    } else {
+        Ok(())
+    }
+}
+
+/// Whether an observer wants the run to go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// Go on.
+    Continue,
+    /// Stop after this step.
+    Stop,
+}
+
+/// A step just made.
+pub struct Step<'a, Q: Configuration> {
+    /// Its number, from 1.
+    pub index: u64,
+    /// Time before.
+    pub t_before: f64,
+    /// Time after.
+    pub t_after: f64,
+    /// State before.
+    pub before: &'a State<Q>,
+    /// State after.
+    pub after: &'a State<Q>,
+    interpolant: &'a mut dyn FnMut() -> Box<dyn Interpolant<Q>>,
+}
+
+impl<Q: Configuration> Step<'_, Q> {
+    /// The curve of this step.
+    pub fn interpolant(&mut self) -> Box<dyn Interpolant<Q>> {
+        (self.interpolant)()
+    }
+}
+
+/// Sees each step as it is made. `()` sees nothing.
+pub trait Observer<Q: Configuration> {
+    /// False for an observer that looks at nothing, so that a run without one pays nothing.
+    const ACTIVE: bool = true;
+    /// Looks at a step and says whether to go on.
+    fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow;
+}
+
+impl<Q: Configuration> Observer<Q> for () {
+    const ACTIVE: bool = false;
+    fn observe(&mut self, _: &mut Step<'_, Q>) -> Flow {
+        Flow::Continue
+    }
+}
+
+impl<Q: Configuration, O: Observer<Q>> Observer<Q> for &mut O {
+    const ACTIVE: bool = O::ACTIVE;
+    fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
+        (**self).observe(step)
+    }
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// At the end of the interval.
+    Finished,
+    /// An observer stopped it.
+    Stopped,
+}
+
+/// Where a run ended and what it took.
+#[derive(Debug, Clone)]
+pub struct Outcome<Q: Configuration> {
+    /// Time reached.
+    pub t: f64,
+    /// State there.
+    pub state: State<Q>,
+    /// How it ended.
+    pub status: Status,
+    /// Steps taken.
+    pub steps: u64,
+    /// Steps tried and rejected by the step size control.
+    pub rejected: u64,
+}
+
+/// Integrates over a grid of times with a fixed step.
+///
+/// Errors: a state that is not finite, at the start or after a step, and failures of the method.
+pub fn integrate<S, M, O>(
+    system: &S,
+    stepper: &M,
+    initial: &StateOf<S>,
+    grid: &TimeGrid,
+    observer: &mut O,
+) -> Result<Outcome<S::Configuration>, IntegrateError>
+where
+    S: System,
+    M: Stepper<S>,
+    O: Observer<S::Configuration>,
+{
+    integrate_observed(system, stepper, initial, grid, &mut |step| {
+        if !O::ACTIVE {
+            return Flow::Continue;
+        }
+        let mut interpolant = || Box::new((step.segment)()) as Box<dyn Interpolant<S::Configuration>>;
+        observer.observe(&mut Step {
+            index: step.index,
+            t_before: step.t_before,
+            t_after: step.t_after,
+            before: step.before,
+            after: step.after,
+            interpolant: &mut interpolant,
+        })
+    })
+}
+
+/// A step in the variables of the system that is integrated.
+struct RawStep<'a, Q: Configuration> {
+    index: u64,
+    t_before: f64,
+    t_after: f64,
+    before: &'a State<Q>,
+    after: &'a State<Q>,
+    segment: &'a mut dyn FnMut() -> Segment<Q>,
+}
+
+fn integrate_observed<S: System, M: Stepper<S>>(
+    system: &S,
+    stepper: &M,
+    initial: &StateOf<S>,
+    grid: &TimeGrid,
+    observe: &mut impl FnMut(RawStep<'_, S::Configuration>) -> Flow,
+) -> Result<Outcome<S::Configuration>, IntegrateError> {
+    check_state(initial)?;
+    let mut memory = stepper.start(system, initial)?;
+    let mut before = initial.clone();
+    let mut after = initial.clone();
+    let steps = grid.steps();
+    for n in 0..steps {
+        let t = grid.time(n);
+        let h = if n < grid.full_steps { grid.dt } else { grid.end - t };
+        if n == grid.full_steps {
+            stepper.restart(&mut memory);
+        }
+        stepper.step(system, t, &before, h, &mut memory, &mut after)?;
+        after.configuration.renormalize();
+        let t_after = grid.time(n + 1);
+        if !after.is_finite() {
+            return Err(IntegrateError::NonFinite { t: t_after });
+        }
+        let flow = observe(RawStep {
+            index: n + 1,
+            t_before: t,
+            t_after,
+            before: &before,
+            after: &after,
+            segment: &mut || stepper.segment(system, t, &before, h, &mut memory, &after),
+        });
+        std::mem::swap(&mut before, &mut after);
+        if flow == Flow::Stop && n + 1 < steps {
+            return Ok(Outcome {
+                t: t_after,
+                state: before,
+                status: Status::Stopped,
+                steps: n + 1,
+                rejected: 0,
+            });
+        }
+    }
+    Ok(Outcome { t: grid.end, state: before, status: Status::Finished, steps, rejected: 0 })
+}
+
+/// Settings of the step size control.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Adaptive {
+    /// Error allowed per step.
+    pub tolerances: Tolerances,
+    /// First step; chosen from the initial accelerations if not given.
+    pub first_step: Option<f64>,
+    /// Largest step.
+    pub max_step: f64,
+    /// Largest number of steps, accepted and rejected.
+    pub max_steps: usize,
+}
+
+impl Default for Adaptive {
+    fn default() -> Self {
+        Self {
+            tolerances: Tolerances::default(),
+            first_step: None,
+            max_step: f64::INFINITY,
+            max_steps: 10_000_000,
+        }
+    }
+}
+
+impl Adaptive {
+    /// Control with the given tolerances and otherwise the defaults.
+    pub fn with_tolerances(relative: f64, absolute: f64) -> Self {
+        Self { tolerances: Tolerances { relative, absolute }, ..Self::default() }
+    }
+
+    fn check(&self) -> Result<(), IntegrateError> {
+        check_positive("relative", self.tolerances.relative)?;
+        check_positive("absolute", self.tolerances.absolute)?;
+        if let Some(h) = self.first_step {
+            check_positive("first_step", h)?;
+        }
+        if self.max_step > 0.0 {
+            Ok(())
+        } else {
+            Err(IntegrateError::NotPositive { argument: "max_step", found: self.max_step })
+        }
+    }
+}
+
+/// Integrates from `interval.0` to `interval.1` with steps adapted to tolerances.
+///
+/// The step follows the proportional–integral control of Gustafsson (ACM TOMS 17 (1991) 533) with
+/// safety factor 0.9 and changes between 0.2 and 5; see Hairer and Wanner, *Solving Ordinary
+/// Differential Equations II*, section IV.2.
+pub fn integrate_adaptive<S, M, O>(
+    system: &S,
+    stepper: &M,
+    initial: &StateOf<S>,
+    interval: (f64, f64),
+    control: &Adaptive,
+    observer: &mut O,
+) -> Result<Outcome<S::Configuration>, IntegrateError>
+where
+    S: System,
+    M: EmbeddedStepper<S>,
+    O: Observer<S::Configuration>,
+{
+    adapt_observed(system, stepper, initial, interval, control, &mut |step| {
+        if !O::ACTIVE {
+            return Flow::Continue;
+        }
+        let mut interpolant = || Box::new((step.segment)()) as Box<dyn Interpolant<S::Configuration>>;
+        observer.observe(&mut Step {
+            index: step.index,
+            t_before: step.t_before,
+            t_after: step.t_after,
+            before: step.before,
+            after: step.after,
+            interpolant: &mut interpolant,
+        })
+    })
+}
+
+fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
+    system: &S,
+    stepper: &M,
+    initial: &StateOf<S>,
+    (start, end): (f64, f64),
+    control: &Adaptive,
+    observe: &mut impl FnMut(RawStep<'_, S::Configuration>) -> Flow,
+) -> Result<Outcome<S::Configuration>, IntegrateError> {
+    const SAFETY: f64 = 0.9;
+    check_interval(start, end)?;
+    control.check()?;
+    check_state(initial)?;
+    let mut memory = stepper.start(system, initial)?;
+    let order = f64::from(M::INFO.embedded.unwrap_or(M::INFO.orders.rotation)) + 1.0;
+    let (integral, proportional) = (0.7 / order, 0.4 / order);
+    let mut h = control.first_step.unwrap_or_else(|| first_step(system, start, initial, order, control));
+    h = h.min(control.max_step).min(end - start);
+    let mut before = initial.clone();
+    let mut after = initial.clone();
+    let (mut t, mut accepted, mut rejected) = (start, 0, 0);
+    let mut last_error: f64 = 1e-4;
+    let mut just_rejected = false;
+    while t < end {
+        if accepted + rejected >= control.max_steps as u64 {
+            return Err(IntegrateError::Budget { max_steps: control.max_steps, t });
+        }
+        // A last step a little longer beats a step of rounding size.
+        let reaches_end = t + 1.01 * h >= end;
+        let step = if reaches_end { end - t } else { h };
+        if t + step <= t {
+            return Err(IntegrateError::StepSize { t, h: step });
+        }
+        stepper.step(system, t, &before, step, &mut memory, &mut after)?;
+        let error = stepper.error(&before, &after, step, &mut memory, &control.tolerances);
+        // A NaN from a wild trial step counts as an error too large, like any other.
+        if !error.is_finite() || !after.is_finite() || error > 1.0 {
+            rejected += 1;
+            just_rejected = true;
+            stepper.restart(&mut memory);
+            let shrink = if error.is_finite() { SAFETY * error.powf(-1.0 / order) } else { 0.2 };
+            h = step * shrink.clamp(0.2, 1.0);
+            if t + h <= t {
+                return Err(if error.is_finite() {
+                    IntegrateError::StepSize { t, h }
+                } else {
+                    IntegrateError::NonFinite { t: t + step }
+                });
+            }
+            continue;
+        }
+        after.configuration.renormalize();
+        accepted += 1;
+        let t_after = if reaches_end { end } else { t + step };
+        let flow = observe(RawStep {
+            index: accepted,
+            t_before: t,
+            t_after,
+            before: &before,
+            after: &after,
+            segment: &mut || stepper.segment(system, t, &before, step, &mut memory, &after),
+        });
+        let error = error.max(1e-10);
+        let mut growth = SAFETY * error.powf(-integral) * last_error.powf(proportional);
+        if just_rejected {
+            growth = growth.min(1.0);
+        }
+        h = (step * growth.clamp(0.2, 5.0)).min(control.max_step);
+        last_error = error.max(1e-4);
+        just_rejected = false;
+        t = t_after;
+        std::mem::swap(&mut before, &mut after);
+        if flow == Flow::Stop && t < end {
+            return Ok(Outcome { t, state: before, status: Status::Stopped, steps: accepted, rejected });
+        }
+    }
+    Ok(Outcome { t: end, state: before, status: Status::Finished, steps: accepted, rejected })
+}
+
+/// A first step from the size of the motion and of its first two derivatives (Hairer, Nørsett and
+/// Wanner, *Solving Ordinary Differential Equations I*, section II.4).
+fn first_step<S: System>(system: &S, t: f64, x: &StateOf<S>, order: f64, control: &Adaptive) -> f64 {
+    use crate::state::ErrorSum;
+    let mut w = system.workspace();
+    let size = |v: &<S::Configuration as Configuration>::Rate,
+                a: &<S::Configuration as Configuration>::Rate| {
+        let mut sum = ErrorSum::default();
+        x.configuration.weigh(&x.configuration, v, &control.tolerances, &mut sum);
+        x.rate.weigh(&x.rate, a, &control.tolerances, &mut sum);
+        sum.root_mean_square()
+    };
+    let (mut velocity, mut acceleration) = (x.rate.clone(), x.rate.clone());
+    system.velocity(x, &mut velocity);
+    system.acceleration(&mut w, t, x, &mut acceleration);
+    let first = size(&velocity, &acceleration);
+    // The weighed size of a unit: one radian, one metre, one metre per second.
+    let unit = 1.0 / (control.tolerances.absolute + control.tolerances.relative);
+    let trial = if first > 1e-10 * unit { 0.01 * unit / first } else { 1e-6 };
+    let mut ahead = x.clone();
+    ahead.drift(&velocity, trial);
+    ahead.kick(&acceleration, trial);
+    let (mut velocity_ahead, mut acceleration_ahead) = (x.rate.clone(), x.rate.clone());
+    system.velocity(&ahead, &mut velocity_ahead);
+    system.acceleration(&mut w, t + trial, &ahead, &mut acceleration_ahead);
+    velocity_ahead.axpy(-1.0, &velocity);
+    acceleration_ahead.axpy(-1.0, &acceleration);
+    let second = size(&velocity_ahead, &acceleration_ahead) / trial;
+    let largest = first.max(second);
+    let h = if largest > 1e-15 { (0.01 / largest).powf(1.0 / order) } else { (1e-3 * trial).max(1e-6) };
+    if h.is_finite() { h.min(100.0 * trial).max(f64::MIN_POSITIVE) } else { trial }
+}
+
+/// Integrates a form of the bodies, showing the observer the bodies themselves.
+pub(crate) fn integrate_form<Q, B, M, O>(
+    form: &B,
+    stepper: &M,
+    initial: &State<Q>,
+    grid: &TimeGrid,
+    observer: &mut O,
+) -> Result<Outcome<Q>, IntegrateError>
+where
+    Q: Poses,
+    B: Form<Q>,
+    M: Stepper<B>,
+    O: Observer<Q>,
+{
+    check_state(initial)?;
+    let mut watch = Watch::new(form, initial, observer);
+    let outcome =
+        integrate_observed(form, stepper, &form.encode(initial), grid, &mut |step| watch.observe(step))?;
+    Ok(decode_outcome(form, initial, outcome))
+}
+
+/// As [`integrate_form`], with adapted steps.
+pub(crate) fn adapt_form<Q, B, M, O>(
+    form: &B,
+    stepper: &M,
+    initial: &State<Q>,
+    interval: (f64, f64),
+    control: &Adaptive,
+    observer: &mut O,
+) -> Result<Outcome<Q>, IntegrateError>
+where
+    Q: Poses,
+    B: Form<Q>,
+    M: EmbeddedStepper<B>,
+    O: Observer<Q>,
+{
+    check_state(initial)?;
+    let mut watch = Watch::new(form, initial, observer);
+    let encoded = form.encode(initial);
+    let outcome =
+        adapt_observed(form, stepper, &encoded, interval, control, &mut |step| watch.observe(step))?;
+    Ok(decode_outcome(form, initial, outcome))
+}
+
+fn decode_outcome<Q: Poses, B: Form<Q>>(
+    form: &B,
+    prototype: &State<Q>,
+    outcome: Outcome<B::Configuration>,
+) -> Outcome<Q> {
+    let mut state = prototype.clone();
+    form.decoder().decode(&outcome.state, &mut state);
+    Outcome { t: outcome.t, state, status: outcome.status, steps: outcome.steps, rejected: outcome.rejected }
+}
+
+/// Turns the steps of a form into steps of the bodies for an observer.
+struct Watch<'a, Q: Poses, D, O> {
+    decoder: D,
+    before: State<Q>,
+    after: State<Q>,
+    observer: &'a mut O,
+}
+
+impl<'a, Q: Poses, D: Clone, O: Observer<Q>> Watch<'a, Q, D, O> {
+    fn new<B: Form<Q, Decoder = D>>(form: &B, initial: &State<Q>, observer: &'a mut O) -> Self {
+        Self { decoder: form.decoder(), before: initial.clone(), after: initial.clone(), observer }
+    }
+
+    fn observe<B: Configuration>(&mut self, step: RawStep<'_, B>) -> Flow
+    where
+        D: Decoder<B, Q> + Send + Sync + 'static,
+    {
+        if !O::ACTIVE {
+            return Flow::Continue;
+        }
+        self.decoder.decode(step.after, &mut self.after);
+        let RawStep { index, t_before, t_after, segment, .. } = step;
+        let decoder = &self.decoder;
+        let mut interpolant =
+            || Box::new(Decoded { segment: segment(), decoder: decoder.clone() }) as Box<dyn Interpolant<Q>>;
+        let flow = self.observer.observe(&mut Step {
+            index,
+            t_before,
+            t_after,
+            before: &self.before,
+            after: &self.after,
+            interpolant: &mut interpolant,
+        });
+        std::mem::swap(&mut self.before, &mut self.after);
+        flow
+    }
+}

@@ -1,0 +1,268 @@
+//! Forces and torques on rigid bodies.
+
+use crate::body::RigidBody;
+use crate::state::RigidBodyState;
+use nalgebra::Vector3;
+use std::ops::Add;
+
+/// Force F (N) and torque M about the centre of mass (N m), world frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Wrench {
+    /// Force, N.
+    pub force: Vector3<f64>,
+    /// Torque about the centre of mass, N m.
+    pub torque: Vector3<f64>,
+}
+
+impl Wrench {
+    /// A force that acts at `point` (world frame) on a body with its centre of mass at `position`.
+    pub fn at_point(force: Vector3<f64>, point: &Vector3<f64>, position: &Vector3<f64>) -> Self {
+        Self { force, torque: (point - position).cross(&force) }
+    }
+}
+
+impl Add for Wrench {
+    type Output = Self;
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        Self { force: self.force + other.force, torque: self.torque + other.torque }
+    }
+}
+
+/// A model of the force and torque on one body.
+///
+/// `()` is the free body, a pair of models their sum, and a closure
+/// `Fn(f64, &RigidBody, &RigidBodyState) -> Wrench` is a model.
+pub trait ForceModel {
+    /// Wrench on `body` in state `x` at time `t`.
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench;
+
+    /// Whether the wrench is always zero.
+    fn is_free(&self) -> bool {
+        false
+    }
+
+    /// Whether the torque about the centre of mass is always zero.
+    fn is_torque_free(&self) -> bool {
+        self.is_free()
+    }
+
+    /// Whether the wrench may depend on velocity or angular velocity.
+    ///
+    /// Splitting methods take one evaluation a kick where it does not.
+    fn depends_on_velocity(&self) -> bool {
+        !self.is_free()
+    }
+}
+
+impl ForceModel for () {
+    #[inline]
+    fn wrench(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench::default()
+    }
+    #[inline]
+    fn is_free(&self) -> bool {
+        true
+    }
+}
+
+impl<F> ForceModel for F
+where
+    F: Fn(f64, &RigidBody, &RigidBodyState) -> Wrench,
+{
+    #[inline]
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self(t, body, x)
+    }
+}
+
+impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
+    #[inline]
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.wrench(t, body, x) + self.1.wrench(t, body, x)
+    }
+    #[inline]
+    fn is_free(&self) -> bool {
+        self.0.is_free() && self.1.is_free()
+    }
+    #[inline]
+    fn is_torque_free(&self) -> bool {
+        self.0.is_torque_free() && self.1.is_torque_free()
+    }
+    #[inline]
+    fn depends_on_velocity(&self) -> bool {
+        self.0.depends_on_velocity() || self.1.depends_on_velocity()
+    }
+}
+
+/// A boxed model, for choices made at run time.
+pub type BoxedForce = Box<dyn ForceModel + Send + Sync>;
+
+impl ForceModel for BoxedForce {
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        (**self).wrench(t, body, x)
+    }
+    fn is_free(&self) -> bool {
+        (**self).is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        (**self).is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        (**self).depends_on_velocity()
+    }
+}
+
+/// The sum of the models in the list; an empty list is the free body.
+impl ForceModel for Vec<BoxedForce> {
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.iter().fold(Wrench::default(), |sum, f| sum + f.wrench(t, body, x))
+    }
+    fn is_free(&self) -> bool {
+        self.iter().all(ForceModel::is_free)
+    }
+    fn is_torque_free(&self) -> bool {
+        self.iter().all(ForceModel::is_torque_free)
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.iter().any(ForceModel::depends_on_velocity)
+    }
+}
+
+/// Uniform gravity: F = m g.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gravity {
+    /// Acceleration, m/s².
+    pub acceleration: Vector3<f64>,
+}
+
+impl Gravity {
+    /// 9.81 m/s² along −z, the value the thesis' examples use.
+    pub fn earth() -> Self {
+        Self { acceleration: Vector3::new(0.0, 0.0, -9.81) }
+    }
+}
+
+impl ForceModel for Gravity {
+    #[inline]
+    fn wrench(&self, _: f64, body: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench { force: self.acceleration * body.mass(), torque: Vector3::zeros() }
+    }
+    fn is_torque_free(&self) -> bool {
+        true
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+}
+
+/// Linear spring and damper between a point fixed on the body and an anchor fixed in the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spring {
+    /// Fixed end, world frame, m.
+    pub anchor: Vector3<f64>,
+    /// End on the body, body frame, m.
+    pub attachment: Vector3<f64>,
+    /// Stiffness, N/m.
+    pub stiffness: f64,
+    /// Damping along the spring, N s/m.
+    pub damping: f64,
+    /// Length without force, m; with zero the force is linear in the position.
+    pub rest_length: f64,
+}
+
+impl ForceModel for Spring {
+    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let arm = x.orientation() * self.attachment;
+        let point = x.position() + arm;
+        let span = point - self.anchor;
+        let length = span.norm();
+        let velocity = x.velocity() + x.angular_velocity().cross(&arm);
+        // At zero length the direction is undefined; a spring of rest length zero has no need of it.
+        let mut force = -self.stiffness * span;
+        if length > 0.0 {
+            let direction = span / length;
+            force +=
+                direction * (self.stiffness * self.rest_length - self.damping * direction.dot(&velocity));
+        }
+        Wrench::at_point(force, &point, x.position())
+    }
+    fn is_torque_free(&self) -> bool {
+        self.attachment == Vector3::zeros()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.damping != 0.0
+    }
+}
+
+/// Drag linear and quadratic in the speed, and linear in the angular velocity:
+/// F = −(c₁ + c₂‖v‖) v, M = −c_ω ω.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Drag {
+    /// c₁, N s/m.
+    pub linear: f64,
+    /// c₂, N s²/m².
+    pub quadratic: f64,
+    /// c_ω, N m s.
+    pub angular: f64,
+}
+
+impl ForceModel for Drag {
+    #[inline]
+    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let speed = x.velocity().norm();
+        Wrench {
+            force: x.velocity() * -(self.linear + self.quadratic * speed),
+            torque: x.angular_velocity() * -self.angular,
+        }
+    }
+    fn is_torque_free(&self) -> bool {
+        self.angular == 0.0
+    }
+}
+
+/// A constant torque fixed in the world or in the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ConstantTorque {
+    /// World frame, N m.
+    World(Vector3<f64>),
+    /// Body frame, N m.
+    Body(Vector3<f64>),
+}
+
+impl ForceModel for ConstantTorque {
+    #[inline]
+    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let torque = match self {
+            Self::World(torque) => *torque,
+            Self::Body(torque) => x.orientation() * torque,
+        };
+        Wrench { force: Vector3::zeros(), torque }
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+}
+
+/// A constant force, fixed in the world, at a point of the body: a thruster held in space, or the
+/// weight of a heavy top about its tip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConstantForce {
+    /// Force, world frame, N.
+    pub force: Vector3<f64>,
+    /// Point of action, body frame, m.
+    pub point: Vector3<f64>,
+}
+
+impl ForceModel for ConstantForce {
+    #[inline]
+    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+        Wrench { force: self.force, torque: (x.orientation() * self.point).cross(&self.force) }
+    }
+    fn is_torque_free(&self) -> bool {
+        self.point == Vector3::zeros()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+}

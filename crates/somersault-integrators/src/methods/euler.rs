@@ -1,0 +1,50 @@
+//! Euler's method, thesis (5.1), algorithm 5.
+//!
+//! q₊ = exp(h vₙ) qₙ, v₊ = vₙ + h aₙ.
+//!
+//! Order 1 on ℝ³ and on SO(3); 1 evaluation; no start-up. Conserves nothing; the rotational energy of
+//! a free body never grows (Table 6.3). Not for anything but comparison.
+
+use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
+use crate::system::{StateOf, System};
+
+/// Euler's method.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Euler;
+
+impl Scheme for Euler {
+    const INFO: MethodInfo = MethodInfo::explicit(
+        "euler",
+        "Euler's method",
+        "L. Euler, Institutionum calculi integralis I (1768); Aguilar Mayans, algorithm 5",
+        1,
+    );
+}
+
+impl<S: System> Stepper<S> for Euler {
+    type Memory = Stages<S, 1>;
+
+    fn start(&self, system: &S, x: &StateOf<S>) -> Result<Self::Memory, StepError> {
+        Ok(Stages::new(system, x))
+    }
+
+    #[inline]
+    fn step(
+        &self,
+        system: &S,
+        t: f64,
+        x: &StateOf<S>,
+        h: f64,
+        m: &mut Self::Memory,
+        out: &mut StateOf<S>,
+    ) -> Result<(), StepError> {
+        let ([v], [a]) = (m.velocities.each_mut(), m.accelerations.each_mut());
+        let (mut v, mut a) = (v.lend(), a.lend());
+        system.velocity(x, &mut v);
+        system.acceleration(&mut m.workspace, t, x, &mut a);
+        out.assign(x);
+        out.drift(&v, h);
+        out.kick(&a, h);
+        Ok(())
+    }
+}

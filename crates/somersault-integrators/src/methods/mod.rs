@@ -1,0 +1,44 @@
+//! The method table: each method is named here once.
+//!
+//! The table yields the enumeration [`Method`], its list, its parser and the `match` that enters the
+//! loop of a method, once per trajectory. Bindings, benchmarks, documentation and tests iterate over
+//! it. A method of your own is a type that implements [`Stepper`]; every driver and study takes one.
+
+mod adams;
+mod table;
+
+pub mod ab2;
+pub mod ab4;
+pub mod aso;
+pub mod euler;
+pub mod heun;
+pub mod mp;
+pub mod rk4;
+pub mod rkmk;
+pub mod siabm2;
+pub mod siabm4;
+pub mod sie;
+pub mod sieg;
+pub mod sv;
+pub mod sv2;
+
+pub use adams::StartUp;
+pub use table::{EmbeddedVisitor, Method, Options, UnknownMethod, Visitor};
+
+pub use ab2::AdamsBashforth2;
+pub use ab4::AdamsBashforth4;
+pub use aso::AugmentedSecondOrder;
+pub use euler::Euler;
+pub use heun::Heun;
+pub use mp::Midpoint;
+pub use rk4::RungeKutta4;
+pub use rkmk::RungeKuttaMuntheKaas4;
+pub use siabm2::SemiImplicitAdams2;
+pub use siabm4::SemiImplicitAdams4;
+pub use sie::SemiImplicitEuler;
+pub use sieg::SemiImplicitEulerGyroscopic;
+pub use sv::StormerVerlet;
+pub use sv2::StormerVerlet2;
+
+#[cfg(doc)]
+use crate::stepper::Stepper;

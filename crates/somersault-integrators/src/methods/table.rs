@@ -1,0 +1,207 @@
+//! The table itself.
+
+use super::*;
+use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid, adapt_form, integrate_form};
+use crate::state::State;
+use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Stepper, Variables};
+use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf};
+use std::fmt;
+use std::str::FromStr;
+
+/// Choices that some methods offer; the others ignore them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Options {
+    /// How methods with history start.
+    pub start_up: StartUp,
+}
+
+/// No method has this name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no method is named `{found}`; the methods are {}", names())]
+pub struct UnknownMethod {
+    /// The name asked for.
+    pub found: String,
+}
+
+fn names() -> String {
+    Method::ALL.map(|m| m.info().name).join(", ")
+}
+
+/// What to do with a method once its type is known.
+pub trait Visitor<S: RigidSystem> {
+    /// The result.
+    type Output;
+    /// Takes the bodies in the form the method integrates, and the method.
+    fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output;
+}
+
+/// As [`Visitor`], for methods that estimate their error.
+pub trait EmbeddedVisitor<S: RigidSystem> {
+    /// The result.
+    type Output;
+    /// Takes the bodies in the form the method integrates, and the method.
+    fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output;
+}
+
+macro_rules! methods {
+    (|$options:ident| $($variant:ident : $stepper:ty = $make:expr, $kind:ident $(($name:literal, $title:literal))? $(, $embedded:ident)?;)*) => {
+        /// A method of the table.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum Method {
+            $(#[doc = concat!("[`", stringify!($stepper), "`], in ", stringify!($kind), " variables.")] $variant,)*
+        }
+
+        impl Method {
+            /// All methods, in the order of the table.
+            pub const ALL: [Self; [$(Self::$variant),*].len()] = [$(Self::$variant),*];
+
+            /// The row of the table.
+            pub const fn info(self) -> MethodInfo {
+                match self {
+                    $(Self::$variant => methods!(@info $stepper, $kind $(($name, $title))?),)*
+                }
+            }
+
+            /// Enters code that knows the type of the method.
+            pub fn visit<S: RigidSystem, V: Visitor<S>>(self, $options: Options, system: &S, visitor: V) -> V::Output {
+                match self {
+                    $(Self::$variant => visitor.visit(methods!(@form system, $kind), $make),)*
+                }
+            }
+
+            /// As [`visit`](Self::visit) for methods with an error estimate; `None` for the others.
+            pub fn visit_embedded<S: RigidSystem, V: EmbeddedVisitor<S>>(
+                self,
+                $options: Options,
+                system: &S,
+                visitor: V,
+            ) -> Option<V::Output> {
+                match self {
+                    $($(Self::$variant => methods!(@$embedded visitor, system, $kind, $make),)?)*
+                    #[allow(unreachable_patterns)]
+                    _ => None,
+                }
+            }
+        }
+    };
+    (@info $stepper:ty, world) => { <$stepper as Scheme>::INFO };
+    (@info $stepper:ty, momentum($name:literal, $title:literal)) => {
+        <$stepper as Scheme>::INFO.in_variables($name, $title, Variables::Momentum)
+    };
+    (@info $stepper:ty, body($name:literal, $title:literal)) => {
+        <$stepper as Scheme>::INFO.in_variables($name, $title, Variables::Body)
+    };
+    (@form $system:ident, world) => { $system };
+    (@form $system:ident, momentum) => { MomentumForm($system) };
+    (@form $system:ident, body) => { BodyForm($system) };
+    (@embedded $visitor:ident, $system:ident, $kind:ident, $make:expr) => {
+        Some($visitor.visit(methods!(@form $system, $kind), $make))
+    };
+}
+
+methods! { |options|
+    // Table 7.3 of the thesis, in its order.
+    Euler: Euler = Euler, world;
+    Sie: SemiImplicitEuler = SemiImplicitEuler, world;
+    Sv: StormerVerlet = StormerVerlet, world;
+    Mp: Midpoint = Midpoint, world;
+    Heun: Heun = Heun, world;
+    Rk4: RungeKutta4 = RungeKutta4, world;
+    Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, world;
+    Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, world;
+    Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
+    Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, world;
+    Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, world;
+    Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, world;
+    // Variants the thesis speaks of.
+    Sv2: StormerVerlet2 = StormerVerlet2, world;
+    Sieg: SemiImplicitEulerGyroscopic = SemiImplicitEulerGyroscopic, world;
+    EulerL: Euler = Euler, momentum("euler_l", "Euler's method, angular momentum");
+    SieL: SemiImplicitEuler = SemiImplicitEuler, momentum("sie_l", "Semi-implicit Euler, angular momentum");
+    MpL: Midpoint = Midpoint, momentum("mp_l", "Midpoint method, angular momentum");
+    HeunL: Heun = Heun, momentum("heun_l", "Heun's method, angular momentum");
+    Rk4L: RungeKutta4 = RungeKutta4, momentum("rk4_l", "Classic fourth order Runge-Kutta, angular momentum");
+    Ab2L: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up },
+        momentum("ab2_l", "Two-step Adams-Bashforth, angular momentum");
+    Ab4L: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up },
+        momentum("ab4_l", "Four-step Adams-Bashforth, angular momentum");
+    RkmkL: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4,
+        momentum("rkmk_l", "Runge-Kutta-Munthe-Kaas, angular momentum");
+    // Body-frame twins.
+    RkmkB: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
+}
+
+impl FromStr for Method {
+    type Err = UnknownMethod;
+
+    fn from_str(name: &str) -> Result<Self, UnknownMethod> {
+        Self::ALL
+            .into_iter()
+            .find(|m| m.info().name == name)
+            .ok_or_else(|| UnknownMethod { found: name.to_owned() })
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.info().name)
+    }
+}
+
+struct Fixed<'a, S: RigidSystem, O> {
+    initial: &'a StateOf<S>,
+    grid: &'a TimeGrid,
+    observer: &'a mut O,
+}
+
+impl<S: RigidSystem, O: Observer<S::Configuration>> Visitor<S> for Fixed<'_, S, O> {
+    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+
+    fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
+        integrate_form(&form, &stepper, self.initial, self.grid, self.observer)
+    }
+}
+
+struct Adapted<'a, S: RigidSystem, O> {
+    initial: &'a StateOf<S>,
+    interval: (f64, f64),
+    control: &'a Adaptive,
+    observer: &'a mut O,
+}
+
+impl<S: RigidSystem, O: Observer<S::Configuration>> EmbeddedVisitor<S> for Adapted<'_, S, O> {
+    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+
+    fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
+        adapt_form(&form, &stepper, self.initial, self.interval, self.control, self.observer)
+    }
+}
+
+impl Method {
+    /// Integrates bodies over a grid of times with a fixed step, see [`crate::driver::integrate`].
+    pub fn integrate<S: RigidSystem, O: Observer<S::Configuration>>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &State<S::Configuration>,
+        grid: &TimeGrid,
+        observer: &mut O,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
+        self.visit(options, system, Fixed { initial, grid, observer })
+    }
+
+    /// Integrates bodies with steps adapted to tolerances, see [`crate::driver::integrate_adaptive`].
+    pub fn integrate_adaptive<S: RigidSystem, O: Observer<S::Configuration>>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &State<S::Configuration>,
+        interval: (f64, f64),
+        control: &Adaptive,
+        observer: &mut O,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
+        self.visit_embedded(options, system, Adapted { initial, interval, control, observer })
+            .unwrap_or(Err(IntegrateError::NoErrorEstimate { method: self.info().name }))
+    }
+}

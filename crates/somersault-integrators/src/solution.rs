@@ -1,0 +1,90 @@
+//! What a recording observer leaves.
+
+use crate::dense::Interpolant;
+use crate::driver::{Flow, Observer, Step};
+use crate::state::{Configuration, State};
+
+/// Times, states and, if asked for, the curves between them.
+pub struct Solution<Q: Configuration> {
+    /// Times recorded, the initial one first.
+    pub times: Vec<f64>,
+    /// States at those times.
+    pub states: Vec<State<Q>>,
+    /// The end of each step and its curve, where dense output was asked for.
+    pub segments: Vec<(f64, Box<dyn Interpolant<Q>>)>,
+}
+
+impl<Q: Configuration> Solution<Q> {
+    /// The state at time `t` from the dense output.
+    ///
+    /// `None` where there is no dense output or `t` lies outside the recorded interval.
+    pub fn at(&self, t: f64) -> Option<State<Q>> {
+        let (first, last) = (*self.times.first()?, self.segments.last()?.0);
+        if !(first..=last).contains(&t) {
+            return None;
+        }
+        let i = self.segments.partition_point(|(end, _)| *end < t);
+        let mut out = self.states.first()?.clone();
+        self.segments[i].1.evaluate(t, &mut out);
+        Some(out)
+    }
+}
+
+/// Records every n-th step, and the curves of all steps if dense output is wanted.
+pub struct Recorder<Q: Configuration> {
+    every: u64,
+    dense: bool,
+    pending: Option<(f64, State<Q>)>,
+    solution: Solution<Q>,
+}
+
+impl<Q: Configuration> Recorder<Q> {
+    /// A recorder that starts from `state` at `t` and keeps each `every`-th step (0 is taken as 1).
+    pub fn new(t: f64, state: &State<Q>, every: u64) -> Self {
+        let solution = Solution { times: vec![t], states: vec![state.clone()], segments: Vec::new() };
+        Self { every: every.max(1), dense: false, pending: None, solution }
+    }
+
+    /// Keeps the curves as well.
+    pub fn with_dense_output(mut self) -> Self {
+        self.dense = true;
+        self
+    }
+
+    /// What was recorded; the last step is always part of it.
+    pub fn into_solution(mut self) -> Solution<Q> {
+        if let Some((t, state)) = self.pending.take() {
+            self.solution.times.push(t);
+            self.solution.states.push(state);
+        }
+        self.solution
+    }
+}
+
+impl<Q: Configuration> Observer<Q> for Recorder<Q> {
+    fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
+        if step.index.is_multiple_of(self.every) {
+            self.solution.times.push(step.t_after);
+            self.solution.states.push(step.after.clone());
+            self.pending = None;
+        } else if let Some((t, state)) = &mut self.pending {
+            *t = step.t_after;
+            state.assign(step.after);
+        } else {
+            self.pending = Some((step.t_after, step.after.clone()));
+        }
+        if self.dense {
+            self.solution.segments.push((step.t_after, step.interpolant()));
+        }
+        Flow::Continue
+    }
+}
+
+/// Both observers see every step; either may stop the run.
+impl<Q: Configuration, A: Observer<Q>, B: Observer<Q>> Observer<Q> for (A, B) {
+    const ACTIVE: bool = A::ACTIVE || B::ACTIVE;
+    fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
+        let (a, b) = (self.0.observe(step), self.1.observe(step));
+        if a == Flow::Stop || b == Flow::Stop { Flow::Stop } else { Flow::Continue }
+    }
+}

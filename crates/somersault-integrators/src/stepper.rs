@@ -1,0 +1,239 @@
+//! What a method is: its description, its memory and its step.
+
+use crate::dense::Segment;
+use crate::scratch::Scratch;
+use crate::state::{Configuration, ErrorSum, Rate, State, Tolerances};
+use crate::system::{RateOf, StateOf, System};
+
+/// Orders of a method, as powers of h in the global error, measured by the tests of the same names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Orders {
+    /// Position on ℝ³ under r̈ = f(r); thesis Table 7.1.
+    pub translation: u8,
+    /// Position on ℝ³ under r̈ = f(r, ṙ).
+    pub translation_with_velocity: u8,
+    /// Orientation of a free body; thesis Table 7.2.
+    pub rotation: u8,
+    /// Orientation of a body under torque; `None` where the method takes no torque.
+    pub rotation_with_torque: Option<u8>,
+}
+
+impl Orders {
+    /// The same order everywhere.
+    pub const fn all(order: u8) -> Self {
+        Self {
+            translation: order,
+            translation_with_velocity: order,
+            rotation: order,
+            rotation_with_torque: Some(order),
+        }
+    }
+
+    /// One order on ℝ³ and another on SO(3), with or without velocities and torques.
+    pub const fn split(translation: u8, rotation: u8) -> Self {
+        Self {
+            translation,
+            translation_with_velocity: translation,
+            rotation,
+            rotation_with_torque: Some(rotation),
+        }
+    }
+}
+
+/// What a method applies to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scope {
+    /// Any [`System`].
+    AnySystem,
+    /// Rigid bodies under any forces: it needs inertia and torque.
+    RigidBodies,
+    /// Rigid bodies without torque.
+    TorqueFree,
+}
+
+/// The variables a method integrates; see [`crate::system`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variables {
+    /// Angular velocity in the world frame.
+    World,
+    /// Angular momentum in the world frame.
+    Momentum,
+    /// Angular velocity in the body frame.
+    Body,
+}
+
+/// Description of a method: the row of the method table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MethodInfo {
+    /// The name by which it is asked for.
+    pub name: &'static str,
+    /// The name in words.
+    pub title: &'static str,
+    /// Where it comes from.
+    pub citation: &'static str,
+    /// Its orders.
+    pub orders: Orders,
+    /// Evaluations of the equations of motion per step, once started; for an implicit method, per
+    /// iteration.
+    pub evaluations: u8,
+    /// How many earlier steps it remembers.
+    pub history: u8,
+    /// What it applies to.
+    pub scope: Scope,
+    /// The variables it integrates.
+    pub variables: Variables,
+    /// Order of the embedded error estimate, where there is one to control the step with.
+    pub embedded: Option<u8>,
+    /// Whether each step solves an equation.
+    pub implicit: bool,
+}
+
+impl MethodInfo {
+    /// An explicit one-step method for any system in world variables, to be refined by `..`.
+    pub const fn explicit(
+        name: &'static str,
+        title: &'static str,
+        citation: &'static str,
+        order: u8,
+    ) -> Self {
+        Self {
+            name,
+            title,
+            citation,
+            orders: Orders::all(order),
+            evaluations: order,
+            history: 0,
+            scope: Scope::AnySystem,
+            variables: Variables::World,
+            embedded: None,
+            implicit: false,
+        }
+    }
+
+    /// The same method in the variables of another form.
+    pub const fn in_variables(self, name: &'static str, title: &'static str, variables: Variables) -> Self {
+        Self { name, title, variables, scope: Scope::RigidBodies, ..self }
+    }
+}
+
+/// Why a step failed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// The method takes no torque and the forces may exert one.
+    #[error("method `{method}` takes no torque, and these forces may exert one")]
+    Torque {
+        /// The method.
+        method: &'static str,
+    },
+    /// The equation of an implicit step was not solved.
+    #[error(
+        "method `{method}`: the equation of the step at t = {t} was not solved in {iterations} iterations, residual {residual:e}; the step may be too large"
+    )]
+    NotConverged {
+        /// The method.
+        method: &'static str,
+        /// Time at the start of the step.
+        t: f64,
+        /// Iterations taken.
+        iterations: usize,
+        /// What was left, relative to the size of the unknown.
+        residual: f64,
+    },
+}
+
+/// The description of a method as a constant.
+pub trait Scheme {
+    /// The row of the method table.
+    const INFO: MethodInfo;
+}
+
+/// A method that moves systems of the kind `S` by one step.
+///
+/// All that a step leaves for the next is in the memory, a value of the caller's. The memory speaks of
+/// one trajectory with one step size: after a discontinuity, a jump of the state or a change of h it
+/// must be restarted.
+pub trait Stepper<S: System>: Scheme {
+    /// What a step leaves for the next, and room to work in.
+    type Memory;
+
+    /// A memory for a trajectory through states of the size of `x`.
+    fn start(&self, system: &S, x: &StateOf<S>) -> Result<Self::Memory, StepError>;
+
+    /// Forgets the past.
+    fn restart(&self, _memory: &mut Self::Memory) {}
+
+    /// One step from `x` at `t` to `out` at `t + h`.
+    fn step(
+        &self,
+        system: &S,
+        t: f64,
+        x: &StateOf<S>,
+        h: f64,
+        memory: &mut Self::Memory,
+        out: &mut StateOf<S>,
+    ) -> Result<(), StepError>;
+
+    /// The curve between the step just made from `x` to `after`.
+    ///
+    /// By default the cubic Hermite interpolant in the Lie algebra, of order 4 in both configuration
+    /// and rate, at the cost of the two accelerations at the ends.
+    fn segment(
+        &self,
+        system: &S,
+        t: f64,
+        x: &StateOf<S>,
+        h: f64,
+        _memory: &mut Self::Memory,
+        after: &StateOf<S>,
+    ) -> Segment<S::Configuration> {
+        Segment::hermite(system, t, x, h, after)
+    }
+}
+
+/// A method that estimates the error of its step.
+pub trait EmbeddedStepper<S: System>: Stepper<S> {
+    /// The error of the step just made from `x` to `after`, weighed by the tolerances: at most 1 where
+    /// they are met.
+    fn error(
+        &self,
+        x: &StateOf<S>,
+        after: &StateOf<S>,
+        h: f64,
+        memory: &mut Self::Memory,
+        tolerances: &Tolerances,
+    ) -> f64;
+}
+
+/// Root mean square of an error in configuration and rate, weighed by the tolerances.
+pub fn weighed_error<Q: Configuration>(
+    x: &State<Q>,
+    after: &State<Q>,
+    configuration_error: &Q::Rate,
+    rate_error: &Q::Rate,
+    tolerances: &Tolerances,
+) -> f64 {
+    let mut sum = ErrorSum::default();
+    x.configuration.weigh(&after.configuration, configuration_error, tolerances, &mut sum);
+    x.rate.weigh(&after.rate, rate_error, tolerances, &mut sum);
+    sum.root_mean_square()
+}
+
+/// Memory of a method without history: room for a stage and for `N` slopes.
+pub struct Stages<S: System, const N: usize> {
+    pub(crate) workspace: S::Workspace,
+    pub(crate) stage: Scratch<StateOf<S>>,
+    pub(crate) velocities: [Scratch<RateOf<S>>; N],
+    pub(crate) accelerations: [Scratch<RateOf<S>>; N],
+}
+
+impl<S: System, const N: usize> Stages<S, N> {
+    pub(crate) fn new(system: &S, x: &StateOf<S>) -> Self {
+        Self {
+            workspace: system.workspace(),
+            stage: Scratch::like(x),
+            velocities: std::array::from_fn(|_| Scratch::like(&x.rate)),
+            accelerations: std::array::from_fn(|_| Scratch::like(&x.rate)),
+        }
+    }
+}

@@ -1,0 +1,513 @@
+//! Equations of motion: what a method integrates.
+//!
+//! A system is q̇ = velocity(q, p), ṗ = acceleration(t, q, p) with q on ℝᵐ × SO(3)ᵏ. For most systems p
+//! is the velocity itself. The same bodies can be written in three forms, and every general method
+//! integrates each of them:
+//!
+//! | Form | p, rotational part | Equation |
+//! |---|---|---|
+//! | the system itself | ω, world frame | ω̇ = I⁻¹(M − ω × Iω), Ṙ = ω̂R |
+//! | [`MomentumForm`] | L, world frame | L̇ = M, ω = I⁻¹L (thesis 6.2.1) |
+//! | [`BodyForm`] | ω, body frame | ω̇ = I⁻¹(M − ω × Iω), Ṙ = Rω̂ |
+
+use crate::body::RigidBody;
+use crate::force::ForceModel;
+use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// State of a system.
+pub type StateOf<S> = State<<S as System>::Configuration>;
+/// Rate of a system.
+pub type RateOf<S> = <<S as System>::Configuration as Configuration>::Rate;
+
+/// Equations of motion on ℝᵐ × SO(3)ᵏ.
+pub trait System {
+    /// Where the system lives.
+    type Configuration: Configuration;
+    /// Room for intermediate results, made once per trajectory.
+    type Workspace;
+    /// A workspace of the right size.
+    fn workspace(&self) -> Self::Workspace;
+    /// q̇ as a function of the state; the rate itself unless the system says otherwise.
+    #[inline]
+    fn velocity(&self, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+        out.assign(&x.rate);
+    }
+    /// Time derivative of the rate.
+    fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+}
+
+impl<S: System + ?Sized> System for &S {
+    type Configuration = S::Configuration;
+    type Workspace = S::Workspace;
+    fn workspace(&self) -> Self::Workspace {
+        (**self).workspace()
+    }
+    #[inline]
+    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
+        (**self).velocity(x, out);
+    }
+    #[inline]
+    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        (**self).acceleration(w, t, x, out);
+    }
+}
+
+/// One or several rigid bodies, for the methods that need inertia and torque rather than acceleration.
+pub trait RigidSystem: System<Configuration: Poses> {
+    /// Body `i`, for `i` below the number of poses.
+    fn body(&self, i: usize) -> &RigidBody;
+    /// A state of the right size: all bodies at rest at the origin.
+    fn rest(&self) -> StateOf<Self>;
+    /// Force (linear part) and torque about the centre of mass (angular part) on every body, world frame.
+    fn wrenches(&self, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+    /// Whether all wrenches are always zero.
+    fn is_free(&self) -> bool;
+    /// Whether all torques are always zero.
+    fn is_torque_free(&self) -> bool;
+    /// Whether wrenches may depend on the rates.
+    fn depends_on_velocity(&self) -> bool;
+}
+
+impl<S: RigidSystem + ?Sized> RigidSystem for &S {
+    #[inline]
+    fn body(&self, i: usize) -> &RigidBody {
+        (**self).body(i)
+    }
+    fn rest(&self) -> StateOf<S> {
+        (**self).rest()
+    }
+    #[inline]
+    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        (**self).wrenches(t, x, out);
+    }
+    #[inline]
+    fn is_free(&self) -> bool {
+        (**self).is_free()
+    }
+    #[inline]
+    fn is_torque_free(&self) -> bool {
+        (**self).is_torque_free()
+    }
+    #[inline]
+    fn depends_on_velocity(&self) -> bool {
+        (**self).depends_on_velocity()
+    }
+}
+
+/// Linear and angular acceleration in the world frame under a wrench:
+/// a = F/m, α = R I⁻¹(M_B − ω_B × I ω_B) with the products taken in the body frame.
+#[inline]
+pub(crate) fn world_acceleration(body: &RigidBody, x: &RigidBodyState, wrench: &Twist) -> Twist {
+    let r = x.orientation().to_rotation_matrix().into_inner();
+    let omega = r.tr_mul(x.angular_velocity());
+    let torque = r.tr_mul(&wrench.angular);
+    Twist { linear: wrench.linear / body.mass(), angular: r * euler(body, &omega, &torque) }
+}
+
+/// Euler's equations: I⁻¹(M − ω × Iω), all in the body frame.
+#[inline]
+pub(crate) fn euler(body: &RigidBody, omega: &Vector3<f64>, torque: &Vector3<f64>) -> Vector3<f64> {
+    let inertia = body.inertia();
+    inertia.velocity(&(torque - omega.cross(&inertia.momentum(omega))))
+}
+
+/// One rigid body under a force model.
+#[derive(Debug, Clone, Copy)]
+pub struct RigidBodySystem<F = ()> {
+    /// The body.
+    pub body: RigidBody,
+    /// The forces on it.
+    pub forces: F,
+}
+
+impl RigidBodySystem {
+    /// A body under no force.
+    pub fn free(body: RigidBody) -> Self {
+        Self { body, forces: () }
+    }
+}
+
+impl<F: ForceModel> RigidBodySystem<F> {
+    /// A body under a force model.
+    pub fn new(body: RigidBody, forces: F) -> Self {
+        Self { body, forces }
+    }
+}
+
+impl<F: ForceModel> System for RigidBodySystem<F> {
+    type Configuration = Pose;
+    type Workspace = ();
+    fn workspace(&self) {}
+    #[inline]
+    fn acceleration(&self, (): &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+        let mut wrench = Twist::default();
+        self.wrenches(t, x, &mut wrench);
+        *out = world_acceleration(&self.body, x, &wrench);
+    }
+}
+
+impl<F: ForceModel> RigidSystem for RigidBodySystem<F> {
+    #[inline]
+    fn body(&self, _: usize) -> &RigidBody {
+        &self.body
+    }
+    fn rest(&self) -> RigidBodyState {
+        RigidBodyState::default()
+    }
+    #[inline]
+    fn wrenches(&self, t: f64, x: &RigidBodyState, out: &mut Twist) {
+        let wrench = self.forces.wrench(t, &self.body, x);
+        *out = Twist { linear: wrench.force, angular: wrench.torque };
+    }
+    #[inline]
+    fn is_free(&self) -> bool {
+        self.forces.is_free()
+    }
+    #[inline]
+    fn is_torque_free(&self) -> bool {
+        self.forces.is_torque_free()
+    }
+    #[inline]
+    fn depends_on_velocity(&self) -> bool {
+        self.forces.depends_on_velocity()
+    }
+}
+
+/// Forces between bodies.
+pub trait Interaction {
+    /// Adds force and torque on every body, world frame.
+    fn add_wrenches(&self, t: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]);
+    /// Whether no body feels a torque about its centre of mass.
+    fn is_torque_free(&self) -> bool {
+        false
+    }
+    /// Whether the wrenches may depend on the rates.
+    fn depends_on_velocity(&self) -> bool {
+        true
+    }
+}
+
+impl Interaction for () {
+    fn add_wrenches(&self, _: f64, _: &[RigidBody], _: &State<Vec<Pose>>, _: &mut [Twist]) {}
+    fn is_torque_free(&self) -> bool {
+        true
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+}
+
+/// Newtonian attraction of the centres of mass: F = G m₁ m₂ / d² along the line between them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gravitation {
+    /// G in the units of the problem; 6.6743e-11 m³/(kg s²) in SI (CODATA 2018).
+    pub constant: f64,
+}
+
+impl Interaction for Gravitation {
+    fn add_wrenches(&self, _: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]) {
+        for i in 0..bodies.len() {
+            for j in 0..i {
+                let span = x.configuration[j].position - x.configuration[i].position;
+                let distance = span.norm();
+                let force = span
+                    * (self.constant * bodies[i].mass() * bodies[j].mass()
+                        / (distance * distance * distance));
+                out[i].linear += force;
+                out[j].linear -= force;
+            }
+        }
+    }
+    fn is_torque_free(&self) -> bool {
+        true
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+}
+
+/// Several rigid bodies, each under its own force model, with forces between them.
+#[derive(Debug, Clone)]
+pub struct RigidBodiesSystem<F = (), I = ()> {
+    bodies: Vec<RigidBody>,
+    forces: Vec<F>,
+    interaction: I,
+}
+
+/// The number of bodies and of something that belongs to each differ.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("`{argument}` must have one entry for each of the {bodies} bodies, found {found}")]
+pub struct CountMismatch {
+    /// Name of the argument.
+    pub argument: &'static str,
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Number of entries.
+    pub found: usize,
+}
+
+impl<F: ForceModel, I: Interaction> RigidBodiesSystem<F, I> {
+    /// Bodies, the force model of each, and what acts between them.
+    pub fn try_new(bodies: Vec<RigidBody>, forces: Vec<F>, interaction: I) -> Result<Self, CountMismatch> {
+        if forces.len() == bodies.len() {
+            Ok(Self { bodies, forces, interaction })
+        } else {
+            Err(CountMismatch { argument: "forces", bodies: bodies.len(), found: forces.len() })
+        }
+    }
+
+    /// The bodies.
+    pub fn bodies(&self) -> &[RigidBody] {
+        &self.bodies
+    }
+}
+
+impl<F: ForceModel, I: Interaction> System for RigidBodiesSystem<F, I> {
+    type Configuration = Vec<Pose>;
+    type Workspace = Vec<Twist>;
+    fn workspace(&self) -> Vec<Twist> {
+        vec![Twist::default(); self.bodies.len()]
+    }
+    fn acceleration(&self, wrenches: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
+        self.wrenches(t, x, wrenches);
+        for (i, body) in self.bodies.iter().enumerate() {
+            let state = State { configuration: x.configuration[i], rate: x.rate[i] };
+            out[i] = world_acceleration(body, &state, &wrenches[i]);
+        }
+    }
+}
+
+impl<F: ForceModel, I: Interaction> RigidSystem for RigidBodiesSystem<F, I> {
+    fn body(&self, i: usize) -> &RigidBody {
+        &self.bodies[i]
+    }
+    fn rest(&self) -> State<Vec<Pose>> {
+        let n = self.bodies.len();
+        State { configuration: vec![Pose::default(); n], rate: vec![Twist::default(); n] }
+    }
+    fn wrenches(&self, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
+        for (i, (body, force)) in self.bodies.iter().zip(&self.forces).enumerate() {
+            let state = State { configuration: x.configuration[i], rate: x.rate[i] };
+            let wrench = force.wrench(t, body, &state);
+            out[i] = Twist { linear: wrench.force, angular: wrench.torque };
+        }
+        self.interaction.add_wrenches(t, &self.bodies, x, out);
+    }
+    fn is_free(&self) -> bool {
+        // An interaction is not asked whether it ever acts; without one there is nothing to gain.
+        false
+    }
+    fn is_torque_free(&self) -> bool {
+        self.forces.iter().all(F::is_torque_free) && self.interaction.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.forces.iter().any(F::depends_on_velocity) || self.interaction.depends_on_velocity()
+    }
+}
+
+/// How the variables of a form turn into those of the bodies, and back.
+pub trait Form<Q: Poses>: System {
+    /// Turns states back without borrowing the system, so that dense output can keep it.
+    type Decoder: Decoder<Self::Configuration, Q> + Clone + Send + Sync + 'static;
+    /// The state of the bodies in the variables of this form.
+    fn encode(&self, x: &State<Q>) -> StateOf<Self>;
+    /// The way back.
+    fn decoder(&self) -> Self::Decoder;
+}
+
+/// Turns states of a form into states of the bodies.
+pub trait Decoder<From: Configuration, Q: Configuration> {
+    /// Writes the bodies' state into `out`.
+    fn decode(&self, x: &State<From>, out: &mut State<Q>);
+}
+
+/// Decoder of the form that is the system itself.
+#[derive(Debug, Clone, Copy)]
+pub struct Unchanged;
+
+impl<Q: Configuration> Decoder<Q, Q> for Unchanged {
+    #[inline]
+    fn decode(&self, x: &State<Q>, out: &mut State<Q>) {
+        out.assign(x);
+    }
+}
+
+impl<S: RigidSystem> Form<S::Configuration> for &S {
+    type Decoder = Unchanged;
+    fn encode(&self, x: &StateOf<S>) -> StateOf<S> {
+        x.clone()
+    }
+    fn decoder(&self) -> Unchanged {
+        Unchanged
+    }
+}
+
+/// The bodies with angular momentum in the place of angular velocity: L̇ = M.
+///
+/// Without torque L is constant to the bit whatever the method, which bounds the rotational energy by
+/// L²/(2 I_min) (thesis 6.4).
+#[derive(Debug, Clone, Copy)]
+pub struct MomentumForm<'a, S>(pub &'a S);
+
+/// I⁻¹ L in the world frame.
+#[inline]
+pub(crate) fn angular_velocity(body: &RigidBody, pose: &Pose, momentum: &Vector3<f64>) -> Vector3<f64> {
+    let r = pose.orientation.to_rotation_matrix().into_inner();
+    r * body.inertia().velocity(&r.tr_mul(momentum))
+}
+
+/// I ω in the world frame.
+#[inline]
+pub(crate) fn angular_momentum(body: &RigidBody, pose: &Pose, omega: &Vector3<f64>) -> Vector3<f64> {
+    let r = pose.orientation.to_rotation_matrix().into_inner();
+    r * body.inertia().momentum(&r.tr_mul(omega))
+}
+
+impl<S: RigidSystem> MomentumForm<'_, S> {
+    #[inline]
+    fn twist(&self, x: &StateOf<S>, i: usize) -> Twist {
+        let (pose, rate) = (x.configuration.pose(i), <S::Configuration as Poses>::twist(&x.rate, i));
+        Twist { linear: rate.linear, angular: angular_velocity(self.0.body(i), &pose, &rate.angular) }
+    }
+}
+
+impl<S: RigidSystem> System for MomentumForm<'_, S> {
+    type Configuration = S::Configuration;
+    type Workspace = StateOf<S>;
+    fn workspace(&self) -> StateOf<S> {
+        self.0.rest()
+    }
+    #[inline]
+    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
+        for i in 0..x.configuration.count() {
+            S::Configuration::set_twist(out, i, self.twist(x, i));
+        }
+    }
+    #[inline]
+    fn acceleration(&self, world: &mut StateOf<S>, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        if self.0.is_free() {
+            out.set_zero();
+            return;
+        }
+        world.configuration.assign(&x.configuration);
+        self.velocity(x, &mut world.rate);
+        self.0.wrenches(t, world, out);
+        for i in 0..x.configuration.count() {
+            let wrench = S::Configuration::twist(out, i);
+            let linear = wrench.linear / self.0.body(i).mass();
+            S::Configuration::set_twist(out, i, Twist { linear, angular: wrench.angular });
+        }
+    }
+}
+
+/// Decoder of [`MomentumForm`].
+#[derive(Debug, Clone)]
+pub struct FromMomentum(Arc<[RigidBody]>);
+
+impl<Q: Poses> Decoder<Q, Q> for FromMomentum {
+    fn decode(&self, x: &State<Q>, out: &mut State<Q>) {
+        out.configuration.assign(&x.configuration);
+        for (i, body) in self.0.iter().enumerate() {
+            let rate = Q::twist(&x.rate, i);
+            let angular = angular_velocity(body, &x.configuration.pose(i), &rate.angular);
+            Q::set_twist(&mut out.rate, i, Twist { linear: rate.linear, angular });
+        }
+    }
+}
+
+impl<S: RigidSystem> Form<S::Configuration> for MomentumForm<'_, S> {
+    type Decoder = FromMomentum;
+    fn encode(&self, x: &StateOf<S>) -> StateOf<S> {
+        let mut y = x.clone();
+        for i in 0..x.configuration.count() {
+            let rate = S::Configuration::twist(&x.rate, i);
+            let angular = angular_momentum(self.0.body(i), &x.configuration.pose(i), &rate.angular);
+            S::Configuration::set_twist(&mut y.rate, i, Twist { linear: rate.linear, angular });
+        }
+        y
+    }
+    fn decoder(&self) -> FromMomentum {
+        FromMomentum((0..self.0.rest().configuration.count()).map(|i| *self.0.body(i)).collect())
+    }
+}
+
+/// The bodies with angular velocity in the body frame: Ṙ = Rω̂.
+///
+/// Euler's equations then hold the rotation only through the torque, which makes a free body cheap,
+/// and the error of a rotation about an unstable axis stays in the axis where it arose.
+#[derive(Debug, Clone, Copy)]
+pub struct BodyForm<'a, S>(pub &'a S);
+
+type BodyPoses<S> = <<S as System>::Configuration as Poses>::InBodyFrame;
+
+impl<S: RigidSystem> System for BodyForm<'_, S> {
+    type Configuration = BodyPoses<S>;
+    type Workspace = (StateOf<S>, RateOf<S>);
+    fn workspace(&self) -> Self::Workspace {
+        let rest = self.0.rest();
+        let wrenches = rest.rate.clone();
+        (rest, wrenches)
+    }
+    #[inline]
+    fn acceleration(
+        &self,
+        (world, wrenches): &mut Self::Workspace,
+        t: f64,
+        x: &StateOf<Self>,
+        out: &mut RateOf<Self>,
+    ) {
+        let free = self.0.is_free();
+        if !free {
+            FromBody.decode(x, world);
+            self.0.wrenches(t, world, wrenches);
+        }
+        for i in 0..x.configuration.count() {
+            let body = self.0.body(i);
+            let omega = BodyPoses::<S>::twist(&x.rate, i).angular;
+            let (linear, torque) = if free {
+                (Vector3::zeros(), Vector3::zeros())
+            } else {
+                let wrench = S::Configuration::twist(wrenches, i);
+                let orientation = x.configuration.pose(i).orientation;
+                (wrench.linear / body.mass(), orientation.inverse_transform_vector(&wrench.angular))
+            };
+            let angular = euler(body, &omega, &torque);
+            BodyPoses::<S>::set_twist(out, i, Twist { linear, angular });
+        }
+    }
+}
+
+/// Decoder of [`BodyForm`].
+#[derive(Debug, Clone, Copy)]
+pub struct FromBody;
+
+impl<B: Poses, Q: Poses> Decoder<B, Q> for FromBody {
+    #[inline]
+    fn decode(&self, x: &State<B>, out: &mut State<Q>) {
+        for i in 0..x.configuration.count() {
+            let (pose, rate) = (x.configuration.pose(i), B::twist(&x.rate, i));
+            out.configuration.set_pose(i, pose);
+            let angular = pose.orientation * rate.angular;
+            Q::set_twist(&mut out.rate, i, Twist { linear: rate.linear, angular });
+        }
+    }
+}
+
+impl<S: RigidSystem> Form<S::Configuration> for BodyForm<'_, S> {
+    type Decoder = FromBody;
+    fn encode(&self, x: &StateOf<S>) -> StateOf<Self> {
+        let mut y = x.configuration.in_body_frame();
+        for i in 0..x.configuration.count() {
+            let rate = S::Configuration::twist(&x.rate, i);
+            let orientation = x.configuration.pose(i).orientation;
+            let angular = orientation.inverse_transform_vector(&rate.angular);
+            BodyPoses::<S>::set_twist(&mut y.rate, i, Twist { linear: rate.linear, angular });
+        }
+        y
+    }
+    fn decoder(&self) -> FromBody {
+        FromBody
+    }
+}
