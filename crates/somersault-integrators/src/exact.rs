@@ -62,7 +62,11 @@ impl FreeRotation {
 /// The power of two that leads the largest component; 1 for zero.
 fn leading_bit(v: &Vector3<f64>) -> f64 {
     let largest = v.amax();
-    if largest == 0.0 { 1.0 } else { f64::from_bits(largest.max(f64::MIN_POSITIVE).to_bits() & !((1 << 52) - 1)) }
+    if largest == 0.0 {
+        1.0
+    } else {
+        f64::from_bits(largest.max(f64::MIN_POSITIVE).to_bits() & !((1 << 52) - 1))
+    }
 }
 
 /// ω is constant: spheres, symmetric bodies about an axis of their plane of symmetry, and principal axes.
@@ -307,7 +311,11 @@ impl Series {
             Self {
                 quarter,
                 drift,
-                weights: [amplitudes[0] * two / four, amplitudes[1] * three / four, amplitudes[2] * two / three],
+                weights: [
+                    amplitudes[0] * two / four,
+                    amplitudes[1] * three / four,
+                    amplitudes[2] * two / three,
+                ],
                 expansion: Expansion::Hyperbolic {
                     rate: 0.5 * PI / dual_quarter * unit,
                     corner,
@@ -339,7 +347,11 @@ impl Series {
             Self {
                 quarter,
                 drift: 0.0,
-                weights: [amplitudes[0] * four / two, amplitudes[1] * three / two, amplitudes[2] * four / three],
+                weights: [
+                    amplitudes[0] * four / two,
+                    amplitudes[1] * three / two,
+                    amplitudes[2] * four / three,
+                ],
                 expansion: Expansion::Circular {
                     odd: [q2, q6, q12],
                     even: [2.0 * q, 2.0 * q4, 2.0 * q9, 2.0 * q16],
