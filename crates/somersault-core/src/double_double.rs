@@ -116,25 +116,40 @@ impl DoubleDouble {
     }
 }
 
-/// `a (b − c) d² − e (f − g) h²` without cancellation, for the arguments `[a, b, c, d]` and `[e, f, g, h]`.
+/// One term a (b − c) d² of [`difference_of_cubic_products`].
+#[derive(Clone, Copy, Debug)]
+pub struct CubicProduct {
+    /// The factor a.
+    pub factor: f64,
+    /// b and c.
+    pub gap: [f64; 2],
+    /// d.
+    pub root: DoubleDouble,
+}
+
+/// `a (b − c) d² − e (f − g) h²` without cancellation.
 ///
-/// Plain double-double arithmetic where its result keeps 60 bits, else the exact sum of the 32 partial products, which
-/// tells zero from almost zero whatever the arguments; barring underflow. About 30 ns, or 1 µs for the exact sum.
-pub fn difference_of_cubic_products(minuend: [f64; 4], subtrahend: [f64; 4]) -> DoubleDouble {
-    let product = |[a, b, c, d]: [f64; 4]| DoubleDouble::product(d, d) * DoubleDouble::difference(b, c) * a;
+/// Plain double-double arithmetic where its result keeps 60 bits. Else, and if d and h are plain numbers, the exact sum of
+/// the 32 partial products, which tells zero from almost zero; barring underflow. About 30 ns, or 1 µs for the exact sum.
+pub fn difference_of_cubic_products(minuend: &CubicProduct, subtrahend: &CubicProduct) -> DoubleDouble {
+    let product = |term: &CubicProduct| {
+        term.root * term.root * DoubleDouble::difference(term.gap[0], term.gap[1]) * term.factor
+    };
     let (x, y) = (product(minuend), product(subtrahend));
     let difference = x - y;
-    if difference.hi.abs() > 1e-13 * (x.hi.abs() + y.hi.abs()) {
+    let plain = minuend.root.lo == 0.0 && subtrahend.root.lo == 0.0;
+    if !plain || difference.hi.abs() > 1e-13 * (x.hi.abs() + y.hi.abs()) {
         return difference;
     }
     let mut expansion = Expansion { parts: [0.0; 32], len: 0 };
-    for (sign, [a, b, c, d]) in [(1.0, minuend), (-1.0, subtrahend)] {
-        let (factor, square) = (DoubleDouble::difference(b, c), DoubleDouble::product(d, d));
-        for f in [factor.hi, factor.lo] {
+    for (sign, term) in [(1.0, minuend), (-1.0, subtrahend)] {
+        let gap = DoubleDouble::difference(term.gap[0], term.gap[1]);
+        let square = DoubleDouble::product(term.root.hi, term.root.hi);
+        for g in [gap.hi, gap.lo] {
             for s in [square.hi, square.lo] {
-                let inner = DoubleDouble::product(f, s);
-                for i in [inner.hi, inner.lo] {
-                    let (p, e) = two_prod(sign * a, i);
+                let inner = DoubleDouble::product(g, s);
+                for part in [inner.hi, inner.lo] {
+                    let (p, e) = two_prod(sign * term.factor, part);
                     expansion.grow(e);
                     expansion.grow(p);
                 }
@@ -274,12 +289,13 @@ mod tests {
     fn cubic_products_that_agree_to_thirty_digits_are_told_apart() {
         // 1 · (2 − 1) · (3/4)² = 9/4 · (9/4 − 2) · 1², scaled by numbers of many bits
         let (r, s) = (1.0 + 2f64.powi(-48) * 3.0, 1.0 + 2f64.powi(-47) * 5.0);
-        let x = [r, 2.0 * r, r, 0.75 * s];
-        let y = [2.25 * r, 2.25 * r, 2.0 * r, s];
-        assert_eq!(difference_of_cubic_products(x, y), DoubleDouble::default());
-        let nudged = [2.25 * r, 2.25 * r, 2.0 * r, s.next_up()];
+        let term = |factor, gap, root| CubicProduct { factor, gap, root: DoubleDouble::new(root) };
+        let x = term(r, [2.0 * r, r], 0.75 * s);
+        let y = term(2.25 * r, [2.25 * r, 2.0 * r], s);
+        assert_eq!(difference_of_cubic_products(&x, &y), DoubleDouble::default());
+        let nudged = term(2.25 * r, [2.25 * r, 2.0 * r], s.next_up());
         let expected = -2.25 * 0.25 * 2.0 * f64::EPSILON;
-        let found = difference_of_cubic_products(x, nudged).hi;
+        let found = difference_of_cubic_products(&x, &nudged).hi;
         assert!((found / expected - 1.0).abs() < 1e-12, "{found:e}, {expected:e}");
     }
 

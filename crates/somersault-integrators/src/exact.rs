@@ -1,8 +1,173 @@
-//! DOC
+//! The exact motion of a free rigid body: position, orientation and both velocities at any time.
+//!
+//! ```text
+//! r(t) = r₀ + v₀ t,    L = R I ω = const,    I ω' = (I ω) × ω,    R' = R ω̂      (ω, I in principal axes)
+//! ```
+//!
+//! # Angular velocity
+//!
+//! Let I₁ ≤ I₂ ≤ I₃. L, seen from the body, circulates about the axis c of least inertia where 2T I₂ > L², else about that of
+//! greatest; b is the middle axis, a the third. With m = I ω ⁄ L, a frame (x, y, z) = (a, ±b, ±c) with m_z > 0, and s = 1 for
+//! c = 3, −1 for c = 1,
+//!
+//! ```text
+//! m = (Mₐ cn u, M_b sn u, M_c dn u),     u = u₀ + s λ t,      D = I₁ (I₂ − I₁) ω₁² − I₃ (I₃ − I₂) ω₃² = 2T I₂ − L²
+//! A = I_b |I_b − Iₐ| ω_b² + I_c |I_c − Iₐ| ω_c² = |L² − 2T Iₐ|,    C = Iₐ |I_c − Iₐ| ωₐ² + I_b |I_c − I_b| ω_b² = |2T I_c − L²|
+//! λ² = |I_c − I_b| A ⁄ (I₁ I₂ I₃),   k² = |I_b − Iₐ| C ⁄ (|I_c − I_b| A),   k′² = |I_c − Iₐ| |D| ⁄ (|I_c − I_b| A)
+//! Mₐ² = Iₐ C ⁄ (|I_c − Iₐ| L²),      M_b² = I_b C ⁄ (|I_c − I_b| L²),       M_c² = I_c A ⁄ (|I_c − Iₐ| L²)
+//! ```
+//!
+//! (Landau and Lifshitz, *Mechanics*, §37). All differences of moments are exact, everything else is positive but D.
+//!
+//! # Orientation
+//!
+//! With N(t) the least rotation that carries m to z, R(t) = R₀ N(0)⁻¹ exp(ψ ẑ) N(t) in that frame, and
+//!
+//! ```text
+//! ψ' = (2T⁄L + ω_z) ⁄ (1 + m_z) = L⁄I_c + s C ⁄ (L I_c (1 + M_c dn u))
+//! ```
+//!
+//! has no singularity since m_z > 0 (the splitting into N and exp(ψ ẑ) is that of Celledoni, Fassò, Säfström and Zanna, *The exact
+//! computation of the free rigid body motion and its use in splitting methods*, SIAM J. Sci. Comput. 30, 2008). The descending
+//! Landen transformation to k₁ = (1 − k′)⁄(1 + k′), v = u⁄(1 + k₁), makes the integrand rational in sn²(v | k₁²),
+//!
+//! ```text
+//! 1 ⁄ (1 + M_c dn u) = (1 + k₁ sn²v) ⁄ ((1 + M_c)(1 + k₁ B sn²v)),        B = (1 − M_c) ⁄ (1 + M_c),
+//! ```
+//!
+//! whose mean over a period is one complete integral of Bulirsch's with positive terms, and whose rest is the phase of a theta
+//! function with half the imaginary period at most:
+//!
+//! ```text
+//! ψ(t) = mean(ψ') t − 2 arg θ₄(x + iη, q²) |₀ᵗ,    x = πu⁄2K,    η = πy⁄2K(k₁),    sc(y | 1 − k₁²) = √(B⁄k₁)
+//! ```
+//!
+//! so that half of ψ, as a quaternion needs it, takes no arctangent. (Jacobi's solution by theta functions, as in van Zon and
+//! Schofield, *Numerical implementation of the exact dynamics of free rigid bodies*, J. Comput. Phys. 225, 2007, has θ₄ at
+//! shifts up to the full imaginary period, near its zeros; Celledoni and Zanna, Algorithm 903, ACM TOMS 37, 2010, use integrals
+//! of the third kind.) The series are summed in the nome q for K′⁄K > 1⁄√2, else, by Jacobi's imaginary transformation (DLMF
+//! 20.7.30–33), in the complementary nome q′; with q′ = 0 they are the hyperbolic functions of the separatrix.
+//!
+//! # Branches
+//!
+//! ω is constant where L × ω = 0 in `f64` data (spheres, symmetric bodies about an axis of their plane of symmetry, principal
+//! axes): then R(t) = R₀ exp(ω t). Everything else, symmetric and nearly symmetric or spherical bodies included, takes the
+//! formulas above; D = 0 is the separatrix, without periods.
+//!
+//! # Accuracy
+//!
+//! As a function of the `f64` data, which are taken as exact: frequencies, mean precession and k′² are formed in double-double,
+//! D by the exact sum of its partial products where it nearly vanishes, and phases reduced modulo one turn in double-double.
+//! Against references of 30 digits the error of the orientation stayed below 3e-15 rad, and that of the angular velocity
+//! below 3e-15 relative, from needle to disc, near and on the separatrix, at times up to a million periods. The motion
+//! itself is sensitive: near the separatrix an error of one ulp in ω changes the period in its first digits. The
+//! data of a body whose principal axes come from an eigenvalue problem carry such errors.
+//!
+//! # Cost
+//!
+//! About 120 ns per time; 0.6 to 1 µs for the motion once, 2 µs within 1e-13 of the separatrix. Nothing is allocated.
+
+use crate::body::RigidBody;
+use crate::state::RigidBodyState;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use somersault_core::double_double::{DoubleDouble, difference_of_cubic_products};
+use somersault_core::double_double::{CubicProduct, DoubleDouble, difference_of_cubic_products};
 use somersault_core::elliptic::{Parameter, QuarterPeriod, carlson_rf, complete_first};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
+
+/// Why the motion of a free body cannot be given.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FreeBodyError {
+    /// The initial state has a component that is NaN or infinite.
+    #[error("the initial state is not finite")]
+    NonFiniteState,
+    /// The time, or the state there, is NaN or infinite.
+    #[error("the state at t = {t} is not finite")]
+    NonFinite {
+        /// The time.
+        t: f64,
+    },
+}
+
+/// The motion of a free rigid body, known for all times.
+///
+/// ```
+/// use somersault_integrators::body::RigidBody;
+/// use somersault_integrators::exact::FreeBody;
+/// use somersault_integrators::nalgebra::Vector3;
+/// use somersault_integrators::state::RigidBodyState;
+///
+/// let body = RigidBody::try_principal(1.0, Vector3::new(1.0, 2.0, 2.5)).unwrap();
+/// let start = RigidBodyState::spinning(Vector3::new(0.01, 2.0, 0.0));
+/// let motion = FreeBody::try_new(&body, &start).unwrap();
+/// let later = motion.at(1e4).unwrap();
+/// let back = FreeBody::try_new(&body, &later).unwrap().at(-1e4).unwrap();
+/// assert!((back.angular_velocity() - start.angular_velocity()).norm() < 1e-9);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct FreeBody {
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    /// Body frame → principal axes.
+    to_principal: UnitQuaternion<f64>,
+    rotation: FreeRotation,
+}
+
+impl FreeBody {
+    /// The motion of `body` that passes through `state` at t = 0.
+    ///
+    /// The angular velocity is carried from the world to principal axes in double-double; see the [module](self).
+    pub fn try_new(body: &RigidBody, state: &RigidBodyState) -> Result<Self, FreeBodyError> {
+        if !state.is_finite() {
+            return Err(FreeBodyError::NonFiniteState);
+        }
+        let inertia = body.inertia();
+        let axes = inertia.principal_axes();
+        let world = state.angular_velocity();
+        let in_body = rotate_back(state.orientation(), [0, 1, 2].map(|i| DoubleDouble::new(world[i])));
+        let in_principal = rotate_back(axes, in_body);
+        Ok(Self {
+            position: *state.position(),
+            velocity: *state.velocity(),
+            to_principal: axes.inverse(),
+            rotation: FreeRotation::from_extended(
+                inertia.principal_moments(),
+                &(state.orientation() * axes),
+                in_principal,
+            ),
+        })
+    }
+
+    /// The state at time `t`.
+    pub fn at(&self, t: f64) -> Result<RigidBodyState, FreeBodyError> {
+        let (principal, in_principal) = self.rotation.at(t);
+        let state = RigidBodyState::new(
+            self.position + self.velocity * t,
+            principal * self.to_principal,
+            self.velocity,
+            principal * in_principal,
+        );
+        if t.is_finite() && state.is_finite() { Ok(state) } else { Err(FreeBodyError::NonFinite { t }) }
+    }
+}
+
+/// R⁻¹ v for the rotation R of a quaternion of any norm but zero, to about 30 digits.
+fn rotate_back(q: &UnitQuaternion<f64>, v: [DoubleDouble; 3]) -> [DoubleDouble; 3] {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    if x == 0.0 && y == 0.0 && z == 0.0 {
+        return v;
+    }
+    let p = DoubleDouble::product;
+    let (ww, xx, yy, zz) = (p(w, w), p(x, x), p(y, y), p(z, z));
+    let off = |a: DoubleDouble, b: DoubleDouble| (a + b).scale(2.0);
+    let columns = [
+        [ww + xx - yy - zz, off(p(x, y), p(w, z)), off(p(x, z), -p(w, y))],
+        [off(p(x, y), -p(w, z)), ww - xx + yy - zz, off(p(y, z), p(w, x))],
+        [off(p(x, z), p(w, y)), off(p(y, z), -p(w, x)), ww - xx - yy + zz],
+    ];
+    let norm_squared = ww + xx + yy + zz;
+    columns.map(|[a, b, c]| (a * v[0] + b * v[1] + c * v[2]) / norm_squared)
+}
 
 /// The rotation of a free rigid body in its principal axes, known for all times.
 ///
@@ -30,16 +195,29 @@ impl FreeRotation {
         orientation: &UnitQuaternion<f64>,
         angular_velocity_body: &Vector3<f64>,
     ) -> Self {
+        let rates = [0, 1, 2].map(|i| DoubleDouble::new(angular_velocity_body[i]));
+        Self::from_extended(principal_moments, orientation, rates)
+    }
+
+    fn from_extended(
+        principal_moments: &Vector3<f64>,
+        orientation: &UnitQuaternion<f64>,
+        rates: [DoubleDouble; 3],
+    ) -> Self {
+        let rounded = Vector3::new(rates[0].hi, rates[1].hi, rates[2].hi);
         // scaled by powers of two, so that no product below overflows, nor underflows unless it is negligible
-        let (inertia_unit, rate_unit) = (leading_bit(principal_moments), leading_bit(angular_velocity_body));
+        let (inertia_unit, rate_unit) = (leading_bit(principal_moments), leading_bit(&rounded));
         let moments = principal_moments / inertia_unit;
-        let rates = (angular_velocity_body / rate_unit).map(|x| if x.abs() < 1e-120 { 0.0 } else { x });
+        let rates = rates.map(|x| {
+            let x = DoubleDouble { hi: x.hi / rate_unit, lo: x.lo / rate_unit };
+            if x.hi.abs() < 1e-120 { DoubleDouble::default() } else { x }
+        });
         let steady = (0..3).all(|i| {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            moments[j] == moments[k] || rates[j] == 0.0 || rates[k] == 0.0
+            moments[j] == moments[k] || rates[j].hi == 0.0 || rates[k].hi == 0.0
         });
         let motion = if steady {
-            Motion::Steady(Steady::new(angular_velocity_body, &rates, rate_unit))
+            Motion::Steady(Steady::new(&rounded, &rates, rate_unit))
         } else {
             Motion::Tumbling(Tumbling::new(&moments, &rates, rate_unit))
         };
@@ -79,12 +257,16 @@ struct Steady {
 }
 
 impl Steady {
-    fn new(angular_velocity_body: &Vector3<f64>, rates: &Vector3<f64>, rate_unit: f64) -> Self {
-        let square = |i: usize| DoubleDouble::product(rates[i], rates[i]);
+    fn new(angular_velocity_body: &Vector3<f64>, rates: &[DoubleDouble; 3], rate_unit: f64) -> Self {
+        let square = |i: usize| rates[i] * rates[i];
         let speed = (square(0) + square(1) + square(2)).sqrt();
         Self {
             angular_velocity_body: *angular_velocity_body,
-            axis: if speed.hi == 0.0 { *rates } else { rates / speed.hi },
+            axis: if speed.hi == 0.0 {
+                Vector3::zeros()
+            } else {
+                Vector3::from_fn(|i, _| rates[i].hi / speed.hi)
+            },
             half_turns: in_turns(speed).scale(0.5 * rate_unit),
         }
     }
@@ -119,18 +301,20 @@ struct Tumbling {
 }
 
 impl Tumbling {
-    fn new(moments: &Vector3<f64>, rates: &Vector3<f64>, rate_unit: f64) -> Self {
+    fn new(moments: &Vector3<f64>, rates: &[DoubleDouble; 3], rate_unit: f64) -> Self {
         let mut order = [0, 1, 2];
         order.sort_unstable_by(|i, j| moments[*i].total_cmp(&moments[*j]));
         let [low, b, high] = order;
         // 2T I₂ − L²
-        let discriminant = difference_of_cubic_products(
-            [moments[low], moments[b], moments[low], rates[low]],
-            [moments[high], moments[high], moments[b], rates[high]],
-        );
+        let term = |i: usize, greater: usize, lesser: usize| CubicProduct {
+            factor: moments[i],
+            gap: [moments[greater], moments[lesser]],
+            root: rates[i],
+        };
+        let discriminant = difference_of_cubic_products(&term(low, b, low), &term(high, high, b));
         let (a, c, direction) = if discriminant.hi > 0.0 { (high, low, -1.0) } else { (low, high, 1.0) };
 
-        let square = |i: usize| DoubleDouble::product(rates[i], rates[i]);
+        let square = |i: usize| rates[i] * rates[i];
         let gap = |i: usize, j: usize| DoubleDouble::difference(moments[i], moments[j]).abs();
         let (gap_ca, gap_cb, gap_ba) = (gap(c, a), gap(c, b), gap(b, a));
         let (ia, ib, ic) = (moments[a], moments[b], moments[c]);
@@ -175,15 +359,15 @@ impl Tumbling {
         let amplitudes = [amplitude(ia, from_c, gap_ca), amplitude(ib, from_c, gap_cb), tallest.hi];
         let series = Series::new(&parameter, quarter, k1.hi, b_ratio.hi, &amplitudes);
 
-        let sign_z = if rates[c] < 0.0 { -1.0 } else { 1.0 };
+        let sign_z = if rates[c].hi < 0.0 { -1.0 } else { 1.0 };
         let even = (b + 3 - a) % 3 == 1;
         let sign_y = if even { sign_z } else { -sign_z };
         let axes = [(a, 1.0), (b, sign_y), (c, sign_z)];
-        let x = rates[a];
-        let y = sign_y * rates[b] * (ib * gap_cb.hi / (ia * gap_ca.hi)).sqrt();
+        let x = rates[a].hi;
+        let y = sign_y * rates[b].hi * (ib * gap_cb.hi / (ia * gap_ca.hi)).sqrt();
         let start = Phase::of_amplitude(y, x, &parameter, quarter);
 
-        let momenta = Vector3::from_fn(|i, _| axes[i].1 * rates[axes[i].0] * moments[axes[i].0]);
+        let momenta = Vector3::from_fn(|i, _| axes[i].1 * rates[axes[i].0].hi * moments[axes[i].0]);
         let m = momenta.normalize();
         let untilt = Quaternion::new(1.0 + m.z, -m.y, m.x, 0.0) / (2.0 * (1.0 + m.z)).sqrt();
         let (_, re, im) = series.evaluate(&start);
