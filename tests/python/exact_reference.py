@@ -11,12 +11,17 @@ R(tau) D R(0)^-1 is a rotation about the angular momentum by some angle p, and
 
     R(n tau + s) = Rot(L, n p) R(s) D^n.
 
-Run as a script it writes cases, one per line:
+Data are exact: floats stand for the binary numbers they are, an orientation for the rotation its quaternion has after exact
+normalisation, and an angular velocity given in the world is carried to the body without rounding. Run as
+
+    python exact_reference.py body|world FILE
+
+it writes the cases of `cases`, one per line:
 
     class I1 I2 I3 q0 q1 q2 q3 w1 w2 w3 t angle Q0 Q1 Q2 Q3 W1 W2 W3
 
-with quaternions (scalar first) from principal axes to the world, the initial one not exactly of norm 1, the angular velocities
-in principal axes, and `angle` the angle turned, the integral of |w|.
+with principal moments, quaternions (scalar first) from principal axes to the world, angular velocities in principal axes or in
+the world, and `angle` the angle turned, the integral of |w|.
 """
 
 import math
@@ -41,6 +46,11 @@ def fixed(x):
 
 def real(x):
     return mpmath.ldexp(mpmath.mpf(x), -BITS)
+
+
+def rounded(x):
+    """A step size of 30 bits, which keeps the fractions short."""
+    return Fraction(float(x)).limit_denominator(1 << 30) if x < 1 else Fraction(math.floor(float(x) * 1024), 1024)
 
 
 class Series:
@@ -121,14 +131,14 @@ class Motion:
         done = Fraction(0)
         turned = 0.0
         fastest = max(abs(x) for x in self.w)
-        h = Fraction(1, 16) / fastest
+        h = rounded(Fraction(1, 16) / fastest)
         armed = False
         while True:
             if stop is None and done + h > t:
                 h = t - done
             series = Series(self.inertia, w, e, h)
             if series.growth < 0.9:
-                h = h * Fraction(max(series.growth, 0.01)).limit_denominator(1000)
+                h = rounded(h * Fraction(max(series.growth, 0.01)))
                 continue
             before = math.sqrt(sum(float(Fraction(x, ONE)) ** 2 for x in w))
             new_w, new_e = series.at(ONE)
@@ -146,8 +156,7 @@ class Motion:
             done += h
             if stop is None and done == t:
                 return w, e, turned, t
-            h = h * Fraction(series.growth * 0.95).limit_denominator(1000)
-            h = Fraction(h.numerator << 80, h.denominator).__floor__() / Fraction(1 << 80) if h < 2**40 else Fraction(int(h))
+            h = rounded(h * Fraction(series.growth * 0.95))
 
     @staticmethod
     def zero(series, stop):
@@ -198,7 +207,7 @@ class Motion:
             return times(start, turn), w, float(abs(speed * rational(t)))
         n, s, per_half, turned_half = 0, t, mpmath.mpf(0), 0.0
         fast = self.size / rational(self.inertia[self.mid])
-        if t < 0 or (self.discriminant != 0 and self.long(t)):
+        if self.discriminant != 0:
             tau, per_half, turned_half = self.half_period()
             n = math.floor(t / tau)
             s = t - n * tau
@@ -215,13 +224,29 @@ class Motion:
             w = [x if k == self.axis else -x for k, x in enumerate(w)]
         return times(start, q), w, abs(turned + n * turned_half)
 
-    def long(self, t):
-        return True
 
 
 def rational(x):
     x = Fraction(x)
     return mpmath.mpf(x.numerator) / x.denominator
+
+
+def in_body(orientation, velocity):
+    """The angular velocity in the body, as exact fractions, from one in the world."""
+    w, x, y, z = (Fraction(c) for c in orientation)
+    v = [Fraction(c) for c in velocity]
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)],
+        [2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)],
+        [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z],
+    ]
+    return [dot(row, v) / (w * w + x * x + y * y + z * z) for row in rows]
+
+
+def in_world(orientation, velocity):
+    """The angular velocity in the world from one in the body."""
+    conjugate = [orientation[0]] + [-c for c in orientation[1:]]
+    return times(times(orientation, [0] + list(velocity)), conjugate)[1:]
 
 
 def dot(a, b):
@@ -290,10 +315,10 @@ def random_moments(rng):
     return [x[1] + x[2], x[2] + x[0], x[0] + x[1]]
 
 
-def on_separatrix(moments, wl, scale=1.0):
-    """Velocity with w_low = wl and w_high such that the discriminant almost vanishes."""
+def on_separatrix(moments, wl):
+    """The w_high for which the discriminant vanishes within rounding, w_low being wl."""
     lo, mid, hi = moments
-    return wl * math.sqrt(lo * (mid - lo) / (hi * (hi - mid))) * scale
+    return abs(wl) * math.sqrt(lo * (mid - lo) / (hi * (hi - mid)))
 
 
 def log_uniform(rng, a, b):
@@ -336,17 +361,16 @@ def draw(name, rng):
     if name in ("near-separatrix", "saddle"):
         moments = sorted(random_moments(rng))
         wl = rng.uniform(0.3, 1.0) * rng.choice([-1, 1])
-        w = [wl, rng.uniform(-1.2, 1.2), on_separatrix(moments, wl) * rng.choice([-1, 1])]
+        middle = rng.uniform(-1.2, 1.2)
         if name == "saddle":
-            w = [w[0] * log_uniform(rng, 1e-10, 1e-1), rng.choice([-1.0, 1.0]), w[2]]
-            w[2] = math.copysign(on_separatrix(moments, w[0]), w[2])
-        w[2] *= 1 + rng.choice([-1, 1]) * log_uniform(rng, 1.2e-16, 1e-1)
+            wl, middle = wl * log_uniform(rng, 1e-10, 1e-1), rng.choice([-1.0, 1.0])
+        wh = on_separatrix(moments, wl) * (1 + rng.choice([-1, 1]) * log_uniform(rng, 1e-16, 1))
+        w = [wl, middle, wh * rng.choice([-1, 1])]
         return shuffled(rng, moments, w)
     if name == "separatrix":
-        # 1 (2 - 1) (3/4)^2 = 9/4 (9/4 - 2) 1^2
+        # 1 (2 - 1) (3/4)^2 = 9/4 (9/4 - 2) 1^2, exactly
         r, s = 1 + rng.getrandbits(20) / 2**20, 1 + rng.getrandbits(20) / 2**20
-        w = [0.75 * s * rng.choice([-1, 1]), rng.uniform(-1.5, 1.5), 0.25 * s * 4 * rng.choice([-1, 1])]
-        # w_low^2 : w_high^2 = 9/16 is for 1 (2 - 1) w_low^2 = (9/16) w_high^2
+        w = [0.75 * s * rng.choice([-1, 1]), rng.uniform(-1.5, 1.5), s * rng.choice([-1, 1])]
         return shuffled(rng, [r, 2 * r, 2.25 * r], w)
     raise ValueError(name)
 
@@ -357,38 +381,51 @@ COUNTS = {
 }
 
 
-def cases(seed=20240, counts=None):
-    """Yields name, moments, orientation, velocity, time, angle turned, orientation and angular velocity there (floats)."""
+def cases(frame="body", seed=20240, counts=None):
+    """Yields name, moments, orientation, velocity, time, angle turned, orientation and angular velocity there (floats).
+
+    Orientations belong to principal axes; angular velocities are given in the body or in the world, as `frame` says.
+    """
     for name, count in (counts or COUNTS).items():
         rng = random.Random(f"{seed} {name}")
         for k in range(count):
             moments, velocity = draw(name, rng)
-            scale = 2.0 ** rng.randint(-3, 3) * rng.uniform(1, 2)
             if name != "separatrix":
+                scale = 2.0 ** rng.randint(-3, 3) * rng.uniform(1, 2)
                 moments = [x * scale for x in moments]
             rate = 2.0 ** rng.randint(-3, 3)
             velocity = [x * rate for x in velocity]
             orientation = random_rotation(rng)
-            motion = Motion(moments, orientation, velocity)
+            exact = velocity
+            if frame == "world":
+                if name in ("separatrix", "principal"):
+                    # these stay what they are only where the rotation does not round
+                    orientation = rng.choice([[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, -0.5, 0.5], [0.0, 0.0, 1.0, 0.0]])
+                velocity = [float(x) for x in in_world(unit(orientation), velocity)]
+                exact = in_body(orientation, velocity)
+            motion = Motion(moments, orientation, exact)
             fastest = math.sqrt(sum(x * x for x in velocity))
             if motion.steady:
                 t = log_uniform(rng, 1e-3, 6e6) / fastest
-            elif name == "separatrix":
+            elif motion.discriminant == 0:
                 t = log_uniform(rng, 1e-2, 100) / fastest
             elif k % 3 == 0:
                 t = log_uniform(rng, 1e-3, 10) / fastest
             else:
-                # up to a million periods
-                t = 2 * float(motion.half_period()[0]) * (log_uniform(rng, 0.1, 1e6) if k % 3 == 1 else rng.uniform(9e5, 1e6))
-            if rng.random() < 0.3 and name != "separatrix":
+                periods = log_uniform(rng, 0.1, 1e6) if k % 3 == 1 else rng.uniform(9e5, 1e6)
+                t = 2 * float(motion.half_period()[0]) * periods
+            if rng.random() < 0.3 and (motion.steady or motion.discriminant != 0):
                 t = -t
             q, w, turned = motion.at(t)
+            if frame == "world":
+                w = in_world(q, w)
             yield name, moments, orientation, velocity, t, turned, [float(x) for x in q], [float(x) for x in w]
 
 
 def main():
-    with open(sys.argv[1], "w") as out:
-        for name, *rest in cases():
+    frame, path = sys.argv[1:]
+    with open(path, "w") as out:
+        for name, *rest in cases(frame):
             numbers = []
             for item in rest:
                 numbers += item if isinstance(item, list) else [item]
