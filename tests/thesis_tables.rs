@@ -26,3 +26,16 @@ fn regions() {
         println!("{:8} area {:.6} corr {:.6} im {:.10} re {:.10} n {} failed {} {:?}", m.info().name, s.area, s.corrected, s.imaginary_limit, s.real_limit, s.boundary.len(), s.failed, t.elapsed());
     }
 }
+#[test]
+fn fails() {
+    use somersault_integrators::studies::stability::*;
+    for m in ["sv", "siabm4", "sv2","ab2","ab4"] {
+        let m: Method = m.parse().unwrap();
+        let mut k = 0;
+        for i in 0..400 { for j in 0..200 {
+            let l = Lambda { re: -2.5 + i as f64 * 0.0125, im: j as f64 * 0.0125 };
+            if let Err(e) = spectral_radius(m, Default::default(), l) { k+=1; if k % 40 == 1 { println!("{m} {e}"); } }
+        }}
+        println!("{m} {k}");
+    }
+}

@@ -14,13 +14,13 @@
 //! The memory of a stepper is opaque, so the characteristic equation is not written down but observed. A
 //! method that remembers K steps makes sequences (yₙ, ẏₙ) that obey a linear recurrence over K + 1 steps:
 //! with zₙ = (yₙ, ẏₙ, …, yₙ₊K, ẏₙ₊K) there is a matrix A with zₙ₊₁ = A zₙ. Several trajectories give columns
-//! Z₀, Z₁ with Z₁ = A Z₀; with the singular value decomposition Z₀ = U S Vᵀ, cut at 1e-11 of the largest
-//! singular value, the roots are the eigenvalues of Uᵀ Z₁ V S⁻¹ (the realisation of Ho and Kalman,
-//! Regelungstechnik 14 (1966) 545). What is cut are modes that have decayed, which do not decide stability.
-//! During the first 2(K + 1) steps, the start-up among them, a pulse of force that differs from trajectory
-//! to trajectory excites all modes that forces can excite; from then on the equation is (6.1). Two columns
-//! more than unknowns show whether the recurrence holds: where it does not, within 1e-6, that is
-//! [`StudyError::NotLinear`]. Without history A is read off two trajectories.
+//! Z₀, Z₁ with Z₁ = A Z₀. Gram–Schmidt on the columns of Z₀, longest first and until 1e-10 of the longest,
+//! makes of them an orthonormal Q, and the same operations make of Z₁ the images A Q; the roots are the
+//! eigenvalues of QᵀAQ. What is cut are modes that have decayed, which do not decide stability. During the
+//! first 2(K + 1) steps, the start-up among them, a pulse of force that differs from trajectory to
+//! trajectory excites all modes that forces can excite; from then on the equation is (6.1). Two columns more
+//! than unknowns show whether the recurrence holds: where it does not, within 1e-6 of the largest number,
+//! that is [`StudyError::NotLinear`]. Without history A is read off two trajectories.
 //!
 //! # Roots on the unit circle
 //! A simple root on the unit circle neither grows nor decays: λ is counted in where the spectral radius is
@@ -45,7 +45,7 @@ use crate::methods::{Method, Options, Visitor};
 use crate::state::{Pose, RigidBodyState};
 use crate::stepper::{StepError, Stepper};
 use crate::system::{Decoder, Form, RigidBodySystem, StateOf, System, Unchanged};
-use nalgebra::{DMatrix, SVD, Schur, Vector3};
+use nalgebra::{DMatrix, Schur, Vector3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -364,7 +364,6 @@ fn multistep_radius(
     lambda: Lambda,
     sequence: &dyn Sequence,
 ) -> Result<(f64, f64), StudyError> {
-    const CUT: f64 = 1e-11;
     let unknowns = 2 * span;
     let columns = unknowns + 2;
     let mut z0 = DMatrix::zeros(unknowns, columns);
@@ -386,29 +385,58 @@ fn multistep_radius(
     if !size.is_finite() {
         return Ok((f64::INFINITY, 0.0));
     }
-    let none = (f64::INFINITY, 0.0);
     if size == 0.0 {
         return Ok((0.0, 0.0));
     }
-    // Both decompositions converge but for numbers near overflow.
     z0 /= size;
     z1 /= size;
-    let Some(svd) = SVD::try_new(z0.clone(), true, true, f64::EPSILON, 1000) else { return Ok(none) };
-    let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return Ok(none) };
-    let largest = svd.singular_values.max();
-    let kept: Vec<usize> =
-        (0..unknowns).filter(|&i| svd.singular_values[i] > CUT * largest).collect();
-    let u = u.select_columns(&kept);
-    let mut right = v_t.select_rows(&kept).transpose();
-    for (mut column, &i) in right.column_iter_mut().zip(&kept) {
-        column /= svd.singular_values[i];
-    }
-    let images = &z1 * right;
-    let reduced = u.tr_mul(&images);
-    let defect = (&z1 - &images * u.tr_mul(&z0)).amax();
-    let Some(schur) = Schur::try_new(reduced, f64::EPSILON, 1000) else { return Ok(none) };
+    // Z₀ → Q R and Z₁ → W with W = A Q, on the columns that the pivoting chooses.
+    let rank = orthogonalise(&mut z0, &mut z1);
+    let (q, w) = (z0.columns(0, rank), z1.columns(0, rank));
+    // What is left of the other columns after their share of Q was taken out.
+    let defect = z1.columns(rank, columns - rank).amax();
+    // The decomposition converges but for numbers near overflow.
+    let Some(schur) = Schur::try_new(q.tr_mul(&w), f64::EPSILON, 1000) else {
+        return Ok((f64::INFINITY, 0.0));
+    };
     let radius = schur.complex_eigenvalues().iter().map(|z| z.norm()).fold(0.0, f64::max);
     Ok((radius, defect))
+}
+
+/// Makes the leading columns of `z0` orthonormal, the longest remaining column first, until what remains is
+/// below the cut, and does the same operations to `z1`. Returns the number of columns made.
+fn orthogonalise(z0: &mut DMatrix<f64>, z1: &mut DMatrix<f64>) -> usize {
+    const CUT: f64 = 1e-10;
+    let (rows, columns) = z0.shape();
+    let mut cut = 0.0;
+    for k in 0..rows {
+        let length = |z: &DMatrix<f64>, j: usize| z.column(j).norm();
+        let Some(pivot) = (k..columns).max_by(|&i, &j| length(z0, i).total_cmp(&length(z0, j))) else {
+            return k;
+        };
+        let norm = length(z0, pivot);
+        if k == 0 {
+            cut = CUT * norm;
+        }
+        if norm <= cut {
+            return k;
+        }
+        for z in [&mut *z0, &mut *z1] {
+            z.swap_columns(k, pivot);
+            z.column_mut(k).scale_mut(1.0 / norm);
+        }
+        // Twice, since a long column may leave only its rounding.
+        for _ in 0..2 {
+            for j in k + 1..columns {
+                let share = z0.column(k).dot(&z0.column(j));
+                for z in [&mut *z0, &mut *z1] {
+                    let (unit, mut other) = z.columns_range_pair_mut(k, j);
+                    other.axpy(-share, &unit, 1.0);
+                }
+            }
+        }
+    }
+    rows
 }
 
 /// Distance of the spectral radius from the unit circle, as the region counts it.
