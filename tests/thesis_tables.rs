@@ -1,41 +1,68 @@
 //! Tables.
 use somersault_integrators::methods::Method;
-use somersault_integrators::studies::{energy::*, silent};
+use somersault_integrators::studies::{order::*, problem::*, silent, work_precision::*};
 
 #[test]
-fn scan() {
-    let bodies = prisms(100).unwrap();
-    let t0 = std::time::Instant::now();
+fn orders() {
+    let dts: Vec<f64> = (0..7).map(|k| 0.01 * 0.5f64.powi(k)).collect();
+    let (p1, p3, pa) =
+        (Case::One.problem().unwrap(), Case::Three.problem().unwrap(), asymmetric_body().unwrap());
+    let (f, fv) = (spring_pendulum().unwrap(), damped_spring_pendulum().unwrap());
+    let o = Default::default();
+    let s = |x: Option<f64>| x.map_or("  - ".into(), |x| format!("{x:.2}"));
     for m in Method::ALL {
         let t = std::time::Instant::now();
-        let s = energy(m, &EnergySetup::thesis(), &bodies, &mut silent).unwrap();
-        println!("{:8} {:?} bound {:.12} failed {} {:?}", m.info().name, s.behaviour(), s.share_of_bound, s.failed, t.elapsed());
-        for e in &s.extremes { print!("{:10.4e} ", e.max); } println!();
-        for e in &s.extremes { print!("{:10.4} ", e.min); } println!();
-        for e in &s.extremes { print!("{:5}/{:5}", e.gained,e.lost); } println!();
+        let a = convergence(&p1, m, o, &dts, &mut silent).unwrap();
+        let b = convergence(&p3, m, o, &dts, &mut silent).unwrap();
+        let c = convergence(&pa, m, o, &dts, &mut silent).unwrap();
+        let d = convergence(&f, m, o, &dts, &mut silent).unwrap();
+        let e = convergence(&fv, m, o, &dts, &mut silent).unwrap();
+        println!(
+            "{:8} c1 {} {}  c3 {} {}  as {} {}  f(r) {} {}  f(r,v) {} {} {:?} {:?}",
+            m.info().name,
+            s(a.orders.orientation),
+            s(a.orders.angular_velocity),
+            s(b.orders.orientation),
+            s(b.orders.angular_velocity),
+            s(c.orders.orientation),
+            s(c.orders.angular_velocity),
+            s(d.orders.position),
+            s(d.orders.velocity),
+            s(e.orders.position),
+            s(e.orders.velocity),
+            t.elapsed(),
+            m.info().orders
+        );
+        if m.info().name.starts_with("rk") {
+            println!("{:?}", a.measured.iter().map(|m| (m.dt, m.errors.orientation)).collect::<Vec<_>>());
+            println!("{:?}", c.measured.iter().map(|m| (m.dt, m.errors.orientation)).collect::<Vec<_>>());
+            println!("{:?}", d.measured.iter().map(|m| (m.dt, m.errors.position)).collect::<Vec<_>>());
+        }
     }
-    println!("{:?}", t0.elapsed());
 }
-
 #[test]
-fn regions() {
-    use somersault_integrators::studies::stability::*;
+fn work() {
+    let p2 = Case::Two.problem().unwrap();
     for m in Method::ALL {
-        let t = std::time::Instant::now();
-        let s = stability_region(m, Default::default(), &mut silent).unwrap();
-        println!("{:8} area {:.6} corr {:.6} im {:.10} re {:.10} n {} failed {} {:?}", m.info().name, s.area, s.corrected, s.imaginary_limit, s.real_limit, s.boundary.len(), s.failed, t.elapsed());
-    }
-}
-#[test]
-fn fails() {
-    use somersault_integrators::studies::stability::*;
-    for m in ["sv", "siabm4", "sv2","ab2","ab4"] {
-        let m: Method = m.parse().unwrap();
-        let mut k = 0;
-        for i in 0..400 { for j in 0..200 {
-            let l = Lambda { re: -2.5 + i as f64 * 0.0125, im: j as f64 * 0.0125 };
-            if let Err(e) = spectral_radius(m, Default::default(), l) { k+=1; if k % 40 == 1 { println!("{m} {e}"); } }
-        }}
-        println!("{m} {k}");
+        let w = work_precision(
+            &p2,
+            m,
+            Default::default(),
+            &[StepChoice::Fixed(1e-2), StepChoice::Fixed(1e-3)],
+            2,
+            &mut silent,
+        )
+        .unwrap();
+        println!("{:8}", m.info().name);
+        for p in w {
+            println!(
+                "    {:e} {:e} steps {} ev {} {:e} ns/step",
+                p.errors.orientation,
+                p.errors.angular_velocity,
+                p.steps,
+                p.evaluations,
+                p.seconds / p.steps as f64 * 1e9
+            );
+        }
     }
 }

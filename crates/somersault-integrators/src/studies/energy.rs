@@ -311,11 +311,10 @@ impl EnergyStudy {
         self.share_of_bound = self.share_of_bound.max(run.share_of_bound);
         self.largest_rise = self.largest_rise.max(run.largest_rise);
         for (extremes, &ratio) in self.extremes.iter_mut().zip(&run.ratios) {
-            // Also true while there is none.
-            if !(ratio <= extremes.max) {
+            if extremes.max.is_nan() || ratio > extremes.max {
                 (extremes.max, extremes.max_body) = (ratio, body);
             }
-            if !(ratio >= extremes.min) {
+            if extremes.min.is_nan() || ratio < extremes.min {
                 (extremes.min, extremes.min_body) = (ratio, body);
             }
             extremes.gained += usize::from(ratio > 1.0 + ROUNDING);

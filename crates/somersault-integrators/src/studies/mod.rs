@@ -8,6 +8,8 @@
 //! | [`order`] | Tables 7.1, 7.2 | observed orders in position, orientation and both velocities |
 //! | [`work_precision`] | 7.2.1, Figures 7.1, 7.2 | errors against evaluations and time |
 //!
+//! [`problem`] holds the motions that the last two run.
+//!
 //! A function that takes a [`Method`](crate::methods::Method) looks it up in the table; its twin that ends
 //! in `_of` takes a stepper. Long studies report to a [`Progress`] and stop when it says so.
 
@@ -17,7 +19,9 @@ pub mod problem;
 pub mod stability;
 pub mod work_precision;
 
+use crate::body::BodyError;
 use crate::driver::{Flow, IntegrateError};
+use crate::exact::FreeBodyError;
 use crate::stepper::StepError;
 
 /// Called with the parts done and the parts in all; [`Flow::Stop`] ends the study with
@@ -79,6 +83,12 @@ pub enum StudyError {
     /// The method does not apply, or its step failed.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// A body cannot be made.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// The exact motion cannot be given.
+    #[error(transparent)]
+    FreeBody(#[from] FreeBodyError),
     /// A run failed.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),

@@ -307,7 +307,8 @@ fn radius(history: u8, lambda: Lambda, sequence: &dyn Sequence) -> Result<f64, S
             return Err(StudyError::NotFinite { argument, found });
         }
     }
-    let body = unit_mass()?;
+    // The moments take no part.
+    let body = RigidBody::try_principal(1.0, Vector3::repeat(0.4))?;
     let (radius, defect) = if history == 0 {
         one_step_radius(body, lambda, sequence)?
     } else {
@@ -317,12 +318,6 @@ fn radius(history: u8, lambda: Lambda, sequence: &dyn Sequence) -> Result<f64, S
         return Err(StudyError::NotLinear { history, re: lambda.re, im: lambda.im, defect });
     }
     Ok(radius)
-}
-
-fn unit_mass() -> Result<RigidBody, StudyError> {
-    // Its moments take no part. A unit ball has them all positive, so that this cannot fail.
-    RigidBody::try_principal(1.0, Vector3::repeat(0.4))
-        .map_err(|_| StudyError::NotPositive { argument: "mass", found: 1.0 })
 }
 
 /// Spectral radius and relative defect of a method without history: A is the image of a basis.
