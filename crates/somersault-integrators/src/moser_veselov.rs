@@ -242,7 +242,8 @@ impl MoserVeselov {
         let dg = d.component_mul(g);
         let hat = g.cross_matrix();
         let dm = Matrix3::from_diagonal(&d);
-        let s = (1.0 - g.norm_squared()) * dm + g * dg.transpose() + dg * g.transpose() + (hat * dm - dm * hat);
+        let s =
+            (1.0 - g.norm_squared()) * dm + g * dg.transpose() + dg * g.transpose() + (hat * dm - dm * hat);
         let t = Matrix3::from_diagonal_element(s.trace()) - s;
         t.m11 > 0.0 && t.m11 * t.m22 > t.m12 * t.m21 && t.determinant() > 0.0
     }
@@ -306,7 +307,12 @@ pub(crate) mod tests {
     use super::*;
 
     /// Largest entry of Ωᵀ D − D Ω − h hat(L), for F = Ωᵀ.
-    fn matrix_residual(moments: &Vector3<f64>, momentum: &Vector3<f64>, h: f64, f: &UnitQuaternion<f64>) -> f64 {
+    fn matrix_residual(
+        moments: &Vector3<f64>,
+        momentum: &Vector3<f64>,
+        h: f64,
+        f: &UnitQuaternion<f64>,
+    ) -> f64 {
         let d = Matrix3::from_diagonal(&(Vector3::repeat(0.5 * moments.sum()) - moments));
         let f = f.to_rotation_matrix().into_inner();
         (f * d - d * f.transpose() - h * momentum.cross_matrix()).amax()
@@ -387,7 +393,11 @@ pub(crate) mod tests {
             match traced(&map, &impulse) {
                 Some(expected) => {
                     let found = found.unwrap();
-                    assert!((found - expected).norm() < 1e-9, "{:?} {u:?}: {found:?} {expected:?}", map.moments);
+                    assert!(
+                        (found - expected).norm() < 1e-9,
+                        "{:?} {u:?}: {found:?} {expected:?}",
+                        map.moments
+                    );
                     solved += 1;
                 }
                 None => ended += 1,
