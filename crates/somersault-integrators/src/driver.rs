@@ -119,6 +119,16 @@ impl TimeGrid {
         Self::try_new(start, end, (end - start) / steps as f64)
     }
 
+    /// Size of the steps, but for a shorter last one.
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Number of steps of full size.
+    pub fn full_steps(&self) -> u64 {
+        self.full_steps
+    }
+
     /// Number of steps.
     pub fn steps(&self) -> u64 {
         self.full_steps + u64::from(self.has_remainder)

@@ -1,8 +1,9 @@
 //! Integrators for rigid bodies on ℝ³ × SO(3).
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub use nalgebra;
 
+pub mod batch;
 pub mod body;
 pub mod dense;
 pub mod driver;
