@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sphere_is_given_that_its_rotation_is_exact() {
+    fn the_modified_moment_of_a_ball_makes_its_rotation_exact_to_the_order() {
         // With equal moments the discrete equation is Ĩ sin θ = h |L|; the exact motion turns by θ = h |L|/I.
         let (moment, momentum) = (0.7, Vector3::new(0.3, -0.2, 0.4));
         for (order, power) in [
