@@ -1,1 +1,27 @@
-//! somersault-py
+//! Python bindings of somersault.
+//!
+//! These files convert, validate and delegate. The classes of exceptions are in `somersault.errors`.
+#![forbid(unsafe_code)]
+
+mod bodies;
+mod convert;
+mod error;
+mod forces;
+mod integrate;
+mod methods;
+mod trajectory;
+
+/// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
+#[pyo3::pymodule]
+mod _somersault {
+    #[pymodule_export]
+    use crate::bodies::{RigidBody, State};
+    #[pymodule_export]
+    use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
+    #[pymodule_export]
+    use crate::integrate::integrate;
+    #[pymodule_export]
+    use crate::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::trajectory::{DenseOutput, Solution, Trajectory};
+}
