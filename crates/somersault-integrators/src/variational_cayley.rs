@@ -142,7 +142,10 @@ mod tests {
             for h in [1e-8, 1e-3, 0.1, 1.0, -0.2] {
                 let step = increment(&inertia, &inverse, &momentum, h).unwrap();
                 let after = momentum + step.momentum_change;
-                assert!((step.rotation * after - momentum).norm() <= 2e-15 * moments.max(), "{h} {moments:?}");
+                assert!(
+                    (step.rotation * after - momentum).norm() <= 2e-15 * moments.max(),
+                    "{h} {moments:?}"
+                );
             }
         }
     }
