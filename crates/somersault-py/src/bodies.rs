@@ -6,7 +6,7 @@ use crate::convert::{
 };
 use crate::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyTuple, PyType};
 use somersault::core::Inertia;
 use somersault::integrators::body;
 use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
@@ -167,7 +167,8 @@ impl RigidBody {
         let rows = if inertia.is_diagonal() {
             format!("{:?}", inertia.principal_moments().as_slice())
         } else {
-            let rows: Vec<_> = inertia.tensor().row_iter().map(|r| format!("{:?}", [r[0], r[1], r[2]])).collect();
+            let rows: Vec<_> =
+                inertia.tensor().row_iter().map(|r| format!("{:?}", [r[0], r[1], r[2]])).collect();
             format!("[{}]", rows.join(", "))
         };
         format!("RigidBody(mass={:?}, inertia={rows})", self.0.mass())
@@ -287,11 +288,10 @@ impl State {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, [Bound<'py, PyAny>; 4]) {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
         let (py, state) = (slf.py(), slf.get());
-        (
-            slf.get_type(),
-            [state.position(py), state.quaternion(py), state.velocity(py), state.angular_velocity(py)],
-        )
+        let parts =
+            [state.position(py), state.quaternion(py), state.velocity(py), state.angular_velocity(py)];
+        Ok((slf.get_type(), PyTuple::new(py, parts)?))
     }
 }

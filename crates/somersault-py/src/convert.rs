@@ -8,7 +8,7 @@ use numpy::prelude::*;
 use numpy::{PyArrayDyn, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyType};
+use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
 use somersault::integrators::nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 /// How far RᵀR of a rotation matrix may be from the identity: what is left of one written to eight
@@ -34,18 +34,20 @@ fn numbers(argument: &str, expected: &str, value: &Bound<'_, PyAny>) -> Result<N
     let array = py
         .import("numpy")?
         .call_method1("asarray", (value,))
-        .map_err(|_| found(format!("a {}", type_name(value))))?;
+        .map_err(|_| found(format!("{} that is no array", a_type(value))))?;
     let dtype = array.cast::<PyUntypedArray>().map_err(PyErr::from)?.dtype();
     if !matches!(dtype.kind(), b'f' | b'i' | b'u') {
-        return Err(found(format!("a {} of dtype {dtype}", type_name(value))));
+        return Err(found(format!("{} of dtype {dtype}", a_type(value))));
     }
     let array = array.call_method1("astype", ("float64",))?;
     read(array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?)
 }
 
-/// The name of an object's type, for messages.
-pub(crate) fn type_name(value: &Bound<'_, PyAny>) -> String {
-    value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string())
+/// The type of an object in a message: a list, an int.
+pub(crate) fn a_type(value: &Bound<'_, PyAny>) -> String {
+    let name = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+    let vowel = name.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']);
+    format!("{} {name}", if vowel { "an" } else { "a" })
 }
 
 fn check_finite(argument: &str, values: &[f64]) -> Result<(), Error> {
@@ -76,6 +78,12 @@ fn with_shape(argument: &str, shape: &[usize], value: &Bound<'_, PyAny>) -> Resu
 
 /// A vector, which may be NaN or infinite.
 pub(crate) fn any_vector(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vector3<f64>, Error> {
+    // Three numbers in a tuple or a list, as a force returns them in every evaluation.
+    if value.is_instance_of::<PyTuple>() || value.is_instance_of::<PyList>() {
+        if let Ok(v) = value.extract::<[f64; 3]>() {
+            return Ok(v.into());
+        }
+    }
     Ok(Vector3::from_column_slice(&with_shape(argument, &[3], value)?))
 }
 
@@ -128,10 +136,7 @@ pub(crate) enum MomentsOrTensor {
 }
 
 /// Three principal moments, or a 3×3 tensor.
-pub(crate) fn moments_or_tensor(
-    argument: &str,
-    value: &Bound<'_, PyAny>,
-) -> Result<MomentsOrTensor, Error> {
+pub(crate) fn moments_or_tensor(argument: &str, value: &Bound<'_, PyAny>) -> Result<MomentsOrTensor, Error> {
     let expected = "real numbers of shape (3,) or (3, 3)";
     let found = numbers(argument, expected, value)?;
     match found.shape[..] {

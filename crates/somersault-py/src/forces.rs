@@ -1,7 +1,7 @@
 //! Forces and torques: the models of the library, and Python callables in their place.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{any_vector, any_vectors, finite, type_name, vector, vector_array, vector_or};
+use crate::convert::{a_type, any_vector, any_vectors, finite, vector, vector_array, vector_or};
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySequence, PyString};
@@ -67,7 +67,7 @@ impl force::ForceModel for Shared {
 fn build<M, C>(model: M, wrap: impl FnOnce(M) -> C) -> PyClassInitializer<C>
 where
     M: force::ForceModel + Copy + Send + Sync + 'static,
-    C: PyClass<BaseType = ForceModel>,
+    C: pyo3::PyClass<BaseType = ForceModel>,
 {
     PyClassInitializer::from(ForceModel(Shared(Arc::new(model)))).add_subclass(wrap(model))
 }
@@ -86,8 +86,7 @@ impl Gravity {
     #[new]
     #[pyo3(signature = (acceleration=None))]
     fn new(acceleration: Option<&Bound<'_, PyAny>>) -> Result<PyClassInitializer<Self>, Error> {
-        let acceleration =
-            vector_or("acceleration", acceleration, force::Gravity::earth().acceleration)?;
+        let acceleration = vector_or("acceleration", acceleration, force::Gravity::earth().acceleration)?;
         Ok(build(force::Gravity { acceleration }, Self))
     }
 
@@ -299,7 +298,10 @@ pub(crate) struct Force(force::ConstantForce);
 impl Force {
     #[new]
     #[pyo3(signature = (force, point=None))]
-    fn new(force: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> Result<PyClassInitializer<Self>, Error> {
+    fn new(
+        force: &Bound<'_, PyAny>,
+        point: Option<&Bound<'_, PyAny>>,
+    ) -> Result<PyClassInitializer<Self>, Error> {
         let force = force::ConstantForce {
             force: vector("force", force)?,
             point: vector_or("point", point, Vector3::zeros())?,
@@ -385,7 +387,7 @@ fn check_returned(name: &str, t: f64, finite: bool) -> Result<(), Error> {
     if finite {
         Ok(())
     } else {
-        Err(Error::input(format!("{name} returned a force or torque that is NaN or infinite at t = {t}")))
+        Err(Error::input(format!("`{name}` returned a force or torque that is NaN or infinite at t = {t}")))
     }
 }
 
@@ -404,8 +406,8 @@ impl force::ForceModel for CallableForce {
             let returned = self.callable.call1(py, (t, State(*x)))?;
             let (force, torque) = pair(&self.name, "(3,)", returned.bind(py))?;
             let wrench = Wrench {
-                force: any_vector(&format!("force returned by {}", self.name), &force)?,
-                torque: any_vector(&format!("torque returned by {}", self.name), &torque)?,
+                force: any_vector(&format!("{}(t, state)[0]", self.name), &force)?,
+                torque: any_vector(&format!("{}(t, state)[1]", self.name), &torque)?,
             };
             check_returned(&self.name, t, (wrench.force + wrench.torque).iter().all(|x| x.is_finite()))?;
             Ok(wrench)
@@ -420,18 +422,16 @@ fn pair<'py>(
 ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
     returned.extract().map_err(|_| {
         Error::input(format!(
-            "{name} must return a pair (force, torque), each of shape {shape}, found a {}",
-            type_name(returned)
+            "`{name}` must return a pair (force, torque), each of shape {shape}, found {}",
+            a_type(returned)
         ))
     })
 }
 
-/// The name of a callable in messages: what it calls itself, and where it was given.
-fn callable_name(argument: &str, callable: &Bound<'_, PyAny>) -> String {
-    match callable.getattr("__qualname__").and_then(|name| name.extract::<String>()) {
-        Ok(name) => format!("`{argument}` {name}"),
-        Err(_) => format!("`{argument}` of type {}", type_name(callable)),
-    }
+/// What a callable calls itself, for messages.
+fn callable_name(callable: &Bound<'_, PyAny>) -> String {
+    let name = callable.getattr("__qualname__").and_then(|name| name.extract::<String>());
+    name.or_else(|_| callable.get_type().name().map(|name| name.to_string())).unwrap_or_default()
 }
 
 /// Reads force models, and notes whether a Python callable is among them.
@@ -449,13 +449,13 @@ impl Reader {
             self.calls_python = true;
             return Ok(Box::new(CallableForce {
                 callable: value.clone().unbind(),
-                name: callable_name(argument, value),
+                name: callable_name(value),
                 failure: self.failure.clone(),
             }));
         }
         Err(Error::input(format!(
-            "`{argument}` must hold force models or callables f(t, state) -> (force, torque), found a {}",
-            type_name(value)
+            "`{argument}` must hold force models or callables f(t, state) -> (force, torque), found {}",
+            a_type(value)
         )))
     }
 
@@ -496,13 +496,13 @@ impl Reader {
             self.calls_python = true;
             return Ok(Between::Callable {
                 callable: value.clone().unbind(),
-                name: callable_name("interaction", value),
+                name: callable_name(value),
                 failure: self.failure.clone(),
             });
         }
         Err(Error::input(format!(
-            "`interaction` must be a Gravitation or a callable f(t, states) -> (forces, torques), found a {}",
-            type_name(value)
+            "`interaction` must be a Gravitation or a callable f(t, states) -> (forces, torques), found {}",
+            a_type(value)
         )))
     }
 }
@@ -530,8 +530,8 @@ impl Interaction for Between {
                     let returned = callable.call1(py, (t, states_list(py, x)?))?;
                     let shape = format!("({}, 3)", out.len());
                     let (forces, torques) = pair(name, &shape, returned.bind(py))?;
-                    let forces = any_vectors(&format!("forces returned by {name}"), &[out.len()], &forces)?;
-                    let torques = any_vectors(&format!("torques returned by {name}"), &[out.len()], &torques)?;
+                    let forces = any_vectors(&format!("{name}(t, states)[0]"), &[out.len()], &forces)?;
+                    let torques = any_vectors(&format!("{name}(t, states)[1]"), &[out.len()], &torques)?;
                     let finite = forces.iter().chain(&torques).all(|v| v.iter().all(|x| x.is_finite()));
                     check_returned(name, t, finite)?;
                     let twists = forces.into_iter().zip(torques);

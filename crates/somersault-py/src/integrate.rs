@@ -119,7 +119,8 @@ impl ProgressBar {
         })?;
         let options = PyDict::new(py);
         options.set_item("total", end - start)?;
-        options.set_item("bar_format", "{l_bar}{bar}| t = {n:.4g} of {total:.4g} s [{elapsed}<{remaining}]")?;
+        options
+            .set_item("bar_format", "{l_bar}{bar}| t = {n:.4g} of {total:.4g} s [{elapsed}<{remaining}]")?;
         let bar = tqdm.getattr("tqdm")?.call((), Some(&options))?.unbind();
         Ok(Self { bar, shown: start })
     }
@@ -266,7 +267,11 @@ where
 fn adaptive_names() -> String {
     let names: Vec<_> =
         Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
-    if names.is_empty() { "no method has one".to_owned() } else { format!("those with one are {}", names.join(", ")) }
+    if names.is_empty() {
+        "no method has one".to_owned()
+    } else {
+        format!("those with one are {}", names.join(", "))
+    }
 }
 
 /// Motion of one rigid body, or of several, under forces.
@@ -354,7 +359,7 @@ pub(crate) fn integrate<'py>(
     py: Python<'py>,
     body: &Bound<'py, PyAny>,
     state: &Bound<'py, PyAny>,
-    interval: (f64, f64),
+    interval: [f64; 2],
     dt: Option<f64>,
     method: Option<&Bound<'py, PyAny>>,
     forces: Option<&Bound<'py, PyAny>>,
@@ -371,6 +376,7 @@ pub(crate) fn integrate<'py>(
     on_interrupt: &str,
     progress: bool,
 ) -> Result<Py<Solution>, Error> {
+    let interval = (interval[0], interval[1]);
     let cast = Cast::extract("body", body)?;
     let initial = cast.states("state", state)?;
     let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
@@ -394,7 +400,9 @@ pub(crate) fn integrate<'py>(
                 ("max_steps", max_steps.is_some()),
             ];
             if let Some((name, _)) = adaptive.iter().find(|(_, given)| *given) {
-                return Err(Error::input(format!("`{name}` is for adaptive steps; leave out `dt` to have them")));
+                return Err(Error::input(format!(
+                    "`{name}` is for adaptive steps; leave out `dt` to have them"
+                )));
             }
             Steps::Fixed(TimeGrid::try_new(interval.0, interval.1, dt)?)
         }
@@ -436,8 +444,8 @@ pub(crate) fn integrate<'py>(
     if let Some(observer) = &observer {
         if !observer.is_callable() {
             return Err(Error::input(format!(
-                "`observer` must be a callable f(t, state), found a {}",
-                crate::convert::type_name(observer)
+                "`observer` must be a callable f(t, state), found {}",
+                crate::convert::a_type(observer)
             )));
         }
     }

@@ -24,4 +24,9 @@ mod _somersault {
     use crate::methods::{MethodInfo, MethodTable, method, methods};
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
+
+    /// The version of the package.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
 }

@@ -155,11 +155,9 @@ impl MethodTable {
         }
         let index: isize = key.extract()?;
         let from_start = if index < 0 { index + Method::ALL.len() as isize } else { index };
-        usize::try_from(from_start)
-            .ok()
-            .and_then(|i| Method::ALL.get(i))
-            .map(|m| MethodInfo(*m))
-            .ok_or_else(|| PyIndexError::new_err(format!("there are {} methods, found index {index}", Method::ALL.len())))
+        usize::try_from(from_start).ok().and_then(|i| Method::ALL.get(i)).map(|m| MethodInfo(*m)).ok_or_else(
+            || PyIndexError::new_err(format!("there are {} methods, found index {index}", Method::ALL.len())),
+        )
     }
 
     fn __repr__(&self) -> String {
@@ -247,8 +245,8 @@ pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Method
     }
     let name = value.cast::<PyString>().map_err(|_| {
         Error::input(format!(
-            "`{argument}` must be a name or a row of the method table, found a {}",
-            crate::convert::type_name(value)
+            "`{argument}` must be a name or a row of the method table, found {}",
+            crate::convert::a_type(value)
         ))
     })?;
     Ok(parse(name.to_cow()?.as_ref())?)

@@ -27,8 +27,8 @@ impl Cast {
             return Ok(Self { bodies: vec![body], single: true });
         }
         let wrong = |found: &Bound<'_, PyAny>| {
-            let found = crate::convert::type_name(found);
-            Error::input(format!("`{argument}` must be a RigidBody or a sequence of them, found a {found}"))
+            let found = a_type(found);
+            Error::input(format!("`{argument}` must be a RigidBody or a sequence of them, found {found}"))
         };
         let list = sequence(value).ok_or_else(|| wrong(value))?;
         let mut bodies = Vec::new();
@@ -49,22 +49,20 @@ impl Cast {
         value: &Bound<'_, PyAny>,
     ) -> Result<Vec<RigidBodyState>, Error> {
         if self.single {
-            let wrong = |_| {
-                let found = crate::convert::type_name(value);
-                Error::input(format!("`{argument}` must be a State, found a {found}"))
-            };
+            let wrong = |_| Error::input(format!("`{argument}` must be a State, found {}", a_type(value)));
             return Ok(vec![value.extract::<State>().map_err(wrong)?.0]);
         }
         let wrong = |found: String| {
             let n = self.bodies.len();
-            Error::input(format!("`{argument}` must be a sequence of {n} states, one for each body, found {found}"))
+            Error::input(format!(
+                "`{argument}` must be a sequence of {n} states, one for each body, found {found}"
+            ))
         };
-        let a = |value: &Bound<'_, PyAny>| format!("a {}", crate::convert::type_name(value));
-        let list = sequence(value).ok_or_else(|| wrong(a(value)))?;
+        let list = sequence(value).ok_or_else(|| wrong(a_type(value)))?;
         let mut states = Vec::new();
         for entry in list.try_iter()? {
             let entry = entry?;
-            states.push(entry.extract::<State>().map_err(|_| wrong(format!("{} in it", a(&entry))))?.0);
+            states.push(entry.extract::<State>().map_err(|_| wrong(format!("{} in it", a_type(&entry))))?.0);
         }
         if states.len() != self.bodies.len() {
             return Err(wrong(format!("{} states", states.len())));
@@ -82,20 +80,23 @@ impl Cast {
     }
 }
 
-/// Arrays made when first asked for.
-#[derive(Default)]
-struct Arrays {
-    t: PyOnceLock<Py<PyAny>>,
-    position: PyOnceLock<Py<PyAny>>,
-    orientation: PyOnceLock<Py<PyAny>>,
-    quaternion: PyOnceLock<Py<PyAny>>,
-    velocity: PyOnceLock<Py<PyAny>>,
-    angular_velocity: PyOnceLock<Py<PyAny>>,
-    angular_velocity_body: PyOnceLock<Py<PyAny>>,
-    angular_momentum: PyOnceLock<Py<PyAny>>,
-    kinetic_energy: PyOnceLock<Py<PyAny>>,
-    rotational_energy: PyOnceLock<Py<PyAny>>,
+/// What is made for Python when it is first asked for.
+#[derive(Clone, Copy)]
+enum Made {
+    T,
+    Position,
+    Orientation,
+    Quaternion,
+    Velocity,
+    AngularVelocity,
+    AngularVelocityBody,
+    AngularMomentum,
+    KineticEnergy,
+    RotationalEnergy,
 }
+
+/// The number of kinds of it.
+const MADE: usize = Made::RotationalEnergy as usize + 1;
 
 /// States of one body or of several over time.
 ///
@@ -123,22 +124,22 @@ pub(crate) struct Trajectory {
     times: Vec<f64>,
     /// The states of all bodies at the first time, then at the second, …
     states: Vec<RigidBodyState>,
-    arrays: Arrays,
+    made: [PyOnceLock<Py<PyAny>>; MADE],
 }
 
 impl Trajectory {
     pub(crate) fn new(cast: Cast, times: Vec<f64>, states: Vec<RigidBodyState>) -> Self {
-        Self { cast, times, states, arrays: Arrays::default() }
+        Self { cast, times, states, made: std::array::from_fn(|_| PyOnceLock::new()) }
     }
 
     /// The array of `N` numbers for each body at each time.
     fn array<'py, const N: usize>(
         &self,
         py: Python<'py>,
-        lock: &PyOnceLock<Py<PyAny>>,
+        what: Made,
         values: impl Fn(&body::RigidBody, &RigidBodyState) -> [f64; N],
     ) -> PyResult<Bound<'py, PyAny>> {
-        let made = lock.get_or_try_init(py, || {
+        let made = self.made[what as usize].get_or_try_init(py, || {
             let bodies = self.cast.bodies.iter().cycle();
             let flat: Vec<f64> = bodies.zip(&self.states).flat_map(|(body, x)| values(body, x)).collect();
             let mut shape = vec![self.times.len()];
@@ -209,21 +210,21 @@ impl Trajectory {
     /// ndarray, shape (n,): Times, s.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        let made =
-            self.arrays.t.get_or_init(py, || numpy::PyArray1::from_slice(py, &self.times).into_any().unbind());
+        let made = self.made[Made::T as usize]
+            .get_or_init(py, || numpy::PyArray1::from_slice(py, &self.times).into_any().unbind());
         made.bind(py).clone()
     }
 
     /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.position, |_, x| (*x.position()).into())
+        self.array(py, Made::Position, |_, x| (*x.position()).into())
     }
 
     /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
     #[getter]
     fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.quaternion, |_, x| components(x.orientation()))
+        self.array(py, Made::Quaternion, |_, x| components(x.orientation()))
     }
 
     /// scipy.spatial.transform.Rotation: Rotations from the body frame to the world frame.
@@ -231,28 +232,27 @@ impl Trajectory {
     /// A stack of n for one body. For several, of shape (n, bodies), which SciPy has from 1.17 on.
     #[getter]
     fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let made = self.arrays.orientation.get_or_try_init(py, || {
-            Ok::<_, PyErr>(rotation(&self.quaternion(py)?)?.unbind())
-        })?;
+        let made = self.made[Made::Orientation as usize]
+            .get_or_try_init(py, || Ok::<_, PyErr>(rotation(&self.quaternion(py)?)?.unbind()))?;
         Ok(made.bind(py).clone())
     }
 
     /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.velocity, |_, x| (*x.velocity()).into())
+        self.array(py, Made::Velocity, |_, x| (*x.velocity()).into())
     }
 
     /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
     #[getter]
     fn angular_velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.angular_velocity, |_, x| (*x.angular_velocity()).into())
+        self.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into())
     }
 
     /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the body frame, rad/s.
     #[getter]
     fn angular_velocity_body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.angular_velocity_body, |_, x| {
+        self.array(py, Made::AngularVelocityBody, |_, x| {
             x.orientation().inverse_transform_vector(x.angular_velocity()).into()
         })
     }
@@ -260,19 +260,19 @@ impl Trajectory {
     /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
     #[getter]
     fn angular_momentum<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.angular_momentum, |body, x| body.angular_momentum(x).into())
+        self.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into())
     }
 
     /// ndarray, shape (n,) or (n, bodies): Kinetic energies of translation and rotation, J.
     #[getter]
     fn kinetic_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.kinetic_energy, |body, x| [body.kinetic_energy(x)])
+        self.array(py, Made::KineticEnergy, |body, x| [body.kinetic_energy(x)])
     }
 
     /// ndarray, shape (n,) or (n, bodies): Kinetic energies of the rotation, J.
     #[getter]
     fn rotational_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &self.arrays.rotational_energy, |body, x| [body.rotational_energy(x)])
+        self.array(py, Made::RotationalEnergy, |body, x| [body.rotational_energy(x)])
     }
 
     fn __len__(&self) -> usize {
@@ -296,14 +296,14 @@ impl Trajectory {
             [t] => format!(" at t = {t}"),
             [first, .., last] => format!(" from t = {first} to {last}"),
         };
-        let bodies = if self.cast.single { String::new() } else { format!(", {} bodies", self.cast.bodies.len()) };
+        let bodies =
+            if self.cast.single { String::new() } else { format!(", {} bodies", self.cast.bodies.len()) };
         format!("<Trajectory: {} states{span}{bodies}>", self.times.len())
     }
 
-    fn __reduce__<'py>(
-        slf: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyType>, [Bound<'py, PyAny>; 6])> {
-        Ok((slf.py().get_type::<Self>(), slf.get().arguments(slf.py())?))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let py = slf.py();
+        Ok((py.get_type::<Self>(), PyTuple::new(py, slf.get().arguments(py)?)?))
     }
 }
 
@@ -526,12 +526,12 @@ impl Solution {
         _: &Bound<'_, PyType>,
         py: Python<'_>,
         arrays: [Bound<'_, PyAny>; 6],
-        (status, message, nfev, n_steps, n_rejected): (i32, String, u64, u64, u64),
+        report: (i32, String, u64, u64, u64),
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
+        let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
         Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, dense: None }))?)
     }
 }
-
