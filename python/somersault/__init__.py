@@ -11,7 +11,7 @@ Units are SI and angles radians. Everything is in the world frame but for names 
 ``_body``. Quaternions are in SciPy's order (x, y, z, w) and lead from the body frame to the world.
 """
 
-from somersault import errors, forces, integrators
+from somersault import batch, errors, exact, forces, integrators
 from somersault._somersault import (
     DenseOutput,
     MethodInfo,
@@ -36,7 +36,9 @@ __all__ = [
     "SomersaultError",
     "State",
     "Trajectory",
+    "batch",
     "errors",
+    "exact",
     "forces",
     "integrate",
     "integrators",

@@ -10,6 +10,7 @@ __all__ = [
     "BatchInputError",
     "BodyError",
     "CountMismatchError",
+    "FreeBodyError",
     "InertiaError",
     "InputError",
     "IntegrateError",
@@ -67,3 +68,7 @@ class BatchError(SomersaultError):
 
 class BatchInputError(BatchError, InputError):
     """The arguments of a batch do not fit together."""
+
+
+class FreeBodyError(InputError):
+    """A time at which the exact motion is asked for, or the state there, is not finite."""

@@ -174,9 +174,9 @@ impl RigidBody {
         format!("RigidBody(mass={:?}, inertia={rows})", self.0.mass())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, (f64, Bound<'py, PyAny>))> {
-        let body = slf.get();
-        Ok((slf.get_type(), (body.mass(), body.inertia(slf.py())?)))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, body) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (body.mass(), body.inertia(py)?).into_pyobject(py)?))
     }
 }
 

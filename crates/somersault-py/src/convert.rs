@@ -60,6 +60,7 @@ fn check_finite(argument: &str, values: &[f64]) -> Result<(), Error> {
 fn shape_text(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),
+        [] => "()".to_owned(),
         _ => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
     }
 }
@@ -79,10 +80,10 @@ fn with_shape(argument: &str, shape: &[usize], value: &Bound<'_, PyAny>) -> Resu
 /// A vector, which may be NaN or infinite.
 pub(crate) fn any_vector(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vector3<f64>, Error> {
     // Three numbers in a tuple or a list, as a force returns them in every evaluation.
-    if value.is_instance_of::<PyTuple>() || value.is_instance_of::<PyList>() {
-        if let Ok(v) = value.extract::<[f64; 3]>() {
-            return Ok(v.into());
-        }
+    if (value.is_instance_of::<PyTuple>() || value.is_instance_of::<PyList>())
+        && let Ok(v) = value.extract::<[f64; 3]>()
+    {
+        return Ok(v.into());
     }
     Ok(Vector3::from_column_slice(&with_shape(argument, &[3], value)?))
 }
@@ -215,6 +216,24 @@ pub(crate) fn times(argument: &str, value: &Bound<'_, PyAny>) -> Result<(bool, V
     match found.shape[..] {
         [] => Ok((true, found.values)),
         [_] => Ok((false, found.values)),
+        _ => Err(Error::input(format!(
+            "`{argument}` must be {expected}, found shape {}",
+            shape_text(&found.shape)
+        ))),
+    }
+}
+
+/// One number for each of `count` entries, from as many or from one for all.
+pub(crate) fn numbers_or_one(
+    argument: &str,
+    count: usize,
+    value: &Bound<'_, PyAny>,
+) -> Result<Vec<f64>, Error> {
+    let expected = format!("a real number or numbers of shape ({count},)");
+    let found = numbers(argument, &expected, value)?;
+    match found.shape[..] {
+        [] => Ok(vec![found.values[0]; count]),
+        [n] if n == count => Ok(found.values),
         _ => Err(Error::input(format!(
             "`{argument}` must be {expected}, found shape {}",
             shape_text(&found.shape)

@@ -9,6 +9,7 @@ use somersault::core::InertiaError;
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::exact::FreeBodyError;
 use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::system::CountMismatch;
@@ -115,5 +116,11 @@ impl From<BatchError> for Error {
             }
             error => Self::own("BatchError", &error),
         }
+    }
+}
+
+impl From<FreeBodyError> for Error {
+    fn from(error: FreeBodyError) -> Self {
+        Self::own("FreeBodyError", &error)
     }
 }

@@ -175,10 +175,11 @@ impl<Q: Seen> Observer<Q> for Monitor<Q> {
                 Err(error) => self.failure.set(error),
             }
         }
-        if step.index.is_multiple_of(STEPS_PER_LOOK) && self.last_look.elapsed() >= ATTENTION {
-            if let Err(error) = self.look(step.t_after) {
-                self.failure.set(error);
-            }
+        if step.index.is_multiple_of(STEPS_PER_LOOK)
+            && self.last_look.elapsed() >= ATTENTION
+            && let Err(error) = self.look(step.t_after)
+        {
+            self.failure.set(error);
         }
         if self.failure.get().is_some() { Flow::Stop } else { flow }
     }
@@ -441,13 +442,13 @@ pub(crate) fn integrate<'py>(
             return Err(Error::input(message));
         }
     };
-    if let Some(observer) = &observer {
-        if !observer.is_callable() {
-            return Err(Error::input(format!(
-                "`observer` must be a callable f(t, state), found {}",
-                crate::convert::a_type(observer)
-            )));
-        }
+    if let Some(observer) = &observer
+        && !observer.is_callable()
+    {
+        return Err(Error::input(format!(
+            "`observer` must be a callable f(t, state), found {}",
+            crate::convert::a_type(observer)
+        )));
     }
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };

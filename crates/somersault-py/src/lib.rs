@@ -3,9 +3,11 @@
 //! These files convert, validate and delegate. The classes of exceptions are in `somersault.errors`.
 #![forbid(unsafe_code)]
 
+mod batch;
 mod bodies;
 mod convert;
 mod error;
+mod exact;
 mod forces;
 mod integrate;
 mod methods;
@@ -15,7 +17,11 @@ mod trajectory;
 #[pyo3::pymodule]
 mod _somersault {
     #[pymodule_export]
+    use crate::batch::integrate_batch;
+    #[pymodule_export]
     use crate::bodies::{RigidBody, State};
+    #[pymodule_export]
+    use crate::exact::FreeBody;
     #[pymodule_export]
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]

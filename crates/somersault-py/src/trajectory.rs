@@ -1,7 +1,7 @@
 //! What an integration leaves: states over time, and what is derived from them.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{any_vectors, array, components, quaternions, rotation, times};
+use crate::convert::{a_type, any_vectors, array, components, quaternions, rotation, times};
 use crate::error::Error;
 use crate::forces::sequence;
 use pyo3::exceptions::PyIndexError;
