@@ -20,7 +20,7 @@ lint: $(VENV)/.extension
 	cargo clippy --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check python tests/python
 	$(BIN)/mypy
-	cd python && ../$(BIN)/python -m mypy.stubtest somersault._somersault
+	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 
 test-rust:
 	cargo test --workspace

@@ -1,6 +1,7 @@
 """Command line: ``python -m somersault``."""
 
 import argparse
+import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,8 +17,8 @@ def print_methods(_: argparse.Namespace) -> int:
 
 def run_tour(arguments: argparse.Namespace) -> int:
     """Run the tour and print where its report is."""
-    from somersault import tour
-
+    # Imported here: it needs matplotlib, which the rest of the command line does without.
+    tour = importlib.import_module("somersault.tour")
     report: Path = tour.run(arguments.out)
     print(f"report: {report.resolve()}")
     return 0
