@@ -412,7 +412,9 @@ fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
     check_state(initial)?;
     let mut memory = stepper.start(system, initial)?;
     let order = f64::from(M::INFO.embedded.unwrap_or(M::INFO.orders.rotation)) + 1.0;
-    let (integral, proportional) = (0.7 / order, 0.4 / order);
+    let beta: f64 = std::env::var("BETA").ok().and_then(|x| x.parse().ok()).unwrap_or(0.2);
+    let safety: f64 = std::env::var("SAF").ok().and_then(|x| x.parse().ok()).unwrap_or(0.9);
+    let (integral, proportional) = ((1.0-0.75*beta) / order, beta / order);
     let mut h = control.first_step.unwrap_or_else(|| first_step(system, start, initial, order, control));
     h = h.min(control.max_step).min(end - start);
     let mut before = initial.clone();
@@ -436,7 +438,7 @@ fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
         if !error.is_finite() || !after.is_finite() || error > 1.0 {
             rejected += 1;
             just_rejected = true;
-            stepper.restart(&mut memory);
+            stepper.reject(&mut memory);
             let shrink = if error.is_finite() { SAFETY * error.powf(-1.0 / order) } else { 0.2 };
             h = step * shrink.clamp(0.2, 1.0);
             if t + h <= t {
@@ -460,7 +462,7 @@ fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
             segment: &mut || stepper.segment(system, t, &before, step, &mut memory, &after),
         });
         let error = error.max(1e-10);
-        let mut growth = SAFETY * error.powf(-integral) * last_error.powf(proportional);
+        let mut growth = safety * error.powf(-integral) * last_error.powf(proportional);
         if just_rejected {
             growth = growth.min(1.0);
         }

@@ -13,3 +13,4 @@ pub mod solution;
 pub mod state;
 pub mod stepper;
 pub mod system;
+pub mod tableau;

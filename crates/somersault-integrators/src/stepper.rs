@@ -203,6 +203,13 @@ pub trait EmbeddedStepper<S: System>: Stepper<S> {
         memory: &mut Self::Memory,
         tolerances: &Tolerances,
     ) -> f64;
+
+    /// Takes back the step just made: the next one starts from the same state at the same time.
+    ///
+    /// By default the memory restarts; a method that knows the slope there keeps it.
+    fn reject(&self, memory: &mut Self::Memory) {
+        self.restart(memory);
+    }
 }
 
 /// Root mean square of an error in configuration and rate, weighed by the tolerances.

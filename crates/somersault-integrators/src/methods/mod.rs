@@ -15,6 +15,7 @@ pub mod heun;
 pub mod mp;
 pub mod rk4;
 pub mod rkmk;
+pub mod rkmk_tableau;
 pub mod siabm2;
 pub mod siabm4;
 pub mod sie;
@@ -33,6 +34,9 @@ pub use heun::Heun;
 pub use mp::Midpoint;
 pub use rk4::RungeKutta4;
 pub use rkmk::RungeKuttaMuntheKaas4;
+pub use rkmk_tableau::{
+    BogackiShampine, Coefficients, Dop853, DormandPrince, EmbeddedCoefficients, RungeKuttaMuntheKaas,
+};
 pub use siabm2::SemiImplicitAdams2;
 pub use siabm4::SemiImplicitAdams4;
 pub use sie::SemiImplicitEuler;
