@@ -213,7 +213,7 @@ impl Inertia {
     }
 
     /// I ω, both in the body frame.
-    #[inline]
+    #[inline(always)]
     pub fn momentum(&self, angular_velocity_body: &Vector3<f64>) -> Vector3<f64> {
         if self.is_diagonal {
             self.principal_moments.component_mul(angular_velocity_body)
@@ -223,7 +223,7 @@ impl Inertia {
     }
 
     /// I⁻¹ L, both in the body frame.
-    #[inline]
+    #[inline(always)]
     pub fn velocity(&self, angular_momentum_body: &Vector3<f64>) -> Vector3<f64> {
         if self.is_diagonal {
             self.inverse.diagonal().component_mul(angular_momentum_body)

@@ -119,6 +119,16 @@ impl TimeGrid {
         Self::try_new(start, end, (end - start) / steps as f64)
     }
 
+    /// Size of the steps, but for a shorter last one.
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
+
+    /// Number of steps of full size.
+    pub fn full_steps(&self) -> u64 {
+        self.full_steps
+    }
+
     /// Number of steps.
     pub fn steps(&self) -> u64 {
         self.full_steps + u64::from(self.has_remainder)
@@ -407,20 +417,20 @@ fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
     observe: &mut impl FnMut(RawStep<'_, S::Configuration>) -> Flow,
 ) -> Result<Outcome<S::Configuration>, IntegrateError> {
     const SAFETY: f64 = 0.9;
+    // Errors below 1e-4 are remembered as that.
+    const LEAST_REMEMBERED: f64 = -9.210_340_371_976_182;
     check_interval(start, end)?;
     control.check()?;
     check_state(initial)?;
     let mut memory = stepper.start(system, initial)?;
     let order = f64::from(M::INFO.embedded.unwrap_or(M::INFO.orders.rotation)) + 1.0;
-    let beta: f64 = std::env::var("BETA").ok().and_then(|x| x.parse().ok()).unwrap_or(0.2);
-    let safety: f64 = std::env::var("SAF").ok().and_then(|x| x.parse().ok()).unwrap_or(0.9);
-    let (integral, proportional) = ((1.0-0.75*beta) / order, beta / order);
+    let (integral, proportional) = (0.85 / order, 0.2 / order);
     let mut h = control.first_step.unwrap_or_else(|| first_step(system, start, initial, order, control));
     h = h.min(control.max_step).min(end - start);
     let mut before = initial.clone();
     let mut after = initial.clone();
     let (mut t, mut accepted, mut rejected) = (start, 0, 0);
-    let mut last_error: f64 = 1e-4;
+    let mut last_log_error: f64 = LEAST_REMEMBERED;
     let mut just_rejected = false;
     while t < end {
         if accepted + rejected >= control.max_steps as u64 {
@@ -461,13 +471,13 @@ fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
             after: &after,
             segment: &mut || stepper.segment(system, t, &before, step, &mut memory, &after),
         });
-        let error = error.max(1e-10);
-        let mut growth = safety * error.powf(-integral) * last_error.powf(proportional);
+        let log_error = error.max(1e-10).ln();
+        let mut growth = SAFETY * (proportional * last_log_error - integral * log_error).exp();
         if just_rejected {
             growth = growth.min(1.0);
         }
         h = (step * growth.clamp(0.2, 5.0)).min(control.max_step);
-        last_error = error.max(1e-4);
+        last_log_error = log_error.max(LEAST_REMEMBERED);
         just_rejected = false;
         t = t_after;
         std::mem::swap(&mut before, &mut after);

@@ -1,16 +1,21 @@
 //! Integrators for rigid bodies on ℝ³ × SO(3).
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub use nalgebra;
 
+pub mod batch;
 pub mod body;
 pub mod dense;
 pub mod driver;
 pub mod force;
+mod inverse3;
 pub mod methods;
+pub mod moser_veselov;
+pub mod preprocessing;
 pub mod scratch;
 pub mod solution;
 pub mod state;
 pub mod stepper;
 pub mod system;
 pub mod tableau;
+pub mod variational_cayley;

@@ -200,9 +200,10 @@ impl RigidBodyState {
     }
 }
 
-#[inline]
-fn finite(v: &Vector3<f64>) -> bool {
-    v.iter().all(|x| x.is_finite())
+/// Whether all numbers are finite: 0 · x is 0 for them and NaN for the rest, without a branch each.
+#[inline(always)]
+fn finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
+    numbers.into_iter().fold(0.0, |sum, x| sum + 0.0 * x) == 0.0
 }
 
 impl Storage for Twist {
@@ -210,20 +211,20 @@ impl Storage for Twist {
 }
 
 impl Rate for Twist {
-    #[inline]
+    #[inline(always)]
     fn assign(&mut self, other: &Self) {
         *self = *other;
     }
-    #[inline]
+    #[inline(always)]
     fn set_zero(&mut self) {
         *self = Self::default();
     }
-    #[inline]
+    #[inline(always)]
     fn scale(&mut self, a: f64) {
         self.linear *= a;
         self.angular *= a;
     }
-    #[inline]
+    #[inline(always)]
     fn axpy(&mut self, a: f64, x: &Self) {
         self.linear += x.linear * a;
         self.angular += x.angular * a;
@@ -235,19 +236,19 @@ impl Rate for Twist {
         terms.for_each(|(a, x)| sum.axpy(a, x));
         *self = sum;
     }
-    #[inline]
+    #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {
         self.angular += x.angular.cross(&y.angular) * a;
     }
-    #[inline]
+    #[inline(always)]
     fn dexp_inv(&mut self, u: &Self) {
         self.angular = so3::dexp_inv(&u.angular, &self.angular);
     }
-    #[inline]
+    #[inline(always)]
     fn is_finite(&self) -> bool {
-        finite(&self.linear) && finite(&self.angular)
+        finite(self.linear.iter().chain(&self.angular))
     }
-    #[inline]
+    #[inline(always)]
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         sum.add(&error.linear, self.linear.norm().max(other.linear.norm()), tolerances);
         sum.add(&error.angular, self.angular.norm().max(other.angular.norm()), tolerances);
@@ -260,29 +261,29 @@ impl Storage for Pose {
 
 impl Configuration for Pose {
     type Rate = Twist;
-    #[inline]
+    #[inline(always)]
     fn assign(&mut self, other: &Self) {
         *self = *other;
     }
-    #[inline]
+    #[inline(always)]
     fn drift(&mut self, rate: &Twist, h: f64) {
         self.position += rate.linear * h;
         self.orientation = so3::exp(&(rate.angular * h)) * self.orientation;
     }
-    #[inline]
+    #[inline(always)]
     fn difference(&self, from: &Self, out: &mut Twist) {
         out.linear = self.position - from.position;
         out.angular = so3::log(&(self.orientation * from.orientation.inverse()));
     }
-    #[inline]
+    #[inline(always)]
     fn renormalize(&mut self) {
         self.orientation = so3::renormalize(&self.orientation);
     }
-    #[inline]
+    #[inline(always)]
     fn is_finite(&self) -> bool {
-        finite(&self.position) && self.orientation.coords.iter().all(|x| x.is_finite())
+        finite(self.position.iter().chain(&self.orientation.coords))
     }
-    #[inline]
+    #[inline(always)]
     fn weigh(&self, other: &Self, error: &Twist, tolerances: &Tolerances, sum: &mut ErrorSum) {
         sum.add(&error.linear, self.position.norm().max(other.position.norm()), tolerances);
         sum.add(&error.angular, 1.0, tolerances);
@@ -299,19 +300,19 @@ impl Storage for InBody<Twist> {
 }
 
 impl Rate for InBody<Twist> {
-    #[inline]
+    #[inline(always)]
     fn assign(&mut self, other: &Self) {
         *self = *other;
     }
-    #[inline]
+    #[inline(always)]
     fn set_zero(&mut self) {
         self.0.set_zero();
     }
-    #[inline]
+    #[inline(always)]
     fn scale(&mut self, a: f64) {
         self.0.scale(a);
     }
-    #[inline]
+    #[inline(always)]
     fn axpy(&mut self, a: f64, x: &Self) {
         self.0.axpy(a, &x.0);
     }
@@ -319,19 +320,19 @@ impl Rate for InBody<Twist> {
     fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
         self.0.add_sum(terms.map(|(a, x)| (a, &x.0)));
     }
-    #[inline]
+    #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {
         self.0.add_bracket(-a, &x.0, &y.0);
     }
-    #[inline]
+    #[inline(always)]
     fn dexp_inv(&mut self, u: &Self) {
         self.0.angular = so3::dexp_inv(&-u.0.angular, &self.0.angular);
     }
-    #[inline]
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         self.0.is_finite()
     }
-    #[inline]
+    #[inline(always)]
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.0.weigh(&other.0, &error.0, tolerances, sum);
     }
@@ -343,29 +344,29 @@ impl Storage for InBody<Pose> {
 
 impl Configuration for InBody<Pose> {
     type Rate = InBody<Twist>;
-    #[inline]
+    #[inline(always)]
     fn assign(&mut self, other: &Self) {
         *self = *other;
     }
-    #[inline]
+    #[inline(always)]
     fn drift(&mut self, rate: &InBody<Twist>, h: f64) {
         self.0.position += rate.0.linear * h;
         self.0.orientation *= so3::exp(&(rate.0.angular * h));
     }
-    #[inline]
+    #[inline(always)]
     fn difference(&self, from: &Self, out: &mut InBody<Twist>) {
         out.0.linear = self.0.position - from.0.position;
         out.0.angular = so3::log(&(from.0.orientation.inverse() * self.0.orientation));
     }
-    #[inline]
+    #[inline(always)]
     fn renormalize(&mut self) {
         self.0.renormalize();
     }
-    #[inline]
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         self.0.is_finite()
     }
-    #[inline]
+    #[inline(always)]
     fn weigh(&self, other: &Self, error: &InBody<Twist>, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.0.weigh(&other.0, &error.0, tolerances, sum);
     }

@@ -140,6 +140,16 @@ pub enum StepError {
         /// What was left, relative to the size of the unknown.
         residual: f64,
     },
+    /// The step is beyond the series that the method rests on.
+    #[error("method `{method}`: the step h = {h} at t = {t} is too large for its series in h")]
+    StepTooLarge {
+        /// The method.
+        method: &'static str,
+        /// Time at the start of the step.
+        t: f64,
+        /// The step.
+        h: f64,
+    },
 }
 
 /// The description of a method as a constant.

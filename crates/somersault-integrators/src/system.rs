@@ -44,11 +44,11 @@ impl<S: System + ?Sized> System for &S {
     fn workspace(&self) -> Self::Workspace {
         (**self).workspace()
     }
-    #[inline]
+    #[inline(always)]
     fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).velocity(x, out);
     }
-    #[inline]
+    #[inline(always)]
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).acceleration(w, t, x, out);
     }
@@ -71,26 +71,26 @@ pub trait RigidSystem: System<Configuration: Poses> {
 }
 
 impl<S: RigidSystem + ?Sized> RigidSystem for &S {
-    #[inline]
+    #[inline(always)]
     fn body(&self, i: usize) -> &RigidBody {
         (**self).body(i)
     }
     fn rest(&self) -> StateOf<S> {
         (**self).rest()
     }
-    #[inline]
+    #[inline(always)]
     fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).wrenches(t, x, out);
     }
-    #[inline]
+    #[inline(always)]
     fn is_free(&self) -> bool {
         (**self).is_free()
     }
-    #[inline]
+    #[inline(always)]
     fn is_torque_free(&self) -> bool {
         (**self).is_torque_free()
     }
-    #[inline]
+    #[inline(always)]
     fn depends_on_velocity(&self) -> bool {
         (**self).depends_on_velocity()
     }
@@ -98,7 +98,7 @@ impl<S: RigidSystem + ?Sized> RigidSystem for &S {
 
 /// Linear and angular acceleration in the world frame under a wrench:
 /// a = F/m, α = R I⁻¹(M_B − ω_B × I ω_B) with the products taken in the body frame.
-#[inline]
+#[inline(always)]
 pub(crate) fn world_acceleration(body: &RigidBody, x: &RigidBodyState, wrench: &Twist) -> Twist {
     let r = x.orientation().to_rotation_matrix().into_inner();
     let omega = r.tr_mul(x.angular_velocity());
@@ -106,8 +106,16 @@ pub(crate) fn world_acceleration(body: &RigidBody, x: &RigidBodyState, wrench: &
     Twist { linear: wrench.linear / body.mass(), angular: r * euler(body, &omega, &torque) }
 }
 
+/// As [`world_acceleration`] without a wrench.
+#[inline(always)]
+fn free_acceleration(body: &RigidBody, x: &RigidBodyState) -> Twist {
+    let r = x.orientation().to_rotation_matrix().into_inner();
+    let omega = r.tr_mul(x.angular_velocity());
+    Twist { linear: Vector3::zeros(), angular: r * euler(body, &omega, &Vector3::zeros()) }
+}
+
 /// Euler's equations: I⁻¹(M − ω × Iω), all in the body frame.
-#[inline]
+#[inline(always)]
 pub(crate) fn euler(body: &RigidBody, omega: &Vector3<f64>, torque: &Vector3<f64>) -> Vector3<f64> {
     let inertia = body.inertia();
     inertia.velocity(&(torque - omega.cross(&inertia.momentum(omega))))
@@ -140,36 +148,39 @@ impl<F: ForceModel> System for RigidBodySystem<F> {
     type Configuration = Pose;
     type Workspace = ();
     fn workspace(&self) {}
-    #[inline]
+    #[inline(always)]
     fn acceleration(&self, (): &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
-        let mut wrench = Twist::default();
-        self.wrenches(t, x, &mut wrench);
-        *out = world_acceleration(&self.body, x, &wrench);
+        *out = if self.forces.is_free() {
+            free_acceleration(&self.body, x)
+        } else {
+            let wrench = self.forces.wrench(t, &self.body, x);
+            world_acceleration(&self.body, x, &Twist { linear: wrench.force, angular: wrench.torque })
+        };
     }
 }
 
 impl<F: ForceModel> RigidSystem for RigidBodySystem<F> {
-    #[inline]
+    #[inline(always)]
     fn body(&self, _: usize) -> &RigidBody {
         &self.body
     }
     fn rest(&self) -> RigidBodyState {
         RigidBodyState::default()
     }
-    #[inline]
+    #[inline(always)]
     fn wrenches(&self, t: f64, x: &RigidBodyState, out: &mut Twist) {
         let wrench = self.forces.wrench(t, &self.body, x);
         *out = Twist { linear: wrench.force, angular: wrench.torque };
     }
-    #[inline]
+    #[inline(always)]
     fn is_free(&self) -> bool {
         self.forces.is_free()
     }
-    #[inline]
+    #[inline(always)]
     fn is_torque_free(&self) -> bool {
         self.forces.is_torque_free()
     }
-    #[inline]
+    #[inline(always)]
     fn depends_on_velocity(&self) -> bool {
         self.forces.depends_on_velocity()
     }
@@ -328,7 +339,7 @@ pub trait Decoder<From: Configuration, Q: Configuration> {
 pub struct Unchanged;
 
 impl<Q: Configuration> Decoder<Q, Q> for Unchanged {
-    #[inline]
+    #[inline(always)]
     fn decode(&self, x: &State<Q>, out: &mut State<Q>) {
         out.assign(x);
     }
@@ -352,21 +363,21 @@ impl<S: RigidSystem> Form<S::Configuration> for &S {
 pub struct MomentumForm<'a, S>(pub &'a S);
 
 /// I⁻¹ L in the world frame.
-#[inline]
+#[inline(always)]
 pub(crate) fn angular_velocity(body: &RigidBody, pose: &Pose, momentum: &Vector3<f64>) -> Vector3<f64> {
     let r = pose.orientation.to_rotation_matrix().into_inner();
     r * body.inertia().velocity(&r.tr_mul(momentum))
 }
 
 /// I ω in the world frame.
-#[inline]
+#[inline(always)]
 pub(crate) fn angular_momentum(body: &RigidBody, pose: &Pose, omega: &Vector3<f64>) -> Vector3<f64> {
     let r = pose.orientation.to_rotation_matrix().into_inner();
     r * body.inertia().momentum(&r.tr_mul(omega))
 }
 
 impl<S: RigidSystem> MomentumForm<'_, S> {
-    #[inline]
+    #[inline(always)]
     fn twist(&self, x: &StateOf<S>, i: usize) -> Twist {
         let (pose, rate) = (x.configuration.pose(i), <S::Configuration as Poses>::twist(&x.rate, i));
         Twist { linear: rate.linear, angular: angular_velocity(self.0.body(i), &pose, &rate.angular) }
@@ -379,13 +390,13 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
     fn workspace(&self) -> StateOf<S> {
         self.0.rest()
     }
-    #[inline]
+    #[inline(always)]
     fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
         for i in 0..x.configuration.count() {
             S::Configuration::set_twist(out, i, self.twist(x, i));
         }
     }
-    #[inline]
+    #[inline(always)]
     fn acceleration(&self, world: &mut StateOf<S>, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         if self.0.is_free() {
             out.set_zero();
@@ -450,7 +461,7 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
         let wrenches = rest.rate.clone();
         (rest, wrenches)
     }
-    #[inline]
+    #[inline(always)]
     fn acceleration(
         &self,
         (world, wrenches): &mut Self::Workspace,
@@ -484,7 +495,7 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
 pub struct FromBody;
 
 impl<B: Poses, Q: Poses> Decoder<B, Q> for FromBody {
-    #[inline]
+    #[inline(always)]
     fn decode(&self, x: &State<B>, out: &mut State<Q>) {
         for i in 0..x.configuration.count() {
             let (pose, rate) = (x.configuration.pose(i), B::twist(&x.rate, i));

@@ -5,14 +5,20 @@
 //! it. A method of your own is a type that implements [`Stepper`]; every driver and study takes one.
 
 mod adams;
+mod kick_drift_kick;
 mod table;
+mod torque_free;
 
 pub mod ab2;
 pub mod ab4;
 pub mod aso;
+pub mod dmv2;
+pub mod dmv2s;
 pub mod euler;
 pub mod heun;
+pub mod lgvi;
 pub mod mp;
+pub mod pmv;
 pub mod rk4;
 pub mod rkmk;
 pub mod rkmk_tableau;
@@ -29,9 +35,13 @@ pub use table::{EmbeddedVisitor, Method, Options, UnknownMethod, Visitor};
 pub use ab2::AdamsBashforth2;
 pub use ab4::AdamsBashforth4;
 pub use aso::AugmentedSecondOrder;
+pub use dmv2::DiscreteMoserVeselov;
+pub use dmv2s::SplitMoserVeselov;
 pub use euler::Euler;
 pub use heun::Heun;
+pub use lgvi::VariationalLieVerlet;
 pub use mp::Midpoint;
+pub use pmv::PreprocessedMoserVeselov;
 pub use rk4::RungeKutta4;
 pub use rkmk::RungeKuttaMuntheKaas4;
 pub use rkmk_tableau::{

@@ -326,7 +326,10 @@ impl<S: System, T: EmbeddedCoefficients> EmbeddedStepper<S> for RungeKuttaMunthe
         let main = weigh(&weights.main);
         match &weights.correction {
             // Hairer's combination, of order 7 where the two are of orders 5 and 3.
-            Some(correction) if main > 0.0 => main * main / main.hypot(0.1 * weigh(correction)),
+            Some(correction) if main > 0.0 => {
+                let ratio = 0.1 * weigh(correction) / main;
+                main / (1.0 + ratio * ratio).sqrt()
+            }
             _ => main,
         }
     }

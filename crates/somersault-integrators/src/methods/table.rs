@@ -113,9 +113,17 @@ methods! { |options|
     Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, world;
     Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, world;
     Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
+    Dmv2: DiscreteMoserVeselov = DiscreteMoserVeselov, world;
     Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, world;
     Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, world;
     Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, world;
+    // Symplectic methods for rigid bodies.
+    Dmv2s: SplitMoserVeselov = SplitMoserVeselov, world;
+    Pmv4: PreprocessedMoserVeselov<4> = PreprocessedMoserVeselov::<4>, world;
+    Pmv6: PreprocessedMoserVeselov<6> = PreprocessedMoserVeselov::<6>, world;
+    Pmv8: PreprocessedMoserVeselov<8> = PreprocessedMoserVeselov::<8>, world;
+    Pmv10: PreprocessedMoserVeselov<10> = PreprocessedMoserVeselov::<10>, world;
+    Lgvi: VariationalLieVerlet = VariationalLieVerlet, world;
     // Variants the thesis speaks of.
     Sv2: StormerVerlet2 = StormerVerlet2, world;
     Sieg: SemiImplicitEulerGyroscopic = SemiImplicitEulerGyroscopic, world;

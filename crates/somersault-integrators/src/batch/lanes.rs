@@ -1,0 +1,333 @@
+//! Several `f64` at once: one small trait, three implementations, and the choice among them.
+//!
+//! A kernel written over [`Lanes`] is compiled three times: for AVX-512F (eight lanes), for AVX2
+//! with FMA (four) and for plain `f64` (one lane, any processor). Every operation of the trait is
+//! rounded once, as IEEE 754 prescribes, on each of them (the fused multiply–add included), so the
+//! three give the same bits for the same sequence of operations.
+//!
+//! A value of type [`Avx512`] or [`Avx2`] is the proof that the processor has these instructions:
+//! [`InstructionSet`] alone makes them, after asking the processor. All `unsafe` code of the crate
+//! is in this file.
+
+/// Bodies in one tile: eight AVX-512 vectors, enough independent work to hide the latency of an
+/// operation.
+pub(super) const TILE: usize = 64;
+
+/// One quantity of all bodies of a tile.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct Row(pub(super) [f64; TILE]);
+
+/// Arithmetic on [`WIDTH`](Self::WIDTH) numbers at once.
+pub(super) trait Lanes: Copy {
+    /// The numbers.
+    type Vector: Copy;
+    /// One truth value for each of them.
+    type Mask: Copy;
+    /// How many; divides [`TILE`].
+    const WIDTH: usize;
+
+    /// `x` in every lane.
+    fn splat(self, x: f64) -> Self::Vector;
+    /// The entries `at..at + WIDTH` of a row.
+    fn load(self, row: &Row, at: usize) -> Self::Vector;
+    /// Writes what [`load`](Self::load) reads.
+    fn store(self, x: Self::Vector, row: &mut Row, at: usize);
+    /// `a + b`
+    fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a - b`
+    fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a b`
+    fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a / b`
+    fn div(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a b + c`, rounded once.
+    fn mul_add(self, a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
+    /// `c - a b`, rounded once.
+    fn neg_mul_add(self, a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
+    /// `√a`
+    fn sqrt(self, a: Self::Vector) -> Self::Vector;
+    /// `a < b ? a : b`, hence `b` when either is not a number.
+    fn min(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a > b ? a : b`, hence `b` when either is not a number.
+    fn max(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a < b`, false when either is not a number.
+    fn less(self, a: Self::Vector, b: Self::Vector) -> Self::Mask;
+    /// Whether the mask holds in every lane.
+    fn all(self, mask: Self::Mask) -> bool;
+    /// `a` where the mask holds, `b` elsewhere.
+    fn select(self, mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+}
+
+/// Work that can be done with any [`Lanes`].
+///
+/// `run` must be `#[inline(always)]`, as must everything it calls: only code inlined into the
+/// functions below is compiled for the wider instructions.
+pub(super) trait Kernel {
+    fn run<L: Lanes>(self, lanes: L);
+}
+
+/// The vector instructions a batch is integrated with. All give the same bits.
+///
+/// ```
+/// use somersault_integrators::batch::InstructionSet;
+/// assert!(InstructionSet::supported().any(|set| set == InstructionSet::detect()));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InstructionSet(Set);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Set {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Avx2),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Avx512),
+}
+
+impl InstructionSet {
+    /// The widest instructions this processor has.
+    pub fn detect() -> Self {
+        Self::supported().last().unwrap_or(Self(Set::Portable))
+    }
+
+    /// All that this processor has, from the narrowest to the widest.
+    pub fn supported() -> impl Iterator<Item = Self> {
+        let portable = core::iter::once(Set::Portable);
+        #[cfg(target_arch = "x86_64")]
+        let sets = portable.chain(Avx2::detect().map(Set::Avx2)).chain(Avx512::detect().map(Set::Avx512));
+        #[cfg(not(target_arch = "x86_64"))]
+        let sets = portable;
+        sets.map(Self)
+    }
+
+    /// `"portable"`, `"avx2"` or `"avx512"`.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Set::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2(_) => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512(_) => "avx512",
+        }
+    }
+
+    /// Runs a kernel compiled for these instructions.
+    pub(super) fn run(self, kernel: impl Kernel) {
+        match self.0 {
+            Set::Portable => kernel.run(Portable),
+            // SAFETY: an `Avx2` exists only where `Avx2::detect` found AVX2 and FMA.
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2(lanes) => unsafe { x86::run_avx2(kernel, lanes) },
+            // SAFETY: an `Avx512` exists only where `Avx512::detect` found AVX-512F.
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512(lanes) => unsafe { x86::run_avx512(kernel, lanes) },
+        }
+    }
+}
+
+/// One lane, on any processor. Where the target has no fused multiply–add the standard library
+/// emulates it: slow, but rounded once as everywhere.
+#[derive(Clone, Copy)]
+struct Portable;
+
+impl Lanes for Portable {
+    type Vector = f64;
+    type Mask = bool;
+    const WIDTH: usize = 1;
+
+    #[inline(always)]
+    fn splat(self, x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn load(self, row: &Row, at: usize) -> f64 {
+        row.0[at]
+    }
+    #[inline(always)]
+    fn store(self, x: f64, row: &mut Row, at: usize) {
+        row.0[at] = x;
+    }
+    #[inline(always)]
+    fn add(self, a: f64, b: f64) -> f64 {
+        a + b
+    }
+    #[inline(always)]
+    fn sub(self, a: f64, b: f64) -> f64 {
+        a - b
+    }
+    #[inline(always)]
+    fn mul(self, a: f64, b: f64) -> f64 {
+        a * b
+    }
+    #[inline(always)]
+    fn div(self, a: f64, b: f64) -> f64 {
+        a / b
+    }
+    #[inline(always)]
+    fn mul_add(self, a: f64, b: f64, c: f64) -> f64 {
+        a.mul_add(b, c)
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: f64, b: f64, c: f64) -> f64 {
+        (-a).mul_add(b, c)
+    }
+    #[inline(always)]
+    fn sqrt(self, a: f64) -> f64 {
+        a.sqrt()
+    }
+    #[inline(always)]
+    fn min(self, a: f64, b: f64) -> f64 {
+        if a < b { a } else { b }
+    }
+    #[inline(always)]
+    fn max(self, a: f64, b: f64) -> f64 {
+        if a > b { a } else { b }
+    }
+    #[inline(always)]
+    fn less(self, a: f64, b: f64) -> bool {
+        a < b
+    }
+    #[inline(always)]
+    fn all(self, mask: bool) -> bool {
+        mask
+    }
+    #[inline(always)]
+    fn select(self, mask: bool, a: f64, b: f64) -> f64 {
+        if mask { a } else { b }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+use x86::{Avx2, Avx512};
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Kernel, Lanes, Row};
+    use core::arch::x86_64::*;
+
+    /// Compiles a kernel for AVX2 with FMA, which the processor must have.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn run_avx2(kernel: impl Kernel, lanes: Avx2) {
+        kernel.run(lanes);
+    }
+
+    /// Compiles a kernel for AVX-512F, which the processor must have.
+    #[target_feature(enable = "avx512f")]
+    pub(super) fn run_avx512(kernel: impl Kernel, lanes: Avx512) {
+        kernel.run(lanes);
+    }
+
+    /// Implements [`Lanes`] for a proof of instructions by one intrinsic per operation; the last
+    /// three differ in form.
+    macro_rules! lanes {
+        ($lanes:ident, $vector:ty, $mask:ty, $width:literal,
+         splat $splat:ident, load $load:ident, store $store:ident, add $add:ident, sub $sub:ident, mul $mul:ident,
+         div $div:ident, mul_add $mul_add:ident, neg_mul_add $neg_mul_add:ident, sqrt $sqrt:ident, min $min:ident,
+         max $max:ident, less $less:expr, all $all:expr, select $select:expr) => {
+            impl Lanes for $lanes {
+                type Vector = $vector;
+                type Mask = $mask;
+                const WIDTH: usize = $width;
+
+                #[inline(always)]
+                fn splat(self, x: f64) -> $vector {
+                    // SAFETY: `self` proves that the processor has the instruction.
+                    unsafe { $splat(x) }
+                }
+                #[inline(always)]
+                fn load(self, row: &Row, at: usize) -> $vector {
+                    let entries = &row.0[at..at + $width];
+                    // SAFETY: as in `splat`, and the slice has as many entries as are read.
+                    unsafe { $load(entries.as_ptr()) }
+                }
+                #[inline(always)]
+                fn store(self, x: $vector, row: &mut Row, at: usize) {
+                    let entries = &mut row.0[at..at + $width];
+                    // SAFETY: as in `splat`, and the slice has as many entries as are written.
+                    unsafe { $store(entries.as_mut_ptr(), x) }
+                }
+                lanes!(@binary $vector, add $add, sub $sub, mul $mul, div $div, min $min, max $max);
+                #[inline(always)]
+                fn mul_add(self, a: $vector, b: $vector, c: $vector) -> $vector {
+                    // SAFETY: as in `splat`.
+                    unsafe { $mul_add(a, b, c) }
+                }
+                #[inline(always)]
+                fn neg_mul_add(self, a: $vector, b: $vector, c: $vector) -> $vector {
+                    // SAFETY: as in `splat`.
+                    unsafe { $neg_mul_add(a, b, c) }
+                }
+                #[inline(always)]
+                fn sqrt(self, a: $vector) -> $vector {
+                    // SAFETY: as in `splat`.
+                    unsafe { $sqrt(a) }
+                }
+                #[inline(always)]
+                fn less(self, a: $vector, b: $vector) -> $mask {
+                    // SAFETY: as in `splat`.
+                    unsafe { $less(a, b) }
+                }
+                #[inline(always)]
+                fn all(self, mask: $mask) -> bool {
+                    $all(mask)
+                }
+                #[inline(always)]
+                fn select(self, mask: $mask, a: $vector, b: $vector) -> $vector {
+                    // SAFETY: as in `splat`.
+                    unsafe { $select(mask, a, b) }
+                }
+            }
+        };
+        (@binary $vector:ty, $($name:ident $intrinsic:ident),*) => {
+            $(
+                #[inline(always)]
+                fn $name(self, a: $vector, b: $vector) -> $vector {
+                    // SAFETY: as in `splat`.
+                    unsafe { $intrinsic(a, b) }
+                }
+            )*
+        };
+    }
+
+    /// Four lanes: the proof that the processor has AVX2 and FMA.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub(super) struct Avx2(());
+
+    impl Avx2 {
+        pub(super) fn detect() -> Option<Self> {
+            (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
+        }
+    }
+
+    lanes!(
+        Avx2, __m256d, __m256d, 4,
+        splat _mm256_set1_pd, load _mm256_loadu_pd, store _mm256_storeu_pd, add _mm256_add_pd, sub _mm256_sub_pd,
+        mul _mm256_mul_pd, div _mm256_div_pd, mul_add _mm256_fmadd_pd, neg_mul_add _mm256_fnmadd_pd,
+        sqrt _mm256_sqrt_pd, min _mm256_min_pd, max _mm256_max_pd,
+        less _mm256_cmp_pd::<_CMP_LT_OQ>,
+        // SAFETY: the mask comes from `less`, whose `self` proves that the processor has the instruction.
+        all |mask| unsafe { _mm256_movemask_pd(mask) == 0b1111 },
+        select |mask, a, b| _mm256_blendv_pd(b, a, mask)
+    );
+
+    /// Eight lanes: the proof that the processor has AVX-512F.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub(super) struct Avx512(());
+
+    impl Avx512 {
+        pub(super) fn detect() -> Option<Self> {
+            is_x86_feature_detected!("avx512f").then_some(Self(()))
+        }
+    }
+
+    lanes!(
+        Avx512, __m512d, __mmask8, 8,
+        splat _mm512_set1_pd, load _mm512_loadu_pd, store _mm512_storeu_pd, add _mm512_add_pd, sub _mm512_sub_pd,
+        mul _mm512_mul_pd, div _mm512_div_pd, mul_add _mm512_fmadd_pd, neg_mul_add _mm512_fnmadd_pd,
+        sqrt _mm512_sqrt_pd, min _mm512_min_pd, max _mm512_max_pd,
+        less _mm512_cmp_pd_mask::<_CMP_LT_OQ>,
+        all |mask| mask == 0xff,
+        select |mask, a, b| _mm512_mask_blend_pd(mask, b, a)
+    );
+}

@@ -1,0 +1,376 @@
+//! Batches of free bodies: the method, the vector instructions and the threads.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use rayon::ThreadPoolBuilder;
+use somersault_core::{Inertia, so3};
+use somersault_integrators::batch::{self, BatchError, FreeBodyBatch, InstructionSet};
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::driver::{IntegrateError, TimeGrid};
+use somersault_integrators::force::{ForceModel, Gravity, Spring};
+use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::state::RigidBodyState;
+use somersault_integrators::system::RigidBodySystem;
+use std::f64::consts::FRAC_PI_2;
+
+/// Numbers spread over (−1, 1), the same in every run.
+fn spread(seed: usize, i: usize) -> f64 {
+    (1e3 * ((seed + 1) as f64 * 0.7548776662466927 + i as f64 * 0.5698402909980532)).sin()
+}
+
+fn spread_vector(seed: usize, i: usize) -> Vector3<f64> {
+    Vector3::new(spread(seed, 3 * i), spread(seed, 3 * i + 1), spread(seed, 3 * i + 2))
+}
+
+/// `n` different tumbling bodies with angular velocities of the size `speed`.
+struct Bodies {
+    moments: Vec<Vector3<f64>>,
+    orientations: Vec<UnitQuaternion<f64>>,
+    omegas: Vec<Vector3<f64>>,
+}
+
+impl Bodies {
+    fn new(n: usize, speed: f64) -> Self {
+        // Half extents between 0.5 and 1.5: the moments of boxes.
+        let sides = |i| spread_vector(1, i).map(|x| (1.0 + 0.5 * x).powi(2));
+        Self {
+            moments: (0..n).map(sides).map(|s| Vector3::new(s.y + s.z, s.z + s.x, s.x + s.y)).collect(),
+            orientations: (0..n)
+                .map(|i| UnitQuaternion::from_scaled_axis(spread_vector(2, i) * 3.0))
+                .collect(),
+            omegas: (0..n).map(|i| spread_vector(3, i) * speed).collect(),
+        }
+    }
+
+    fn batch(&self) -> FreeBodyBatch {
+        FreeBodyBatch::try_new(&self.moments, &self.orientations, &self.omegas).unwrap()
+    }
+}
+
+/// The states as bits, so that −0 differs from 0 and nothing is rounded away.
+fn bits(batch: &FreeBodyBatch) -> Vec<[u64; 7]> {
+    let state =
+        |(q, w): (&UnitQuaternion<f64>, &Vector3<f64>)| [q.w, q.i, q.j, q.k, w.x, w.y, w.z].map(f64::to_bits);
+    batch.orientations().iter().zip(batch.angular_velocities_body()).map(state).collect()
+}
+
+/// The method as it is written in books, for one body.
+fn textbook(
+    moments: &Vector3<f64>,
+    q: &mut UnitQuaternion<f64>,
+    omega: &mut Vector3<f64>,
+    h: f64,
+    steps: u64,
+) {
+    let euler = |w: &Vector3<f64>| moments.component_mul(w).cross(w).component_div(moments);
+    for _ in 0..steps {
+        let w1 = *omega;
+        let w2 = w1 + euler(&w1) * (h / 2.0);
+        let w3 = w1 + euler(&w2) * (h / 2.0);
+        let w4 = w1 + euler(&w3) * h;
+        let u = (w1 + w2 * 2.0 + w3 * 2.0 + w4) * (h / 6.0) + w1.cross(&w4) * (h * h / 12.0);
+        *q *= UnitQuaternion::from_scaled_axis(u);
+        *omega += (euler(&w1) + euler(&w2) * 2.0 + euler(&w3) * 2.0 + euler(&w4)) * (h / 6.0);
+    }
+}
+
+#[test]
+fn a_batch_agrees_with_the_textbook_to_rounding() {
+    let bodies = Bodies::new(150, 2.0);
+    let mut batch = bodies.batch();
+    batch.integrate(&[0.01; 150], &[500; 150]).unwrap();
+    for i in 0..150 {
+        let (mut q, mut omega) = (bodies.orientations[i], bodies.omegas[i]);
+        textbook(&bodies.moments[i], &mut q, &mut omega, 0.01, 500);
+        // 500 steps of at most a few units of rounding each.
+        assert!(batch.orientations()[i].angle_to(&q) < 2e-13);
+        assert!((batch.angular_velocities_body()[i] - omega).norm() < 2e-13);
+    }
+}
+
+#[test]
+fn all_instructions_give_the_same_bits() {
+    for (speed, dt) in [(2.0, 0.01), (2.0, 0.9), (30.0, 0.01)] {
+        let bodies = Bodies::new(203, speed);
+        let steps: Vec<u64> = (0..203).map(|i| 20 + (i * i % 37)).collect();
+        let run = |set| {
+            let mut batch = bodies.batch();
+            batch.integrate_with(set, &[dt; 203], &steps).unwrap();
+            bits(&batch)
+        };
+        let results: Vec<_> = InstructionSet::supported().map(run).collect();
+        assert!(results.iter().all(|r| *r == results[0]));
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let bodies = Bodies::new(1000, 3.0);
+    let dt: Vec<f64> = (0..1000).map(|i| 0.02 + 0.01 * spread(4, i)).collect();
+    let steps: Vec<u64> = (0..1000).map(|i| i % 91).collect();
+    let run = |threads| {
+        let mut batch = bodies.batch();
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| batch.integrate(&dt, &steps)).unwrap();
+        bits(&batch)
+    };
+    let one = run(1);
+    assert!([2, 3].into_iter().all(|threads| run(threads) == one));
+}
+
+#[test]
+fn a_body_moves_as_if_alone() {
+    // Sizes around the tile of 64, steps and step sizes mixed, so that places and companions change.
+    for n in [1, 5, 63, 64, 65, 130] {
+        let bodies = Bodies::new(n, 3.0);
+        let dt: Vec<f64> = (0..n).map(|i| 0.05 * spread(5, i)).collect();
+        let steps: Vec<u64> = (0..n as u64).map(|i| (i * 7) % 23).collect();
+        let mut batch = bodies.batch();
+        batch.integrate(&dt, &steps).unwrap();
+        for i in 0..n {
+            let one = i..i + 1;
+            let mut alone = FreeBodyBatch::try_new(
+                &bodies.moments[one.clone()],
+                &bodies.orientations[one.clone()],
+                &bodies.omegas[one.clone()],
+            )
+            .unwrap();
+            alone.integrate(&dt[one.clone()], &steps[one]).unwrap();
+            assert_eq!(bits(&alone)[0], bits(&batch)[i]);
+        }
+    }
+}
+
+#[test]
+fn bodies_without_steps_stay() {
+    let bodies = Bodies::new(70, 3.0);
+    let mut batch = bodies.batch();
+    let before = bits(&batch);
+    batch.integrate(&[0.1; 70], &[0; 70]).unwrap();
+    batch.integrate(&[0.0; 70], &[9; 70]).unwrap();
+    assert_eq!(bits(&batch), before);
+}
+
+#[test]
+fn an_empty_batch_is_integrated() {
+    let mut batch = FreeBodyBatch::default();
+    assert!(batch.is_empty());
+    batch.integrate(&[], &[]).unwrap();
+}
+
+#[test]
+fn a_batch_is_of_fourth_order() {
+    let n = 100;
+    let bodies = Bodies::new(n, 1.5);
+    let at = |steps: u64| {
+        let mut batch = bodies.batch();
+        batch.integrate(&vec![2.0 / steps as f64; n], &vec![steps; n]).unwrap();
+        batch
+    };
+    let fine = at(20_000);
+    let errors = [40, 80, 160].map(|steps| {
+        let coarse = at(steps);
+        let angle = |i: usize| coarse.orientations()[i].angle_to(&fine.orientations()[i]);
+        let omega =
+            |i: usize| (coarse.angular_velocities_body()[i] - fine.angular_velocities_body()[i]).norm();
+        [(0..n).map(angle).sum::<f64>(), (0..n).map(omega).sum()]
+    });
+    for pair in errors.windows(2) {
+        for k in 0..2 {
+            let order = (pair[0][k] / pair[1][k]).log2();
+            assert!((order - 4.0).abs() < 0.15, "order {order}");
+        }
+    }
+}
+
+#[test]
+fn rotation_about_a_principal_axis_is_exact_for_any_step() {
+    // One step of h = 2 from the identity: the half-angle is ω itself and q = ±(cos ω, sin ω) in so many words.
+    let angles: Vec<f64> = (0..4000)
+        .map(|i| if i % 2 == 0 { spread(6, i) * FRAC_PI_2 } else { 10f64.powf(4.0 + 4.0 * spread(6, i)) })
+        .chain([0.0, 1e-300, -1e-9, FRAC_PI_2, 2.0 * FRAC_PI_2, 3.0 * FRAC_PI_2, 1e6])
+        .collect();
+    let n = angles.len();
+    for axis in 0..3 {
+        let omegas: Vec<_> = angles.iter().map(|&a| Vector3::ith(axis, a)).collect();
+        let moments = vec![Vector3::new(1.0, 1.3, 2.0); n];
+        let mut batch =
+            FreeBodyBatch::try_new(&moments, &vec![UnitQuaternion::identity(); n], &omegas).unwrap();
+        batch.integrate(&vec![2.0; n], &vec![1; n]).unwrap();
+        for (q, &a) in batch.orientations().iter().zip(&angles) {
+            let bound = if a.abs() < FRAC_PI_2 / 2.0 { 3e-16 } else { 1e-15 + 3e-16 * a.abs() };
+            let sign = (q.w * a.cos() + q.coords[axis] * a.sin()).signum();
+            let error = (sign * q.w - a.cos()).abs().max((sign * q.coords[axis] - a.sin()).abs());
+            assert!(error <= bound, "error {error:e} at {a:e}");
+        }
+        assert_eq!(batch.angular_velocities_body(), omegas);
+    }
+}
+
+#[test]
+fn large_steps_keep_unit_quaternions_and_agree() {
+    // Equal moments: any step is exact, and h‖ω‖ up to 50 stays bounded.
+    let n = 500;
+    let bodies = Bodies::new(n, 50.0 / 3f64.sqrt());
+    let moments = vec![Vector3::repeat(2.0); n];
+    let mut results = Vec::new();
+    for set in InstructionSet::supported() {
+        let mut batch = FreeBodyBatch::try_new(&moments, &bodies.orientations, &bodies.omegas).unwrap();
+        batch.integrate_with(set, &vec![1.0; n], &vec![40; n]).unwrap();
+        results.push(bits(&batch));
+        for i in 0..n {
+            let q = batch.orientations()[i];
+            assert!((q.norm() - 1.0).abs() < 4e-16);
+            let exact = bodies.orientations[i] * UnitQuaternion::from_scaled_axis(bodies.omegas[i] * 40.0);
+            // 40 steps, each 3·10⁻¹⁶ h‖ω‖ + 10⁻¹⁵ at most, in half-angles.
+            assert!(q.angle_to(&exact) < 80.0 * (1.5e-16 * bodies.omegas[i].norm() + 1e-15));
+        }
+    }
+    assert!(results.iter().all(|r| *r == results[0]));
+}
+
+#[test]
+fn unit_quaternions_stay_so_for_absurd_steps() {
+    let omegas = [1e12, 1e16, 1e40, 1e150].map(|w| Vector3::new(w, -w, 0.5 * w));
+    let moments = [Vector3::repeat(1.0); 4];
+    let mut batch = FreeBodyBatch::try_new(&moments, &[UnitQuaternion::identity(); 4], &omegas).unwrap();
+    batch.integrate(&[1.0; 4], &[3; 4]).unwrap();
+    assert!(batch.orientations().iter().all(|q| (q.norm() - 1.0).abs() < 4e-16));
+}
+
+#[test]
+fn misuse_is_a_typed_error_that_names_the_body() {
+    let bodies = Bodies::new(3, 1.0);
+    let make = |m: &[_], q: &[_], w: &[_]| FreeBodyBatch::try_new(m, q, w).map(|_| ());
+    let (m, q, w) = (&bodies.moments[..], &bodies.orientations[..], &bodies.omegas[..]);
+    assert_eq!(
+        make(m, &q[..2], w),
+        Err(BatchError::Length { argument: "orientations", expected: 3, found: 2 })
+    );
+    let mut spoiled = bodies.omegas.clone();
+    spoiled[1].y = f64::NAN;
+    assert!(matches!(
+        make(m, q, &spoiled),
+        Err(BatchError::NonFinite { argument: "angular_velocities_body", body: 1, .. })
+    ));
+    let mut spoiled = bodies.moments.clone();
+    spoiled[2].x = 0.0;
+    assert!(matches!(make(&spoiled, q, w), Err(BatchError::NotPositive { body: 2, .. })));
+    let mut batch = bodies.batch();
+    let infinite = batch.integrate(&[1.0, f64::INFINITY, 1.0], &[1; 3]);
+    assert!(matches!(infinite, Err(BatchError::NonFinite { argument: "dt", body: 1, .. })));
+}
+
+#[test]
+fn a_diverging_body_is_named_and_the_batch_left_alone() {
+    let mut bodies = Bodies::new(100, 1.0);
+    bodies.omegas[70] = Vector3::new(1e100, 1e100, 1e100);
+    bodies.omegas[80] = bodies.omegas[70];
+    let mut batch = bodies.batch();
+    let before = bits(&batch);
+    assert_eq!(batch.integrate(&[0.1; 100], &[5; 100]), Err(BatchError::Diverged { body: 70 }));
+    assert_eq!(bits(&batch), before);
+}
+
+/// Rigid bodies with inclined principal axes, in flight, each with its own times.
+fn flight(n: usize) -> (Vec<RigidBody>, Vec<RigidBodyState>, Vec<TimeGrid>) {
+    let bodies = Bodies::new(n, 2.0);
+    let incline = |i| {
+        let inertia = Inertia::try_principal(bodies.moments[i]).unwrap();
+        inertia.rotated(&UnitQuaternion::from_scaled_axis(spread_vector(7, i) * 2.0)).unwrap()
+    };
+    let state = |i| {
+        RigidBodyState::new(
+            spread_vector(8, i),
+            bodies.orientations[i],
+            spread_vector(9, i),
+            bodies.omegas[i],
+        )
+    };
+    // Starts, ends and steps all differ, and most steps do not divide the interval.
+    let grid =
+        |i| TimeGrid::try_new(spread(10, i), 3.0 + spread(11, i), 0.01 + 0.005 * spread(12, i)).unwrap();
+    (
+        (0..n).map(|i| RigidBody::try_new(1.0 + i as f64, incline(i)).unwrap()).collect(),
+        (0..n).map(state).collect(),
+        (0..n).map(grid).collect(),
+    )
+}
+
+/// Largest difference of the parts of two states.
+fn distance(a: &RigidBodyState, b: &RigidBodyState) -> f64 {
+    so3::angle_between(a.orientation(), b.orientation())
+        .max((a.position() - b.position()).norm())
+        .max((a.velocity() - b.velocity()).norm())
+        .max((a.angular_velocity() - b.angular_velocity()).norm())
+}
+
+#[test]
+fn free_bodies_agree_with_rkmk_b_to_rounding() {
+    let (bodies, states, grids) = flight(150);
+    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::free(*body)).collect();
+    let ends = batch::integrate(&bodies, &states, &grids).unwrap();
+    let outcomes = batch::integrate_by(Method::RkmkB, Options::default(), &systems, &states, &grids).unwrap();
+    for (end, outcome) in ends.iter().zip(&outcomes) {
+        assert!(distance(end, &outcome.state) < 1e-12);
+    }
+}
+
+#[test]
+fn falling_bodies_agree_with_rkmk_b_to_rounding() {
+    let (bodies, states, grids) = flight(70);
+    let gravity = Gravity::earth();
+    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, gravity)).collect();
+    let ends = batch::integrate_in_gravity(&gravity, &bodies, &states, &grids).unwrap();
+    let outcomes = batch::integrate_by(Method::RkmkB, Options::default(), &systems, &states, &grids).unwrap();
+    for (end, outcome) in ends.iter().zip(&outcomes) {
+        // Positions reach 80 m by up to 800 additions.
+        assert!(distance(end, &outcome.state) < 1e-11);
+    }
+}
+
+#[test]
+fn any_method_gives_each_system_what_it_gives_it_alone() {
+    let (bodies, states, grids) = flight(9);
+    let spring = Spring {
+        anchor: Vector3::zeros(),
+        attachment: Vector3::x(),
+        stiffness: 3.0,
+        damping: 0.1,
+        rest_length: 0.0,
+    };
+    assert!(!spring.is_torque_free());
+    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, spring)).collect();
+    for method in Method::ALL {
+        let alone =
+            |i: usize| method.integrate(Options::default(), &systems[i], &states[i], &grids[i], &mut ());
+        let first_failure =
+            (0..9).find_map(|index| alone(index).err().map(|source| BatchError::Integrate { index, source }));
+        for threads in [1, 3] {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            match pool.install(|| batch::integrate_by(method, Options::default(), &systems, &states, &grids))
+            {
+                Ok(outcomes) => {
+                    assert!(first_failure.is_none());
+                    assert!((0..9).all(|i| outcomes[i].state == alone(i).unwrap().state));
+                }
+                Err(error) => assert_eq!(Some(error), first_failure),
+            }
+        }
+    }
+}
+
+#[test]
+fn the_fronts_refuse_what_is_not_finite() {
+    let (bodies, mut states, grids) = flight(5);
+    states[3].rate.linear.z = f64::NAN;
+    let refused = batch::integrate(&bodies, &states, &grids);
+    assert!(matches!(refused, Err(BatchError::NonFinite { argument: "states", body: 3, .. })));
+    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::free(*body)).collect();
+    let refused = batch::integrate_by(Method::Rk4, Options::default(), &systems, &states, &grids).map(|_| ());
+    assert!(matches!(
+        refused,
+        Err(BatchError::Integrate { index: 3, source: IntegrateError::InitialState { .. } })
+    ));
+    let short = batch::integrate(&bodies, &states[..4], &grids);
+    assert_eq!(short, Err(BatchError::Length { argument: "states", expected: 5, found: 4 }));
+}

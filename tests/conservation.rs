@@ -1,0 +1,81 @@
+//! What each method keeps: the group for all of them, momentum and energy for those that say so.
+
+use somersault::integrators::stepper::Scope;
+use somersault::prelude::*;
+
+/// Box with half sides 0.1, 0.2, 0.3 m and 1 kg.
+fn scene() -> (RigidBodySystem, RigidBodyState) {
+    let body = RigidBody::try_box(1.0, Vector3::new(0.2, 0.4, 0.6)).unwrap();
+    (RigidBodySystem::free(body), RigidBodyState::spinning(Vector3::new(1.0, 2.0, 3.0)))
+}
+
+fn energy(body: &RigidBody, x: &RigidBodyState) -> f64 {
+    let omega = x.orientation().inverse_transform_vector(x.angular_velocity());
+    0.5 * omega.dot(&body.inertia().momentum(&omega))
+}
+
+fn momentum(body: &RigidBody, x: &RigidBodyState) -> Vector3<f64> {
+    let omega = x.orientation().inverse_transform_vector(x.angular_velocity());
+    x.orientation() * body.inertia().momentum(&omega)
+}
+
+/// Relative change of energy and of the angular momentum vector over a run.
+fn drift(method: Method, h: f64, steps: u64) -> (f64, f64) {
+    let (system, start) = scene();
+    let grid = TimeGrid::try_with_steps(0.0, h * steps as f64, steps).unwrap();
+    let end = method.integrate(Options::default(), &system, &start, &grid, &mut ()).unwrap().state;
+    let (e, l) = (energy(&system.body, &start), momentum(&system.body, &start));
+    ((energy(&system.body, &end) / e - 1.0).abs(), (momentum(&system.body, &end) - l).norm() / l.norm())
+}
+
+#[test]
+fn every_method_stays_on_the_group_for_ten_million_steps() {
+    let (system, start) = scene();
+    let grid = TimeGrid::try_with_steps(0.0, 1000.0, 10_000_000).unwrap();
+    for method in Method::ALL {
+        let end = method.integrate(Options::default(), &system, &start, &grid, &mut ()).unwrap().state;
+        let r = end.orientation().as_ref();
+        // The matrix of the quaternion as it stands, without another normalisation.
+        let r = nalgebra::UnitQuaternion::new_unchecked(*r).to_rotation_matrix().into_inner();
+        let defect = (r.transpose() * r - nalgebra::Matrix3::identity()).norm();
+        assert!(defect < 4e-15, "{method}: {defect:e}");
+    }
+}
+
+#[test]
+fn momentum_form_keeps_angular_momentum_to_rounding() {
+    for method in Method::ALL {
+        let info = method.info();
+        if info.variables == somersault::integrators::stepper::Variables::Momentum {
+            let (_, momentum) = drift(method, 0.01, 10_000);
+            assert!(momentum < 2e-15, "{method}: {momentum:e}");
+        }
+    }
+}
+
+#[test]
+fn torque_free_methods_refuse_torque() {
+    let (free, start) = scene();
+    let torque = ConstantTorque::World(Vector3::new(0.0, 0.0, 1.0));
+    let system = RigidBodySystem::new(free.body, torque);
+    let grid = TimeGrid::try_new(0.0, 1.0, 0.1).unwrap();
+    for method in Method::ALL.into_iter().filter(|m| m.info().scope == Scope::TorqueFree) {
+        let error = method.integrate(Options::default(), &system, &start, &grid, &mut ()).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            format!("method `{method}` takes no torque, and these forces may exert one")
+        );
+    }
+}
+
+/// Of fine steps, every method keeps energy and momentum to its order; a bound that first-order
+/// methods meet is met by all.
+#[test]
+fn drift_shrinks_with_the_step_for_every_method() {
+    for method in Method::ALL {
+        let (coarse, fine) = (drift(method, 2e-3, 1000), drift(method, 1e-3, 2000));
+        for (name, coarse, fine) in [("energy", coarse.0, fine.0), ("momentum", coarse.1, fine.1)] {
+            assert!(fine < 0.65 * coarse || fine < 1e-12, "{method} {name}: {coarse:e} {fine:e}");
+        }
+    }
+}
