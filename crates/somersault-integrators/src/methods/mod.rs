@@ -6,16 +6,19 @@
 
 mod adams;
 mod kick_drift_kick;
+mod splitting;
 mod table;
 mod torque_free;
 
 pub mod ab2;
 pub mod ab4;
 pub mod aso;
+pub mod cf4;
 pub mod dmv2;
 pub mod dmv2s;
 pub mod euler;
 pub mod heun;
+pub mod imid;
 pub mod lgvi;
 pub mod mp;
 pub mod pmv;
@@ -26,6 +29,8 @@ pub mod siabm2;
 pub mod siabm4;
 pub mod sie;
 pub mod sieg;
+pub mod split2;
+pub mod split4;
 pub mod sv;
 pub mod sv2;
 
@@ -35,10 +40,12 @@ pub use table::{EmbeddedVisitor, Method, Options, UnknownMethod, Visitor};
 pub use ab2::AdamsBashforth2;
 pub use ab4::AdamsBashforth4;
 pub use aso::AugmentedSecondOrder;
+pub use cf4::CommutatorFree4;
 pub use dmv2::DiscreteMoserVeselov;
 pub use dmv2s::SplitMoserVeselov;
 pub use euler::Euler;
 pub use heun::Heun;
+pub use imid::ImplicitMidpoint;
 pub use lgvi::VariationalLieVerlet;
 pub use mp::Midpoint;
 pub use pmv::PreprocessedMoserVeselov;
@@ -51,6 +58,8 @@ pub use siabm2::SemiImplicitAdams2;
 pub use siabm4::SemiImplicitAdams4;
 pub use sie::SemiImplicitEuler;
 pub use sieg::SemiImplicitEulerGyroscopic;
+pub use split2::ExactSplitting2;
+pub use split4::ExactSplitting4;
 pub use sv::StormerVerlet;
 pub use sv2::StormerVerlet2;
 

@@ -150,6 +150,12 @@ methods! { |options|
         body("rkmk5_b", "Runge-Kutta-Munthe-Kaas 5(4), body frame"), embedded;
     Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
         body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
+    // Other ways to order 2 and 4.
+    Cf4: CommutatorFree4 = CommutatorFree4, world;
+    Cf4B: CommutatorFree4 = CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
+    Imid: ImplicitMidpoint = ImplicitMidpoint, world;
+    Split2: ExactSplitting2 = ExactSplitting2, world;
+    Split4: ExactSplitting4 = ExactSplitting4, world;
 }
 
 impl FromStr for Method {
