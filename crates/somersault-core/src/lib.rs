@@ -18,6 +18,8 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod double_double;
+pub mod elliptic;
 mod inertia;
 pub mod so3;
 

@@ -7,6 +7,7 @@ pub mod batch;
 pub mod body;
 pub mod dense;
 pub mod driver;
+pub mod exact;
 pub mod force;
 mod inverse3;
 pub mod methods;
