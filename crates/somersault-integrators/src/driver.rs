@@ -376,9 +376,10 @@ impl Adaptive {
 
 /// Integrates from `interval.0` to `interval.1` with steps adapted to tolerances.
 ///
-/// The step follows the proportional–integral control of Gustafsson (ACM TOMS 17 (1991) 533) with
-/// safety factor 0.9 and changes between 0.2 and 5; see Hairer and Wanner, *Solving Ordinary
-/// Differential Equations II*, section IV.2.
+/// The step follows the proportional–integral control of Gustafsson (ACM TOMS 17 (1991) 533) in the
+/// exponents 0.85/k and 0.2/k, k the order of the error, with safety factor 0.9 and changes between 0.2
+/// and 5; see Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.2, whose
+/// DOPRI5 has the same weights. A step whose error is not a number is rejected like one too large.
 pub fn integrate_adaptive<S, M, O>(
     system: &S,
     stepper: &M,

@@ -12,7 +12,8 @@ pub struct Orders {
     pub translation: u8,
     /// Position on ℝ³ under r̈ = f(r, ṙ).
     pub translation_with_velocity: u8,
-    /// Orientation of a free body; thesis Table 7.2.
+    /// Orientation of a free body; thesis Table 7.2. A method that is exact there states the order it
+    /// has under torque.
     pub rotation: u8,
     /// Orientation of a body under torque; `None` where the method takes no torque.
     pub rotation_with_torque: Option<u8>,

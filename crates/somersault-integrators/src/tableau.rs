@@ -334,3 +334,141 @@ pub(crate) static DORMAND_PRINCE: LazyLock<Pair> = LazyLock::new(|| {
 /// Dormand and Prince's method of order 8 with Hairer's estimates of orders 5 and 3 and his curve of
 /// degree 7.
 pub(crate) static DOP853: LazyLock<Pair> = LazyLock::new(dop853::pair);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dot(row: &[(usize, f64)], f: impl Fn(usize) -> f64) -> f64 {
+        row.iter().map(|&(j, a)| a * f(j)).sum()
+    }
+
+    fn pairs() -> [(&'static str, &'static Pair, i32); 3] {
+        [("rkmk3", &BOGACKI_SHAMPINE, 3), ("rkmk5", &DORMAND_PRINCE, 5), ("rkmk8", &DOP853, 8)]
+    }
+
+    #[test]
+    fn rows_sum_to_their_nodes() {
+        for (name, pair, _) in pairs() {
+            let t = &pair.tableau;
+            for i in 0..t.stages() {
+                assert!((dot(t.row(i), |_| 1.0) - t.node(i)).abs() < 2e-14, "{name}, row {i}");
+                assert!(t.row(i).iter().all(|(j, _)| *j < i), "{name}, row {i}");
+            }
+            for (node, row) in &pair.dense.extra {
+                assert!((dot(row, |_| 1.0) - node).abs() < 2e-14, "{name}, extra stage at {node}");
+            }
+        }
+    }
+
+    #[test]
+    fn weights_integrate_powers_up_to_the_order() {
+        for (name, pair, order) in pairs() {
+            let t = &pair.tableau;
+            for k in 0..order {
+                let sum = dot(t.weights(), |j| t.node(j).powi(k));
+                assert!((sum - 1.0 / f64::from(k + 1)).abs() < 1e-14, "{name}: b·c^{k} = {sum}");
+            }
+            let next = dot(t.weights(), |j| t.node(j).powi(order));
+            assert!((next - 1.0 / f64::from(order + 1)).abs() > 1e-6, "{name} is of order {order}, not more");
+        }
+    }
+
+    /// The tall trees: b A^k c^m over k and m within the order.
+    #[test]
+    fn nested_sums_meet_their_order_conditions() {
+        for (name, pair, order) in pairs() {
+            let t = &pair.tableau;
+            for m in 1..order {
+                let mut inner: Vec<f64> = (0..t.stages()).map(|j| t.node(j).powi(m)).collect();
+                let mut expected = 1.0 / f64::from(m + 1);
+                for depth in 0..order - m {
+                    let sum = dot(t.weights(), |j| inner[j]);
+                    assert!((sum - expected).abs() < 1e-14, "{name}: b A^{depth} c^{m} = {sum}, {expected}");
+                    inner = (0..t.stages()).map(|i| dot(t.row(i), |j| inner[j])).collect();
+                    expected /= f64::from(m + depth + 2);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn error_weights_vanish_on_what_the_lower_order_integrates() {
+        for ((name, pair, _), order) in pairs().into_iter().zip([2, 4, 5]) {
+            let rows = [Some((&pair.error.main, order)), pair.error.correction.as_ref().map(|c| (c, 3))];
+            for (row, order) in rows.into_iter().flatten() {
+                for k in 0..order {
+                    let sum = dot(row, |j| pair.tableau.node(j).powi(k));
+                    assert!(sum.abs() < 1e-14, "{name}: e·c^{k} = {sum}");
+                }
+                assert!(
+                    dot(row, |j| pair.tableau.node(j).powi(order)).abs() > 1e-6,
+                    "{name} estimates something"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn curves_integrate_powers_up_to_their_order_at_any_time() {
+        for ((name, pair, _), order) in pairs().into_iter().zip([3, 4, 7]) {
+            let t = &pair.tableau;
+            let mut nodes: Vec<f64> = (0..t.stages()).map(|i| t.node(i)).collect();
+            if !t.first_same_as_last() {
+                nodes.push(1.0);
+            }
+            nodes.extend(pair.dense.extra.iter().map(|(node, _)| node));
+            for theta in [0.2, 0.5, 0.9, 1.0_f64] {
+                for k in 0..order {
+                    let (mut sum, mut power) = (0.0, 1.0);
+                    for row in &pair.dense.powers {
+                        power *= theta;
+                        sum += power * dot(row, |j| nodes[j].powi(k));
+                    }
+                    let expected = theta.powi(k + 1) / f64::from(k + 1);
+                    assert!((sum - expected).abs() < 2e-13, "{name}, θ = {theta}, c^{k}: {sum} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_tableau_that_is_none_is_refused_by_name() {
+        let heun = [vec![], vec![1.0]];
+        assert!(Tableau::try_new(&heun, &[0.5, 0.5], &[0.0, 1.0]).is_ok());
+        let no_stages: [Vec<f64>; 0] = [];
+        for (error, message) in [
+            (Tableau::try_new(&no_stages, &[], &[]), "`b` must have 1 entries, found 0"),
+            (Tableau::try_new(&heun, &[0.5, 0.5], &[0.0]), "`c` must have 2 entries, found 1"),
+            (Tableau::try_new(&heun[..1], &[0.5, 0.5], &[0.0, 1.0]), "`a` must have 2 entries, found 1"),
+            (Tableau::try_new(&heun, &[0.5, 0.6], &[0.0, 1.0]), "row 0 of `b` must sum to 1, found 1.1"),
+            (Tableau::try_new(&heun, &[0.5, 0.5], &[0.0, 0.9]), "row 1 of `a` must sum to 0.9, found 1"),
+            (
+                Tableau::try_new(&[vec![], vec![f64::NAN]], &[0.5, 0.5], &[0.0, 1.0]),
+                "`a` must be finite, found NaN in row 1",
+            ),
+            (
+                Tableau::try_new(&[vec![0.0, 0.5], vec![1.0]], &[0.5, 0.5], &[0.5, 1.0]),
+                "`a` must be strictly lower triangular, found 0.5 in row 0, column 1",
+            ),
+        ] {
+            assert_eq!(error.unwrap_err().to_string(), message);
+        }
+        let tableau = Tableau::try_new(&heun, &[0.5, 0.5], &[0.0, 1.0]).unwrap();
+        assert!(ErrorWeights::try_new(&tableau, &[1.0]).is_err());
+        assert!(ErrorWeights::try_new(&tableau, &[1.0, 0.0]).is_ok());
+        assert!(DenseWeights::try_new(&tableau, &[[1.0, 0.0], [-0.5, 0.4]]).is_err());
+        assert!(DenseWeights::try_new(&tableau, &[[1.0, 0.0], [-0.5, 0.5]]).is_ok());
+    }
+
+    #[test]
+    fn the_last_stage_is_the_next_first_where_the_tableau_has_it_so() {
+        assert!(BOGACKI_SHAMPINE.tableau.first_same_as_last());
+        assert!(DORMAND_PRINCE.tableau.first_same_as_last());
+        assert!(!DOP853.tableau.first_same_as_last());
+        let b = [2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0, 0.0];
+        let a = [vec![], vec![0.5], vec![0.0, 0.75], b[..3].to_vec()];
+        let user = Tableau::try_new(&a, &b, &[0.0, 0.5, 0.75, 1.0]).unwrap();
+        assert_eq!(user, BOGACKI_SHAMPINE.tableau);
+    }
+}

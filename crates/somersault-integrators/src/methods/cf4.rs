@@ -17,7 +17,7 @@
 //! None.
 
 use crate::scratch::Scratch;
-use crate::state::Rate;
+use crate::state::{Configuration, Rate};
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
 

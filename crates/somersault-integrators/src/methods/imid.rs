@@ -64,7 +64,7 @@ impl<S: System> Stepper<S> for ImplicitMidpoint {
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
         // Each vector is measured by itself; the first change of one that starts from zero is infinite.
-        const BY_SIZE: Tolerances = Tolerances { relative: 1.0, absolute: f64::MIN_POSITIVE };
+        const BY_SIZE: Tolerances = Tolerances { relative: 1.0, absolute: 1e-140 };
         let ([v, v_next], [a, a_next]) = (m.velocities.each_mut(), m.accelerations.each_mut());
         let (mut v, mut v_next, mut a, mut a_next) = (v.lend(), v_next.lend(), a.lend(), a_next.lend());
         let (mut middle, mut move_by, mut change_by) = (m.stage.lend(), first.lend(), second.lend());

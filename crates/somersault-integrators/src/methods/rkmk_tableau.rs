@@ -135,13 +135,13 @@ struct Slope<V> {
 
 /// Where the acceleration at the start of the next step is, if it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum First {
+enum Known {
     /// Nowhere: it must be evaluated.
-    Unknown,
+    Nowhere,
     /// In the first slope: the step before was rejected.
-    First,
+    AtStart,
     /// In the slope at the end of the step before.
-    End,
+    AtEnd,
 }
 
 /// Slopes of the step just made, and room to work in.
@@ -151,7 +151,7 @@ pub struct TableauMemory<S: System> {
     displacement: Scratch<RateOf<S>>,
     sum: Scratch<RateOf<S>>,
     slopes: Vec<Slope<RateOf<S>>>,
-    first: First,
+    first: Known,
 }
 
 impl<T: Coefficients> Scheme for RungeKuttaMuntheKaas<T> {
@@ -207,12 +207,12 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
             displacement: Scratch::like(&x.rate),
             sum: Scratch::like(&x.rate),
             slopes: vec![slope; end_of(self.0.tableau()) + 1 + extra],
-            first: First::Unknown,
+            first: Known::Nowhere,
         })
     }
 
     fn restart(&self, memory: &mut Self::Memory) {
-        memory.first = First::Unknown;
+        memory.first = Known::Nowhere;
     }
 
     #[inline]
@@ -229,9 +229,9 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
         let TableauMemory { workspace, stage, displacement, slopes, first, .. } = m;
         let (mut stage, mut u) = (stage.lend(), displacement.lend());
         match *first {
-            First::Unknown => system.acceleration(workspace, t, x, &mut slopes[0].acceleration),
-            First::First => {}
-            First::End => slopes.swap(0, end_of(tableau)),
+            Known::Nowhere => system.acceleration(workspace, t, x, &mut slopes[0].acceleration),
+            Known::AtStart => {}
+            Known::AtEnd => slopes.swap(0, end_of(tableau)),
         }
         system.velocity(x, &mut slopes[0].velocity);
         for i in 1..tableau.stages() {
@@ -240,10 +240,10 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
             evaluate(system, workspace, t + tableau.node(i) * h, &stage, &u, &mut rest[0]);
         }
         if tableau.first_same_as_last() {
-            *first = First::End;
+            *first = Known::AtEnd;
             out.assign(&stage);
         } else {
-            *first = First::Unknown;
+            *first = Known::Nowhere;
             advance(tableau.weights(), slopes, x, h, &mut u, out);
         }
         Ok(())
@@ -269,7 +269,7 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
         advance(tableau.weights(), slopes, x, h, &mut total, &mut stage);
         if !dense.extra.is_empty() {
             evaluate(system, workspace, t + h, after, &total, &mut slopes[end]);
-            *first = First::End;
+            *first = Known::AtEnd;
             for (i, (node, row)) in dense.extra.iter().enumerate() {
                 let (known, rest) = slopes.split_at_mut(end + 1 + i);
                 advance(row, known, x, h, &mut u, &mut stage);
@@ -335,6 +335,6 @@ impl<S: System, T: EmbeddedCoefficients> EmbeddedStepper<S> for RungeKuttaMunthe
     }
 
     fn reject(&self, memory: &mut Self::Memory) {
-        memory.first = First::First;
+        memory.first = Known::AtStart;
     }
 }
