@@ -136,9 +136,13 @@ def main():
             common = lcm(*(q.denominator for q in c))
             print(f"{name}{2 * m + 1} = 1/{common} * sum of:")
             for j in range(m + 1):
-                line = [f"{int(q * common):+d} E1^{e[0]} E2^{e[1]} E3^{e[2]}"
+                line = [" ".join([f"{int(q * common):+d}"] + [f"E{i + 1}^{p}" for i, p in enumerate(e) if p])
                         for q, (_, jj, e) in zip(c, terms) if jj == j and q != 0]
                 print(f"    H^{m - j} C^{j} ({', '.join(line)})")
+    print("values straight from the series, for the unit test of the polynomials:")
+    for moments, momentum in ((2, 3, 4), (1, -2, 3)), ((5, 3, 7), (4, 1, 2)):
+        s, d = scale_and_shift([Q(i) for i in moments], momentum)
+        print(f"    I = {moments}, L = {momentum}: " + ", ".join(f"({s[2 * m]}, {d[2 * m]})" for m in range(1, ORDER // 2)))
     print("checked on", len(checks), "independent random bodies")
 
 

@@ -112,7 +112,7 @@ impl MoserVeselov {
     #[inline]
     pub fn increment(&self, momentum_body: &Vector3<f64>, h: f64) -> Result<Increment, NotConverged> {
         let g = self.gibbs_vector(&(0.5 * h * momentum_body))?;
-        let cos2 = 1.0 / (1.0 + g.norm_squared());
+        let cos2 = 1.0 / one_plus_square(&g);
         let s = cos2.sqrt();
         let rate = if h == 0.0 { 0.0 } else { cos2 * (-4.0 / h) };
         Ok(Increment {
@@ -127,7 +127,7 @@ impl MoserVeselov {
         let u = 2.0 * impulse.component_mul(&self.half_inverse);
         // Two rounds of the fixed point leave an error of fourth order.
         let first = u - pair_products(&u).component_mul(&self.ratios);
-        let start = (1.0 + first.norm_squared()) * u - pair_products(&first).component_mul(&self.ratios);
+        let start = one_plus_square(&first) * u - pair_products(&first).component_mul(&self.ratios);
         if u.norm_squared() <= self.contraction_limit
             && let Ok(root) = self.newton(impulse, start)
             && root.gibbs.norm_squared() <= CONTRACTION_BALL
@@ -156,7 +156,7 @@ impl MoserVeselov {
         let fold = -FOLD_ROUND_OFF * self.moments.product();
         while s < 1.0 {
             let next = f64::min(s + step, 1.0);
-            let right = (1.0 + g.norm_squared()) * impulse;
+            let right = one_plus_square(&g) * impulse;
             let tangent = Inverse3::of(&self.jacobian(&(s * impulse), &g)).times(&right);
             let predicted = g + (next - s) * tangent;
             let trial = self.newton(&(next * impulse), predicted);
@@ -190,9 +190,11 @@ impl MoserVeselov {
         for iterations in 1..=MAX_ITERATIONS {
             let inverse = Inverse3::of(&self.jacobian(impulse, &g));
             let first = inverse.times(&self.residual(impulse, &g));
-            g -= first;
-            let second = inverse.times(&self.residual(impulse, &g));
-            g -= second;
+            // (a) is quadratic: its residual at g − first, were first exact.
+            let left =
+                self.differences.component_mul(&pair_products(&first)) - first.norm_squared() * impulse;
+            let second = inverse.times(&left);
+            g -= first + second;
             // What is left is about the product of the two corrections.
             if first.norm_squared() * second.norm_squared() <= 1e-36 * g.norm_squared() {
                 return Ok(Root { gibbs: g, iterations });
@@ -216,7 +218,7 @@ impl MoserVeselov {
     #[inline]
     fn residual(&self, impulse: &Vector3<f64>, g: &Vector3<f64>) -> Vector3<f64> {
         self.moments.component_mul(g) + self.differences.component_mul(&pair_products(g))
-            - (1.0 + g.norm_squared()) * impulse
+            - one_plus_square(g) * impulse
     }
 
     #[inline]
@@ -294,6 +296,12 @@ impl CompensatedVector {
 struct Root {
     gibbs: Vector3<f64>,
     iterations: u32,
+}
+
+/// 1 + |v|², summed in pairs: it stands on the longest chain of dependent operations.
+#[inline]
+fn one_plus_square(v: &Vector3<f64>) -> f64 {
+    (1.0 + v.x * v.x) + (v.y * v.y + v.z * v.z)
 }
 
 /// (v_k v_l) with (j, k, l) cyclic.

@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sphere_is_given_that_its_rotation_is_exact() {
+    fn the_modified_moment_of_a_ball_makes_its_rotation_exact_to_the_order() {
         // With equal moments the discrete equation is Ĩ sin θ = h |L|; the exact motion turns by θ = h |L|/I.
         let (moment, momentum) = (0.7, Vector3::new(0.3, -0.2, 0.4));
         for (order, power) in [
@@ -178,6 +178,49 @@ mod tests {
             };
             let slope = (error(1.0) / error(0.5)).log2();
             assert!((slope - f64::from(power)).abs() < 0.2, "{order:?}: {slope}");
+        }
+    }
+
+    /// Exact (s, d) of orders 3, 5, 7, 9 for two bodies, from the power series of their motion (printed by the
+    /// derivation), not from the polynomials.
+    #[test]
+    fn the_polynomials_agree_with_the_series_of_the_motion() {
+        let known = [
+            (
+                Vector3::new(2.0, 3.0, 4.0),
+                Vector3::new(1.0, -2.0, 3.0),
+                [
+                    (-259.0 / 864.0, 35.0 / 1152.0),
+                    (39053.0 / 1244160.0, -3871.0 / 663552.0),
+                    (-3258157.0 / 2149908480.0, 205261.0 / 573308928.0),
+                    (546993419.0 / 11145125560320.0, -79984513.0 / 5944066965504.0),
+                ],
+            ),
+            (
+                Vector3::new(5.0, 3.0, 7.0),
+                Vector3::new(4.0, 1.0, 2.0),
+                [
+                    (-28127.0 / 132300.0, 137.0 / 8820.0),
+                    (470999477.0 / 29172150000.0, -4121567.0 / 1944810000.0),
+                    (-7842502601327.0 / 13508164057500000.0, 85029024137.0 / 900544270500000.0),
+                    (
+                        145927055671475177.0 / 10722780628843500000000.0,
+                        -1768393158960467.0 / 714852041922900000000.0,
+                    ),
+                ],
+            ),
+        ];
+        for (moments, momentum, terms) in known {
+            let squares: Vector3<f64> = momentum.component_mul(&momentum);
+            let (energy, casimir) = (0.5 * squares.component_div(&moments).sum(), 0.5 * squares.sum());
+            let mut before = (0.0, 0.0);
+            for (order, (s, d)) in [4, 6, 8, 10].into_iter().zip(terms) {
+                let order = Preprocessing::of_order(order).unwrap();
+                let sum = scale_and_shift(&moments.map(f64::recip), energy, casimir, order);
+                assert!((sum.0 - before.0 - s).abs() < 1e-15, "{order:?}: {} {s}", sum.0 - before.0);
+                assert!((sum.1 - before.1 - d).abs() < 1e-15, "{order:?}: {} {d}", sum.1 - before.1);
+                before = sum;
+            }
         }
     }
 

@@ -37,23 +37,27 @@ pub enum Lent<'a, T> {
     Borrowed(&'a mut T),
 }
 
-impl<T> Deref for Lent<'_, T> {
+// Which variant there is follows from the constant. Asking the constant first, rather than the value,
+// lets the compiler keep the owned variant in registers.
+impl<T: Storage> Deref for Lent<'_, T> {
     type Target = T;
     #[inline(always)]
     fn deref(&self) -> &T {
-        match self {
-            Self::Owned(value) => value,
-            Self::Borrowed(value) => value,
+        match (T::ON_STACK, self) {
+            (true, Self::Owned(value)) => value,
+            (false, Self::Borrowed(value)) => value,
+            _ => unreachable!("`lend` makes the variant that the constant names"),
         }
     }
 }
 
-impl<T> DerefMut for Lent<'_, T> {
+impl<T: Storage> DerefMut for Lent<'_, T> {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut T {
-        match self {
-            Self::Owned(value) => value,
-            Self::Borrowed(value) => value,
+        match (T::ON_STACK, self) {
+            (true, Self::Owned(value)) => value,
+            (false, Self::Borrowed(value)) => value,
+            _ => unreachable!("`lend` makes the variant that the constant names"),
         }
     }
 }

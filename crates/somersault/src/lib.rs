@@ -24,6 +24,7 @@ pub mod prelude {
     pub use somersault_integrators::driver::{
         Adaptive, Flow, Observer, Outcome, Status, Step, TimeGrid, integrate, integrate_adaptive,
     };
+    pub use somersault_integrators::exact::FreeBody;
     pub use somersault_integrators::force::{
         ConstantForce, ConstantTorque, Drag, ForceModel, Gravity, Spring, Wrench,
     };

@@ -6,9 +6,10 @@
 //!
 //! Order 2 on ℝ³ and on SO(3), with or without torque. 1 evaluation where wrenches do not depend on the
 //! rates, 2 where they do; no start-up. Symplectic where wrenches come from a potential: the energy error
-//! stays bounded, of size h², also for a free body, whose energy `dmv2s` keeps exactly. World angular
-//! momentum is exact to the bit without torque. The equation of a step can be solved for steps of many
-//! radians, where `dmv2s` fails; accuracy is another matter. Takes full inertia tensors as they are.
+//! stays bounded, of size h², also for a free body, whose energy `dmv2s` keeps to rounding. World angular
+//! momentum is constant without torque, to round-off that does not add up. The equation of a step can be
+//! solved for steps of many radians, where `dmv2s` fails; accuracy is another matter. Takes full inertia
+//! tensors as they are.
 //!
 //! N. Bou-Rabee, J. E. Marsden, Found. Comput. Math. 9 (2009) 197, the variational Lie–Verlet method.
 //!

@@ -7,8 +7,8 @@
 //! Order 4, 6, 8 or 10 on SO(3), 2 on ℝ³ (exact under uniform gravity), for bodies without torque; under a
 //! torque it is refused. 1 evaluation where forces do not depend on velocity, 2 where they do, none for a
 //! free body; no start-up. Energy and angular momentum are conserved to round-off at every step size, as by
-//! `dmv2`: the map has the same invariants, whatever the moments. As a map for all motions it is symplectic
-//! only to its order, since the moments depend on the motion; along one motion it is a Moser–Veselov map.
+//! `dmv2`: the map has the same invariants, whatever the moments. The modified moments depend on the motion
+//! through its invariants, so that over all motions the map is symplectic only to its order.
 //!
 //! Not for large steps: the series in h |ω| is good to about h |ω| = 0.5, and a step beyond it is a typed
 //! error.
