@@ -17,5 +17,6 @@ pub mod scratch;
 pub mod solution;
 pub mod state;
 pub mod stepper;
+pub mod studies;
 pub mod system;
 pub mod variational_cayley;
