@@ -7,17 +7,14 @@ use crate::trajectory::{Cast, Report, Seen, Solution};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use somersault::integrators::body;
 use somersault::integrators::driver::{
     Adaptive, Flow, IntegrateError, Observer, Outcome, Status, Step, TimeGrid,
 };
 use somersault::integrators::methods::{Method, Options, StartUp};
 use somersault::integrators::solution::Recorder;
 use somersault::integrators::state::{State, Tolerances};
-use somersault::integrators::system::{
-    RateOf, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf, System,
-};
-use std::cell::Cell;
+use somersault::integrators::studies::work_precision::Counted;
+use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
 use std::time::{Duration, Instant};
 
 /// How often a run looks whether it is to stop.
@@ -43,61 +40,6 @@ struct Plan {
     dense: bool,
     calls_python: bool,
     return_interrupted: bool,
-}
-
-/// A system that counts how often it is evaluated.
-struct Counted<'a, S> {
-    system: &'a S,
-    evaluations: Cell<u64>,
-}
-
-impl<S> Counted<'_, S> {
-    fn count(&self) {
-        self.evaluations.set(self.evaluations.get() + 1);
-    }
-}
-
-impl<S: System> System for Counted<'_, S> {
-    type Configuration = S::Configuration;
-    type Workspace = S::Workspace;
-    fn workspace(&self) -> S::Workspace {
-        self.system.workspace()
-    }
-    #[inline]
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.system.velocity(x, out);
-    }
-    #[inline]
-    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.count();
-        self.system.acceleration(w, t, x, out);
-    }
-}
-
-impl<S: RigidSystem> RigidSystem for Counted<'_, S> {
-    #[inline]
-    fn body(&self, i: usize) -> &body::RigidBody {
-        self.system.body(i)
-    }
-    fn rest(&self) -> StateOf<S> {
-        self.system.rest()
-    }
-    #[inline]
-    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.count();
-        self.system.wrenches(t, x, out);
-    }
-    #[inline]
-    fn is_free(&self) -> bool {
-        self.system.is_free()
-    }
-    fn is_torque_free(&self) -> bool {
-        self.system.is_torque_free()
-    }
-    #[inline]
-    fn depends_on_velocity(&self) -> bool {
-        self.system.depends_on_velocity()
-    }
 }
 
 /// A bar that shows how far a run has come.
@@ -193,14 +135,14 @@ fn solve<S: RigidSystem, O: Observer<S::Configuration>>(
     plan: &Plan,
     observer: &mut O,
 ) -> Ran<S::Configuration> {
-    let system = Counted { system, evaluations: Cell::new(0) };
+    let system = Counted::new(&system);
     let outcome = match &plan.steps {
         Steps::Fixed(grid) => plan.method.integrate(plan.options, &system, initial, grid, observer),
         Steps::Adapted(interval, control) => {
             plan.method.integrate_adaptive(plan.options, &system, initial, *interval, control, observer)
         }
     };
-    (outcome, system.evaluations.get())
+    (outcome, system.calls())
 }
 
 fn run<S>(
@@ -381,16 +323,7 @@ pub(crate) fn integrate<'py>(
     let cast = Cast::extract("body", body)?;
     let initial = cast.states("state", state)?;
     let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
-    let options = Options {
-        start_up: match start_up {
-            "one_step" => StartUp::OneStep,
-            "ladder" => StartUp::Ladder,
-            _ => {
-                let message = format!("`start_up` must be 'one_step' or 'ladder', found '{start_up}'");
-                return Err(Error::input(message));
-            }
-        },
-    };
+    let options = Options { start_up: start_up_of(start_up)? };
     let steps = match dt {
         Some(dt) => {
             let adaptive = [
@@ -479,6 +412,15 @@ pub(crate) fn integrate<'py>(
         let initial = State::from_bodies(&initial);
         let plan = plan(reader.calls_python);
         run(py, cast, &system, &initial, &plan, observer, bar(interval.0, interval.1)?, failure)
+    }
+}
+
+/// How the Adams methods start, by its name.
+pub(crate) fn start_up_of(name: &str) -> Result<StartUp, Error> {
+    match name {
+        "one_step" => Ok(StartUp::OneStep),
+        "ladder" => Ok(StartUp::Ladder),
+        _ => Err(Error::input(format!("`start_up` must be 'one_step' or 'ladder', found '{name}'"))),
     }
 }
 
