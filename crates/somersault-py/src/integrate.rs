@@ -12,7 +12,7 @@ use somersault::integrators::driver::{
 };
 use somersault::integrators::methods::{Method, Options, StartUp};
 use somersault::integrators::solution::Recorder;
-use somersault::integrators::state::{State, Tolerances};
+use somersault::integrators::state::{Pose, State, Tolerances};
 use somersault::integrators::studies::work_precision::Counted;
 use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
 use std::time::{Duration, Instant};
@@ -127,38 +127,82 @@ impl<Q: Seen> Observer<Q> for Monitor<Q> {
     }
 }
 
-type Ran<Q> = (Result<Outcome<Q>, IntegrateError>, u64);
+/// Bodies to be integrated, and a count of how often their equations are evaluated.
+trait Bodies: Sync {
+    type Configuration: Seen;
 
-fn solve<S: RigidSystem, O: Observer<S::Configuration>>(
-    system: &S,
-    initial: &StateOf<S>,
-    plan: &Plan,
-    observer: &mut O,
-) -> Ran<S::Configuration> {
-    let system = Counted::new(&system);
-    let outcome = match &plan.steps {
-        Steps::Fixed(grid) => plan.method.integrate(plan.options, &system, initial, grid, observer),
-        Steps::Adapted(interval, control) => {
-            plan.method.integrate_adaptive(plan.options, &system, initial, *interval, control, observer)
-        }
-    };
-    (outcome, system.calls())
+    fn solve(
+        &self,
+        initial: &State<Self::Configuration>,
+        plan: &Plan,
+        observer: &mut Monitor<Self::Configuration>,
+    ) -> (Result<Outcome<Self::Configuration>, IntegrateError>, u64);
 }
 
-fn run<S>(
+/// A body without forces. Counting would hide from the methods that they can skip the forces.
+struct Free(RigidBodySystem);
+
+impl Bodies for Free {
+    type Configuration = Pose;
+
+    fn solve(
+        &self,
+        initial: &State<Pose>,
+        plan: &Plan,
+        observer: &mut Monitor<Pose>,
+    ) -> (Result<Outcome<Pose>, IntegrateError>, u64) {
+        let outcome = plan.solve(&self.0, initial, observer);
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        (outcome, (observer.steps + rejected) * u64::from(plan.method.info().evaluations))
+    }
+}
+
+/// Bodies under forces.
+struct Forced<S>(S);
+
+impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
+    type Configuration = S::Configuration;
+
+    fn solve(
+        &self,
+        initial: &StateOf<S>,
+        plan: &Plan,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> (Result<Outcome<S::Configuration>, IntegrateError>, u64) {
+        let system = Counted::new(&&self.0);
+        (plan.solve(&system, initial, observer), system.calls())
+    }
+}
+
+impl Plan {
+    fn solve<S: RigidSystem>(
+        &self,
+        system: &S,
+        initial: &StateOf<S>,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError>
+    where
+        S::Configuration: Seen,
+    {
+        match &self.steps {
+            Steps::Fixed(grid) => self.method.integrate(self.options, system, initial, grid, observer),
+            Steps::Adapted(interval, control) => {
+                self.method.integrate_adaptive(self.options, system, initial, *interval, control, observer)
+            }
+        }
+    }
+}
+
+fn run<B: Bodies>(
     py: Python<'_>,
     cast: Cast,
-    system: &S,
-    initial: &StateOf<S>,
+    bodies: &B,
+    initial: &State<B::Configuration>,
     plan: &Plan,
     observer: Option<Py<PyAny>>,
     progress: Option<ProgressBar>,
     failure: Failure,
-) -> Result<Py<Solution>, Error>
-where
-    S: RigidSystem<Configuration: Seen> + Sync,
-    StateOf<S>: Sync,
-{
+) -> Result<Py<Solution>, Error> {
     let recorder = Recorder::new(plan.start, initial, plan.every);
     let mut monitor = Monitor {
         recorder: if plan.dense { recorder.with_dense_output() } else { recorder },
@@ -170,10 +214,10 @@ where
         t: plan.start,
     };
     let (outcome, nfev) = if plan.calls_python {
-        solve(system, initial, plan, &mut monitor)
+        bodies.solve(initial, plan, &mut monitor)
     } else {
         let monitor = &mut monitor;
-        py.detach(|| solve(system, initial, plan, monitor))
+        py.detach(|| bodies.solve(initial, plan, monitor))
     };
     if let Some(bar) = &mut monitor.progress {
         bar.show(py, monitor.t)?;
@@ -403,15 +447,22 @@ pub(crate) fn integrate<'py>(
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
         }
-        let system = RigidBodySystem::new(cast.bodies[0], reader.sum("forces", forces)?);
-        let plan = plan(reader.calls_python);
-        run(py, cast, &system, &initial[0], &plan, observer, bar(interval.0, interval.1)?, failure)
+        let (body, models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        if models.is_empty() {
+            let bodies = Free(RigidBodySystem::free(body));
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+        } else {
+            let bodies = Forced(RigidBodySystem::new(body, models));
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+        }
     } else {
         let each = reader.for_each("forces", cast.bodies.len(), forces)?;
-        let system = RigidBodiesSystem::try_new(cast.bodies.clone(), each, reader.between(interaction)?)?;
+        let between = reader.between(interaction)?;
+        let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
         let initial = State::from_bodies(&initial);
-        let plan = plan(reader.calls_python);
-        run(py, cast, &system, &initial, &plan, observer, bar(interval.0, interval.1)?, failure)
+        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        run(py, cast, &bodies, &initial, &plan, observer, bar, failure)
     }
 }
 

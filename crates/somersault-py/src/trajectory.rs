@@ -480,8 +480,8 @@ impl Solution {
 
     /// int: How often the equations of motion were evaluated, for all bodies at once.
     ///
-    /// A count, not steps times evaluations: start-up, rejected steps, iterations and dense output are
-    /// in it. Zero for methods that do without forces where there is no torque.
+    /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
+    /// without forces the nominal number, steps tried times evaluations of the method.
     #[getter]
     fn nfev(&self) -> u64 {
         self.report.nfev
