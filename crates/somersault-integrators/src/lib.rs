@@ -19,4 +19,5 @@ pub mod state;
 pub mod stepper;
 pub mod studies;
 pub mod system;
+pub mod tableau;
 pub mod variational_cayley;
