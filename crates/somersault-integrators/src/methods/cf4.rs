@@ -8,8 +8,8 @@
 //! the same sums give on a vector space.
 //!
 //! Order 4 on ℝ³ and on SO(3); 4 evaluations and 5 exponentials; no start-up. Conserves nothing
-//! exactly. No brackets and no dexp⁻¹, hence no singular turn per step; where those are cheap, as on
-//! SO(3), `rkmk` does the same for less. Its body-frame twin `cf4_b` is cheaper.
+//! exactly. No brackets and no dexp⁻¹, hence no singular turn per step; on SO(3), where brackets are
+//! cheap, `rkmk` does as well. Its body-frame twin `cf4_b` is cheaper.
 //!
 //! E. Celledoni, A. Marthinsen and B. Owren, Future Gener. Comput. Syst. 19 (2003) 341.
 //!

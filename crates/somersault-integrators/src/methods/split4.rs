@@ -9,10 +9,9 @@
 //! angular momentum is exact to the bit without torque. For long runs of bodies that spin fast under
 //! slow forces; six free motions a step cost elliptic functions.
 //!
-//! Of the compositions of order 4, S₆ holds for any two flows, also where kicks do not commute with
-//! their brackets as under drag (Runge–Kutta–Nyström splittings need that), and its leading error at
-//! equal work is some hundred times below that of Suzuki's five Strang steps and less still than that
-//! of Yoshida's three.
+//! Why S₆: it holds for any two flows, also where the kick is not the gradient of a potential in the
+//! configuration, as under drag (the cheaper Runge–Kutta–Nyström splittings need that), and no part of
+//! the step is longer than the step, as in Yoshida's three Strang steps.
 //!
 //! S. Blanes and P. C. Moan, J. Comput. Appl. Math. 142 (2002) 313, table 2.
 //!

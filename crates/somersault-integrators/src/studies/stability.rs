@@ -35,8 +35,8 @@
 //! of the method with its solver. A region that reaches |λ| = 64 is reported as unbounded.
 //!
 //! # Cost
-//! 0.3 µs for the spectral radius of Euler's method, tens of µs for a four-step method; a region takes some
-//! 10⁴ to 10⁵ of them, on all cores.
+//! A spectral radius takes three steps, and under a microsecond, without history, and some 10² steps, tens of
+//! microseconds, with three remembered steps. A region takes some 10⁴ of them, on all cores.
 
 use super::{Progress, StudyError, report};
 use crate::body::RigidBody;
@@ -337,7 +337,8 @@ fn one_step_radius(
     let mut three = [[0.0; 2]; 3];
     sequence.run(&system, &moving(0.6, -0.8), 0, &mut three)?;
     let [_, [y, dy], [y_next, dy_next]] = three;
-    let size = (a.abs() + b.abs() + c.abs() + d.abs()) * (y.abs() + dy.abs() + 1e-3);
+    // The roots may all be zero, and then rounding is measured against 1.
+    let size = 1.0 + (a.abs() + b.abs() + c.abs() + d.abs()) * (y.abs() + dy.abs());
     let defect = ((a * y + b * dy - y_next).abs() + (c * y + d * dy - dy_next).abs()) / size;
     if !defect.is_finite() {
         return Ok((f64::INFINITY, 0.0));
@@ -506,10 +507,10 @@ impl Probe<'_> {
         if [0.6, 0.7, 0.8, 0.9].into_iter().any(grows) { 0.0 } else { stable }
     }
 
-    /// The crossing between a stable and an unstable point.
+    /// The crossing between a stable and an unstable point, to a 128th of their distance.
     fn crossing(&self, mut stable: Lambda, mut unstable: Lambda) -> Lambda {
         let middle = |a: Lambda, b: Lambda| Lambda { re: 0.5 * (a.re + b.re), im: 0.5 * (a.im + b.im) };
-        for _ in 0..10 {
+        for _ in 0..6 {
             let between = middle(stable, unstable);
             if self.is_stable(between) { stable = between } else { unstable = between }
         }
