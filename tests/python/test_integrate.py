@@ -108,6 +108,14 @@ def test_adaptive_methods_meet_their_tolerances(method: Any, body: RigidBody, st
         integrate(body, state, (0.0, 1e3), method=method, forces=acting, max_steps=3)
 
 
+def test_without_a_step_the_steps_are_adapted(body: RigidBody, state: State) -> None:
+    motion = integrate(body, state, (0.0, 5.0))
+    exact = somersault.exact.FreeBody(body, state)(5.0)
+    assert (motion[-1].orientation.inv() * exact.orientation).magnitude() < 1e-7
+    named = integrate(body, state, (0.0, 5.0), method="rkmk8_b", rtol=1e-8, atol=1e-10)
+    assert named[-1] == motion[-1]
+
+
 def test_a_callable_is_the_same_as_the_model_it_spells_out(body: RigidBody, state: State) -> None:
     def force(t: float, x: State) -> tuple[Array, Array]:
         return spring_and_drag(x.position, x.orientation, x.velocity, x.angular_velocity, body.mass)

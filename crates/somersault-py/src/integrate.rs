@@ -254,11 +254,7 @@ fn run<B: Bodies>(
 fn adaptive_names() -> String {
     let names: Vec<_> =
         Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
-    if names.is_empty() {
-        "no method has one".to_owned()
-    } else {
-        format!("those with one are {}", names.join(", "))
-    }
+    names.join(", ")
 }
 
 /// Motion of one rigid body, or of several, under forces.
@@ -277,7 +273,8 @@ fn adaptive_names() -> String {
 /// dt : float, optional
 ///     Step, s. Where it does not divide the interval the last step is shorter.
 /// method : str or MethodInfo, optional
-///     A method of the table that `somersault.methods` returns.
+///     A method of the table that `somersault.methods` returns; ``"rkmk"`` unless given, or ``"rkmk8_b"``
+///     where the steps are adapted.
 /// forces : force model, callable, or sequence of them, optional
 ///     What acts on the body; the models of a sequence add up. A callable ``f(t, state)`` returns force
 ///     and torque about the centre of mass, world frame. For several bodies a sequence has one entry
@@ -366,7 +363,8 @@ pub(crate) fn integrate<'py>(
     let interval = (interval[0], interval[1]);
     let cast = Cast::extract("body", body)?;
     let initial = cast.states("state", state)?;
-    let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
+    let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8B };
+    let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let options = Options { start_up: start_up_of(start_up)? };
     let steps = match dt {
         Some(dt) => {
@@ -387,7 +385,7 @@ pub(crate) fn integrate<'py>(
         None => {
             if method.info().embedded.is_none() {
                 return Err(Error::input(format!(
-                    "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; {}",
+                    "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; those with one are {}",
                     method.info().name,
                     adaptive_names()
                 )));
