@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import compiled
@@ -37,7 +38,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
             "somersault.batch": lambda t=duration: somersault.batch.integrate(bodies, states, (0.0, t), DT),
             "numba RK4, parallel": lambda n=steps: compiled.rk4_batch(moments, start, DT, n),
         }
-        times = interleaved(runs, repetitions)
+        times = interleaved(runs, repetitions, time.perf_counter)
         exact = [
             np.roll(somersault.exact.FreeBody(body, state)(duration).quaternion, 1)
             for body, state in zip(bodies[:COMPARED], states[:COMPARED], strict=True)

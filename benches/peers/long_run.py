@@ -65,6 +65,15 @@ def _last_state(solution: somersault.Solution) -> Array:
     return states_of(solution)[-1]
 
 
+def _exact(_: float) -> somersault.State:
+    state: somersault.State = somersault.exact.FreeBody(BODY, START)(CASE_2.duration)
+    return state
+
+
+def _exact_state(state: somersault.State) -> Array:
+    return np.concatenate([np.roll(state.quaternion, 1), state.angular_velocity_body])
+
+
 def _scipy(tolerance: float) -> Array:
     i, j, k = CASE_2.moments
 
@@ -117,6 +126,7 @@ def contenders() -> list[Contender]:
         ours.append(Contender(f"somersault {info.name}, fixed", "steps", STEPS, run, _last_state))
     return [
         *ours,
+        Contender("somersault exact.FreeBody", "closed form", [1.0] * 3, _exact, _exact_state),
         Contender("heyoka", "tolerance", TOLERANCES, _heyoka),
         Contender(
             "numba DOP853, quaternions",
@@ -134,6 +144,16 @@ def contenders() -> list[Contender]:
         ),
         Contender("SciPy DOP853, quaternions", "tolerance", TOLERANCES, _scipy),
     ]
+
+
+def _setting(contender: Contender, setting: float) -> str:
+    match contender.setting:
+        case "steps":
+            return f"{round(setting)} steps"
+        case "tolerance":
+            return f"tolerance {setting:.1e}"
+        case other:
+            return other
 
 
 def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
@@ -171,7 +191,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
         [
             [
                 c.name,
-                f"{round(setting)} steps" if c.setting == "steps" else f"tolerance {setting:.1e}",
+                _setting(c, setting),
                 f"{times[c.name] * 1e6:.1f}",
                 f"{times[c.name] / times['heyoka']:.2f}",
                 f"{achieved:.1e}",

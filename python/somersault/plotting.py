@@ -377,7 +377,7 @@ def polhode(
     right, up = _screen(sphere)
     outline = np.outer(np.cos(angle), right) + np.outer(np.sin(angle), up)
     sphere.plot(*outline.T, color="0.75", lw=0.8)
-    sphere.set_box_aspect((1, 1, 1), zoom=1.5)
+    sphere.set_box_aspect((1, 1, 1), zoom=1.3)
     sphere.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2), zlim=(-1.2, 1.2))
     sphere.set_axis_off()
     return cast("Axes", sphere)

@@ -32,7 +32,7 @@ def write(page: Page, measurements: Measurements) -> None:
         for case, runs in measurements.accuracy.items()
     }
     page.lead(
-        "Of the thesis' methods the quickest to an orientation within 1e-6 rad after 10 s: "
+        "Of the thesis' methods the quickest to an orientation within 10⁻⁶ rad after 10 s: "
         + ", ".join(f"{plotting.abbreviation(name)} in case {case}" for case, name in quickest.items())
         + "."
     )
@@ -40,9 +40,9 @@ def write(page: Page, measurements: Measurements) -> None:
     page.text(
         "Three boxes of 1 kg and 1 m³ rotate freely for 10 s: "
         + "; ".join(f"case {case}, {what}" for case, what in _BODIES.items())
-        + f". Steps from 0.1 s down to {finest:g} s, three in a decade. The error is against the exact"
+        + f". Steps from 0.1 s down to {power(finest)} s, three in a decade. The error is against the exact"
         " solution, and angles are taken by arctangents, so that no points are missing as in the thesis'"
-        " figures. The thesis goes to 1e-6 s; the last decade would take ten times as long as all others"
+        " figures. The thesis goes to 10⁻⁶ s; the last decade would take ten times as long as all others"
         " and shows rounding only.",
     )
     for number, error, what in (

@@ -18,10 +18,10 @@ def write(page: Page, measurements: Measurements) -> None:
     best = min(names, key=lambda name: runs[name].seconds_to(1e-8))
     ratio = runs["rkmk"].seconds_to(1e-8) / runs[best].seconds_to(1e-8)
     page.lead(
-        f"To 1e-8 rad in case 2 the quickest is {best}, {ratio:.0f} times as fast as the thesis' best method."
+        f"To 10⁻⁸ rad in case 2 the quickest is {best}, {ratio:.0f} times as fast as the thesis' best method."
         if ratio < float("inf")
         else (
-            f"To 1e-8 rad in case 2 the quickest is {best}; the thesis' best method is not accurate enough in"
+            f"To 10⁻⁸ rad in case 2 the quickest is {best}; the thesis' best method is not accurate enough in"
             " any of the runs."
         )
     )

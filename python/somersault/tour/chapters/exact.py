@@ -57,7 +57,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "twist",
         axes[0],
-        "Case 2 for 30 s: a box of 1:2:5 turning about its middle axis, with 1e-4 of that about its long"
+        "Case 2 for 30 s: a box of 1:2:5 turning about its middle axis, with 10⁻⁴ of that about its long"
         " axis. The spin about y changes sign again and again, while energy and angular momentum stay as"
         f" they are. The thesis integrates the first 10 s: two flips, {10 / (2 * gap):.3f} of a full period.",
         "Four panels over time; the body's spin about y switches between plus and minus six",

@@ -34,8 +34,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.text(
         "Each method runs a problem with a known end with steps that halve, and the slope of log error over"
         " log step is fitted above the level of rounding. The problems: a mass on a nonlinear spring, r̈ ="
-        " f(r); the same with damping and drag, r̈ = f(r, ṙ); a free asymmetric body; and a box hung by a"
-        " corner from a damped spring, whose torque turns it.",
+        " f(r); the same with damping and drag, r̈ = f(r, ṙ); a free asymmetric body; and the same body"
+        " under a torque that turns with it and a drag of its rotation.",
     )
     page.section("Tables 7.1 and 7.2")
 
