@@ -110,11 +110,20 @@ fn stability_regions_of_all_methods() {
             let world = stability_region(world, Options::default(), &mut silent).unwrap();
             assert_eq!(region.area, world.area, "{name}");
         }
-        // Boundary points lie on the boundary, to 2e-6 of the extent of the region; where two roots collide the
-        // radius changes with the root of the distance.
+        // The region of an implicit method may end where its iteration does, at any radius, and then says that
+        // steps failed.
+        if m.info().implicit && region.failed > 0 {
+            continue;
+        }
+        assert_eq!(region.failed, 0, "{name}");
+        // Near a point of the boundary are stable and unstable points.
         for [from, _] in region.boundary.iter().step_by(97) {
-            let radius = spectral_radius(m, Options::default(), *from).unwrap();
-            assert!((radius - 1.0).abs() < 2e-3, "{name}: {radius} at {from:?}");
+            let stable = (0..16).filter(|k| {
+                let (sin, cos) = (f64::from(*k) * PI / 8.0).sin_cos();
+                let near = Lambda { re: from.re + 1e-4 * cos, im: from.im + 1e-4 * sin };
+                spectral_radius(m, Options::default(), near).unwrap() <= 1.0 + 1e-9
+            });
+            assert!((1..16).contains(&stable.count()), "{name}: {from:?}");
         }
     }
 }

@@ -32,7 +32,7 @@
 //! # Implicit methods
 //! A step whose equation is not solved counts as outside, as does a λ at which an iteration stopped so
 //! early that the recurrence does not hold; [`StabilityRegion::failed`] counts both. The region is then that
-//! of the method with its solver. A region that reaches |λ| = 64 is reported as unbounded.
+//! of the method with its solver. A region that reaches 20π in either coordinate is reported as unbounded.
 //!
 //! # Cost
 //! A spectral radius takes three steps, and under a microsecond, without history, and some 10² steps, tens of
@@ -115,8 +115,9 @@ pub struct StabilityRegion {
 
 /// How far above 1 the spectral radius may be.
 const TOLERANCE: f64 = 1e-9;
-/// Largest |λ_R|, |λ_I| looked at.
-const WIDEST: f64 = 64.0;
+/// Largest |λ_R|, |λ_I| looked at. Not a round number: the radius of a splitting can be exactly 1 along a line
+/// without area, like λ_R = −2, which a grid of round numbers would take for a part of the region.
+const WIDEST: f64 = 20.0 * std::f64::consts::PI;
 
 /// Spectral radius of a method of the table at h = 1.
 ///
