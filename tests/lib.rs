@@ -1,1 +1,5 @@
-//! Tests live in the test targets of this package.
+//! Tests live in the test targets of this package, and in the README.
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+mod readme {}

@@ -59,7 +59,7 @@ def summary(page: Page, measurements: Measurements) -> None:
     page.items(
         (
             (
-                f"Over {measurements.setting.long_steps:,} steps energy and angular momentum stay within 1e-9"
+                f"Over {measurements.setting.long_steps:,} steps energy and angular momentum stay within 10⁻⁹"
                 f" with {', '.join(steady) or 'none'}."
             ),
             (
