@@ -18,7 +18,7 @@ test: lint test-rust test-python
 lint: $(VENV)/.extension
 	cargo fmt --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	$(BIN)/ruff check python tests/python
+	$(BIN)/ruff check python tests/python benches/peers
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 

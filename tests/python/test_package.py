@@ -17,7 +17,10 @@ from somersault import _somersault
 ROOT = Path(__file__).parents[2]
 MODULES = [
     "somersault",
-    *(f"somersault.{name}" for name in ("batch", "errors", "exact", "forces", "integrators", "studies")),
+    *(
+        f"somersault.{name}"
+        for name in ("batch", "errors", "exact", "forces", "integrators", "plotting", "studies", "tour")
+    ),
 ]
 
 

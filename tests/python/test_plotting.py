@@ -1,0 +1,116 @@
+"""Figures: what is drawn, not how it looks."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import somersault
+from somersault import plotting, studies
+
+mpl.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def _closed_figures() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture
+def motion(body: somersault.RigidBody, state: somersault.State) -> somersault.Solution:
+    return somersault.integrate(body, state, (0.0, 2.0), dt=0.01)
+
+
+def test_no_two_methods_look_alike() -> None:
+    looks = [plotting.style(name) for name in somersault.methods().names]
+    assert len({(str(s["color"]), s["marker"], str(s["linestyle"])) for s in looks}) == len(looks)
+
+
+def test_abbreviations_are_those_of_the_thesis() -> None:
+    found = [plotting.abbreviation(name) for name in ("euler", "sie", "heun", "siabm4", "rkmk", "rkmk_b")]
+    assert found == ["Euler", "SIE", "Heun", "SIABM4", "RKMK", "RKMK_B"]
+
+
+def test_stability_regions_are_closed_curves_and_shared_ones_are_drawn_once() -> None:
+    regions = {name: studies.stability_region(name) for name in ("euler", "mp", "heun")}
+    ax = plotting.stability_regions(regions)
+    assert len(ax.collections) == 2
+    for curves in ax.collections:
+        points = np.concatenate([path.vertices for path in curves.get_paths()])
+        # Both half planes.
+        assert points[:, 1].min() == pytest.approx(-points[:, 1].max())
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["Euler  (3.14)", "MP, Heun  (5.87)"]
+    assert "lambda_R" in ax.get_xlabel()
+
+
+def test_energy_ratios_point_to_what_is_beyond() -> None:
+    ratios = {name: studies.energy(name, studies.prisms(3), steps=[1, 10]) for name in ("sie", "dmv2")}
+    ax = plotting.energy_ratios(ratios, limits=(0.9, 1.1))
+    arrows = [line for line in ax.lines if line.get_marker() == "^"]
+    beyond = sum(int((study.max > 1.1).sum()) for study in ratios.values())
+    assert len(arrows) == beyond > 0
+    assert ax.get_yscale() == "log"
+
+
+def test_observed_orders_stand_beside_the_stated() -> None:
+    ax = plotting.observed_orders({"euler": 1.01, "rk4": 2.02}, {"euler": 1, "rk4": 2})
+    stated, observed = ax.lines
+    np.testing.assert_allclose(stated.get_ydata(), [1, 2])
+    np.testing.assert_allclose(observed.get_ydata(), [1.01, 2.02])
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["Euler", "RK4"]
+
+
+@pytest.mark.parametrize("error", ["orientation", "angular_velocity"])
+@pytest.mark.parametrize("against", ["seconds", "evaluations", "steps"])
+def test_work_precision_draws_what_was_measured(error: str, against: str) -> None:
+    problem = studies.Problem.case(1)
+    runs = {name: studies.work_precision(problem, name, [0.05, 0.02]) for name in ("mp", "rkmk")}
+    ax = plotting.work_precision(runs, error, against)
+    for line, run in zip(ax.lines, runs.values(), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), run.errors[error])
+        np.testing.assert_allclose(line.get_xdata(), getattr(run, against))
+    assert ("rad/s" in ax.get_ylabel()) == (error == "angular_velocity")
+
+
+def test_work_precision_leaves_out_failed_runs() -> None:
+    problem = studies.Problem.case(2)
+    run = studies.work_precision(problem, "pmv8", [1.0, 0.01])
+    assert np.isinf(run.errors["orientation"][0])
+    (line,) = plotting.work_precision({"pmv8": run}).lines
+    assert len(line.get_xdata()) == 1
+
+
+def test_a_motion_has_four_panels(motion: somersault.Solution) -> None:
+    axes = plotting.motion(motion)
+    assert [len(ax.lines) for ax in axes] == [3, 3, 3, 1]
+    np.testing.assert_allclose(axes[3].lines[0].get_ydata(), motion.kinetic_energy)
+    assert axes[-1].get_xlabel() == "time, s"
+
+
+def test_a_polhode_lies_on_the_sphere(motion: somersault.Solution) -> None:
+    ax = plotting.polhode([motion, motion])
+    assert len(ax.lines) > 4
+    x, y, z = (np.asarray(values, dtype=float) for values in ax.lines[0].get_data_3d())
+    radius = np.sqrt(x * x + y * y + z * z)
+    np.testing.assert_allclose(radius[np.isfinite(radius)], 1.0)
+
+
+def test_figures_are_drawn_into_the_axes_given(motion: somersault.Solution) -> None:
+    figure = plt.figure()
+    ax = figure.add_subplot(projection="3d")
+    assert plotting.polhode(motion, ax) is ax
+    assert plt.get_fignums() == [figure.number]
+
+
+def test_without_matplotlib_the_extra_is_named() -> None:
+    program = "import sys; sys.modules['matplotlib'] = None; import somersault.plotting"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert run.returncode != 0
+    assert "pip install 'somersault[plot]'" in run.stderr

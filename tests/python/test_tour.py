@@ -1,0 +1,174 @@
+"""The tour, made once in its reduced setting."""
+
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+import somersault
+from somersault import tour
+from somersault.__main__ import main
+from somersault.tour import chapters, comparison, mujoco_scene, page, thesis
+
+mpl.use("Agg")
+
+
+class Reader(HTMLParser):
+    """Collects links, images and cells, and checks that elements are closed."""
+
+    VOID = frozenset({"meta", "img"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.links: list[str] = []
+        self.cells: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.links += [value or "" for name, value in attrs if name in ("href", "src")]
+        if tag == "td":
+            self.cells.append("")
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "td":
+            self.cells[-1] += data
+
+
+@pytest.fixture(scope="module")
+def measurements() -> tour.Measurements:
+    return tour.Measurements(tour.REDUCED)
+
+
+@pytest.fixture(scope="module")
+def folder(measurements: tour.Measurements, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("tour")
+    assert tour.run(out, measurements, progress=False) == out / "index.html"
+    return out
+
+
+def read(path: Path) -> Reader:
+    reader = Reader()
+    reader.feed(path.read_text(encoding="utf-8"))
+    assert not reader.open
+    return reader
+
+
+def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> None:
+    links = read(folder / "index.html").links
+    for slug in chapters.ORDER:
+        assert f"{slug}.html" in links
+        assert (folder / f"{slug}.html").is_file()
+
+
+def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
+    for path in folder.glob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        assert "<script" not in text and "@import" not in text and "url(" not in text
+        for link in read(path).links:
+            if link.startswith("https://"):
+                assert link == thesis.URL
+            else:
+                assert (folder / link).is_file(), link
+
+
+def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
+    pictures = sorted((folder / "figures").glob("*.png"))
+    used = [
+        name
+        for path in folder.glob("*.html")
+        for name in re.findall(r'<img src="figures/([^"]+)" alt="[^"]+"', path.read_text(encoding="utf-8"))
+    ]
+    assert sorted(used) == [picture.name for picture in pictures]
+    cases = {
+        f"{error}-case-{case}.png" for error in ("orientation", "angular-velocity") for case in (1, 2, 3)
+    }
+    assert cases | {"stability-regions.png", "energy-ratios.png", "twist.png", "polhode.png"} < set(used)
+    for picture in pictures:
+        content = picture.read_bytes()
+        assert content.startswith(b"\x89PNG") and len(content) > 10_000, picture.name
+
+
+def test_pages_hold_no_leftovers(folder: Path) -> None:
+    for path in folder.glob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"\b(None|nan)\b", text), path.name
+        assert str(folder) not in text
+
+
+def test_every_method_is_in_the_table(folder: Path) -> None:
+    cells = read(folder / "methods.html").cells
+    for info in somersault.methods():
+        assert info.name in cells
+        assert info.citation in cells
+
+
+def test_table_6_1_reproduces(measurements: tour.Measurements) -> None:
+    for pair in comparison.stability_areas(measurements).values():
+        assert all(entry.agrees for entry in pair), pair
+
+
+def test_table_6_2_differs_only_where_a_reason_is_given(
+    folder: Path, measurements: tour.Measurements
+) -> None:
+    differing = {entry.method for entry in comparison.differences(measurements)}
+    assert differing == set(comparison.REASONS)
+    outside = [entry for entry in comparison.differences(measurements) if entry.method != "sv"]
+    found = {(entry.method, entry.side, entry.steps) for entry in outside}
+    assert found == {("rkmk", "largest", 1), ("ab4", "largest", 10)}
+    cells = read(folder / "energy.html").cells
+    assert "3.06×10³" in cells and "33.99" in cells and "1.03 (printed 1.00)" in cells
+
+
+def test_printed_tables_are_whole() -> None:
+    assert set(thesis.ENERGY_RATIOS) == set(thesis.BEHAVIOUR) == set(thesis.METHODS) - {"aso"}
+    for largest, smallest in thesis.ENERGY_RATIOS.values():
+        assert len(largest) == len(smallest) == len(thesis.ENERGY_STEPS)
+    assert set(thesis.ROTATION_ORDERS) == set(thesis.METHODS)
+    assert tuple(somersault.methods().names[: len(thesis.METHODS)]) == thesis.METHODS
+
+
+def test_observed_orders_are_those_of_the_thesis(measurements: tour.Measurements) -> None:
+    for name, order in thesis.ROTATION_ORDERS.items():
+        assert measurements.observed[name].rotation == pytest.approx(order, abs=0.35), name
+    for name, order in thesis.TRANSLATION_ORDERS.items():
+        assert measurements.observed[name].translation == pytest.approx(order, abs=0.35), name
+
+
+def test_agreement_is_to_the_last_digit_printed() -> None:
+    def agrees(printed: float, computed: float) -> bool:
+        return comparison.Comparison("euler", "largest", printed, computed).agrees
+
+    assert agrees(1.05, 1.0549) and not agrees(1.05, 1.0551)
+    assert agrees(3.06e3, 3.0649e3) and not agrees(3.06e3, 3.0801e3)
+    assert agrees(float("inf"), float("inf")) and not agrees(float("inf"), 1e300)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.0, "1.00"), (-0.826, "−0.83"), (3064.0, "3.06×10³"), (float("inf"), "Inf"), (float("nan"), "–")],
+)
+def test_numbers_are_set_as_in_print(value: float, text: str) -> None:
+    assert page.number(value) == text
+
+
+def test_mujoco_is_asked_for_where_it_is_missing(folder: Path) -> None:
+    text = (folder / "box.html").read_text(encoding="utf-8")
+    assert ("somersault[bench]" in text) != mujoco_scene.available()
+
+
+def test_the_command_writes_where_it_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(chapters, "ORDER", ())
+    monkeypatch.setattr(chapters, "summary", lambda page, measurements: None)
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    assert main(["tour", "--out", str(tmp_path)]) == 0
+    assert str(tmp_path / "index.html") in capsys.readouterr().out
