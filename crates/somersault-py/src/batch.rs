@@ -13,7 +13,7 @@ use somersault::integrators::force::Gravity;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::RigidBodyState;
 
-/// How many steps of one body lie between two looks at signals: a fraction of a second.
+/// How many steps lie between two looks at signals: a fraction of a second.
 const STEPS_PER_LOOK: u64 = 20_000_000;
 
 /// Motion of many rigid bodies that do not see each other, free or under uniform gravity.
@@ -49,7 +49,8 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 ///
 /// Notes
 /// -----
-/// Other Python threads run meanwhile. Ctrl-C is looked for every 20 million steps.
+/// Other Python threads run meanwhile. Ctrl-C is looked for between groups of bodies that make 20 million
+/// steps together, but of no fewer than 64 bodies a core.
 ///
 /// Examples
 /// --------
@@ -106,7 +107,7 @@ pub(crate) fn integrate_batch(
     Ok(Trajectory::new(cast, interval.to_vec(), starts))
 }
 
-/// How many bodies to take at once: as many as keep all cores busy for a fraction of a second.
+/// How many bodies to take at once: a fraction of a second's work, but enough for all cores.
 fn chunk(grids: &[TimeGrid]) -> usize {
     let least = 64 * std::thread::available_parallelism().map_or(1, usize::from);
     let mut steps = 0;
