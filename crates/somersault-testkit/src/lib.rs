@@ -1,1 +1,3 @@
-//! somersault-testkit
+//! Reference problems of the somersault crates.
+
+pub mod trees;
