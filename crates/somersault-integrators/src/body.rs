@@ -1,5 +1,6 @@
 //! The rigid body: mass and inertia.
 
+use crate::state::RigidBodyState;
 use nalgebra::Vector3;
 use somersault_core::{Inertia, InertiaError};
 
@@ -55,5 +56,20 @@ impl RigidBody {
     #[inline]
     pub fn inertia(&self) -> &Inertia {
         &self.inertia
+    }
+
+    /// Angular momentum about the centre of mass, R I Rᵀ ω, world frame, kg m²/s.
+    pub fn angular_momentum(&self, x: &RigidBodyState) -> Vector3<f64> {
+        crate::system::angular_momentum(self, &x.configuration, x.angular_velocity())
+    }
+
+    /// Kinetic energy of the rotation, ω · L/2, J.
+    pub fn rotational_energy(&self, x: &RigidBodyState) -> f64 {
+        0.5 * x.angular_velocity().dot(&self.angular_momentum(x))
+    }
+
+    /// Kinetic energy of translation and rotation, m v²/2 + ω · L/2, J.
+    pub fn kinetic_energy(&self, x: &RigidBodyState) -> f64 {
+        0.5 * self.mass * x.velocity().norm_squared() + self.rotational_energy(x)
     }
 }

@@ -1,1 +1,38 @@
-//! somersault-py
+//! Python bindings of somersault.
+//!
+//! These files convert, validate and delegate. The classes of exceptions are in `somersault.errors`.
+#![forbid(unsafe_code)]
+
+mod batch;
+mod bodies;
+mod convert;
+mod error;
+mod exact;
+mod forces;
+mod integrate;
+mod methods;
+mod trajectory;
+
+/// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
+#[pyo3::pymodule]
+mod _somersault {
+    #[pymodule_export]
+    use crate::batch::integrate_batch;
+    #[pymodule_export]
+    use crate::bodies::{RigidBody, State};
+    #[pymodule_export]
+    use crate::exact::FreeBody;
+    #[pymodule_export]
+    use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
+    #[pymodule_export]
+    use crate::integrate::integrate;
+    #[pymodule_export]
+    use crate::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::trajectory::{DenseOutput, Solution, Trajectory};
+
+    /// The version of the package.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

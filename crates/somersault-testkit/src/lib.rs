@@ -1,3 +1,8 @@
-//! Reference problems of the somersault crates.
+//! Reference problems with their solutions, and the estimation of orders, for somersault's own tests.
+//!
+//! Everything here returns data; what is asserted is the tests' to say.
+#![forbid(unsafe_code)]
 
+pub mod order;
+pub mod problems;
 pub mod trees;

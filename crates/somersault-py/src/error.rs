@@ -1,0 +1,126 @@
+//! Errors of the Rust crates as Python exceptions.
+//!
+//! The classes are those of `somersault.errors`; this file says which one an error belongs to.
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use somersault::core::InertiaError;
+use somersault::integrators::batch::BatchError;
+use somersault::integrators::body::BodyError;
+use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::exact::FreeBodyError;
+use somersault::integrators::methods::UnknownMethod;
+use somersault::integrators::stepper::StepError;
+use somersault::integrators::system::CountMismatch;
+
+/// What a function of this module fails with.
+pub(crate) enum Error {
+    /// An exception that Python code raised.
+    Raised(PyErr),
+    /// An exception of `somersault.errors`, by the name of its class.
+    Own { class: &'static str, message: String },
+}
+
+impl Error {
+    /// An argument that is not allowed.
+    pub(crate) fn input(message: impl Into<String>) -> Self {
+        Self::Own { class: "InputError", message: message.into() }
+    }
+
+    fn own(class: &'static str, error: &impl ToString) -> Self {
+        Self::Own { class, message: error.to_string() }
+    }
+}
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Raised(error) => error,
+            Error::Own { class, message } => Python::attach(|py| {
+                let found = py
+                    .import("somersault.errors")
+                    .and_then(|errors| errors.getattr(class))
+                    .and_then(|class| Ok(class.cast_into::<PyType>()?));
+                match found {
+                    Ok(class) => PyErr::from_type(class, message),
+                    // Only where the extension is imported without its package.
+                    Err(_) => PyRuntimeError::new_err(message),
+                }
+            }),
+        }
+    }
+}
+
+impl From<PyErr> for Error {
+    fn from(error: PyErr) -> Self {
+        Self::Raised(error)
+    }
+}
+
+impl From<InertiaError> for Error {
+    fn from(error: InertiaError) -> Self {
+        Self::own("InertiaError", &error)
+    }
+}
+
+impl From<BodyError> for Error {
+    fn from(error: BodyError) -> Self {
+        match error {
+            BodyError::Inertia(error) => error.into(),
+            error => Self::own("BodyError", &error),
+        }
+    }
+}
+
+impl From<CountMismatch> for Error {
+    fn from(error: CountMismatch) -> Self {
+        Self::own("CountMismatchError", &error)
+    }
+}
+
+impl From<UnknownMethod> for Error {
+    fn from(error: UnknownMethod) -> Self {
+        Self::own("UnknownMethodError", &error)
+    }
+}
+
+impl From<StepError> for Error {
+    fn from(error: StepError) -> Self {
+        match error {
+            StepError::Torque { .. } => Self::own("TorqueError", &error),
+            error => Self::own("StepError", &error),
+        }
+    }
+}
+
+impl From<IntegrateError> for Error {
+    fn from(error: IntegrateError) -> Self {
+        match error {
+            IntegrateError::Step(error) => error.into(),
+            IntegrateError::Interval { .. }
+            | IntegrateError::NotPositive { .. }
+            | IntegrateError::TooManySteps { .. }
+            | IntegrateError::InitialState { .. }
+            | IntegrateError::NoErrorEstimate { .. } => Self::own("IntegrateInputError", &error),
+            error => Self::own("IntegrateError", &error),
+        }
+    }
+}
+
+impl From<BatchError> for Error {
+    fn from(error: BatchError) -> Self {
+        match error {
+            BatchError::Length { .. } | BatchError::NonFinite { .. } | BatchError::NotPositive { .. } => {
+                Self::own("BatchInputError", &error)
+            }
+            error => Self::own("BatchError", &error),
+        }
+    }
+}
+
+impl From<FreeBodyError> for Error {
+    fn from(error: FreeBodyError) -> Self {
+        Self::own("FreeBodyError", &error)
+    }
+}

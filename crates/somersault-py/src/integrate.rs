@@ -1,0 +1,491 @@
+//! The front door: integration of one body or of several.
+
+use crate::error::Error;
+use crate::forces::{Failure, Reader};
+use crate::methods;
+use crate::trajectory::{Cast, Report, Seen, Solution};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use somersault::integrators::body;
+use somersault::integrators::driver::{
+    Adaptive, Flow, IntegrateError, Observer, Outcome, Status, Step, TimeGrid,
+};
+use somersault::integrators::methods::{Method, Options, StartUp};
+use somersault::integrators::solution::Recorder;
+use somersault::integrators::state::{State, Tolerances};
+use somersault::integrators::system::{
+    RateOf, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf, System,
+};
+use std::cell::Cell;
+use std::time::{Duration, Instant};
+
+/// How often a run looks whether it is to stop.
+const ATTENTION: Duration = Duration::from_millis(50);
+
+/// How many steps lie between two looks at the clock.
+const STEPS_PER_LOOK: u64 = 64;
+
+/// How the steps are chosen.
+#[derive(Clone, Copy)]
+enum Steps {
+    Fixed(TimeGrid),
+    Adapted((f64, f64), Adaptive),
+}
+
+/// A run, as asked for.
+struct Plan {
+    method: Method,
+    options: Options,
+    steps: Steps,
+    start: f64,
+    every: u64,
+    dense: bool,
+    calls_python: bool,
+    return_interrupted: bool,
+}
+
+/// A system that counts how often it is evaluated.
+struct Counted<'a, S> {
+    system: &'a S,
+    evaluations: Cell<u64>,
+}
+
+impl<S> Counted<'_, S> {
+    fn count(&self) {
+        self.evaluations.set(self.evaluations.get() + 1);
+    }
+}
+
+impl<S: System> System for Counted<'_, S> {
+    type Configuration = S::Configuration;
+    type Workspace = S::Workspace;
+    fn workspace(&self) -> S::Workspace {
+        self.system.workspace()
+    }
+    #[inline]
+    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.system.velocity(x, out);
+    }
+    #[inline]
+    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.count();
+        self.system.acceleration(w, t, x, out);
+    }
+}
+
+impl<S: RigidSystem> RigidSystem for Counted<'_, S> {
+    #[inline]
+    fn body(&self, i: usize) -> &body::RigidBody {
+        self.system.body(i)
+    }
+    fn rest(&self) -> StateOf<S> {
+        self.system.rest()
+    }
+    #[inline]
+    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.count();
+        self.system.wrenches(t, x, out);
+    }
+    #[inline]
+    fn is_free(&self) -> bool {
+        self.system.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.system.is_torque_free()
+    }
+    #[inline]
+    fn depends_on_velocity(&self) -> bool {
+        self.system.depends_on_velocity()
+    }
+}
+
+/// A bar that shows how far a run has come.
+struct ProgressBar {
+    bar: Py<PyAny>,
+    shown: f64,
+}
+
+impl ProgressBar {
+    fn open(py: Python<'_>, start: f64, end: f64) -> PyResult<Self> {
+        let tqdm = py.import("tqdm.auto").map_err(|error| {
+            if error.is_instance_of::<PyModuleNotFoundError>(py) {
+                PyModuleNotFoundError::new_err(
+                    "`progress` needs tqdm, which the extra `somersault[progress]` installs",
+                )
+            } else {
+                error
+            }
+        })?;
+        let options = PyDict::new(py);
+        options.set_item("total", end - start)?;
+        options
+            .set_item("bar_format", "{l_bar}{bar}| t = {n:.4g} of {total:.4g} s [{elapsed}<{remaining}]")?;
+        let bar = tqdm.getattr("tqdm")?.call((), Some(&options))?.unbind();
+        Ok(Self { bar, shown: start })
+    }
+
+    fn show(&mut self, py: Python<'_>, t: f64) -> PyResult<()> {
+        self.bar.call_method1(py, "update", (t - self.shown,))?;
+        self.shown = t;
+        Ok(())
+    }
+}
+
+/// Records a run, shows it to Python, and stops it where Python says so.
+struct Monitor<Q: Seen> {
+    recorder: Recorder<Q>,
+    observer: Option<Py<PyAny>>,
+    progress: Option<ProgressBar>,
+    failure: Failure,
+    last_look: Instant,
+    /// Steps made, and the time they reached.
+    steps: u64,
+    t: f64,
+}
+
+impl<Q: Seen> Monitor<Q> {
+    /// Runs handlers of signals and moves the bar.
+    fn look(&mut self, t: f64) -> PyResult<()> {
+        self.last_look = Instant::now();
+        let progress = &mut self.progress;
+        Python::attach(|py| {
+            py.check_signals()?;
+            progress.as_mut().map_or(Ok(()), |bar| bar.show(py, t))
+        })
+    }
+}
+
+impl<Q: Seen> Observer<Q> for Monitor<Q> {
+    fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
+        if self.failure.get().is_some() {
+            return Flow::Stop;
+        }
+        let _ = self.recorder.observe(step);
+        (self.steps, self.t) = (step.index, step.t_after);
+        let mut flow = Flow::Continue;
+        if let Some(observer) = &self.observer {
+            let stop = Python::attach(|py| {
+                let answer = observer.call1(py, (step.t_after, Q::to_python(py, step.after)?))?;
+                answer.bind(py).is_truthy()
+            });
+            match stop {
+                Ok(true) => flow = Flow::Stop,
+                Ok(false) => {}
+                Err(error) => self.failure.set(error),
+            }
+        }
+        if step.index.is_multiple_of(STEPS_PER_LOOK)
+            && self.last_look.elapsed() >= ATTENTION
+            && let Err(error) = self.look(step.t_after)
+        {
+            self.failure.set(error);
+        }
+        if self.failure.get().is_some() { Flow::Stop } else { flow }
+    }
+}
+
+type Ran<Q> = (Result<Outcome<Q>, IntegrateError>, u64);
+
+fn solve<S: RigidSystem, O: Observer<S::Configuration>>(
+    system: &S,
+    initial: &StateOf<S>,
+    plan: &Plan,
+    observer: &mut O,
+) -> Ran<S::Configuration> {
+    let system = Counted { system, evaluations: Cell::new(0) };
+    let outcome = match &plan.steps {
+        Steps::Fixed(grid) => plan.method.integrate(plan.options, &system, initial, grid, observer),
+        Steps::Adapted(interval, control) => {
+            plan.method.integrate_adaptive(plan.options, &system, initial, *interval, control, observer)
+        }
+    };
+    (outcome, system.evaluations.get())
+}
+
+fn run<S>(
+    py: Python<'_>,
+    cast: Cast,
+    system: &S,
+    initial: &StateOf<S>,
+    plan: &Plan,
+    observer: Option<Py<PyAny>>,
+    progress: Option<ProgressBar>,
+    failure: Failure,
+) -> Result<Py<Solution>, Error>
+where
+    S: RigidSystem<Configuration: Seen> + Sync,
+    StateOf<S>: Sync,
+{
+    let recorder = Recorder::new(plan.start, initial, plan.every);
+    let mut monitor = Monitor {
+        recorder: if plan.dense { recorder.with_dense_output() } else { recorder },
+        observer,
+        progress,
+        failure,
+        last_look: Instant::now(),
+        steps: 0,
+        t: plan.start,
+    };
+    let (outcome, nfev) = if plan.calls_python {
+        solve(system, initial, plan, &mut monitor)
+    } else {
+        let monitor = &mut monitor;
+        py.detach(|| solve(system, initial, plan, monitor))
+    };
+    if let Some(bar) = &mut monitor.progress {
+        bar.show(py, monitor.t)?;
+        bar.bar.call_method0(py, "close")?;
+    }
+    let report = |status, message: String, rejected| Report {
+        status,
+        message,
+        nfev,
+        n_steps: monitor.steps,
+        n_rejected: rejected,
+    };
+    // What Python raised comes before what the driver made of the numbers that followed.
+    let report = match (monitor.failure.get(), outcome) {
+        (Some(error), outcome) => {
+            if !(plan.return_interrupted && error.is_instance_of::<PyKeyboardInterrupt>(py)) {
+                return Err(error.clone_ref(py).into());
+            }
+            let rejected = outcome.map_or(0, |outcome| outcome.rejected);
+            report(-1, format!("interrupted at t = {}", monitor.t), rejected)
+        }
+        (None, Err(error)) => return Err(error.into()),
+        (None, Ok(outcome)) => match outcome.status {
+            Status::Finished => report(0, "reached the end of the interval".to_owned(), outcome.rejected),
+            Status::Stopped => {
+                report(1, format!("stopped by the observer at t = {}", outcome.t), outcome.rejected)
+            }
+        },
+    };
+    Ok(Solution::create(py, cast, monitor.recorder.into_solution(), plan.dense, report)?)
+}
+
+/// The adaptive methods, for a message.
+fn adaptive_names() -> String {
+    let names: Vec<_> =
+        Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
+    if names.is_empty() {
+        "no method has one".to_owned()
+    } else {
+        format!("those with one are {}", names.join(", "))
+    }
+}
+
+/// Motion of one rigid body, or of several, under forces.
+///
+/// Integrates m r̈ = F, Ṙ = ω̂ R and I ω̇ = M − ω × I ω from `state` over `interval`, with a fixed step
+/// `dt` or, where `dt` is left out, with steps adapted to `rtol` and `atol`.
+///
+/// Parameters
+/// ----------
+/// body : RigidBody or sequence of RigidBody
+///     The body, or the bodies.
+/// state : State or sequence of State
+///     State at the start, one for each body.
+/// interval : tuple of float
+///     Start and end time, s.
+/// dt : float, optional
+///     Step, s. Where it does not divide the interval the last step is shorter.
+/// method : str or MethodInfo, optional
+///     A method of the table that `somersault.methods` returns.
+/// forces : force model, callable, or sequence of them, optional
+///     What acts on the body; the models of a sequence add up. A callable ``f(t, state)`` returns force
+///     and torque about the centre of mass, world frame. For several bodies a sequence has one entry
+///     for each of them, itself a model, a sequence or None; a single model acts on every body.
+/// interaction : Gravitation or callable, optional
+///     What acts between several bodies. A callable ``f(t, states)`` returns forces and torques, each of
+///     shape (bodies, 3).
+/// rtol, atol : float, optional
+///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
+///     weighed by its length; an orientation counts as one radian.
+/// max_step, first_step : float, optional
+///     Largest and first step of an adaptive run, s.
+/// max_steps : int, optional
+///     Largest number of steps of an adaptive run, 10 million unless given.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods make their first steps: by a one-step method of order 4, or by their own
+///     family with as many steps as there are.
+/// dense_output : bool, optional
+///     Whether to keep the curves between the steps, for ``solution.sol(t)``.
+/// every : int, optional
+///     Record every so many steps. The last is always recorded.
+/// observer : callable, optional
+///     ``f(t, state)``, called after every step; the run stops where it returns something true.
+/// on_interrupt : {'raise', 'return'}, optional
+///     At Ctrl-C, raise KeyboardInterrupt or return what was recorded with status −1.
+/// progress : bool, optional
+///     Whether to show a progress bar, for which tqdm must be installed.
+///
+/// Returns
+/// -------
+/// Solution
+///     Times, states and what is derived from them.
+///
+/// Raises
+/// ------
+/// InputError
+///     If an argument is not allowed. Subclasses: `UnknownMethodError`, `IntegrateInputError`,
+///     `TorqueError`, `CountMismatchError`.
+/// IntegrateError
+///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
+///     of an implicit step was not solved (`StepError`).
+///
+/// Notes
+/// -----
+/// Other Python threads run meanwhile unless a callable is given. What a callable raises stops the run
+/// and comes out as it is.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+/// >>> start = somersault.State(velocity=(0.0, 0.0, 5.0), angular_velocity=(0.0, 8.0, 0.1))
+/// >>> gravity = somersault.forces.Gravity()
+/// >>> motion = somersault.integrate(body, start, (0.0, 1.0), dt=0.01, forces=gravity)
+/// >>> motion.position.shape
+/// (101, 3)
+/// >>> round(float(motion.position[-1, 2]), 6)
+/// 0.095
+#[pyfunction]
+#[pyo3(signature = (
+    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, rtol=None, atol=None,
+    max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    observer=None, on_interrupt="raise", progress=false
+))]
+pub(crate) fn integrate<'py>(
+    py: Python<'py>,
+    body: &Bound<'py, PyAny>,
+    state: &Bound<'py, PyAny>,
+    interval: [f64; 2],
+    dt: Option<f64>,
+    method: Option<&Bound<'py, PyAny>>,
+    forces: Option<&Bound<'py, PyAny>>,
+    interaction: Option<&Bound<'py, PyAny>>,
+    rtol: Option<f64>,
+    atol: Option<f64>,
+    max_step: Option<f64>,
+    first_step: Option<f64>,
+    max_steps: Option<usize>,
+    start_up: &str,
+    dense_output: bool,
+    every: i64,
+    observer: Option<Bound<'py, PyAny>>,
+    on_interrupt: &str,
+    progress: bool,
+) -> Result<Py<Solution>, Error> {
+    let interval = (interval[0], interval[1]);
+    let cast = Cast::extract("body", body)?;
+    let initial = cast.states("state", state)?;
+    let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
+    let options = Options {
+        start_up: match start_up {
+            "one_step" => StartUp::OneStep,
+            "ladder" => StartUp::Ladder,
+            _ => {
+                let message = format!("`start_up` must be 'one_step' or 'ladder', found '{start_up}'");
+                return Err(Error::input(message));
+            }
+        },
+    };
+    let steps = match dt {
+        Some(dt) => {
+            let adaptive = [
+                ("rtol", rtol.is_some()),
+                ("atol", atol.is_some()),
+                ("max_step", max_step.is_some()),
+                ("first_step", first_step.is_some()),
+                ("max_steps", max_steps.is_some()),
+            ];
+            if let Some((name, _)) = adaptive.iter().find(|(_, given)| *given) {
+                return Err(Error::input(format!(
+                    "`{name}` is for adaptive steps; leave out `dt` to have them"
+                )));
+            }
+            Steps::Fixed(TimeGrid::try_new(interval.0, interval.1, dt)?)
+        }
+        None => {
+            if method.info().embedded.is_none() {
+                return Err(Error::input(format!(
+                    "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; {}",
+                    method.info().name,
+                    adaptive_names()
+                )));
+            }
+            let default = Adaptive::default();
+            Steps::Adapted(
+                interval,
+                Adaptive {
+                    tolerances: Tolerances {
+                        relative: positive("rtol", rtol.unwrap_or(default.tolerances.relative))?,
+                        absolute: positive("atol", atol.unwrap_or(default.tolerances.absolute))?,
+                    },
+                    first_step,
+                    max_step: max_step.unwrap_or(default.max_step),
+                    max_steps: max_steps.unwrap_or(default.max_steps),
+                },
+            )
+        }
+    };
+    let every = u64::try_from(every)
+        .ok()
+        .filter(|n| *n > 0)
+        .ok_or_else(|| Error::input(format!("`every` must be a positive number of steps, found {every}")))?;
+    let return_interrupted = match on_interrupt {
+        "raise" => false,
+        "return" => true,
+        _ => {
+            let message = format!("`on_interrupt` must be 'raise' or 'return', found '{on_interrupt}'");
+            return Err(Error::input(message));
+        }
+    };
+    if let Some(observer) = &observer
+        && !observer.is_callable()
+    {
+        return Err(Error::input(format!(
+            "`observer` must be a callable f(t, state), found {}",
+            crate::convert::a_type(observer)
+        )));
+    }
+    let failure = Failure::default();
+    let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };
+    let none = py.None().into_bound(py);
+    let forces = forces.unwrap_or(&none);
+    let bar = |start, end| if progress { ProgressBar::open(py, start, end).map(Some) } else { Ok(None) };
+    let plan = |calls_python| Plan {
+        method,
+        options,
+        steps,
+        start: interval.0,
+        every,
+        dense: dense_output,
+        calls_python,
+        return_interrupted,
+    };
+    let observer = observer.map(Bound::unbind);
+    if cast.single {
+        if interaction.is_some() {
+            return Err(Error::input("`interaction` acts between several bodies, and there is one"));
+        }
+        let system = RigidBodySystem::new(cast.bodies[0], reader.sum("forces", forces)?);
+        let plan = plan(reader.calls_python);
+        run(py, cast, &system, &initial[0], &plan, observer, bar(interval.0, interval.1)?, failure)
+    } else {
+        let each = reader.for_each("forces", cast.bodies.len(), forces)?;
+        let system = RigidBodiesSystem::try_new(cast.bodies.clone(), each, reader.between(interaction)?)?;
+        let initial = State::from_bodies(&initial);
+        let plan = plan(reader.calls_python);
+        run(py, cast, &system, &initial, &plan, observer, bar(interval.0, interval.1)?, failure)
+    }
+}
+
+fn positive(argument: &str, value: f64) -> Result<f64, Error> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
+    }
+}

@@ -1,0 +1,74 @@
+"""Exceptions of somersault.
+
+All derive from `SomersaultError`. Those for which the input was at fault also derive from
+`InputError`, and so from `ValueError`. A message names the argument, what was found and what is
+allowed.
+"""
+
+__all__ = [
+    "BatchError",
+    "BatchInputError",
+    "BodyError",
+    "CountMismatchError",
+    "FreeBodyError",
+    "InertiaError",
+    "InputError",
+    "IntegrateError",
+    "IntegrateInputError",
+    "SomersaultError",
+    "StepError",
+    "TorqueError",
+    "UnknownMethodError",
+]
+
+
+class SomersaultError(Exception):
+    """Base of all exceptions of somersault."""
+
+
+class InputError(SomersaultError, ValueError):
+    """An argument has a shape, type or value that is not allowed."""
+
+
+class InertiaError(InputError):
+    """A tensor or a shape is not the inertia of a rigid body."""
+
+
+class BodyError(InputError):
+    """A mass is not that of a rigid body."""
+
+
+class CountMismatchError(InputError):
+    """The numbers of bodies and of something that belongs to each differ."""
+
+
+class UnknownMethodError(InputError):
+    """No method has this name; the message lists those there are."""
+
+
+class IntegrateError(SomersaultError):
+    """An integration could not go on: the state stopped being finite, a tolerance cannot be met."""
+
+
+class IntegrateInputError(IntegrateError, InputError):
+    """An integration could not start: interval, step or tolerances are not allowed."""
+
+
+class StepError(IntegrateError):
+    """A step failed: the equation of an implicit step was not solved."""
+
+
+class TorqueError(StepError, InputError):
+    """The method takes no torque, and the forces given may exert one."""
+
+
+class BatchError(SomersaultError):
+    """A body of a batch could not be integrated."""
+
+
+class BatchInputError(BatchError, InputError):
+    """The arguments of a batch do not fit together."""
+
+
+class FreeBodyError(InputError):
+    """A time at which the exact motion is asked for, or the state there, is not finite."""

@@ -1,0 +1,77 @@
+"""Ctrl-C stops a run within a second, and on request what was recorded comes back."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from somersault import RigidBody, State, integrate
+
+SCRIPT = """
+import sys, time
+import somersault
+body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+start = somersault.State(angular_velocity=(1.0, 2.0, 3.0))
+def force(t, state):
+    return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+print("ready", flush=True)
+try:
+    motion = somersault.integrate(body, start, (0.0, 1e9), dt=1e-3, every=1000, {options})
+    print("returned", time.monotonic(), motion.status, len(motion), motion.t[-1], motion.message, sep="|")
+except KeyboardInterrupt:
+    print("raised", time.monotonic(), sep="|")
+"""
+
+
+def interrupted(options: str) -> tuple[list[str], float]:
+    """What the script prints, and how long it took to stop."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT.format(options=options)], stdout=subprocess.PIPE, text=True
+    )
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.5)
+        sent = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        output = process.communicate(timeout=60)[0]
+    fields = output.strip().split("|")
+    return fields, float(fields[1]) - sent
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
+@pytest.mark.parametrize("more", ["", "forces=force", "observer=lambda t, state: None"])
+class TestInterrupts:
+    """With and without Python code in play."""
+
+    def test_raise_keyboard_interrupt(self, more: str) -> None:
+        fields, seconds = interrupted(more)
+        assert fields[0] == "raised"
+        assert seconds < 1.0
+
+    def test_return_what_was_recorded(self, more: str) -> None:
+        fields, seconds = interrupted(f'on_interrupt="return", {more}')
+        assert fields[0] == "returned"
+        assert fields[2] == "-1"
+        assert int(fields[3]) > 1
+        assert float(fields[4]) > 0.0
+        assert fields[5].startswith("interrupted at t = ")
+        assert seconds < 1.0
+
+
+def test_other_threads_run_meanwhile() -> None:
+    body, start = RigidBody.box(1.0, (0.2, 0.4, 0.6)), State(angular_velocity=(1.0, 2.0, 3.0))
+    worker = threading.Thread(
+        target=integrate, args=(body, start, (0.0, 2e4)), kwargs={"dt": 0.01, "every": 10**6}
+    )
+    worker.start()
+    turns = 0
+    while worker.is_alive():
+        turns += 1
+        time.sleep(0.001)
+    worker.join()
+    # Held, the interpreter would have let this thread run once or twice.
+    assert turns > 10

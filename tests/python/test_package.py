@@ -1,0 +1,87 @@
+"""The package: stub, examples, command line."""
+
+import doctest
+import importlib
+import inspect
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import somersault
+from somersault import _somersault
+
+ROOT = Path(__file__).parents[2]
+MODULES = [
+    "somersault",
+    *(f"somersault.{name}" for name in ("batch", "errors", "exact", "forces", "integrators")),
+]
+
+
+def documented() -> Iterator[tuple[str, Any]]:
+    """Everything public in the extension, with its members."""
+    for name in _somersault.__all__:
+        thing = getattr(_somersault, name)
+        if not isinstance(thing, str):
+            yield name, thing
+        if inspect.isclass(thing):
+            for member, value in vars(thing).items():
+                if not member.startswith("_"):
+                    yield f"{name}.{member}", value
+
+
+@pytest.mark.parametrize(("name", "thing"), list(documented()), ids=lambda x: x if isinstance(x, str) else "")
+def test_everything_is_documented_and_its_examples_hold(name: str, thing: Any) -> None:
+    text = inspect.getdoc(thing)
+    assert text, name
+    test = doctest.DocTestParser().get_doctest(text, {}, name, None, 0)
+    assert doctest.DocTestRunner().run(test).failed == 0
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_modules_are_documented_and_export_what_they_have(name: str) -> None:
+    module = importlib.import_module(name)
+    assert module.__doc__
+    assert doctest.testmod(module).failed == 0
+    for exported in module.__all__:
+        assert getattr(module, exported) is not None
+
+
+def test_the_examples_of_the_readme_hold() -> None:
+    found = doctest.testfile(str(ROOT / "README.md"), module_relative=False, encoding="utf-8")
+    assert found.attempted > 0
+    assert found.failed == 0
+
+
+def test_the_stub_is_the_module() -> None:
+    checked = subprocess.run(
+        [
+            *(sys.executable, "-m", "mypy.stubtest"),
+            *("--mypy-config-file", str(ROOT / "pyproject.toml"), "somersault._somersault"),
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert checked.returncode == 0, checked.stdout
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "somersault", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_the_command_line_prints_the_methods() -> None:
+    shown = run("methods")
+    assert shown.returncode == 0
+    assert shown.stdout.strip() == repr(somersault.methods())
+
+
+def test_the_command_line_says_what_it_can_do() -> None:
+    assert run("--version").stdout.strip() == f"somersault {somersault.__version__}"
+    assert "tour" in run("--help").stdout
+    assert run("somersault").returncode == 2
