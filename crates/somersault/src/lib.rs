@@ -16,6 +16,7 @@
 
 pub use somersault_core as core;
 pub use somersault_integrators as integrators;
+pub use somersault_multibody as multibody;
 
 /// What most programs need.
 pub mod prelude {

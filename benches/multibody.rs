@@ -1,0 +1,49 @@
+//! Time per call of the dynamics of a tree with the 27 degrees of freedom of thesis Table 3.2.
+//!
+//! `cargo bench --bench multibody`.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use somersault::multibody::{Data, Split};
+use somersault_testkit::trees::{Random, humanoid, random_configuration};
+use std::hint::black_box;
+use std::time::Duration;
+
+fn humanoid_dynamics(c: &mut Criterion) {
+    let model = humanoid().expect("a tree");
+    let mut random = Random::new(27);
+    let q = random_configuration(&mut random, &model).expect("lengths fit");
+    let n = model.n_velocities();
+    let (v, a, torque) = (random.numbers(n, 2.0), random.numbers(n, 2.0), random.numbers(n, 2.0));
+    let mut data = Data::new(&model);
+    let mut group = c.benchmark_group("humanoid");
+    group.bench_function("rnea", |b| {
+        b.iter(|| model.inverse_dynamics(&mut data, black_box(&q), &v, &a, &[]).map(|t| t[0]))
+    });
+    group.bench_function("crba", |b| {
+        b.iter(|| model.mass_matrix(&mut data, black_box(&q)).map(|m| m[(0, 0)]))
+    });
+    group.bench_function("aba", |b| {
+        b.iter(|| model.forward_dynamics(&mut data, black_box(&q), &v, &torque, &[]).map(|a| a[0]))
+    });
+    let split = Split::new((0..n).map(|k| k >= 6).collect());
+    let (mut acceleration, mut force) = (a.clone(), torque.clone());
+    group.bench_function("hybrid", |b| {
+        b.iter(|| {
+            model.hybrid_dynamics(&mut data, &split, black_box(&q), &v, &mut acceleration, &mut force, &[])
+        })
+    });
+    group.bench_function("centroidal", |b| {
+        b.iter(|| model.centroidal(&mut data, black_box(&q)).map(|c| c.matrix[(0, 0)]))
+    });
+    group.finish();
+}
+
+criterion_group! {
+    name = multibody;
+    config = Criterion::default()
+        .sample_size(30)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_millis(1000));
+    targets = humanoid_dynamics
+}
+criterion_main!(multibody);

@@ -1,0 +1,96 @@
+//! Workspace of the algorithms.
+
+use crate::error::DynamicsError;
+use crate::inertia::{ArticulatedInertia, SpatialInertia};
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::spatial::{Force, Motion, Transform};
+use nalgebra::{DMatrix, Vector3};
+
+/// Room for intermediate results and results, made once for a model and used again and again.
+///
+/// Nothing in it carries over from one call to the next: every algorithm computes all that it needs,
+/// and its results are reached through what it returns. After construction nothing allocates.
+#[derive(Debug, Clone)]
+pub struct Data<T: Scalar = f64> {
+    n_positions: usize,
+    pub(crate) nodes: Vec<Node<T>>,
+    /// Position of the root in the world, the origin of the common frame.
+    pub(crate) origin: Vector3<T>,
+    /// Motion subspaces in the common frame.
+    pub(crate) columns: Vec<Motion<T>>,
+    /// Per degree of freedom, inertia times motion subspace.
+    pub(crate) momenta: Vec<Force<T>>,
+    pub(crate) pivots: Vec<Pivot<T>>,
+    pub(crate) torque: Vec<T>,
+    pub(crate) acceleration: Vec<T>,
+    pub(crate) zeros: Vec<T>,
+    pub(crate) mass_matrix: DMatrix<T>,
+    pub(crate) momentum_matrix: DMatrix<T>,
+}
+
+/// One body. Quantities are in body axes at the body's origin unless they say otherwise.
+#[derive(Debug, Clone)]
+pub(crate) struct Node<T> {
+    /// Pose in the parent.
+    pub(crate) local: Transform<T>,
+    /// Pose in the common frame: axes of the world, origin at the root.
+    pub(crate) pose: Transform<T>,
+    pub(crate) velocity: Motion<T>,
+    pub(crate) acceleration: Motion<T>,
+    pub(crate) force: Force<T>,
+    pub(crate) articulated: ArticulatedInertia<T>,
+    /// Of the body and all further out, common frame.
+    pub(crate) composite: SpatialInertia<T>,
+}
+
+/// What the elimination of one degree of freedom leaves behind.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pivot<T> {
+    /// 1/(Sᵀ I_A S).
+    pub(crate) inverse: T,
+    /// Joint force that is left for this degree of freedom.
+    pub(crate) residual: T,
+}
+
+impl<T: Scalar> Data<T> {
+    /// A workspace for `model`.
+    pub fn new(model: &Model<T>) -> Self {
+        let n = model.n_velocities();
+        let node = Node {
+            local: Transform::identity(),
+            pose: Transform::identity(),
+            velocity: Motion::zero(),
+            acceleration: Motion::zero(),
+            force: Force::zero(),
+            articulated: ArticulatedInertia::rigid(&SpatialInertia::zero()),
+            composite: SpatialInertia::zero(),
+        };
+        Self {
+            n_positions: model.n_positions(),
+            nodes: vec![node; model.n_bodies()],
+            origin: Vector3::zeros(),
+            columns: vec![Motion::zero(); n],
+            momenta: vec![Force::zero(); n],
+            pivots: vec![Pivot { inverse: T::zero(), residual: T::zero() }; n],
+            torque: vec![T::zero(); n],
+            acceleration: vec![T::zero(); n],
+            zeros: vec![T::zero(); n],
+            mass_matrix: DMatrix::zeros(n, n),
+            momentum_matrix: DMatrix::zeros(6, n),
+        }
+    }
+
+    /// Fails unless this workspace has the sizes of `model`.
+    #[inline(always)]
+    pub(crate) fn expect_for(&self, model: &Model<T>) -> Result<(), DynamicsError> {
+        if self.nodes.len() == model.n_bodies()
+            && self.columns.len() == model.n_velocities()
+            && self.n_positions == model.n_positions()
+        {
+            Ok(())
+        } else {
+            Err(DynamicsError::ForeignData)
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! Forward kinematics: poses, velocities, accelerations and frame Jacobians.
+//!
+//! Poses are computed in the common frame, whose axes are those of the world and whose origin is that of
+//! the root body; far from the world's origin nothing is lost by cancellation.
+
+use crate::data::Data;
+use crate::error::{DynamicsError, expect_length};
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::spatial::{Motion, Transform};
+use nalgebra::{DMatrix, Vector3};
+
+/// The axes in which the velocity of a frame's origin is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axes {
+    /// Those of the frame.
+    Frame,
+    /// Those of the world.
+    World,
+}
+
+/// Poses of all bodies at one configuration.
+#[derive(Debug, Clone, Copy)]
+pub struct Positions<'a, T: Scalar = f64> {
+    model: &'a Model<T>,
+    data: &'a Data<T>,
+}
+
+/// Velocities of all bodies in one state.
+#[derive(Debug, Clone, Copy)]
+pub struct Velocities<'a, T: Scalar = f64> {
+    model: &'a Model<T>,
+    data: &'a Data<T>,
+}
+
+/// Accelerations of all bodies.
+#[derive(Debug, Clone, Copy)]
+pub struct Accelerations<'a, T: Scalar = f64> {
+    model: &'a Model<T>,
+    data: &'a Data<T>,
+}
+
+impl<T: Scalar> Model<T> {
+    /// Poses of all bodies. Cost O(n).
+    pub fn positions<'a>(
+        &'a self,
+        data: &'a mut Data<T>,
+        q: &[T],
+    ) -> Result<Positions<'a, T>, DynamicsError> {
+        data.expect_for(self)?;
+        expect_length("q", q, self.n_positions())?;
+        self.place(data, q);
+        Ok(Positions { model: self, data })
+    }
+
+    /// Poses and velocities of all bodies. Cost O(n).
+    pub fn velocities<'a>(
+        &'a self,
+        data: &'a mut Data<T>,
+        q: &[T],
+        v: &[T],
+    ) -> Result<Velocities<'a, T>, DynamicsError> {
+        self.expect_state(data, q, v)?;
+        self.place(data, q);
+        self.move_bodies(data, v);
+        Ok(Velocities { model: self, data })
+    }
+
+    /// Poses, velocities and accelerations of all bodies. Cost O(n).
+    pub fn accelerations<'a>(
+        &'a self,
+        data: &'a mut Data<T>,
+        q: &[T],
+        v: &[T],
+        a: &[T],
+    ) -> Result<Accelerations<'a, T>, DynamicsError> {
+        self.expect_state(data, q, v)?;
+        expect_length("a", a, self.n_velocities())?;
+        self.place(data, q);
+        self.move_bodies(data, v);
+        for (i, body) in self.bodies.iter().enumerate() {
+            let outer = body.parent.map_or(Motion::zero(), |p| data.nodes[p].acceleration);
+            let node = &mut data.nodes[i];
+            let relative = self.relative(body, v);
+            node.acceleration =
+                node.local.inverse_motion(&outer) + node.velocity.cross(&relative) + self.relative(body, a);
+        }
+        Ok(Accelerations { model: self, data })
+    }
+
+    /// Local transforms, poses and motion subspaces in the common frame.
+    #[inline]
+    pub(crate) fn place(&self, data: &mut Data<T>, q: &[T]) {
+        for (i, body) in self.bodies.iter().enumerate() {
+            let local = body.mechanism.transform(&q[body.q..]);
+            let pose = match body.parent {
+                Some(parent) => data.nodes[parent].pose.compose(&local),
+                None => {
+                    data.origin = local.translation;
+                    Transform::new(local.rotation, Vector3::zeros())
+                }
+            };
+            data.nodes[i].local = local;
+            data.nodes[i].pose = pose;
+            for k in body.dofs.clone() {
+                data.columns[k] = self.directions[k].seen_from(&pose);
+            }
+        }
+    }
+
+    /// Velocities in body axes; poses must be up to date.
+    fn move_bodies(&self, data: &mut Data<T>, v: &[T]) {
+        for (i, body) in self.bodies.iter().enumerate() {
+            let outer = body.parent.map_or(Motion::zero(), |p| data.nodes[p].velocity);
+            let node = &mut data.nodes[i];
+            node.velocity = node.local.inverse_motion(&outer) + self.relative(body, v);
+        }
+    }
+}
+
+impl<'a, T: Scalar> Positions<'a, T> {
+    /// Pose of body `i` in the world.
+    pub fn pose(&self, i: usize) -> Result<Transform<T>, DynamicsError> {
+        self.model.expect_body(i)?;
+        let pose = &self.data.nodes[i].pose;
+        Ok(Transform::new(pose.rotation, pose.translation + self.data.origin))
+    }
+
+    /// out ← J, 6 × [`n_velocities`](Model::n_velocities), with J v the velocity (linear, then angular)
+    /// of a frame at the pose `frame` in body `i`: of its origin, in the chosen axes. Cost: that of
+    /// the path to the root.
+    pub fn jacobian_into(
+        &self,
+        i: usize,
+        frame: &Transform<T>,
+        axes: Axes,
+        out: &mut DMatrix<T>,
+    ) -> Result<(), DynamicsError> {
+        self.model.expect_body(i)?;
+        expect_columns(out, 6, self.model.n_velocities())?;
+        let pose = self.data.nodes[i].pose.compose(frame);
+        out.fill(T::zero());
+        let mut body = Some(i);
+        while let Some(b) = body {
+            for k in self.model.bodies[b].dofs.clone() {
+                let mut column = self.data.columns[k].at(&pose.translation);
+                if axes == Axes::Frame {
+                    column.linear = pose.rotation.tr_mul(&column.linear);
+                    column.angular = pose.rotation.tr_mul(&column.angular);
+                }
+                out.fixed_view_mut::<3, 1>(0, k).copy_from(&column.linear);
+                out.fixed_view_mut::<3, 1>(3, k).copy_from(&column.angular);
+            }
+            body = self.model.bodies[b].parent;
+        }
+        Ok(())
+    }
+
+    /// Centre of mass of the whole tree in the world, m; not finite if there is no mass.
+    pub fn center_of_mass(&self) -> Vector3<T> {
+        let (mut mass, mut moment) = (T::zero(), Vector3::zeros());
+        for (body, node) in self.model.bodies.iter().zip(&self.data.nodes) {
+            mass += body.inertia.mass;
+            moment +=
+                node.pose.rotation * body.inertia.first_moment + node.pose.translation * body.inertia.mass;
+        }
+        self.data.origin + moment / mass
+    }
+
+    /// −Σ m g·c: potential energy in uniform gravity, zero at the world's origin, J.
+    pub fn potential_energy(&self) -> T {
+        -self.model.gravity.dot(&self.center_of_mass()) * self.model.mass()
+    }
+}
+
+impl<'a, T: Scalar> Velocities<'a, T> {
+    /// The poses.
+    pub fn positions(&self) -> Positions<'a, T> {
+        Positions { model: self.model, data: self.data }
+    }
+
+    /// Velocity of body `i`: of its origin and about it, in body axes.
+    pub fn velocity(&self, i: usize) -> Result<Motion<T>, DynamicsError> {
+        self.model.expect_body(i)?;
+        Ok(self.data.nodes[i].velocity)
+    }
+
+    /// Σ ½ v·I v, J.
+    pub fn kinetic_energy(&self) -> T {
+        let mut twice = T::zero();
+        for (body, node) in self.model.bodies.iter().zip(&self.data.nodes) {
+            twice += node.velocity.dot(&body.inertia.times(&node.velocity));
+        }
+        twice * crate::scalar::constant(0.5)
+    }
+}
+
+impl<'a, T: Scalar> Accelerations<'a, T> {
+    /// The velocities.
+    pub fn velocities(&self) -> Velocities<'a, T> {
+        Velocities { model: self.model, data: self.data }
+    }
+
+    /// Spatial acceleration of body `i` in body axes: the rate of [`Velocities::velocity`] in an inertial
+    /// frame that coincides with the body. The origin itself accelerates with linear + ω × v.
+    pub fn acceleration(&self, i: usize) -> Result<Motion<T>, DynamicsError> {
+        self.model.expect_body(i)?;
+        Ok(self.data.nodes[i].acceleration)
+    }
+}
+
+/// Fails unless `out` has the given shape.
+pub(crate) fn expect_columns<T: Scalar>(
+    out: &DMatrix<T>,
+    rows: usize,
+    columns: usize,
+) -> Result<(), DynamicsError> {
+    if out.nrows() != rows {
+        return Err(DynamicsError::Length { argument: "rows of out", expected: rows, found: out.nrows() });
+    }
+    if out.ncols() != columns {
+        let found = out.ncols();
+        return Err(DynamicsError::Length { argument: "columns of out", expected: columns, found });
+    }
+    Ok(())
+}

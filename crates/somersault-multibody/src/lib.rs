@@ -1,0 +1,65 @@
+//! Dynamics of articulated rigid bodies.
+//!
+//! A [`Model`] is a tree of bodies, immutable; a [`Data`] is the workspace in which the algorithms
+//! leave their results. All are O(n) or O(n × depth), allocate nothing, and are generic over the scalar,
+//! so that dual numbers go through them.
+//!
+//! | Symbol | Meaning | Here |
+//! |---|---|---|
+//! | q | configuration, a point of the product of the joints' groups | `&[T]`, length [`Model::n_positions`] |
+//! | v, a | velocity and acceleration, in the axes of each joint's child | `&[T]`, length [`Model::n_velocities`] |
+//! | τ | joint forces, dual to v: power is τ·v | `&[T]` |
+//! | q ⊕ v | motion of every joint by the exponential of its group | [`Model::integrate`] |
+//! | M, h | mass matrix and bias: M a + h = τ + Σ Jᵀ f_ext | [`Model::mass_matrix`], [`Model::bias`] |
+//! | S | motion subspace of a joint, constant in the child | table in [`joint`] |
+//! | (v, ω), (f, n) | spatial motion and force, linear part first | [`Motion`], [`Force`] |
+//!
+//! Body velocities and wrenches are in body axes at the body's origin, which is the origin of its
+//! joint frame. SI units; angles in rad. Quaternions are stored x, y, z, w and must be of unit norm
+//! ([`Model::normalize`]).
+//!
+//! ```
+//! use somersault_multibody::{Data, models::CartPendulum};
+//!
+//! let model = CartPendulum::default().model()?;
+//! let mut data = Data::new(&model);
+//! // The pole at 0.1 rad from the upright, at rest, no force on the cart: it falls.
+//! let a = model.forward_dynamics(&mut data, &[0.0, 0.1], &[0.0, 0.0], &[0.0, 0.0], &[])?;
+//! assert!(a[1] > 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Not meant for closed loops of joints, and not for contact.
+//!
+//! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.
+#![forbid(unsafe_code)]
+
+mod articulated;
+mod builder;
+mod centroidal;
+mod configuration;
+mod crba;
+mod data;
+mod error;
+mod inertia;
+pub mod joint;
+mod kinematics;
+mod lie;
+mod model;
+pub mod models;
+mod rnea;
+mod scalar;
+mod spatial;
+
+pub use articulated::Split;
+pub use builder::{Link, MassProperties, ModelBuilder, ModelError};
+pub use centroidal::Centroidal;
+pub use data::Data;
+pub use error::DynamicsError;
+pub use inertia::SpatialInertia;
+pub use joint::Joint;
+pub use kinematics::{Accelerations, Axes, Positions, Velocities};
+pub use model::Model;
+pub use nalgebra;
+pub use scalar::Scalar;
+pub use spatial::{Force, Motion, Transform};

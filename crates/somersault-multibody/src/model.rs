@@ -1,0 +1,200 @@
+//! The immutable description of a tree.
+
+use crate::builder::{Link, ModelBuilder};
+use crate::error::DynamicsError;
+use crate::inertia::SpatialInertia;
+use crate::joint::{Joint, Mechanism};
+use crate::scalar::Scalar;
+use crate::spatial::{Direction, Motion, Transform};
+use nalgebra::Vector3;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// One body as the algorithms see it.
+#[derive(Debug, Clone)]
+pub(crate) struct Body<T> {
+    /// Number of the parent; the root has none.
+    pub(crate) parent: Option<usize>,
+    pub(crate) mechanism: Mechanism<T>,
+    pub(crate) inertia: SpatialInertia<T>,
+    /// First number in q.
+    pub(crate) q: usize,
+    /// Degrees of freedom of the joint.
+    pub(crate) dofs: Range<usize>,
+}
+
+/// A tree of rigid bodies: bodies are numbered so that a parent comes before its children.
+///
+/// Immutable; what an algorithm writes goes to a [`Data`](crate::Data).
+#[derive(Debug, Clone)]
+pub struct Model<T = f64> {
+    links: Arc<[Link]>,
+    standard_gravity: Vector3<f64>,
+    pub(crate) gravity: Vector3<T>,
+    pub(crate) bodies: Vec<Body<T>>,
+    /// The columns of all motion subspaces, in body axes.
+    pub(crate) directions: Vec<Direction<T>>,
+    /// Viscous friction of each degree of freedom.
+    pub(crate) damping: Vec<T>,
+    /// The degree of freedom before each one on the way to the root (Featherstone's λ, expanded).
+    pub(crate) dof_parent: Vec<Option<usize>>,
+    n_positions: usize,
+}
+
+impl Model {
+    /// Starts an empty model with gravity (0, 0, −9.81) m/s².
+    pub fn builder() -> ModelBuilder {
+        ModelBuilder::new()
+    }
+
+    pub(crate) fn from_links(links: Vec<Link>, gravity: Vector3<f64>) -> Self {
+        Self::compile(links.into(), gravity)
+    }
+}
+
+impl<T: Scalar> Model<T> {
+    fn compile(links: Arc<[Link]>, standard_gravity: Vector3<f64>) -> Self {
+        let mut bodies: Vec<Body<T>> = Vec::with_capacity(links.len());
+        let (mut directions, mut damping, mut dof_parent) = (Vec::new(), Vec::new(), Vec::new());
+        // the last degree of freedom on the way from the root to each body
+        let mut last_dof: Vec<Option<usize>> = Vec::with_capacity(links.len());
+        let mut q = 0;
+        for link in links.iter() {
+            let parent = link.parent.as_ref().and_then(|p| links.iter().position(|l| l.name == *p));
+            let first = directions.len();
+            directions.extend(link.joint.directions::<T>());
+            let dofs = first..directions.len();
+            let mut last = parent.and_then(|p| last_dof[p]);
+            for k in dofs.clone() {
+                dof_parent.push(last);
+                damping.push(nalgebra::convert(link.damping));
+                last = Some(k);
+            }
+            last_dof.push(last);
+            let placement = link.placement();
+            let placement = Transform::new(
+                nalgebra::convert(placement.rotation),
+                nalgebra::convert(placement.translation),
+            );
+            bodies.push(Body {
+                parent,
+                mechanism: Mechanism::new(&link.joint, placement),
+                inertia: SpatialInertia::new(
+                    nalgebra::convert(link.mass.mass),
+                    &nalgebra::convert(link.mass.center),
+                    &nalgebra::convert(link.mass.inertia),
+                ),
+                q,
+                dofs,
+            });
+            q += link.joint.n_positions();
+        }
+        Self {
+            links,
+            standard_gravity,
+            gravity: nalgebra::convert(standard_gravity),
+            bodies,
+            directions,
+            damping,
+            dof_parent,
+            n_positions: q,
+        }
+    }
+
+    /// The same tree over another scalar, say dual numbers.
+    pub fn cast<U: Scalar>(&self) -> Model<U> {
+        Model::compile(self.links.clone(), self.standard_gravity)
+    }
+
+    pub(crate) fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// Number of bodies.
+    pub fn n_bodies(&self) -> usize {
+        self.bodies.len()
+    }
+
+    /// Numbers in q.
+    pub fn n_positions(&self) -> usize {
+        self.n_positions
+    }
+
+    /// Degrees of freedom: numbers in v, in accelerations and in joint forces.
+    pub fn n_velocities(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// Gravitational acceleration in the world frame, m/s².
+    pub fn gravity(&self) -> &Vector3<T> {
+        &self.gravity
+    }
+
+    /// The number of the body of this name.
+    pub fn body(&self, name: &str) -> Result<usize, DynamicsError> {
+        let number = self.links.iter().position(|l| l.name == name);
+        number.ok_or_else(|| DynamicsError::UnknownBody { name: name.to_owned() })
+    }
+
+    /// Name of body `i`, if there is one.
+    pub fn name(&self, i: usize) -> Option<&str> {
+        self.links.get(i).map(|l| l.name.as_str())
+    }
+
+    /// Number of the parent of body `i`; the root has none.
+    pub fn parent(&self, i: usize) -> Option<usize> {
+        self.bodies.get(i).and_then(|b| b.parent)
+    }
+
+    /// The joint that carries body `i`, axes of unit length.
+    pub fn joint(&self, i: usize) -> Option<&Joint> {
+        self.links.get(i).map(|l| &l.joint)
+    }
+
+    /// Pose of the joint frame of body `i` in its parent, or in the world for the root.
+    pub fn placement(&self, i: usize) -> Option<Transform<f64>> {
+        self.links.get(i).map(Link::placement)
+    }
+
+    /// Where the joint of body `i` has its numbers in q; empty if there is no such body.
+    pub fn positions_of(&self, i: usize) -> Range<usize> {
+        match (self.bodies.get(i), self.joint(i)) {
+            (Some(body), Some(joint)) => body.q..body.q + joint.n_positions(),
+            _ => 0..0,
+        }
+    }
+
+    /// Where the joint of body `i` has its numbers in v; empty if there is no such body.
+    pub fn velocities_of(&self, i: usize) -> Range<usize> {
+        self.bodies.get(i).map_or(0..0, |b| b.dofs.clone())
+    }
+
+    /// Lower and upper limit of the joint of body `i`, if it was given any.
+    pub fn limits(&self, i: usize) -> Option<[f64; 2]> {
+        self.links.get(i).and_then(|l| l.limits)
+    }
+
+    /// Spatial inertia of body `i` in body axes about its origin.
+    pub fn inertia(&self, i: usize) -> Option<&SpatialInertia<T>> {
+        self.bodies.get(i).map(|b| &b.inertia)
+    }
+
+    /// Mass of all bodies together, kg.
+    pub fn mass(&self) -> T {
+        self.bodies.iter().fold(T::zero(), |sum, b| sum + b.inertia.mass)
+    }
+
+    /// S v: the velocity of body `i` relative to its parent, in body axes.
+    #[inline(always)]
+    pub(crate) fn relative(&self, body: &Body<T>, v: &[T]) -> Motion<T> {
+        let mut motion = Motion::zero();
+        for (direction, &rate) in self.directions[body.dofs.clone()].iter().zip(&v[body.dofs.clone()]) {
+            direction.add_to(&mut motion, rate);
+        }
+        motion
+    }
+
+    pub(crate) fn expect_body(&self, i: usize) -> Result<&Body<T>, DynamicsError> {
+        self.bodies.get(i).ok_or(DynamicsError::NoSuchBody { found: i, n_bodies: self.n_bodies() })
+    }
+}

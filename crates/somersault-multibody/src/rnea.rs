@@ -1,0 +1,102 @@
+//! Inverse dynamics: the recursive Newton–Euler algorithm (Featherstone 2008, section 5.3, body frames).
+//!
+//! Outwards: v_i = X v_λ + S q̇, a_i = X a_λ + S q̈ + v_i × S q̇, f_i = I a_i + v_i ×* I v_i − f_ext,
+//! with a = −g for the world; inwards: τ_i = Sᵀ f_i + d q̇, f_λ += Xᵀ f_i. Cost O(n).
+
+use crate::data::{Data, Node};
+use crate::error::{DynamicsError, expect_length};
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::spatial::{Force, Motion};
+
+impl<T: Scalar> Model<T> {
+    /// Joint forces that produce the acceleration `a`: τ = M(q) a + h(q, v) − Σ Jᵀ f_ext.
+    ///
+    /// `wrenches` holds one wrench per body, in body axes about the body's origin, or nothing.
+    /// Forces are in N for linear and N m for angular degrees of freedom; damping is part of h.
+    pub fn inverse_dynamics<'d>(
+        &self,
+        data: &'d mut Data<T>,
+        q: &[T],
+        v: &[T],
+        a: &[T],
+        wrenches: &[Force<T>],
+    ) -> Result<&'d [T], DynamicsError> {
+        self.expect_state(data, q, v)?;
+        expect_length("a", a, self.n_velocities())?;
+        self.expect_wrenches(wrenches)?;
+        self.newton_euler::<true>(&mut data.nodes, &mut data.torque, q, v, a, wrenches);
+        Ok(&data.torque)
+    }
+
+    /// h(q, v): the joint forces of inverse dynamics at zero acceleration and without wrenches, that is
+    /// Coriolis and centrifugal forces, damping and weight.
+    pub fn bias<'d>(&self, data: &'d mut Data<T>, q: &[T], v: &[T]) -> Result<&'d [T], DynamicsError> {
+        self.expect_state(data, q, v)?;
+        self.newton_euler::<true>(&mut data.nodes, &mut data.torque, q, v, &data.zeros, &[]);
+        Ok(&data.torque)
+    }
+
+    /// g(q): the joint forces that hold the tree at rest against gravity.
+    pub fn gravity_forces<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<&'d [T], DynamicsError> {
+        data.expect_for(self)?;
+        expect_length("q", q, self.n_positions())?;
+        self.newton_euler::<false>(&mut data.nodes, &mut data.torque, q, &data.zeros, &data.zeros, &[]);
+        Ok(&data.torque)
+    }
+
+    /// `MOVES` is false where v and a are zero.
+    fn newton_euler<const MOVES: bool>(
+        &self,
+        nodes: &mut [Node<T>],
+        torque: &mut [T],
+        q: &[T],
+        v: &[T],
+        a: &[T],
+        wrenches: &[Force<T>],
+    ) {
+        let world = Motion::new(-self.gravity, nalgebra::Vector3::zeros());
+        for (i, body) in self.bodies.iter().enumerate() {
+            let (outer_velocity, outer_acceleration) =
+                body.parent.map_or((Motion::zero(), world), |p| (nodes[p].velocity, nodes[p].acceleration));
+            let node = &mut nodes[i];
+            node.local = body.mechanism.transform(&q[body.q..]);
+            node.acceleration = node.local.inverse_motion(&outer_acceleration);
+            if MOVES {
+                let relative = self.relative(body, v);
+                node.velocity = node.local.inverse_motion(&outer_velocity) + relative;
+                node.acceleration += node.velocity.cross(&relative) + self.relative(body, a);
+                let momentum = body.inertia.times(&node.velocity);
+                node.force = body.inertia.times(&node.acceleration) + node.velocity.cross_force(&momentum);
+            } else {
+                node.force = body.inertia.times(&node.acceleration);
+            }
+            if let Some(wrench) = wrenches.get(i) {
+                node.force -= *wrench;
+            }
+        }
+        for (i, body) in self.bodies.iter().enumerate().rev() {
+            let force = nodes[i].force;
+            for k in body.dofs.clone() {
+                torque[k] = self.directions[k].dot(&force) + self.damping[k] * v[k];
+            }
+            if let Some(parent) = body.parent {
+                let carried = nodes[i].local.force(&force);
+                nodes[parent].force += carried;
+            }
+        }
+    }
+
+    /// Checks the arguments that most algorithms share.
+    #[inline(always)]
+    pub(crate) fn expect_state(&self, data: &Data<T>, q: &[T], v: &[T]) -> Result<(), DynamicsError> {
+        data.expect_for(self)?;
+        expect_length("q", q, self.n_positions())?;
+        expect_length("v", v, self.n_velocities())
+    }
+
+    #[inline(always)]
+    pub(crate) fn expect_wrenches(&self, wrenches: &[Force<T>]) -> Result<(), DynamicsError> {
+        if wrenches.is_empty() { Ok(()) } else { expect_length("wrenches", wrenches, self.n_bodies()) }
+    }
+}

@@ -1,0 +1,142 @@
+//! Seeded random trees with all kinds of joints, states for them, and a humanoid to time.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_multibody::{
+    DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError,
+};
+
+/// Uniform numbers from a seed (SplitMix64: Steele, Lea and Flood, OOPSLA 2014).
+#[derive(Debug, Clone)]
+pub struct Random(u64);
+
+impl Random {
+    /// A sequence of its own for every seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In [low, high).
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Below `n`.
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.bits() % n as u64) as usize
+    }
+
+    /// Components in [−size, size).
+    pub fn vector(&mut self, size: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.within(-size, size))
+    }
+
+    /// `n` numbers in [−size, size).
+    pub fn numbers(&mut self, n: usize, size: f64) -> Vec<f64> {
+        (0..n).map(|_| self.within(-size, size)).collect()
+    }
+
+    /// Any rotation.
+    pub fn rotation(&mut self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_scaled_axis(self.vector(std::f64::consts::PI))
+    }
+
+    /// A box somewhere, turned somehow.
+    pub fn body(&mut self) -> MassProperties {
+        let mass = self.within(0.2, 5.0);
+        let [x, y, z] = [self.within(0.05, 0.5), self.within(0.05, 0.5), self.within(0.05, 0.5)];
+        let moments = Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (mass / 12.0);
+        let r = self.rotation().to_rotation_matrix().into_inner();
+        let inertia = r * Matrix3::from_diagonal(&moments) * r.transpose();
+        MassProperties { mass, center: self.vector(0.3), inertia: 0.5 * (inertia + inertia.transpose()) }
+    }
+
+    /// A joint of any kind.
+    pub fn joint(&mut self) -> Joint {
+        match self.below(6) {
+            0 => Joint::Fixed,
+            1 => Joint::Revolute { axis: self.vector(1.0) },
+            2 => Joint::Prismatic { axis: self.vector(1.0) },
+            3 => Joint::Spherical,
+            4 => Joint::Planar,
+            _ => Joint::Free,
+        }
+    }
+}
+
+/// A tree of `n` bodies named `b0`, `b1`, …, each with a damping below `damping`.
+pub fn random_tree(random: &mut Random, n: usize, damping: f64) -> Result<Model, ModelError> {
+    let mut builder = ModelBuilder::new().with_gravity(random.vector(10.0));
+    for i in 0..n {
+        let (joint, body) = (random.joint(), random.body());
+        let name = format!("b{i}");
+        let link = if i == 0 {
+            Link::root(name, joint, body)
+        } else {
+            // mostly chains, some branches
+            let parent = i - 1 - random.below(i.min(3));
+            Link::child(name, format!("b{parent}"), joint, body)
+        };
+        let link = link.at(random.vector(0.5)).turned(random.rotation());
+        builder.add(link.with_damping(random.within(0.0, damping)))?;
+    }
+    builder.build()
+}
+
+/// A configuration away from all special ones.
+pub fn random_configuration(random: &mut Random, model: &Model) -> Result<Vec<f64>, DynamicsError> {
+    let mut q = model.neutral();
+    model.integrate(&model.neutral(), &random.numbers(model.n_velocities(), 1.5), &mut q)?;
+    Ok(q)
+}
+
+/// One wrench per body.
+pub fn random_wrenches(random: &mut Random, model: &Model) -> Vec<Force<f64>> {
+    (0..model.n_bodies()).map(|_| Force::new(random.vector(5.0), random.vector(2.0))).collect()
+}
+
+/// A humanoid with the 27 degrees of freedom of thesis Table 3.2 in 18 bodies: a free torso, waist and
+/// pelvis with a hinge each, four hinges in each leg, one in the neck, ball joints in the shoulders, a
+/// hinge in each elbow and wrist. Boxes for bodies; made for timing, not for anatomy.
+pub fn humanoid() -> Result<Model, ModelError> {
+    let solid = |mass: f64, x: f64, y: f64, z: f64| MassProperties {
+        mass,
+        center: Vector3::new(0.0, 0.0, 0.5 * z),
+        inertia: Matrix3::from_diagonal(&Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y))
+            * (mass / 12.0),
+    };
+    let bend = Joint::Revolute { axis: Vector3::y() };
+    let twist = Joint::Revolute { axis: Vector3::z() };
+    let mut links = vec![
+        Link::root("torso", Joint::Free, solid(21.0, 0.2, 0.35, 0.45)),
+        Link::child("waist", "torso", twist, MassProperties::massless()),
+        Link::child("pelvis", "waist", bend, solid(7.3, 0.2, 0.3, -0.15)),
+        Link::child("head", "torso", bend, solid(4.5, 0.18, 0.15, 0.24)).at(Vector3::new(0.0, 0.0, 0.45)),
+    ];
+    for (side, y) in [("left", 1.0), ("right", -1.0)] {
+        let name = |part: &str| format!("{side} {part}");
+        let mut limb = |part: &str, parent: &str, joint, at: [f64; 3], mass| {
+            let parent = if matches!(parent, "torso" | "pelvis") { parent.to_owned() } else { name(parent) };
+            links.push(Link::child(name(part), parent, joint, mass).at(Vector3::from(at)));
+        };
+        limb("upper arm", "torso", Joint::Spherical, [0.0, 0.17 * y, 0.36], solid(1.8, 0.08, 0.08, -0.28));
+        limb("forearm", "upper arm", bend, [0.0, 0.0, -0.28], solid(1.1, 0.07, 0.07, -0.26));
+        limb("hand", "forearm", bend, [0.0, 0.0, -0.26], solid(0.4, 0.03, 0.08, -0.18));
+        limb("thigh", "pelvis", bend, [0.0, 0.08 * y, -0.14], solid(9.2, 0.15, 0.15, -0.41));
+        limb("shank", "thigh", bend, [0.0, 0.0, -0.41], solid(2.8, 0.1, 0.1, -0.43));
+        limb("foot", "shank", bend, [0.0, 0.0, -0.43], solid(0.8, 0.18, 0.09, -0.06));
+        limb("toes", "foot", bend, [0.12, 0.0, -0.06], solid(0.13, 0.06, 0.09, -0.02));
+    }
+    let mut builder = ModelBuilder::new();
+    for link in links {
+        builder.add(link)?;
+    }
+    builder.build()
+}
