@@ -57,7 +57,7 @@ $(VENV)/.tools:
 
 # The package, editable, with its extension in the release profile.
 $(VENV)/.extension: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --extras test
+	$(BIN)/maturin develop --release --extras test,tour
 	touch $@
 
 $(VENV)/.peers: $(VENV)/.extension

@@ -5,7 +5,8 @@
 
 Both take body-frame velocities with the linear part first, so q, v and a differ only in the order of the
 joints, which Pinocchio wants depth first, and for planar joints, whose angle it stores as cosine and sine.
-Bodies on fixed joints are merged into the body that carries them. Prints the largest deviation of each quantity relative to the norm of its own matrix and
+Bodies on fixed joints are merged into the body that carries them. Prints the largest deviation of each
+quantity relative to the norm of its own matrix and
 fails above 1e-10; forward dynamics may deviate by 100 eps cond(M) more.
 """
 
@@ -55,8 +56,8 @@ def build(case):
         placement = on_joint * placement
         axis = np.array(body["axis"])
         kinds = {
-            "revolute": lambda: pin.JointModelRevoluteUnaligned(axis),
-            "prismatic": lambda: pin.JointModelPrismaticUnaligned(axis),
+            "revolute": lambda axis=axis: pin.JointModelRevoluteUnaligned(axis),
+            "prismatic": lambda axis=axis: pin.JointModelPrismaticUnaligned(axis),
             "spherical": pin.JointModelSpherical,
             "planar": pin.JointModelPlanar,
             "free": pin.JointModelFreeFlyer,
@@ -90,7 +91,7 @@ def positions(case):
 def rest(case):
     """Bodies merged into the world have energy there; Pinocchio leaves them out."""
     total = 0.0
-    for (joint, place), body in zip(build(case)[1], case["bodies"]):
+    for (joint, place), body in zip(build(case)[1], case["bodies"], strict=True):
         if joint == 0 and body["mass"] > 0:
             center = place.act(np.array(body["first_moment"]) / body["mass"])
             total -= body["mass"] * np.dot(case["gravity"], center)
@@ -104,7 +105,7 @@ def deviations(case):
     v, a, torque = (np.array(case[k], dtype=float)[dofs] for k in ("v", "a", "torque"))
     n = model.nv
     wrenches = [pin.Force.Zero() for _ in range(model.njoints)]
-    for (joint, place), wrench in zip(places, np.reshape(case["wrenches"], (-1, 6))):
+    for (joint, place), wrench in zip(places, np.reshape(case["wrenches"], (-1, 6)), strict=True):
         wrenches[joint] = wrenches[joint] + place.act(pin.Force(wrench))
 
     def off(name, expected):
