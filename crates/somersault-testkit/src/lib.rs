@@ -1,1 +1,4 @@
-//! somersault-testkit
+//! Reference problems for somersault's own tests, derived apart from the code under test.
+
+pub mod bouncing_ball;
+pub mod spinning_top;
