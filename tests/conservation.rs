@@ -79,3 +79,42 @@ fn drift_shrinks_with_the_step_for_every_method() {
         }
     }
 }
+
+/// Largest error of ½ ω·Iω − F·Rp, constant under a force F fixed in the world at a point p of the body,
+/// in the first and in the last tenth of a run.
+fn energy_errors(method: Method, force: ConstantForce, h: f64, steps: u64) -> (f64, f64) {
+    struct Watch<'a>(&'a dyn Fn(&RigidBodyState) -> f64, Vec<f64>);
+    impl Observer<somersault::integrators::state::Pose> for Watch<'_> {
+        fn observe(&mut self, step: &mut Step<'_, somersault::integrators::state::Pose>) -> Flow {
+            self.1.push((self.0)(step.after).abs());
+            Flow::Continue
+        }
+    }
+    let (free, start) = scene();
+    let total =
+        |x: &RigidBodyState| energy(&free.body, x) - force.force.dot(&(x.orientation() * force.point));
+    let first = total(&start);
+    let error = |x: &RigidBodyState| total(x) / first - 1.0;
+    let system = RigidBodySystem::new(free.body, force);
+    let grid = TimeGrid::try_with_steps(0.0, h * steps as f64, steps).unwrap();
+    let mut watch = Watch(&error, Vec::new());
+    method.integrate(Options::default(), &system, &start, &grid, &mut watch).unwrap();
+    let tenth = watch.1.len() / 10;
+    let largest = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+    (largest(&watch.1[..tenth]), largest(&watch.1[9 * tenth..]))
+}
+
+#[test]
+fn energy_does_not_drift_in_splittings_with_exact_free_motion_and_implicit_midpoint() {
+    let none = ConstantForce { force: Vector3::zeros(), point: Vector3::zeros() };
+    let weight = ConstantForce { force: Vector3::new(0.0, 0.0, -2.0), point: Vector3::new(0.01, 0.0, 0.05) };
+    for (method, force, bound) in
+        [(Method::Imid, none, 1e-4), (Method::Split2, weight, 1e-2), (Method::Split4, weight, 1e-5)]
+    {
+        let (early, late) = energy_errors(method, force, 0.02, 50_000);
+        assert!(early < bound && late < 1.5 * early + 1e-12, "{method}: {early:e} {late:e}");
+    }
+    // A method that drifts is seen to.
+    let (early, late) = energy_errors(Method::Rkmk, weight, 0.02, 50_000);
+    assert!(late > 5.0 * early, "{early:e} {late:e}");
+}

@@ -17,5 +17,7 @@ pub mod scratch;
 pub mod solution;
 pub mod state;
 pub mod stepper;
+pub mod studies;
 pub mod system;
+pub mod tableau;
 pub mod variational_cayley;

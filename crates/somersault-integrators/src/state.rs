@@ -60,6 +60,11 @@ pub trait Rate: Clone + std::fmt::Debug + Storage + Send + Sync + 'static {
     fn scale(&mut self, a: f64);
     /// self ← self + a x.
     fn axpy(&mut self, a: f64, x: &Self);
+    /// self ← self + Σ a x, in the order of the terms.
+    #[inline]
+    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
+        terms.for_each(|(a, x)| self.axpy(a, x));
+    }
     /// self ← self + a \[x, y\], with \[x, y\] = (0, x × y) for a left action and (0, −x × y) for a right one.
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self);
     /// self ← dexp⁻¹_u(self).
@@ -225,6 +230,13 @@ impl Rate for Twist {
         self.angular += x.angular * a;
     }
     #[inline(always)]
+    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
+        // By value, so that the sum stays in registers.
+        let mut sum = *self;
+        terms.for_each(|(a, x)| sum.axpy(a, x));
+        *self = sum;
+    }
+    #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {
         self.angular += x.angular.cross(&y.angular) * a;
     }
@@ -303,6 +315,10 @@ impl Rate for InBody<Twist> {
     #[inline(always)]
     fn axpy(&mut self, a: f64, x: &Self) {
         self.0.axpy(a, &x.0);
+    }
+    #[inline(always)]
+    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
+        self.0.add_sum(terms.map(|(a, x)| (a, &x.0)));
     }
     #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {

@@ -12,7 +12,8 @@ pub struct Orders {
     pub translation: u8,
     /// Position on ℝ³ under r̈ = f(r, ṙ).
     pub translation_with_velocity: u8,
-    /// Orientation of a free body; thesis Table 7.2.
+    /// Orientation of a free body; thesis Table 7.2. A method that is exact there states the order it
+    /// has under torque.
     pub rotation: u8,
     /// Orientation of a body under torque; `None` where the method takes no torque.
     pub rotation_with_torque: Option<u8>,
@@ -213,6 +214,13 @@ pub trait EmbeddedStepper<S: System>: Stepper<S> {
         memory: &mut Self::Memory,
         tolerances: &Tolerances,
     ) -> f64;
+
+    /// Takes back the step just made: the next one starts from the same state at the same time.
+    ///
+    /// By default the memory restarts; a method that knows the slope there keeps it.
+    fn reject(&self, memory: &mut Self::Memory) {
+        self.restart(memory);
+    }
 }
 
 /// Root mean square of an error in configuration and rate, weighed by the tolerances.

@@ -1,4 +1,9 @@
-//! Reference problems for somersault's own tests, derived apart from the code under test.
+//! Reference problems with their solutions, and the estimation of orders, for somersault's own tests.
+//!
+//! Everything here returns data; what is asserted is the tests' to say.
+#![forbid(unsafe_code)]
 
 pub mod bouncing_ball;
+pub mod order;
+pub mod problems;
 pub mod spinning_top;

@@ -77,6 +77,8 @@ macro_rules! methods {
                 system: &S,
                 visitor: V,
             ) -> Option<V::Output> {
+                // No method with an estimate has a choice to make so far.
+                let _ = $options;
                 match self {
                     $($(Self::$variant => methods!(@$embedded visitor, system, $kind, $make),)?)*
                     #[allow(unreachable_patterns)]
@@ -138,6 +140,22 @@ methods! { |options|
         momentum("rkmk_l", "Runge-Kutta-Munthe-Kaas, angular momentum");
     // Body-frame twins.
     RkmkB: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
+    // Runge–Kutta–Munthe-Kaas from a tableau, with step size control.
+    Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), world, embedded;
+    Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), world, embedded;
+    Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), world, embedded;
+    Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine),
+        body("rkmk3_b", "Runge-Kutta-Munthe-Kaas 3(2), body frame"), embedded;
+    Rkmk5B: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince),
+        body("rkmk5_b", "Runge-Kutta-Munthe-Kaas 5(4), body frame"), embedded;
+    Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
+        body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
+    // Other ways to order 2 and 4.
+    Cf4: CommutatorFree4 = CommutatorFree4, world;
+    Cf4B: CommutatorFree4 = CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
+    Imid: ImplicitMidpoint = ImplicitMidpoint, world;
+    Split2: ExactSplitting2 = ExactSplitting2, world;
+    Split4: ExactSplitting4 = ExactSplitting4, world;
 }
 
 impl FromStr for Method {

@@ -1,0 +1,279 @@
+//! Accuracy against work, thesis 7.2.1: Figures 7.1 and 7.2.
+//!
+//! Each run of a [`Problem`] gives the errors at the end, the steps, the evaluations of the equations of
+//! motion and the time it took. The thesis plots the orientation error (Figure 7.1) and the angular
+//! velocity error (7.2, whose caption says orientation) over the time.
+//!
+//! # What is counted
+//! An evaluation is one call for the accelerations or the wrenches of all bodies, start-up included. A free
+//! body is counted as if it were under forces; a method that then still asks for none counts the evaluations
+//! of its INFO per step. Counts are of a run of their own, so that the time is that of the bare run.
+//!
+//! # What is timed
+//! The wall time of the integration alone, the least of `repeats` runs one after the other on the calling
+//! thread. It measures this machine; errors, steps and evaluations do not depend on it.
+
+use super::order::{Integrated, forgive};
+use super::problem::{Errors, Problem};
+use super::{Progress, StudyError, check_not_empty, check_positive, report};
+use crate::body::RigidBody;
+use crate::driver::{Adaptive, TimeGrid, integrate, integrate_adaptive};
+use crate::methods::{Method, Options};
+use crate::stepper::{EmbeddedStepper, Stepper};
+use crate::system::{RateOf, RigidSystem, StateOf, System};
+use std::cell::Cell;
+use std::time::Instant;
+
+/// How the steps of a run are chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum StepChoice {
+    /// All of this size, s.
+    Fixed(f64),
+    /// Adapted to this relative tolerance, and to a hundredth of it as the absolute one.
+    Tolerance(f64),
+}
+
+impl StepChoice {
+    fn control(tolerance: f64) -> Adaptive {
+        Adaptive::with_tolerances(tolerance, 0.01 * tolerance)
+    }
+}
+
+/// One run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WorkPoint {
+    /// How its steps were chosen.
+    pub choice: StepChoice,
+    /// Errors at the end; infinite where the state overflowed, a step failed or the tolerance could not be
+    /// met, and then all else is 0.
+    pub errors: Errors,
+    /// Steps made.
+    pub steps: u64,
+    /// Steps tried and rejected.
+    pub rejected: u64,
+    /// Evaluations of the equations of motion.
+    pub evaluations: u64,
+    /// Least wall time of the repeats, s.
+    pub seconds: f64,
+}
+
+/// Runs a problem by a method of the table with each of the choices.
+///
+/// Errors: an empty list, a step or tolerance that is not positive, a tolerance for a method without error
+/// estimate, a method that does not apply, and a stop by `progress`, which is called after each choice.
+/// `repeats` of 0 is taken as 1.
+pub fn work_precision<S: RigidSystem + Clone>(
+    problem: &Problem<S>,
+    method: Method,
+    options: Options,
+    choices: &[StepChoice],
+    repeats: usize,
+    progress: &mut Progress<'_>,
+) -> Result<Vec<WorkPoint>, StudyError> {
+    let counted = Counted::new(problem.system());
+    let initial = problem.initial();
+    let interval = (0.0, problem.t_end());
+    let bench = Bench { problem, calls: &counted.calls, nominal: method.info().evaluations, repeats };
+    bench.run(choices, progress, &|choice, counting| match choice {
+        StepChoice::Fixed(dt) => {
+            let grid = TimeGrid::try_new(interval.0, interval.1, dt)?;
+            if counting {
+                method.integrate(options, &counted, initial, &grid, &mut ())
+            } else {
+                method.integrate(options, problem.system(), initial, &grid, &mut ())
+            }
+        }
+        StepChoice::Tolerance(tolerance) => {
+            let control = StepChoice::control(tolerance);
+            if counting {
+                method.integrate_adaptive(options, &counted, initial, interval, &control, &mut ())
+            } else {
+                method.integrate_adaptive(options, problem.system(), initial, interval, &control, &mut ())
+            }
+        }
+    })
+}
+
+/// As [`work_precision`], by a stepper with steps of fixed sizes `dts`.
+pub fn work_precision_of<S, M>(
+    problem: &Problem<S>,
+    stepper: &M,
+    dts: &[f64],
+    repeats: usize,
+    progress: &mut Progress<'_>,
+) -> Result<Vec<WorkPoint>, StudyError>
+where
+    S: RigidSystem + Clone,
+    M: Stepper<S> + Stepper<Counted<S>>,
+{
+    let counted = Counted::new(problem.system());
+    let choices: Vec<_> = dts.iter().map(|dt| StepChoice::Fixed(*dt)).collect();
+    let bench = Bench { problem, calls: &counted.calls, nominal: M::INFO.evaluations, repeats };
+    bench.run(&choices, progress, &|choice, counting| {
+        let (StepChoice::Fixed(dt) | StepChoice::Tolerance(dt)) = choice;
+        let grid = TimeGrid::try_new(0.0, problem.t_end(), dt)?;
+        if counting {
+            integrate(&counted, stepper, problem.initial(), &grid, &mut ())
+        } else {
+            integrate(problem.system(), stepper, problem.initial(), &grid, &mut ())
+        }
+    })
+}
+
+/// As [`work_precision`], by a stepper with steps adapted to `tolerances`.
+pub fn work_precision_adaptive_of<S, M>(
+    problem: &Problem<S>,
+    stepper: &M,
+    tolerances: &[f64],
+    repeats: usize,
+    progress: &mut Progress<'_>,
+) -> Result<Vec<WorkPoint>, StudyError>
+where
+    S: RigidSystem + Clone,
+    M: EmbeddedStepper<S> + EmbeddedStepper<Counted<S>>,
+{
+    let counted = Counted::new(problem.system());
+    let choices: Vec<_> = tolerances.iter().map(|t| StepChoice::Tolerance(*t)).collect();
+    let interval = (0.0, problem.t_end());
+    let bench = Bench { problem, calls: &counted.calls, nominal: M::INFO.evaluations, repeats };
+    bench.run(&choices, progress, &|choice, counting| {
+        let (StepChoice::Fixed(tolerance) | StepChoice::Tolerance(tolerance)) = choice;
+        let control = StepChoice::control(tolerance);
+        if counting {
+            integrate_adaptive(&counted, stepper, problem.initial(), interval, &control, &mut ())
+        } else {
+            integrate_adaptive(problem.system(), stepper, problem.initial(), interval, &control, &mut ())
+        }
+    })
+}
+
+struct Bench<'a, S: RigidSystem> {
+    problem: &'a Problem<S>,
+    calls: &'a Cell<u64>,
+    nominal: u8,
+    repeats: usize,
+}
+
+impl<S: RigidSystem> Bench<'_, S> {
+    /// `go` integrates with a choice, by the counted system or by the bare one.
+    fn run(
+        &self,
+        choices: &[StepChoice],
+        progress: &mut Progress<'_>,
+        go: &dyn Fn(StepChoice, bool) -> Integrated<S>,
+    ) -> Result<Vec<WorkPoint>, StudyError> {
+        check_not_empty("choices", choices)?;
+        for choice in choices {
+            match choice {
+                StepChoice::Fixed(dt) => check_positive("dt", *dt)?,
+                StepChoice::Tolerance(tolerance) => check_positive("tolerance", *tolerance)?,
+            }
+        }
+        let mut points = Vec::with_capacity(choices.len());
+        for &choice in choices {
+            points.push(self.point(choice, go)?);
+            report(progress, points.len(), choices.len())?;
+        }
+        Ok(points)
+    }
+
+    fn point(
+        &self,
+        choice: StepChoice,
+        go: &dyn Fn(StepChoice, bool) -> Integrated<S>,
+    ) -> Result<WorkPoint, StudyError> {
+        let failed = WorkPoint {
+            choice,
+            errors: Errors::INFINITE,
+            steps: 0,
+            rejected: 0,
+            evaluations: 0,
+            seconds: 0.0,
+        };
+        let mut seconds = f64::INFINITY;
+        let mut end = None;
+        for _ in 0..self.repeats.max(1) {
+            let start = Instant::now();
+            let run = go(choice, false);
+            seconds = seconds.min(start.elapsed().as_secs_f64());
+            end = forgive(run)?;
+            if end.is_none() {
+                return Ok(failed);
+            }
+        }
+        let Some(outcome) = end else { return Ok(failed) };
+        self.calls.set(0);
+        forgive(go(choice, true))?;
+        let tried = outcome.steps + outcome.rejected;
+        let evaluations = match self.calls.get() {
+            0 => tried * u64::from(self.nominal),
+            counted => counted,
+        };
+        Ok(WorkPoint {
+            choice,
+            errors: self.problem.errors(&outcome.state),
+            steps: outcome.steps,
+            rejected: outcome.rejected,
+            evaluations,
+            seconds,
+        })
+    }
+}
+
+/// A system that counts how often it is evaluated, and does not say that it is free.
+#[derive(Debug, Clone)]
+pub struct Counted<S> {
+    system: S,
+    calls: Cell<u64>,
+}
+
+impl<S: RigidSystem + Clone> Counted<S> {
+    /// The system with its count at 0.
+    pub fn new(system: &S) -> Self {
+        Self { system: system.clone(), calls: Cell::new(0) }
+    }
+}
+
+impl<S> Counted<S> {
+    /// Evaluations so far.
+    pub fn calls(&self) -> u64 {
+        self.calls.get()
+    }
+}
+
+impl<S: RigidSystem> System for Counted<S> {
+    type Configuration = S::Configuration;
+    type Workspace = S::Workspace;
+    fn workspace(&self) -> S::Workspace {
+        self.system.workspace()
+    }
+    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.system.velocity(x, out);
+    }
+    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.calls.set(self.calls.get() + 1);
+        self.system.acceleration(w, t, x, out);
+    }
+}
+
+impl<S: RigidSystem> RigidSystem for Counted<S> {
+    fn body(&self, i: usize) -> &RigidBody {
+        self.system.body(i)
+    }
+    fn rest(&self) -> StateOf<S> {
+        self.system.rest()
+    }
+    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.calls.set(self.calls.get() + 1);
+        self.system.wrenches(t, x, out);
+    }
+    fn is_free(&self) -> bool {
+        false
+    }
+    fn is_torque_free(&self) -> bool {
+        self.system.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.system.depends_on_velocity()
+    }
+}

@@ -1,0 +1,550 @@
+//! Orders: of every method in every kind of motion, of dense output, of adaptive runs against their
+//! tolerances; and what must not depend on how a run is cut or bundled.
+
+use somersault::integrators::driver::{IntegrateError, integrate_adaptive};
+use somersault::integrators::exact::FreeBody;
+use somersault::integrators::methods::{
+    Coefficients, EmbeddedCoefficients, RungeKutta4, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
+};
+use somersault::integrators::state::{Rate, RigidBodiesState};
+use somersault::integrators::stepper::{Orders, StepError, Variables};
+use somersault::integrators::system::{Form, MomentumForm, RateOf, RigidBodiesSystem, RigidSystem, StateOf};
+use somersault::integrators::tableau::{DenseWeights, ErrorWeights, Tableau};
+use somersault::prelude::*;
+use somersault_testkit::order::{OrderEstimate, Sampling, estimate, slope};
+use somersault_testkit::problems::{Kind, Problem, asymmetric_body, for_orders, heavy_top, thesis_case};
+
+fn expected(orders: &Orders, kind: Kind) -> Option<u8> {
+    match kind {
+        Kind::Translation => Some(orders.translation),
+        Kind::TranslationWithVelocity => Some(orders.translation_with_velocity),
+        Kind::Rotation => Some(orders.rotation),
+        Kind::RotationWithTorque => orders.rotation_with_torque,
+    }
+}
+
+/// High orders meet round-off within few points, low ones need many steps.
+fn sampling(order: u8) -> Sampling {
+    let floor = if order >= 5 { 3e-13 } else { 4e-12 };
+    let last = if order == 1 { 50_000 } else { 12_000 };
+    Sampling { floor, last, ..Sampling::default() }
+}
+
+/// Whether a slope says the order; between high orders the points lie before the asymptotic range.
+fn says(estimate: &OrderEstimate, order: u8, or_more: bool) -> bool {
+    let exact = estimate.points[0].1 < 1e-13;
+    let tolerance = match order {
+        0..5 => 0.2,
+        5..8 => 0.35,
+        _ => 0.45,
+    };
+    let above = |s: f64| s - f64::from(order);
+    exact || estimate.slope.is_some_and(|s| above(s) > -tolerance && (or_more || above(s) < tolerance))
+}
+
+#[test]
+fn every_method_has_the_orders_of_its_info() {
+    let mut wrong = Vec::new();
+    for problem in for_orders() {
+        for method in Method::ALL {
+            let Some(order) = expected(&method.info().orders, problem.kind) else { continue };
+            let found = estimate(problem.duration, &sampling(order), |n| problem.error_of(method, n));
+            if !says(&found, order, problem.symmetric) {
+                wrong.push(format!("{method} on {}: order {order}, found {found:?}", problem.name));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// `rkmk` with the commutator of its last line of the wrong sign.
+struct Broken;
+
+impl Scheme for Broken {
+    const INFO: MethodInfo = MethodInfo::explicit("broken", "Broken", "nobody", 4);
+}
+
+impl<S: System> Stepper<S> for Broken {
+    type Memory = (<RungeKuttaMuntheKaas4 as Stepper<S>>::Memory, S::Workspace);
+
+    fn start(&self, system: &S, x: &StateOf<S>) -> Result<Self::Memory, StepError> {
+        Ok((RungeKuttaMuntheKaas4.start(system, x)?, system.workspace()))
+    }
+
+    fn step(
+        &self,
+        system: &S,
+        t: f64,
+        x: &StateOf<S>,
+        h: f64,
+        (memory, workspace): &mut Self::Memory,
+        out: &mut StateOf<S>,
+    ) -> Result<(), StepError> {
+        RungeKuttaMuntheKaas4.step(system, t, x, h, memory, out)?;
+        // [v₁, v₄] ≈ h [v, a]: twice the right term too much.
+        let (mut a, mut twice): (RateOf<S>, RateOf<S>) = (x.rate.clone(), x.rate.clone());
+        system.acceleration(workspace, t, x, &mut a);
+        twice.set_zero();
+        twice.add_bracket(h * h * h / 6.0, &x.rate, &a);
+        out.drift(&twice, 1.0);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_wrong_coefficient_is_caught() {
+    let problem = asymmetric_body();
+    let found = estimate(problem.duration, &sampling(4), |n| {
+        let grid = TimeGrid::try_with_steps(0.0, problem.duration, n).unwrap();
+        let end = integrate(&problem.system, &Broken, &problem.initial, &grid, &mut ()).unwrap();
+        Some(problem.error(&end.state))
+    });
+    assert!(!says(&found, 4, false), "{found:?}");
+    assert!(says(&found, 2, false), "{found:?}");
+}
+
+/// Ralston's method of order 3 with an embedded one of order 2 and a quadratic curve.
+struct Ralston(Tableau, ErrorWeights, DenseWeights);
+
+impl Ralston {
+    fn new() -> Self {
+        let a = [vec![], vec![0.5], vec![0.0, 0.75]];
+        let b = [2.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0];
+        let tableau = Tableau::try_new(&a, &b, &[0.0, 0.5, 0.75]).unwrap();
+        let error = ErrorWeights::try_new(&tableau, &[0.0, 1.0, 0.0]).unwrap();
+        let dense =
+            DenseWeights::try_new(&tableau, &[[1.0, 0.0, 0.0], [-7.0 / 9.0, 1.0 / 3.0, 4.0 / 9.0]]).unwrap();
+        Self(tableau, error, dense)
+    }
+}
+
+impl Coefficients for Ralston {
+    const INFO: MethodInfo = MethodInfo {
+        embedded: Some(2),
+        ..MethodInfo::explicit("ralston", "Ralston", "A. Ralston (1962)", 3)
+    };
+    fn tableau(&self) -> &Tableau {
+        &self.0
+    }
+    fn dense(&self) -> Option<&DenseWeights> {
+        Some(&self.2)
+    }
+}
+
+impl EmbeddedCoefficients for Ralston {
+    fn error(&self) -> &ErrorWeights {
+        &self.1
+    }
+}
+
+#[test]
+fn a_tableau_of_the_users_own_has_its_order_and_adapts() {
+    let method = RungeKuttaMuntheKaas(Ralston::new());
+    for problem in [asymmetric_body(), heavy_top(true)] {
+        let found = estimate(problem.duration, &sampling(3), |n| {
+            let grid = TimeGrid::try_with_steps(0.0, problem.duration, n).unwrap();
+            let end = integrate(&problem.system, &method, &problem.initial, &grid, &mut ()).unwrap();
+            Some(problem.error(&end.state))
+        });
+        assert!(says(&found, 3, false), "{found:?}");
+        let control = Adaptive::with_tolerances(1e-7, 1e-7);
+        let interval = (0.0, problem.duration);
+        let end = integrate_adaptive(&problem.system, &method, &problem.initial, interval, &control, &mut ())
+            .unwrap();
+        assert!(problem.error(&end.state) < 1e-4);
+    }
+}
+
+fn adaptive_run(
+    method: Method,
+    problem: &Problem,
+    tolerance: f64,
+) -> Result<Outcome<somersault::integrators::state::Pose>, IntegrateError> {
+    let control = Adaptive::with_tolerances(tolerance, tolerance);
+    let interval = (0.0, problem.duration);
+    method.integrate_adaptive(
+        Options::default(),
+        &problem.system,
+        &problem.initial,
+        interval,
+        &control,
+        &mut (),
+    )
+}
+
+#[test]
+fn adaptive_errors_shrink_with_the_tolerance_over_four_decades() {
+    let embedded: Vec<Method> = Method::ALL.into_iter().filter(|m| m.info().embedded.is_some()).collect();
+    assert!(embedded.len() >= 6);
+    for problem in [asymmetric_body(), heavy_top(true), thesis_case(1, 1.0)] {
+        for &method in &embedded {
+            let points: Vec<(f64, f64)> = (0..9)
+                .map(|k| {
+                    let tolerance = 1e-5 * 10f64.powf(-0.5 * f64::from(k));
+                    (tolerance, problem.error(&adaptive_run(method, &problem, tolerance).unwrap().state))
+                })
+                .collect();
+            let found = slope(&points);
+            assert!((0.8..1.3).contains(&found), "{method} on {}: {found} {points:?}", problem.name);
+            let worst = points.iter().map(|(tolerance, e)| e / tolerance).fold(0.0, f64::max);
+            assert!(worst < 500.0, "{method} on {}: {worst} {points:?}", problem.name);
+        }
+    }
+}
+
+/// Case 2 of 7.2.1, the flip of a box: counts of steps are work, and must not creep up.
+#[test]
+fn rkmk8_flips_the_box_to_a_billionth_in_a_hundred_and_seven_trials() {
+    let problem = thesis_case(2, 10.0);
+    let control = Adaptive::with_tolerances(1e-10, 1e-12);
+    let end = Method::Rkmk8B
+        .integrate_adaptive(
+            Options::default(),
+            &problem.system,
+            &problem.initial,
+            (0.0, 10.0),
+            &control,
+            &mut (),
+        )
+        .unwrap();
+    assert!(problem.error(&end.state) < 1.1e-9, "{:e}", problem.error(&end.state));
+    assert!(end.steps + end.rejected <= 108, "{} {}", end.steps, end.rejected);
+    assert!(end.rejected <= 8, "{}", end.rejected);
+}
+
+#[test]
+fn a_wild_first_step_is_rejected_and_the_run_goes_on() {
+    let problem = heavy_top(true);
+    for method in Method::ALL.into_iter().filter(|m| m.info().embedded.is_some()) {
+        let control = Adaptive { first_step: Some(1e3), ..Adaptive::with_tolerances(1e-8, 1e-8) };
+        let interval = (0.0, problem.duration);
+        let end = method
+            .integrate_adaptive(
+                Options::default(),
+                &problem.system,
+                &problem.initial,
+                interval,
+                &control,
+                &mut (),
+            )
+            .unwrap();
+        assert!(
+            end.rejected > 0 && problem.error(&end.state) < 1e-5,
+            "{method}: {:e}",
+            problem.error(&end.state)
+        );
+    }
+}
+
+#[test]
+fn a_force_that_is_not_a_number_for_long_steps_is_met_by_shorter_ones() {
+    let body = RigidBody::try_box(1.0, Vector3::new(1.0, 2.0, 3.0)).unwrap();
+    let cliff = |_: f64, _: &RigidBody, x: &RigidBodyState| Wrench {
+        // Real only within the unit ball.
+        force: -x.position() / (1.0 - x.position().norm_squared()).sqrt(),
+        torque: Vector3::zeros(),
+    };
+    let system = RigidBodySystem::new(body, cliff);
+    let start = RigidBodyState::new(
+        Vector3::new(0.9, 0.0, 0.0),
+        UnitQuaternion::identity(),
+        Vector3::new(0.1, 0.0, 0.0),
+        Vector3::zeros(),
+    );
+    let control = Adaptive { first_step: Some(5.0), ..Adaptive::default() };
+    for method in [Method::Rkmk3, Method::Rkmk5, Method::Rkmk8, Method::Rkmk8B] {
+        let end =
+            method.integrate_adaptive(Options::default(), &system, &start, (0.0, 5.0), &control, &mut ());
+        let end = end.unwrap();
+        assert!(end.rejected > 0 && end.state.is_finite(), "{method}");
+    }
+}
+
+#[test]
+fn momentum_form_keeps_angular_momentum_to_the_bit() {
+    fn check<S: RigidSystem, M>(system: &S, initial: &StateOf<S>, stepper: &M)
+    where
+        M: for<'a> Stepper<MomentumForm<'a, S>>,
+    {
+        let form = MomentumForm(system);
+        let start = form.encode(initial);
+        let grid = TimeGrid::try_with_steps(0.0, 10.0, 1000).unwrap();
+        let end = integrate(&form, stepper, &start, &grid, &mut ()).unwrap().state;
+        assert_eq!(format!("{:?}", end.rate), format!("{:?}", start.rate));
+    }
+    let problem = asymmetric_body();
+    check(&problem.system, &problem.initial, &RungeKutta4);
+    check(&problem.system, &problem.initial, &RungeKuttaMuntheKaas4);
+    check(&problem.system, &problem.initial, &RungeKuttaMuntheKaas(somersault::integrators::methods::Dop853));
+    check(&problem.system, &problem.initial, &somersault::integrators::methods::CommutatorFree4);
+}
+
+#[test]
+fn several_bodies_move_as_each_alone() {
+    let boxes = [[1.0, 2.0, 3.0], [0.5, 0.4, 0.9], [2.0, 2.0, 1.0]]
+        .map(|l| RigidBody::try_box(1.3, Vector3::from(l)).unwrap());
+    let starts = [[1.0, 0.7, 2.0], [-2.0, 0.1, 0.3], [0.5, 3.0, -1.0]]
+        .map(|w| RigidBodyState::spinning(Vector3::from(w)));
+    let grid = TimeGrid::try_new(0.0, 1.0, 0.03).unwrap();
+    let weight = ConstantForce { force: Vector3::new(0.0, 0.0, -4.0), point: Vector3::new(0.1, 0.0, 0.5) };
+    let drag = Drag { linear: 0.2, quadratic: 0.1, angular: 0.1 };
+    for method in Method::ALL {
+        let torque = method.info().orders.rotation_with_torque.is_some();
+        let together: Vec<RigidBodyState> = if torque {
+            let system = RigidBodiesSystem::try_new(boxes.to_vec(), vec![(weight, drag); 3], ()).unwrap();
+            let end = method
+                .integrate(
+                    Options::default(),
+                    &system,
+                    &RigidBodiesState::from_bodies(&starts),
+                    &grid,
+                    &mut (),
+                )
+                .unwrap();
+            (0..3).map(|i| end.state.body(i).unwrap()).collect()
+        } else {
+            let system = RigidBodiesSystem::try_new(boxes.to_vec(), vec![(); 3], ()).unwrap();
+            let end = method
+                .integrate(
+                    Options::default(),
+                    &system,
+                    &RigidBodiesState::from_bodies(&starts),
+                    &grid,
+                    &mut (),
+                )
+                .unwrap();
+            (0..3).map(|i| end.state.body(i).unwrap()).collect()
+        };
+        for i in 0..3 {
+            let alone = if torque {
+                let system = RigidBodySystem::new(boxes[i], (weight, drag));
+                method.integrate(Options::default(), &system, &starts[i], &grid, &mut ()).unwrap().state
+            } else {
+                let system = RigidBodySystem::free(boxes[i]);
+                method.integrate(Options::default(), &system, &starts[i], &grid, &mut ()).unwrap().state
+            };
+            if method == Method::Imid {
+                // Its iteration ends for all bodies at once, a rounding or so later than for one.
+                assert!((alone.angular_velocity() - together[i].angular_velocity()).norm() < 1e-13);
+            } else {
+                assert_eq!(alone, together[i], "{method}, body {i}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_step_of_minus_h_takes_an_implicit_midpoint_step_back() {
+    for problem in [asymmetric_body(), heavy_top(false)] {
+        for h in [0.1, 0.02] {
+            let stepper = somersault::integrators::methods::ImplicitMidpoint;
+            let system = &problem.system;
+            let mut memory = stepper.start(system, &problem.initial).unwrap();
+            let (mut there, mut back) = (problem.initial, problem.initial);
+            stepper.step(system, 0.0, &problem.initial, h, &mut memory, &mut there).unwrap();
+            stepper.step(system, h, &there, -h, &mut memory, &mut back).unwrap();
+            assert!(so3::angle_between(back.orientation(), problem.initial.orientation()) < 1e-14);
+            assert!((back.angular_velocity() - problem.initial.angular_velocity()).norm() < 1e-14);
+            assert!((back.position() - problem.initial.position()).norm() < 1e-14);
+        }
+    }
+}
+
+#[test]
+fn an_implicit_step_too_large_is_a_typed_error() {
+    let problem = asymmetric_body();
+    let grid = TimeGrid::try_with_steps(0.0, 100.0, 10).unwrap();
+    let found = Method::Imid.integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ());
+    match found {
+        Err(IntegrateError::Step(StepError::NotConverged { method, t, iterations, residual })) => {
+            assert_eq!((method, t), ("imid", 0.0));
+            assert!(iterations > 1 && (residual.is_nan() || residual > 1e-11), "{iterations} {residual}");
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_splittings_are_exact_for_a_free_body_at_any_step() {
+    let problem = asymmetric_body();
+    for method in [Method::Split2, Method::Split4] {
+        for steps in [1, 7] {
+            assert!(problem.error_of(method, steps).unwrap() < 1e-14, "{method}");
+        }
+    }
+}
+
+struct Curves {
+    fraction: f64,
+    states: Vec<(f64, RigidBodyState)>,
+}
+
+impl Observer<somersault::integrators::state::Pose> for Curves {
+    fn observe(&mut self, step: &mut Step<'_, somersault::integrators::state::Pose>) -> Flow {
+        let t = step.t_before + self.fraction * (step.t_after - step.t_before);
+        let mut x = *step.before;
+        step.interpolant().evaluate(t, &mut x);
+        self.states.push((t, x));
+        Flow::Stop
+    }
+}
+
+/// The curve of the first step, from the exact state, where errors are one order above those of a run.
+#[test]
+fn dense_output_has_order_four_and_the_pairs_their_own() {
+    let problem = asymmetric_body();
+    let motion = FreeBody::try_new(&problem.system.body, &problem.initial).unwrap();
+    for method in Method::ALL {
+        let info = method.info();
+        // A cubic is off by h⁴ at best; no curve is better than the step it meets.
+        let (order, tolerance) = match info.name {
+            // At these fractions the points lie before the asymptotic range.
+            "rkmk8" | "rkmk8_b" => (8, 0.8),
+            "rkmk5" | "rkmk5_b" => (5, 0.2),
+            _ => ((info.orders.rotation + 1).min(4), 0.2),
+        };
+        for fraction in [0.3, 0.55, 0.8] {
+            let points: Vec<(f64, f64)> = (0..12)
+                .filter_map(|k| {
+                    let h = 0.25 * 2f64.powf(-0.5 * f64::from(k));
+                    let grid = TimeGrid::try_with_steps(0.0, 2.0 * h, 2).unwrap();
+                    let mut curves = Curves { fraction, states: Vec::new() };
+                    method
+                        .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut curves)
+                        .ok()?;
+                    let (t, x) = curves.states[0];
+                    let exact = motion.at(t).unwrap();
+                    let error = so3::angle_between(x.orientation(), exact.orientation());
+                    (3e-13..0.1).contains(&error).then_some((h, error))
+                })
+                .collect();
+            let points = &points[points.len().saturating_sub(4)..];
+            let found = slope(points);
+            assert!(found > f64::from(order) - tolerance, "{method} at {fraction}: {found} {points:?}");
+        }
+    }
+}
+
+#[test]
+fn dense_output_meets_the_ends_of_every_step() {
+    struct Ends(f64);
+    impl Observer<somersault::integrators::state::Pose> for Ends {
+        fn observe(&mut self, step: &mut Step<'_, somersault::integrators::state::Pose>) -> Flow {
+            let curve = step.interpolant();
+            let mut x = *step.before;
+            curve.evaluate(step.t_before, &mut x);
+            assert_eq!(x.position(), step.before.position());
+            assert!(so3::angle_between(x.orientation(), step.before.orientation()) < 1e-15);
+            for (t, end) in [(step.t_before, step.before), (step.t_after, step.after)] {
+                curve.evaluate(t, &mut x);
+                let worst = [
+                    so3::angle_between(x.orientation(), end.orientation()),
+                    (x.position() - end.position()).norm(),
+                    (x.velocity() - end.velocity()).norm(),
+                    (x.angular_velocity() - end.angular_velocity()).norm(),
+                ];
+                self.0 = worst.into_iter().fold(self.0, f64::max);
+            }
+            Flow::Continue
+        }
+    }
+    for problem in [asymmetric_body(), heavy_top(true)] {
+        for method in Method::ALL {
+            if expected(&method.info().orders, problem.kind).is_none() {
+                continue;
+            }
+            let grid = TimeGrid::try_with_steps(0.0, 1.0, 40).unwrap();
+            let mut ends = Ends(0.0);
+            method
+                .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ends)
+                .unwrap();
+            assert!(ends.0 < 2e-14, "{method}: {:e}", ends.0);
+        }
+    }
+}
+
+/// Looking at the curves of a run does not change it.
+#[test]
+fn dense_output_leaves_the_run_as_it_is() {
+    let problem = heavy_top(true);
+    for method in Method::ALL {
+        if method.info().orders.rotation_with_torque.is_none() {
+            continue;
+        }
+        let grid = TimeGrid::try_new(0.0, 1.0, 0.03).unwrap();
+        let plain =
+            method.integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ()).unwrap();
+        let mut recorder = Recorder::new(0.0, &problem.initial, 1).with_dense_output();
+        let seen = method
+            .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut recorder)
+            .unwrap();
+        assert_eq!(plain.state, seen.state, "{method}");
+    }
+}
+
+#[test]
+fn a_step_that_does_not_divide_the_interval_keeps_the_order() {
+    let problem = heavy_top(true);
+    for method in Method::ALL {
+        let Some(order) = method.info().orders.rotation_with_torque else { continue };
+        let found = estimate(problem.duration, &sampling(order), |n| {
+            // A last step of four tenths, of a method that must start anew for it.
+            let dt = problem.duration / (n as f64 + 0.4);
+            let grid = TimeGrid::try_new(0.0, problem.duration, dt).unwrap();
+            assert_eq!(grid.steps(), n + 1);
+            let end = method
+                .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ())
+                .ok()?;
+            assert_eq!(end.t, problem.duration);
+            Some(problem.error(&end.state))
+        });
+        assert!(
+            says(&found, order, true) || found.slope.is_some_and(|s| s > f64::from(order) - 0.5),
+            "{method}: {found:?}"
+        );
+    }
+}
+
+/// A memory restarted in the middle gives the run made of two runs.
+#[test]
+fn a_restart_forgets_all() {
+    struct Halves<'a>(&'a Problem);
+    impl<S: RigidSystem> somersault::integrators::methods::Visitor<S> for Halves<'_>
+    where
+        S: RigidSystem<Configuration = somersault::integrators::state::Pose>,
+    {
+        type Output = ();
+        fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) {
+            let h = 0.02;
+            let run = |memory: &mut M::Memory, x: &StateOf<B>| {
+                let (mut x, mut y) = (x.clone(), x.clone());
+                for n in 0..10 {
+                    stepper.step(&form, f64::from(n) * h, &x, h, memory, &mut y).unwrap();
+                    std::mem::swap(&mut x, &mut y);
+                }
+                x
+            };
+            let start = form.encode(&self.0.initial);
+            let mut memory = stepper.start(&form, &start).unwrap();
+            let first = run(&mut memory, &start);
+            stepper.restart(&mut memory);
+            let second = run(&mut memory, &start);
+            assert_eq!(format!("{first:?}"), format!("{second:?}"), "{}", M::INFO.name);
+        }
+    }
+    for problem in [asymmetric_body(), heavy_top(true)] {
+        for method in Method::ALL {
+            if expected(&method.info().orders, problem.kind).is_some() {
+                method.visit(Options::default(), &problem.system, Halves(&problem));
+            }
+        }
+    }
+}
+
+#[test]
+fn twins_are_listed_with_their_variables() {
+    for name in ["rkmk3_b", "rkmk5_b", "rkmk8_b", "cf4_b"] {
+        let method: Method = name.parse().unwrap();
+        assert_eq!(method.info().variables, Variables::Body);
+    }
+}
