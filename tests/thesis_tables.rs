@@ -110,10 +110,11 @@ fn stability_regions_of_all_methods() {
             let world = stability_region(world, Options::default(), &mut silent).unwrap();
             assert_eq!(region.area, world.area, "{name}");
         }
-        // Boundary points lie on the boundary.
+        // Boundary points lie on the boundary, to 2e-6 of the extent of the region; where two roots collide the
+        // radius changes with the root of the distance.
         for [from, _] in region.boundary.iter().step_by(97) {
             let radius = spectral_radius(m, Options::default(), *from).unwrap();
-            assert!((radius - 1.0).abs() < 1e-4, "{name}: {radius} at {from:?}");
+            assert!((radius - 1.0).abs() < 2e-3, "{name}: {radius} at {from:?}");
         }
     }
 }

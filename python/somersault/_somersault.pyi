@@ -12,8 +12,10 @@ _AnyForce: TypeAlias = ForceModel | Callable[[float, State], _Wrench]
 _AnyMethod: TypeAlias = str | MethodInfo
 
 __all__ = [
+    "Convergence",
     "DenseOutput",
     "Drag",
+    "EnergyStudy",
     "Force",
     "ForceModel",
     "FreeBody",
@@ -21,17 +23,26 @@ __all__ = [
     "Gravity",
     "MethodInfo",
     "MethodTable",
+    "Problem",
     "RigidBody",
     "Solution",
     "Spring",
+    "StabilityRegion",
     "State",
     "Torque",
     "Trajectory",
+    "WorkPrecision",
     "__version__",
+    "convergence",
+    "energy_study",
     "integrate",
     "integrate_batch",
     "method",
     "methods",
+    "prisms",
+    "spectral_radii",
+    "stability_region",
+    "work_precision_study",
 ]
 
 __version__: str
@@ -267,6 +278,95 @@ class FreeBody:
     def __call__(self, t: ArrayLike, /) -> Any: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+@final
+class StabilityRegion:
+    @property
+    def area(self) -> float: ...
+    @property
+    def corrected(self) -> float: ...
+    @property
+    def imaginary_limit(self) -> float: ...
+    @property
+    def real_limit(self) -> float: ...
+    @property
+    def boundary(self) -> _Floats: ...
+    @property
+    def failed(self) -> int: ...
+
+@final
+class EnergyStudy:
+    @property
+    def steps(self) -> NDArray[np.uint64]: ...
+    @property
+    def max(self) -> _Floats: ...
+    @property
+    def min(self) -> _Floats: ...
+    @property
+    def gained(self) -> NDArray[np.uint64]: ...
+    @property
+    def lost(self) -> NDArray[np.uint64]: ...
+    @property
+    def share_of_bound(self) -> float: ...
+    @property
+    def largest_rise(self) -> float: ...
+    @property
+    def failed(self) -> int: ...
+    @property
+    def behaviour(
+        self,
+    ) -> Literal["unconditionally stable", "conditionally stable", "unconditionally unstable"]: ...
+
+@final
+class Problem:
+    def __new__(
+        cls,
+        body: RigidBody,
+        state: State,
+        t_end: float,
+        *,
+        reference: State | None = None,
+        forces: ForceModel | Sequence[ForceModel] | None = None,
+    ) -> Problem: ...
+    @classmethod
+    def case(cls, number: int) -> Problem: ...
+    @classmethod
+    def asymmetric_body(cls) -> Problem: ...
+    @classmethod
+    def spring_pendulum(cls) -> Problem: ...
+    @classmethod
+    def damped_spring_pendulum(cls) -> Problem: ...
+    @property
+    def body(self) -> RigidBody: ...
+    @property
+    def state(self) -> State: ...
+    @property
+    def reference(self) -> State: ...
+    @property
+    def t_end(self) -> float: ...
+
+@final
+class Convergence:
+    @property
+    def dt(self) -> _Floats: ...
+    @property
+    def errors(self) -> dict[str, _Floats]: ...
+    @property
+    def orders(self) -> dict[str, float | None]: ...
+
+@final
+class WorkPrecision:
+    @property
+    def errors(self) -> dict[str, _Floats]: ...
+    @property
+    def evaluations(self) -> NDArray[np.uint64]: ...
+    @property
+    def steps(self) -> NDArray[np.uint64]: ...
+    @property
+    def rejected(self) -> NDArray[np.uint64]: ...
+    @property
+    def seconds(self) -> _Floats: ...
+    def __len__(self) -> int: ...
+
 def integrate(
     body: RigidBody | Sequence[RigidBody],
     state: State | Sequence[State],
@@ -299,3 +399,39 @@ def integrate_batch(
 ) -> Trajectory: ...
 def method(name: str) -> MethodInfo: ...
 def methods() -> MethodTable: ...
+def prisms(n: int) -> list[RigidBody]: ...
+def stability_region(
+    method: _AnyMethod, *, start_up: Literal["one_step", "ladder"] = "one_step"
+) -> StabilityRegion: ...
+def spectral_radii(
+    method: _AnyMethod,
+    re: ArrayLike,
+    im: ArrayLike,
+    *,
+    start_up: Literal["one_step", "ladder"] = "one_step",
+) -> _Floats: ...
+def energy_study(
+    method: _AnyMethod,
+    bodies: Sequence[RigidBody] | None = None,
+    *,
+    angular_velocity: ArrayLike | None = None,
+    dt: float = 1.0,
+    steps: Sequence[int] = ...,
+    start_up: Literal["one_step", "ladder"] = "ladder",
+) -> EnergyStudy: ...
+def convergence(
+    problem: Problem,
+    method: _AnyMethod,
+    dts: ArrayLike,
+    *,
+    start_up: Literal["one_step", "ladder"] = "one_step",
+) -> Convergence: ...
+def work_precision_study(
+    problem: Problem,
+    method: _AnyMethod,
+    dts: ArrayLike | None = None,
+    *,
+    tolerances: ArrayLike | None = None,
+    repeats: int = 3,
+    start_up: Literal["one_step", "ladder"] = "one_step",
+) -> WorkPrecision: ...

@@ -17,6 +17,8 @@ __all__ = [
     "IntegrateInputError",
     "SomersaultError",
     "StepError",
+    "StudyError",
+    "StudyInputError",
     "TorqueError",
     "UnknownMethodError",
 ]
@@ -72,3 +74,11 @@ class BatchInputError(BatchError, InputError):
 
 class FreeBodyError(InputError):
     """A time at which the exact motion is asked for, or the state there, is not finite."""
+
+
+class StudyError(SomersaultError):
+    """A study could not be made of a method."""
+
+
+class StudyInputError(StudyError, InputError):
+    """The arguments of a study are not allowed."""

@@ -108,6 +108,14 @@ def test_adaptive_methods_meet_their_tolerances(method: Any, body: RigidBody, st
         integrate(body, state, (0.0, 1e3), method=method, forces=acting, max_steps=3)
 
 
+def test_without_a_step_the_steps_are_adapted(body: RigidBody, state: State) -> None:
+    motion = integrate(body, state, (0.0, 5.0))
+    exact = somersault.exact.FreeBody(body, state)(5.0)
+    assert (motion[-1].orientation.inv() * exact.orientation).magnitude() < 1e-7
+    named = integrate(body, state, (0.0, 5.0), method="rkmk8_b", rtol=1e-8, atol=1e-10)
+    assert named[-1] == motion[-1]
+
+
 def test_a_callable_is_the_same_as_the_model_it_spells_out(body: RigidBody, state: State) -> None:
     def force(t: float, x: State) -> tuple[Array, Array]:
         return spring_and_drag(x.position, x.orientation, x.velocity, x.angular_velocity, body.mass)
@@ -183,7 +191,8 @@ def test_nfev_is_a_count(body: RigidBody, state: State) -> None:
                 body, state, (0.0, 1.0), dt=0.05, method=method, forces=force, dense_output=dense
             )
             assert motion.nfev == calls > 0
-    assert integrate(body, state, (0.0, 1.0), dt=0.05, method="rkmk").nfev == 80
+    for method in ("rkmk", "rkmk_b", "rkmk_l"):
+        assert integrate(body, state, (0.0, 1.0), dt=0.05, method=method).nfev == 80
 
 
 def test_dense_output_is_of_fourth_order(body: RigidBody, state: State) -> None:

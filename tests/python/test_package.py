@@ -17,7 +17,7 @@ from somersault import _somersault
 ROOT = Path(__file__).parents[2]
 MODULES = [
     "somersault",
-    *(f"somersault.{name}" for name in ("batch", "errors", "exact", "forces", "integrators")),
+    *(f"somersault.{name}" for name in ("batch", "errors", "exact", "forces", "integrators", "studies")),
 ]
 
 

@@ -223,6 +223,11 @@ pub(crate) fn times(argument: &str, value: &Bound<'_, PyAny>) -> Result<(bool, V
     }
 }
 
+/// A number, or numbers in one axis.
+pub(crate) fn real_numbers(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+    times(argument, value).map(|(_, values)| values)
+}
+
 /// One number for each of `count` entries, from as many or from one for all.
 pub(crate) fn numbers_or_one(
     argument: &str,

@@ -12,6 +12,7 @@ use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::exact::FreeBodyError;
 use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
+use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
 
 /// What a function of this module fails with.
@@ -122,5 +123,21 @@ impl From<BatchError> for Error {
 impl From<FreeBodyError> for Error {
     fn from(error: FreeBodyError) -> Self {
         Self::own("FreeBodyError", &error)
+    }
+}
+
+impl From<StudyError> for Error {
+    fn from(error: StudyError) -> Self {
+        match error {
+            StudyError::Step(error) => error.into(),
+            StudyError::Body(error) => error.into(),
+            StudyError::FreeBody(error) => error.into(),
+            StudyError::Integrate(error) => error.into(),
+            StudyError::Empty { .. }
+            | StudyError::NotPositive { .. }
+            | StudyError::NotFinite { .. }
+            | StudyError::NotIncreasing { .. } => Self::own("StudyInputError", &error),
+            error => Self::own("StudyError", &error),
+        }
     }
 }

@@ -507,6 +507,52 @@ impl Reader {
     }
 }
 
+/// Built-in models that add up, to be run without the interpreter.
+#[derive(Clone, Default)]
+pub(crate) struct Models(Vec<Shared>);
+
+impl Models {
+    /// One built-in model or several.
+    pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let model = |value: &Bound<'_, PyAny>| match value.cast::<ForceModel>() {
+            Ok(model) => Ok(model.get().0.clone()),
+            Err(_) => {
+                Err(Error::input(format!("`{argument}` must hold force models, found {}", a_type(value))))
+            }
+        };
+        let models = match sequence(value) {
+            Some(list) => list.try_iter()?.map(|f| model(&f?)).collect::<Result<_, _>>()?,
+            None => vec![model(value)?],
+        };
+        Ok(Self(models))
+    }
+
+    /// The sum of models of the library.
+    pub(crate) fn of<const N: usize>(models: [Box<dyn force::ForceModel + Send + Sync>; N]) -> Self {
+        Self(models.into_iter().map(|model| Shared(Arc::from(model))).collect())
+    }
+
+    /// Whether there is none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl force::ForceModel for Models {
+    fn wrench(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.iter().fold(Wrench::default(), |sum, model| sum + model.wrench(t, body, x))
+    }
+    fn is_free(&self) -> bool {
+        self.0.iter().all(force::ForceModel::is_free)
+    }
+    fn is_torque_free(&self) -> bool {
+        self.0.iter().all(force::ForceModel::is_torque_free)
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.0.iter().any(force::ForceModel::depends_on_velocity)
+    }
+}
+
 /// A list or a tuple, or whatever else is a sequence but no text.
 pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Bound<'py, PySequence>> {
     if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }

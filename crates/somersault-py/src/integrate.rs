@@ -7,17 +7,14 @@ use crate::trajectory::{Cast, Report, Seen, Solution};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use somersault::integrators::body;
 use somersault::integrators::driver::{
     Adaptive, Flow, IntegrateError, Observer, Outcome, Status, Step, TimeGrid,
 };
 use somersault::integrators::methods::{Method, Options, StartUp};
 use somersault::integrators::solution::Recorder;
-use somersault::integrators::state::{State, Tolerances};
-use somersault::integrators::system::{
-    RateOf, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf, System,
-};
-use std::cell::Cell;
+use somersault::integrators::state::{Pose, State, Tolerances};
+use somersault::integrators::studies::work_precision::Counted;
+use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
 use std::time::{Duration, Instant};
 
 /// How often a run looks whether it is to stop.
@@ -43,61 +40,6 @@ struct Plan {
     dense: bool,
     calls_python: bool,
     return_interrupted: bool,
-}
-
-/// A system that counts how often it is evaluated.
-struct Counted<'a, S> {
-    system: &'a S,
-    evaluations: Cell<u64>,
-}
-
-impl<S> Counted<'_, S> {
-    fn count(&self) {
-        self.evaluations.set(self.evaluations.get() + 1);
-    }
-}
-
-impl<S: System> System for Counted<'_, S> {
-    type Configuration = S::Configuration;
-    type Workspace = S::Workspace;
-    fn workspace(&self) -> S::Workspace {
-        self.system.workspace()
-    }
-    #[inline]
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.system.velocity(x, out);
-    }
-    #[inline]
-    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.count();
-        self.system.acceleration(w, t, x, out);
-    }
-}
-
-impl<S: RigidSystem> RigidSystem for Counted<'_, S> {
-    #[inline]
-    fn body(&self, i: usize) -> &body::RigidBody {
-        self.system.body(i)
-    }
-    fn rest(&self) -> StateOf<S> {
-        self.system.rest()
-    }
-    #[inline]
-    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.count();
-        self.system.wrenches(t, x, out);
-    }
-    #[inline]
-    fn is_free(&self) -> bool {
-        self.system.is_free()
-    }
-    fn is_torque_free(&self) -> bool {
-        self.system.is_torque_free()
-    }
-    #[inline]
-    fn depends_on_velocity(&self) -> bool {
-        self.system.depends_on_velocity()
-    }
 }
 
 /// A bar that shows how far a run has come.
@@ -185,38 +127,82 @@ impl<Q: Seen> Observer<Q> for Monitor<Q> {
     }
 }
 
-type Ran<Q> = (Result<Outcome<Q>, IntegrateError>, u64);
+/// Bodies to be integrated, and a count of how often their equations are evaluated.
+trait Bodies: Sync {
+    type Configuration: Seen;
 
-fn solve<S: RigidSystem, O: Observer<S::Configuration>>(
-    system: &S,
-    initial: &StateOf<S>,
-    plan: &Plan,
-    observer: &mut O,
-) -> Ran<S::Configuration> {
-    let system = Counted { system, evaluations: Cell::new(0) };
-    let outcome = match &plan.steps {
-        Steps::Fixed(grid) => plan.method.integrate(plan.options, &system, initial, grid, observer),
-        Steps::Adapted(interval, control) => {
-            plan.method.integrate_adaptive(plan.options, &system, initial, *interval, control, observer)
-        }
-    };
-    (outcome, system.evaluations.get())
+    fn solve(
+        &self,
+        initial: &State<Self::Configuration>,
+        plan: &Plan,
+        observer: &mut Monitor<Self::Configuration>,
+    ) -> (Result<Outcome<Self::Configuration>, IntegrateError>, u64);
 }
 
-fn run<S>(
+/// A body without forces. Counting would hide from the methods that they can skip the forces.
+struct Free(RigidBodySystem);
+
+impl Bodies for Free {
+    type Configuration = Pose;
+
+    fn solve(
+        &self,
+        initial: &State<Pose>,
+        plan: &Plan,
+        observer: &mut Monitor<Pose>,
+    ) -> (Result<Outcome<Pose>, IntegrateError>, u64) {
+        let outcome = plan.solve(&self.0, initial, observer);
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        (outcome, (observer.steps + rejected) * u64::from(plan.method.info().evaluations))
+    }
+}
+
+/// Bodies under forces.
+struct Forced<S>(S);
+
+impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
+    type Configuration = S::Configuration;
+
+    fn solve(
+        &self,
+        initial: &StateOf<S>,
+        plan: &Plan,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> (Result<Outcome<S::Configuration>, IntegrateError>, u64) {
+        let system = Counted::new(&&self.0);
+        (plan.solve(&system, initial, observer), system.calls())
+    }
+}
+
+impl Plan {
+    fn solve<S: RigidSystem>(
+        &self,
+        system: &S,
+        initial: &StateOf<S>,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError>
+    where
+        S::Configuration: Seen,
+    {
+        match &self.steps {
+            Steps::Fixed(grid) => self.method.integrate(self.options, system, initial, grid, observer),
+            Steps::Adapted(interval, control) => {
+                self.method.integrate_adaptive(self.options, system, initial, *interval, control, observer)
+            }
+        }
+    }
+}
+
+fn run<B: Bodies>(
     py: Python<'_>,
     cast: Cast,
-    system: &S,
-    initial: &StateOf<S>,
+    bodies: &B,
+    initial: &State<B::Configuration>,
     plan: &Plan,
     observer: Option<Py<PyAny>>,
     progress: Option<ProgressBar>,
     failure: Failure,
-) -> Result<Py<Solution>, Error>
-where
-    S: RigidSystem<Configuration: Seen> + Sync,
-    StateOf<S>: Sync,
-{
+) -> Result<Py<Solution>, Error> {
     let recorder = Recorder::new(plan.start, initial, plan.every);
     let mut monitor = Monitor {
         recorder: if plan.dense { recorder.with_dense_output() } else { recorder },
@@ -228,10 +214,10 @@ where
         t: plan.start,
     };
     let (outcome, nfev) = if plan.calls_python {
-        solve(system, initial, plan, &mut monitor)
+        bodies.solve(initial, plan, &mut monitor)
     } else {
         let monitor = &mut monitor;
-        py.detach(|| solve(system, initial, plan, monitor))
+        py.detach(|| bodies.solve(initial, plan, monitor))
     };
     if let Some(bar) = &mut monitor.progress {
         bar.show(py, monitor.t)?;
@@ -268,11 +254,7 @@ where
 fn adaptive_names() -> String {
     let names: Vec<_> =
         Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
-    if names.is_empty() {
-        "no method has one".to_owned()
-    } else {
-        format!("those with one are {}", names.join(", "))
-    }
+    names.join(", ")
 }
 
 /// Motion of one rigid body, or of several, under forces.
@@ -291,7 +273,8 @@ fn adaptive_names() -> String {
 /// dt : float, optional
 ///     Step, s. Where it does not divide the interval the last step is shorter.
 /// method : str or MethodInfo, optional
-///     A method of the table that `somersault.methods` returns.
+///     A method of the table that `somersault.methods` returns; ``"rkmk"`` unless given, or ``"rkmk8_b"``
+///     where the steps are adapted.
 /// forces : force model, callable, or sequence of them, optional
 ///     What acts on the body; the models of a sequence add up. A callable ``f(t, state)`` returns force
 ///     and torque about the centre of mass, world frame. For several bodies a sequence has one entry
@@ -380,17 +363,9 @@ pub(crate) fn integrate<'py>(
     let interval = (interval[0], interval[1]);
     let cast = Cast::extract("body", body)?;
     let initial = cast.states("state", state)?;
-    let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
-    let options = Options {
-        start_up: match start_up {
-            "one_step" => StartUp::OneStep,
-            "ladder" => StartUp::Ladder,
-            _ => {
-                let message = format!("`start_up` must be 'one_step' or 'ladder', found '{start_up}'");
-                return Err(Error::input(message));
-            }
-        },
-    };
+    let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8B };
+    let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
+    let options = Options { start_up: start_up_of(start_up)? };
     let steps = match dt {
         Some(dt) => {
             let adaptive = [
@@ -410,7 +385,7 @@ pub(crate) fn integrate<'py>(
         None => {
             if method.info().embedded.is_none() {
                 return Err(Error::input(format!(
-                    "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; {}",
+                    "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; those with one are {}",
                     method.info().name,
                     adaptive_names()
                 )));
@@ -470,15 +445,31 @@ pub(crate) fn integrate<'py>(
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
         }
-        let system = RigidBodySystem::new(cast.bodies[0], reader.sum("forces", forces)?);
-        let plan = plan(reader.calls_python);
-        run(py, cast, &system, &initial[0], &plan, observer, bar(interval.0, interval.1)?, failure)
+        let (body, models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        if models.is_empty() {
+            let bodies = Free(RigidBodySystem::free(body));
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+        } else {
+            let bodies = Forced(RigidBodySystem::new(body, models));
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+        }
     } else {
         let each = reader.for_each("forces", cast.bodies.len(), forces)?;
-        let system = RigidBodiesSystem::try_new(cast.bodies.clone(), each, reader.between(interaction)?)?;
+        let between = reader.between(interaction)?;
+        let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
         let initial = State::from_bodies(&initial);
-        let plan = plan(reader.calls_python);
-        run(py, cast, &system, &initial, &plan, observer, bar(interval.0, interval.1)?, failure)
+        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        run(py, cast, &bodies, &initial, &plan, observer, bar, failure)
+    }
+}
+
+/// How the Adams methods start, by its name.
+pub(crate) fn start_up_of(name: &str) -> Result<StartUp, Error> {
+    match name {
+        "one_step" => Ok(StartUp::OneStep),
+        "ladder" => Ok(StartUp::Ladder),
+        _ => Err(Error::input(format!("`start_up` must be 'one_step' or 'ladder', found '{name}'"))),
     }
 }
 

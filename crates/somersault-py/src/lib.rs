@@ -11,6 +11,7 @@ mod exact;
 mod forces;
 mod integrate;
 mod methods;
+mod studies;
 mod trajectory;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
@@ -28,6 +29,11 @@ mod _somersault {
     use crate::integrate::integrate;
     #[pymodule_export]
     use crate::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::studies::{
+        Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
+        spectral_radii, stability_region, work_precision_study,
+    };
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
 

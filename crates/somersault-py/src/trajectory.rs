@@ -478,10 +478,10 @@ impl Solution {
         self.report.status >= 0
     }
 
-    /// int: How often forces and torques were evaluated, on all bodies at once.
+    /// int: How often the equations of motion were evaluated, for all bodies at once.
     ///
-    /// A count, not steps times evaluations: start-up, rejected steps, iterations and dense output are
-    /// in it. Methods in momentum or body variables do not evaluate the forces on a free body.
+    /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
+    /// without forces the nominal number, steps tried times evaluations of the method.
     #[getter]
     fn nfev(&self) -> u64 {
         self.report.nfev

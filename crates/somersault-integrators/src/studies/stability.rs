@@ -507,10 +507,10 @@ impl Probe<'_> {
         if [0.6, 0.7, 0.8, 0.9].into_iter().any(grows) { 0.0 } else { stable }
     }
 
-    /// The crossing between a stable and an unstable point, to a 128th of their distance.
+    /// The crossing between a stable and an unstable point, to a 512th of their distance.
     fn crossing(&self, mut stable: Lambda, mut unstable: Lambda) -> Lambda {
         let middle = |a: Lambda, b: Lambda| Lambda { re: 0.5 * (a.re + b.re), im: 0.5 * (a.im + b.im) };
-        for _ in 0..6 {
+        for _ in 0..8 {
             let between = middle(stable, unstable);
             if self.is_stable(between) { stable = between } else { unstable = between }
         }

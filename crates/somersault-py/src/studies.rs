@@ -1,0 +1,635 @@
+//! Studies of stability and accuracy.
+
+use crate::bodies::{RigidBody, State};
+use crate::convert::{array, finite, real_numbers, vector_or};
+use crate::error::Error;
+use crate::forces::Models;
+use crate::integrate::start_up_of;
+use crate::methods;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyType};
+use somersault::integrators::body;
+use somersault::integrators::driver::Flow;
+use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::studies::energy::{Behaviour, EnergySetup, initial_angular_velocity};
+use somersault::integrators::studies::problem::{self, Case, Errors};
+use somersault::integrators::studies::stability;
+use somersault::integrators::studies::work_precision::{self, StepChoice};
+use somersault::integrators::studies::{Progress, StudyError, energy, order};
+use somersault::integrators::system::RigidBodySystem;
+use std::time::{Duration, Instant};
+
+/// How often a study looks whether it is to stop.
+const ATTENTION: Duration = Duration::from_millis(50);
+
+/// Runs a study with the interpreter lock released, which it takes back now and then for Ctrl-C.
+fn study<T: Send>(
+    py: Python<'_>,
+    run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send,
+) -> Result<T, Error> {
+    let mut raised = None;
+    let mut last_look = Instant::now();
+    let outcome = py.detach(|| {
+        run(&mut |_, _| {
+            if last_look.elapsed() >= ATTENTION {
+                last_look = Instant::now();
+                raised = Python::attach(|py| py.check_signals()).err();
+            }
+            if raised.is_some() { Flow::Stop } else { Flow::Continue }
+        })
+    });
+    match raised {
+        Some(error) => Err(error.into()),
+        None => Ok(outcome?),
+    }
+}
+
+fn method_and_options(method: &Bound<'_, PyAny>, start_up: &str) -> Result<(Method, Options), Error> {
+    Ok((methods::extract("method", method)?, Options { start_up: start_up_of(start_up)? }))
+}
+
+fn floats<'py>(py: Python<'py>, values: impl Iterator<Item = f64>) -> Bound<'py, PyAny> {
+    PyArray1::from_vec(py, values.collect()).into_any()
+}
+
+/// Stability region of a method for ẍ = 2λ_R ẋ − (λ_R² + λ_I²) x at step 1.
+#[pyclass(frozen, module = "somersault.studies")]
+pub(crate) struct StabilityRegion(stability::StabilityRegion);
+
+#[pymethods]
+impl StabilityRegion {
+    /// float: Area of the whole region; infinite where it is unbounded.
+    #[getter]
+    fn area(&self) -> f64 {
+        self.0.area
+    }
+
+    /// float: Area divided by the square of the evaluations per step.
+    #[getter]
+    fn corrected(&self) -> f64 {
+        self.0.corrected
+    }
+
+    /// float: Largest b for which all λ = iy, 0 < y ≤ b, are stable; 0 where there is none.
+    #[getter]
+    fn imaginary_limit(&self) -> f64 {
+        self.0.imaginary_limit
+    }
+
+    /// float: Largest a for which all λ = −x, 0 < x ≤ a, are stable; 0 where there is none.
+    #[getter]
+    fn real_limit(&self) -> f64 {
+        self.0.real_limit
+    }
+
+    /// ndarray, shape (n, 2, 2): The boundary in the upper half plane as line segments, unordered.
+    ///
+    /// The axes are segment, end, and real and imaginary part. The lower half is its mirror image.
+    #[getter]
+    fn boundary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let ends = self.0.boundary.iter().flatten();
+        let values = ends.flat_map(|lambda| [lambda.re, lambda.im]).collect();
+        Ok(array(py, values, &[self.0.boundary.len(), 2, 2])?.into_any())
+    }
+
+    /// int: Points at which a step failed, counted as outside.
+    #[getter]
+    fn failed(&self) -> usize {
+        self.0.failed
+    }
+
+    fn __repr__(&self) -> String {
+        let r = &self.0;
+        format!(
+            "<StabilityRegion: area {:.4}, real axis to {:.4}, imaginary axis to {:.4}>",
+            r.area, -r.real_limit, r.imaginary_limit
+        )
+    }
+}
+
+/// Stability region of a method of the table.
+///
+/// Parameters
+/// ----------
+/// method : str or MethodInfo
+///     A method of the table.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods start, on which the region does not depend.
+///
+/// Returns
+/// -------
+/// StabilityRegion
+///     Area, limits on the axes, boundary.
+///
+/// Raises
+/// ------
+/// StudyError
+///     If the method is not one that can be studied so.
+#[pyfunction]
+#[pyo3(signature = (method, *, start_up="one_step"))]
+pub(crate) fn stability_region(
+    py: Python<'_>,
+    method: &Bound<'_, PyAny>,
+    start_up: &str,
+) -> Result<StabilityRegion, Error> {
+    let (method, options) = method_and_options(method, start_up)?;
+    Ok(StabilityRegion(study(py, |progress| stability::stability_region(method, options, progress))?))
+}
+
+/// Spectral radii of a method on a grid of the plane of λ, at step 1; the method is stable where they
+/// do not exceed 1.
+///
+/// Parameters
+/// ----------
+/// method : str or MethodInfo
+///     A method of the table.
+/// re, im : float or array_like, shape (n,)
+///     Real and imaginary parts of the grid.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods start, on which the radii do not depend.
+///
+/// Returns
+/// -------
+/// ndarray, shape (len(im), len(re))
+///     Spectral radii; NaN where a step failed, infinite where numbers overflow.
+///
+/// Raises
+/// ------
+/// StudyError
+///     If a part is not finite, or the method is not one that can be studied so.
+#[pyfunction]
+#[pyo3(signature = (method, re, im, *, start_up="one_step"))]
+pub(crate) fn spectral_radii<'py>(
+    py: Python<'py>,
+    method: &Bound<'py, PyAny>,
+    re: &Bound<'py, PyAny>,
+    im: &Bound<'py, PyAny>,
+    start_up: &str,
+) -> Result<Bound<'py, PyAny>, Error> {
+    let (method, options) = method_and_options(method, start_up)?;
+    let (re, im) = (real_numbers("re", re)?, real_numbers("im", im)?);
+    let radii = study(py, |progress| stability::raster(method, options, &re, &im, progress))?;
+    Ok(array(py, radii, &[im.len(), re.len()])?.into_any())
+}
+
+/// What a method does to the rotational energy of free bodies at large steps.
+#[pyclass(frozen, module = "somersault.studies")]
+pub(crate) struct EnergyStudy(energy::EnergyStudy);
+
+#[pymethods]
+impl EnergyStudy {
+    /// ndarray, shape (n,): Numbers of steps after which the study looked.
+    #[getter]
+    fn steps<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_vec(py, self.0.extremes.iter().map(|e| e.steps).collect()).into_any()
+    }
+
+    /// ndarray, shape (n,): Largest ratio Tₙ/T₀ over the bodies; infinite where a state overflowed.
+    #[getter]
+    fn max<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        floats(py, self.0.extremes.iter().map(|e| e.max))
+    }
+
+    /// ndarray, shape (n,): Smallest ratio Tₙ/T₀ over the bodies.
+    #[getter]
+    fn min<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        floats(py, self.0.extremes.iter().map(|e| e.min))
+    }
+
+    /// ndarray, shape (n,): How many bodies have gained energy.
+    #[getter]
+    fn gained<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_vec(py, self.0.extremes.iter().map(|e| e.gained as u64).collect()).into_any()
+    }
+
+    /// ndarray, shape (n,): How many bodies have lost energy.
+    #[getter]
+    fn lost<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_vec(py, self.0.extremes.iter().map(|e| e.lost as u64).collect()).into_any()
+    }
+
+    /// float: Largest energy in units of L²/(2 I_min), what the angular momentum allows.
+    #[getter]
+    fn share_of_bound(&self) -> f64 {
+        self.0.share_of_bound
+    }
+
+    /// float: Largest factor by which the energy grew in one step of any body.
+    #[getter]
+    fn largest_rise(&self) -> f64 {
+        self.0.largest_rise
+    }
+
+    /// int: Bodies whose step failed.
+    #[getter]
+    fn failed(&self) -> usize {
+        self.0.failed
+    }
+
+    /// str: ``"unconditionally stable"``, ``"conditionally stable"`` or ``"unconditionally unstable"``.
+    #[getter]
+    fn behaviour(&self) -> &'static str {
+        match self.0.behaviour() {
+            Behaviour::UnconditionallyStable => "unconditionally stable",
+            Behaviour::ConditionallyStable => "conditionally stable",
+            Behaviour::UnconditionallyUnstable => "unconditionally unstable",
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<EnergyStudy: {}, {:.4} of the bound>", self.behaviour(), self.0.share_of_bound)
+    }
+}
+
+/// The prisms 1 x l_y x l_z of mass 6 with l_y and l_z in {1/n, 2/n, ..., 1}, l_z running fastest.
+///
+/// Parameters
+/// ----------
+/// n : int
+///     Sides to try; n² bodies.
+///
+/// Returns
+/// -------
+/// list of RigidBody
+///     The bodies.
+#[pyfunction]
+pub(crate) fn prisms(n: usize) -> Result<Vec<RigidBody>, Error> {
+    Ok(energy::prisms(n)?.into_iter().map(RigidBody).collect())
+}
+
+/// Extremes of the rotational energy of free bodies at large steps.
+///
+/// Parameters
+/// ----------
+/// method : str or MethodInfo
+///     A method of the table.
+/// bodies : sequence of RigidBody, optional
+///     The bodies; ``prisms(100)`` unless given.
+/// angular_velocity : array_like, shape (3,), optional
+///     Angular velocity at the start, rad/s; (1, 1, 1)/√3 unless given.
+/// dt : float, optional
+///     Step, s.
+/// steps : sequence of int, optional
+///     Numbers of steps after which to look, increasing.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods start.
+///
+/// Returns
+/// -------
+/// EnergyStudy
+///     Extremes of Tₙ/T₀ and a verdict.
+///
+/// Raises
+/// ------
+/// StudyError, StudyInputError
+///     If an argument is not allowed or the method does not apply to free bodies.
+#[pyfunction]
+#[pyo3(signature = (
+    method, bodies=None, *, angular_velocity=None, dt=1.0, steps=vec![1, 2, 5, 10, 20, 50, 100], start_up="ladder"
+))]
+pub(crate) fn energy_study(
+    py: Python<'_>,
+    method: &Bound<'_, PyAny>,
+    bodies: Option<Vec<RigidBody>>,
+    angular_velocity: Option<&Bound<'_, PyAny>>,
+    dt: f64,
+    steps: Vec<u64>,
+    start_up: &str,
+) -> Result<EnergyStudy, Error> {
+    let (method, options) = method_and_options(method, start_up)?;
+    let bodies: Vec<body::RigidBody> = match bodies {
+        Some(bodies) => bodies.into_iter().map(|body| body.0).collect(),
+        None => energy::prisms(100)?,
+    };
+    let angular_velocity = vector_or("angular_velocity", angular_velocity, initial_angular_velocity())?;
+    let setup = EnergySetup { angular_velocity, dt, steps, options };
+    Ok(EnergyStudy(study(py, |progress| energy::energy(method, &setup, &bodies, progress))?))
+}
+
+/// The problems that can be chosen. Free bodies have a type of their own, as timings need it.
+enum Chosen {
+    Free(problem::Problem<RigidBodySystem>),
+    Forced(problem::Problem<RigidBodySystem<Models>>),
+}
+
+/// A motion from t = 0 whose state at the end is known.
+///
+/// Parameters
+/// ----------
+/// body : RigidBody
+///     The body.
+/// state : State
+///     Its state at the start.
+/// t_end : float
+///     The end, s.
+/// reference : State, optional
+///     The state there. The exact one unless given, for which there must be no forces.
+/// forces : force model or sequence of them, optional
+///     What acts on the body. Callables are not taken, since a study runs without the interpreter.
+///
+/// Raises
+/// ------
+/// StudyInputError
+///     If the end is not positive.
+#[pyclass(frozen, module = "somersault.studies")]
+pub(crate) struct Problem(Chosen);
+
+#[pymethods]
+impl Problem {
+    #[new]
+    #[pyo3(signature = (body, state, t_end, *, reference=None, forces=None))]
+    fn new(
+        body: RigidBody,
+        state: State,
+        t_end: f64,
+        reference: Option<State>,
+        forces: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let models = forces.map_or(Ok(Models::default()), |f| Models::extract("forces", f))?;
+        match reference {
+            None if models.is_empty() => {
+                Ok(Self(Chosen::Free(problem::free_rotation(body.0, state.0, finite("t_end", t_end)?)?)))
+            }
+            None => Err(Error::input("`reference` must be given where there are `forces`")),
+            Some(reference) => {
+                let system = RigidBodySystem::new(body.0, models);
+                Ok(Self(Chosen::Forced(problem::Problem::try_new(system, state.0, t_end, reference.0)?)))
+            }
+        }
+    }
+
+    /// A freely rotating body of section 7.2.1 of the thesis, for 10 s.
+    ///
+    /// Parameters
+    /// ----------
+    /// number : {1, 2, 3}
+    ///     A symmetric rod, a box about its middle axis, or a symmetric plate.
+    #[classmethod]
+    fn case(_: &Bound<'_, PyType>, number: usize) -> Result<Self, Error> {
+        let case = number
+            .checked_sub(1)
+            .and_then(|i| Case::ALL.get(i))
+            .ok_or_else(|| Error::input(format!("`number` must be 1, 2 or 3, found {number}")))?;
+        Ok(Self(Chosen::Free(case.problem()?)))
+    }
+
+    /// An asymmetric free body far from the separatrix, for 5 s.
+    #[classmethod]
+    fn asymmetric_body(_: &Bound<'_, PyType>) -> Result<Self, Error> {
+        Ok(Self(Chosen::Free(problem::asymmetric_body()?)))
+    }
+
+    /// A unit mass on a spring in gravity, for 2 s: a force that depends on the position.
+    #[classmethod]
+    fn spring_pendulum(_: &Bound<'_, PyType>) -> Result<Self, Error> {
+        let p = problem::spring_pendulum()?;
+        let (gravity, spring) = p.system().forces;
+        let system = RigidBodySystem::new(p.system().body, Models::of([Box::new(gravity), Box::new(spring)]));
+        Ok(Self(Chosen::Forced(problem::Problem::try_new(system, *p.initial(), p.t_end(), *p.reference())?)))
+    }
+
+    /// As `spring_pendulum`, with damping and drag: forces that depend on the velocity.
+    #[classmethod]
+    fn damped_spring_pendulum(_: &Bound<'_, PyType>) -> Result<Self, Error> {
+        let p = problem::damped_spring_pendulum()?;
+        let (gravity, (spring, drag)) = p.system().forces;
+        let models = Models::of([Box::new(gravity), Box::new(spring), Box::new(drag)]);
+        let system = RigidBodySystem::new(p.system().body, models);
+        Ok(Self(Chosen::Forced(problem::Problem::try_new(system, *p.initial(), p.t_end(), *p.reference())?)))
+    }
+
+    /// RigidBody: The body.
+    #[getter]
+    fn body(&self) -> RigidBody {
+        match &self.0 {
+            Chosen::Free(p) => RigidBody(p.system().body),
+            Chosen::Forced(p) => RigidBody(p.system().body),
+        }
+    }
+
+    /// State: The state at t = 0.
+    #[getter]
+    fn state(&self) -> State {
+        match &self.0 {
+            Chosen::Free(p) => State(*p.initial()),
+            Chosen::Forced(p) => State(*p.initial()),
+        }
+    }
+
+    /// State: The state at the end.
+    #[getter]
+    fn reference(&self) -> State {
+        match &self.0 {
+            Chosen::Free(p) => State(*p.reference()),
+            Chosen::Forced(p) => State(*p.reference()),
+        }
+    }
+
+    /// float: The end, s.
+    #[getter]
+    fn t_end(&self) -> f64 {
+        match &self.0 {
+            Chosen::Free(p) => p.t_end(),
+            Chosen::Forced(p) => p.t_end(),
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let kind = match &self.0 {
+            Chosen::Free(_) => "free body",
+            Chosen::Forced(_) => "body under forces",
+        };
+        format!("<Problem: {kind}, {} s>", self.t_end())
+    }
+}
+
+fn errors_dict<'py>(py: Python<'py>, errors: &[Errors]) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("position", floats(py, errors.iter().map(|e| e.position)))?;
+    dict.set_item("orientation", floats(py, errors.iter().map(|e| e.orientation)))?;
+    dict.set_item("velocity", floats(py, errors.iter().map(|e| e.velocity)))?;
+    dict.set_item("angular_velocity", floats(py, errors.iter().map(|e| e.angular_velocity)))?;
+    Ok(dict)
+}
+
+/// Errors of a method with several steps, and the orders they show.
+#[pyclass(frozen, module = "somersault.studies")]
+pub(crate) struct Convergence(order::Convergence);
+
+#[pymethods]
+impl Convergence {
+    /// ndarray, shape (n,): Steps, s.
+    #[getter]
+    fn dt<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        floats(py, self.0.measured.iter().map(|m| m.dt))
+    }
+
+    /// dict of ndarray: Errors at the end, of shape (n,), in ``"position"``, m, ``"orientation"``, rad,
+    /// ``"velocity"``, m/s, and ``"angular_velocity"``, rad/s. Infinite where a run overflowed or failed.
+    #[getter]
+    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let errors: Vec<_> = self.0.measured.iter().map(|m| m.errors).collect();
+        errors_dict(py, &errors)
+    }
+
+    /// dict: Slopes of the errors over the step in logarithms, with the same keys; None where fewer than
+    /// three errors are above rounding.
+    #[getter]
+    fn orders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("position", self.0.orders.position)?;
+        dict.set_item("orientation", self.0.orders.orientation)?;
+        dict.set_item("velocity", self.0.orders.velocity)?;
+        dict.set_item("angular_velocity", self.0.orders.angular_velocity)?;
+        Ok(dict)
+    }
+
+    fn __repr__(&self) -> String {
+        let text = |order: Option<f64>| order.map_or("-".to_owned(), |p| format!("{p:.2}"));
+        let o = &self.0.orders;
+        format!(
+            "<Convergence: order {} in position, {} in orientation, {} steps>",
+            text(o.position),
+            text(o.orientation),
+            self.0.measured.len()
+        )
+    }
+}
+
+/// Observed orders of a method.
+///
+/// Parameters
+/// ----------
+/// problem : Problem
+///     What to run.
+/// method : str or MethodInfo
+///     A method of the table.
+/// dts : array_like, shape (n,)
+///     Steps, s.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods start.
+///
+/// Returns
+/// -------
+/// Convergence
+///     Errors and orders.
+///
+/// Raises
+/// ------
+/// StudyInputError
+///     If a step is not positive.
+/// TorqueError
+///     If the method takes no torque and the problem has one.
+#[pyfunction]
+#[pyo3(signature = (problem, method, dts, *, start_up="one_step"))]
+pub(crate) fn convergence(
+    py: Python<'_>,
+    problem: &Problem,
+    method: &Bound<'_, PyAny>,
+    dts: &Bound<'_, PyAny>,
+    start_up: &str,
+) -> Result<Convergence, Error> {
+    let (method, options) = method_and_options(method, start_up)?;
+    let dts = real_numbers("dts", dts)?;
+    Ok(Convergence(study(py, |progress| match &problem.0 {
+        Chosen::Free(p) => order::convergence(p, method, options, &dts, progress),
+        Chosen::Forced(p) => order::convergence(p, method, options, &dts, progress),
+    })?))
+}
+
+/// Errors of a method against what it costs.
+#[pyclass(frozen, module = "somersault.studies")]
+pub(crate) struct WorkPrecision(Vec<work_precision::WorkPoint>);
+
+#[pymethods]
+impl WorkPrecision {
+    /// dict of ndarray: Errors at the end, with the keys of `Convergence.errors`.
+    #[getter]
+    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let errors: Vec<_> = self.0.iter().map(|p| p.errors).collect();
+        errors_dict(py, &errors)
+    }
+
+    /// ndarray, shape (n,): Evaluations of the equations of motion.
+    #[getter]
+    fn evaluations<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_vec(py, self.0.iter().map(|p| p.evaluations).collect()).into_any()
+    }
+
+    /// ndarray, shape (n,): Steps made.
+    #[getter]
+    fn steps<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_vec(py, self.0.iter().map(|p| p.steps).collect()).into_any()
+    }
+
+    /// ndarray, shape (n,): Steps tried and rejected.
+    #[getter]
+    fn rejected<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_vec(py, self.0.iter().map(|p| p.rejected).collect()).into_any()
+    }
+
+    /// ndarray, shape (n,): Least wall time of the repeats, s.
+    #[getter]
+    fn seconds<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        floats(py, self.0.iter().map(|p| p.seconds))
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<WorkPrecision: {} runs>", self.0.len())
+    }
+}
+
+/// Errors of a method against evaluations and time.
+///
+/// Parameters
+/// ----------
+/// problem : Problem
+///     What to run.
+/// method : str or MethodInfo
+///     A method of the table.
+/// dts : array_like, shape (n,), optional
+///     Fixed steps, s.
+/// tolerances : array_like, shape (n,), optional
+///     Relative tolerances in the place of steps, for the adaptive methods; the absolute ones are a
+///     hundredth of them.
+/// repeats : int, optional
+///     How often each run is timed; the least time counts.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods start.
+///
+/// Returns
+/// -------
+/// WorkPrecision
+///     One entry for each step or tolerance.
+///
+/// Raises
+/// ------
+/// StudyInputError
+///     If a step or a tolerance is not positive.
+#[pyfunction]
+#[pyo3(signature = (problem, method, dts=None, *, tolerances=None, repeats=3, start_up="one_step"))]
+pub(crate) fn work_precision_study(
+    py: Python<'_>,
+    problem: &Problem,
+    method: &Bound<'_, PyAny>,
+    dts: Option<&Bound<'_, PyAny>>,
+    tolerances: Option<&Bound<'_, PyAny>>,
+    repeats: usize,
+    start_up: &str,
+) -> Result<WorkPrecision, Error> {
+    let (method, options) = method_and_options(method, start_up)?;
+    let choices: Vec<StepChoice> = match (dts, tolerances) {
+        (Some(dts), None) => real_numbers("dts", dts)?.into_iter().map(StepChoice::Fixed).collect(),
+        (None, Some(t)) => real_numbers("tolerances", t)?.into_iter().map(StepChoice::Tolerance).collect(),
+        _ => return Err(Error::input("one of `dts` and `tolerances` must be given")),
+    };
+    Ok(WorkPrecision(study(py, |progress| match &problem.0 {
+        Chosen::Free(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
+        Chosen::Forced(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
+    })?))
+}
