@@ -310,7 +310,6 @@ impl Chatter {
     }
 }
 
-#[allow(clippy::too_many_lines)]
 fn run<H, B, M, D, O>(
     frozen: &Frozen<H>,
     form: &B,
