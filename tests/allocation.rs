@@ -110,3 +110,29 @@ fn no_step_allocates_for_one_body_or_several() {
         }
     }
 }
+
+#[test]
+fn located_steps_allocate_nothing_between_events() {
+    use somersault::contact::driver::integrate_located;
+    use somersault::contact::event::Location;
+    use somersault::contact::models::SpinningTop;
+
+    let top = SpinningTop::thesis().unwrap();
+    let location = Location::default();
+    let located = |method: Method, start: &RigidBodyState, steps| {
+        let grid = TimeGrid::try_with_steps(0.0, 1e-5 * steps as f64, steps).unwrap();
+        integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ()).unwrap()
+    };
+    // In flight from the start; held for good after 0.2 s.
+    let held = located(Method::RkmkB, &top.start, 20_000).state;
+    for method in Method::ALL {
+        if method.info().scope == somersault::integrators::stepper::Scope::TorqueFree {
+            continue;
+        }
+        for start in [&top.start, &held] {
+            assert_eq!(located(method, start, 1000).event_count, 0, "{method}");
+            let [short, long] = [10, 1000].map(|n| allocations(|| drop(located(method, start, n))));
+            assert_eq!(short, long, "{method}");
+        }
+    }
+}

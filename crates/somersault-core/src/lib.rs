@@ -1,4 +1,4 @@
-//! Shared mathematics of the somersault crates: rotations and inertia.
+//! Shared mathematics of the somersault crates: rotations, inertia, bracketed roots.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -21,6 +21,7 @@
 pub mod double_double;
 pub mod elliptic;
 mod inertia;
+pub mod roots;
 pub mod so3;
 
 pub use inertia::{Inertia, InertiaError};

@@ -95,9 +95,11 @@ pub trait Interpolant<Q: Configuration>: Send + Sync {
 }
 
 /// A segment in the variables of a form, read as states of the bodies.
-pub(crate) struct Decoded<B: Configuration, D> {
-    pub(crate) segment: Segment<B>,
-    pub(crate) decoder: D,
+pub struct Decoded<B: Configuration, D> {
+    /// The curve in the variables of the form.
+    pub segment: Segment<B>,
+    /// The way back.
+    pub decoder: D,
 }
 
 impl<B, Q, D> Interpolant<Q> for Decoded<B, D>

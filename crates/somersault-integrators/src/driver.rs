@@ -148,7 +148,8 @@ fn check_interval(start: f64, end: f64) -> Result<(), IntegrateError> {
     }
 }
 
-fn check_positive(argument: &'static str, found: f64) -> Result<(), IntegrateError> {
+/// Errors where an argument is not a positive finite number.
+pub fn check_positive(argument: &'static str, found: f64) -> Result<(), IntegrateError> {
     if found.is_finite() && found > 0.0 {
         Ok(())
     } else {
@@ -156,7 +157,8 @@ fn check_positive(argument: &'static str, found: f64) -> Result<(), IntegrateErr
     }
 }
 
-fn check_state<Q: Configuration>(x: &State<Q>) -> Result<(), IntegrateError> {
+/// Errors where a part of an initial state is not finite.
+pub fn check_state<Q: Configuration>(x: &State<Q>) -> Result<(), IntegrateError> {
     if !x.configuration.is_finite() {
         Err(IntegrateError::InitialState { found: "a NaN or infinite position or orientation" })
     } else if !x.rate.is_finite() {
@@ -190,7 +192,19 @@ pub struct Step<'a, Q: Configuration> {
     interpolant: &'a mut dyn FnMut() -> Box<dyn Interpolant<Q>>,
 }
 
-impl<Q: Configuration> Step<'_, Q> {
+impl<'a, Q: Configuration> Step<'a, Q> {
+    /// A step as a driver shows it: the `index`-th, between two times and the states there, with the
+    /// curve between them made on demand.
+    pub fn new(
+        index: u64,
+        times: (f64, f64),
+        before: &'a State<Q>,
+        after: &'a State<Q>,
+        interpolant: &'a mut dyn FnMut() -> Box<dyn Interpolant<Q>>,
+    ) -> Self {
+        Self { index, t_before: times.0, t_after: times.1, before, after, interpolant }
+    }
+
     /// The curve of this step.
     pub fn interpolant(&mut self) -> Box<dyn Interpolant<Q>> {
         (self.interpolant)()

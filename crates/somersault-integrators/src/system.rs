@@ -99,7 +99,7 @@ impl<S: RigidSystem + ?Sized> RigidSystem for &S {
 /// Linear and angular acceleration in the world frame under a wrench:
 /// a = F/m, α = R I⁻¹(M_B − ω_B × I ω_B) with the products taken in the body frame.
 #[inline(always)]
-pub(crate) fn world_acceleration(body: &RigidBody, x: &RigidBodyState, wrench: &Twist) -> Twist {
+pub fn world_acceleration(body: &RigidBody, x: &RigidBodyState, wrench: &Twist) -> Twist {
     let r = x.orientation().to_rotation_matrix().into_inner();
     let omega = r.tr_mul(x.angular_velocity());
     let torque = r.tr_mul(&wrench.angular);

@@ -3,6 +3,8 @@
 //! Everything here returns data; what is asserted is the tests' to say.
 #![forbid(unsafe_code)]
 
+pub mod bouncing_ball;
 pub mod order;
 pub mod problems;
+pub mod spinning_top;
 pub mod trees;

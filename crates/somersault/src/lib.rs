@@ -14,6 +14,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub use somersault_contact as contact;
 pub use somersault_core as core;
 pub use somersault_integrators as integrators;
 pub use somersault_multibody as multibody;

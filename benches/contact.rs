@@ -1,0 +1,68 @@
+//! Time per step of the spinning top of thesis 7.3.2: without contacts, with the guard of its tip watched in
+//! flight, and with the contact active; and the time of one second with its seven events.
+//!
+//! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use somersault::contact::driver::integrate_located;
+use somersault::contact::event::Location;
+use somersault::contact::models::SpinningTop;
+use somersault::integrators::stepper::Scope;
+use somersault::prelude::*;
+use std::hint::black_box;
+use std::time::Duration;
+
+const STEPS: u64 = 1_000;
+
+fn steps(c: &mut Criterion) {
+    let top = SpinningTop::thesis().expect("the top of the thesis");
+    let free = RigidBodySystem::new(top.system.body, Gravity::earth());
+    let (options, location) = (Options::default(), Location::default());
+    // In 10 ms from the start the tip does not touch; after 0.2 s it never leaves.
+    let grid = TimeGrid::try_with_steps(0.0, 0.01, STEPS).expect("a forward interval");
+    let settle = TimeGrid::try_new(0.0, 0.2, 1e-4).expect("a forward interval");
+    let settled =
+        integrate_located(Method::RkmkB, options, &top.system, &top.start, &settle, &location, &mut ())
+            .expect("a run of the top");
+    for method in Method::ALL.into_iter().filter(|m| m.info().scope != Scope::TorqueFree) {
+        let mut group = c.benchmark_group(method.info().name);
+        group.throughput(Throughput::Elements(STEPS));
+        group.bench_function("contact_free", |b| {
+            b.iter(|| method.integrate(options, &free, black_box(&top.start), &grid, &mut ()))
+        });
+        for (name, start) in [("guarded", &top.start), ("in_contact", &settled.state)] {
+            group.bench_function(name, |b| {
+                b.iter(|| {
+                    let start = black_box(start);
+                    integrate_located(method, options, &top.system, start, &grid, &location, &mut ())
+                })
+            });
+        }
+        group.finish();
+    }
+}
+
+fn one_second(c: &mut Criterion) {
+    let top = SpinningTop::thesis().expect("the top of the thesis");
+    let grid = TimeGrid::try_new(0.0, 1.0, 1e-3).expect("a forward interval");
+    let mut group = c.benchmark_group("one_second_of_the_top");
+    for method in [Method::RkmkB, Method::Rkmk5B, Method::Rkmk8B] {
+        group.bench_function(method.info().name, |b| {
+            b.iter(|| {
+                let (start, location) = (black_box(&top.start), Location::default());
+                integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ())
+            })
+        });
+    }
+    group.finish();
+}
+
+criterion_group! {
+    name = contact;
+    config = Criterion::default()
+        .sample_size(20)
+        .warm_up_time(Duration::from_millis(200))
+        .measurement_time(Duration::from_millis(600));
+    targets = steps, one_second
+}
+criterion_main!(contact);

@@ -1,0 +1,85 @@
+//! Errors of what users give.
+
+/// Why a law, a surface, a contact or a model body cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ContactError {
+    /// A number that must be positive is not.
+    #[error("`{argument}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The value given.
+        found: f64,
+    },
+    /// A number that must not be negative is.
+    #[error("`{argument}` must be finite and not negative, found {found}")]
+    Negative {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The value given.
+        found: f64,
+    },
+    /// A coefficient of restitution that this law cannot have.
+    #[error("`restitution` must be above 0 and at most 1, found {found}")]
+    Restitution {
+        /// The value given.
+        found: f64,
+    },
+    /// A vector that is not finite.
+    #[error("`{argument}` must be finite, found {found:?}")]
+    NonFinite {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The value given.
+        found: [f64; 3],
+    },
+    /// A direction without length.
+    #[error("`{argument}` must be a finite vector other than zero, found {found:?}")]
+    Direction {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The value given.
+        found: [f64; 3],
+    },
+}
+
+pub(crate) fn positive(argument: &'static str, found: f64) -> Result<f64, ContactError> {
+    if found.is_finite() && found > 0.0 {
+        Ok(found)
+    } else {
+        Err(ContactError::NotPositive { argument, found })
+    }
+}
+
+pub(crate) fn not_negative(argument: &'static str, found: f64) -> Result<f64, ContactError> {
+    if found.is_finite() && found >= 0.0 {
+        Ok(found)
+    } else {
+        Err(ContactError::Negative { argument, found })
+    }
+}
+
+pub(crate) fn finite(
+    argument: &'static str,
+    found: nalgebra::Vector3<f64>,
+) -> Result<nalgebra::Vector3<f64>, ContactError> {
+    if found.iter().all(|x| x.is_finite()) {
+        Ok(found)
+    } else {
+        Err(ContactError::NonFinite { argument, found: found.into() })
+    }
+}
+
+pub(crate) fn direction(
+    argument: &'static str,
+    found: nalgebra::Vector3<f64>,
+) -> Result<nalgebra::Unit<nalgebra::Vector3<f64>>, ContactError> {
+    // Scaling by the largest component first keeps the square of a tiny or huge vector in range.
+    let largest = found.amax();
+    if largest.is_finite() && largest > 0.0 && found.iter().all(|x| x.is_finite()) {
+        Ok(nalgebra::Unit::new_normalize(found / largest))
+    } else {
+        Err(ContactError::Direction { argument, found: found.into() })
+    }
+}

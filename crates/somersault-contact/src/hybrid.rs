@@ -1,0 +1,203 @@
+//! Systems whose equations change at events: modes, guards, and a system frozen in a mode.
+
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System};
+use std::cell::RefCell;
+
+/// A function of the state whose sign changes where a mode ends.
+///
+/// It is known by a gap φ, its rate φ̇ and a lag τ ≥ 0, and it is *inside* where
+/// ```text
+/// φ + τ max(φ̇, 0) < 0.
+/// ```
+/// With τ = c/k that is where the compliant law (7.10) acts: going in, at φ < 0; coming out, while
+/// k φ + c φ̇ < 0. With τ = 0 it is the sign of φ alone.
+///
+/// Gap and rate at both ends of a step tell, without another evaluation, whether the sign may have changed
+/// twice in between. Where the rate is not known it is given as zero: then a change is seen only if it
+/// lasts to the end of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Guard {
+    /// φ.
+    pub gap: f64,
+    /// φ̇.
+    pub rate: f64,
+    /// τ.
+    pub lag: f64,
+}
+
+impl Guard {
+    /// φ + τ max(φ̇, 0), negative inside.
+    ///
+    /// On the surface and on the way in, where this is zero, it is given the least negative value: a start
+    /// on the surface belongs to what follows.
+    #[inline]
+    pub fn margin(&self) -> f64 {
+        if self.gap == 0.0 && self.rate < 0.0 {
+            -f64::MIN_POSITIVE
+        } else {
+            self.gap + self.lag * self.rate.max(0.0)
+        }
+    }
+
+    /// Whether the margin is negative.
+    #[inline]
+    pub fn is_inside(&self) -> bool {
+        self.margin() < 0.0
+    }
+
+    /// Whether gap and rate are finite.
+    #[inline]
+    pub fn is_finite(&self) -> bool {
+        self.gap.is_finite() && self.rate.is_finite()
+    }
+}
+
+/// A system with modes. In each mode the equations are smooth; the mode ends where a guard changes sign.
+///
+/// As a [`System`] in its own right it reads the mode from the state at every evaluation.
+pub trait Hybrid: System {
+    /// Which equations hold.
+    type Mode: Clone + PartialEq + std::fmt::Debug;
+
+    /// The mode that a state belongs to.
+    fn mode(&self, t: f64, x: &StateOf<Self>) -> Self::Mode;
+
+    /// Writes the guards: as many, in the same order, in every mode.
+    fn guards(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut Vec<Guard>);
+
+    /// Time derivative of the rate by the equations of a mode, also where they do not hold.
+    fn acceleration_in(
+        &self,
+        mode: &Self::Mode,
+        w: &mut Self::Workspace,
+        t: f64,
+        x: &StateOf<Self>,
+        out: &mut RateOf<Self>,
+    );
+
+    /// Impulse (N s) that belongs to a guard over a step of h inside it.
+    fn impulse(&self, _guard: usize, _h: f64, _before: &Guard, _after: &Guard) -> f64 {
+        0.0
+    }
+}
+
+/// Rigid bodies with modes.
+pub trait HybridBodies: Hybrid + RigidSystem {
+    /// Force and torque about the centre of mass on every body by the equations of a mode.
+    fn wrenches_in(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+}
+
+impl<S: Hybrid + ?Sized> Hybrid for &S {
+    type Mode = S::Mode;
+    fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
+        (**self).mode(t, x)
+    }
+    #[inline(always)]
+    fn guards(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
+        (**self).guards(mode, t, x, out);
+    }
+    #[inline(always)]
+    fn acceleration_in(
+        &self,
+        mode: &S::Mode,
+        w: &mut S::Workspace,
+        t: f64,
+        x: &StateOf<S>,
+        out: &mut RateOf<S>,
+    ) {
+        (**self).acceleration_in(mode, w, t, x, out);
+    }
+    #[inline(always)]
+    fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
+        (**self).impulse(guard, h, before, after)
+    }
+}
+
+impl<S: HybridBodies + ?Sized> HybridBodies for &S {
+    #[inline(always)]
+    fn wrenches_in(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        (**self).wrenches_in(mode, t, x, out);
+    }
+}
+
+/// A system frozen in one of its modes: smooth, and so fit for any method.
+///
+/// Forms and steppers borrow it for a whole trajectory. The mode sits behind a cell that only the
+/// event-locating driver sets, between steps.
+#[derive(Debug, Clone)]
+pub struct Frozen<H: Hybrid> {
+    system: H,
+    mode: RefCell<H::Mode>,
+}
+
+impl<H: Hybrid> Frozen<H> {
+    /// The system in the mode of a state.
+    pub fn new(system: H, t: f64, x: &StateOf<H>) -> Self {
+        let mode = RefCell::new(system.mode(t, x));
+        Self { system, mode }
+    }
+
+    /// The system with its modes.
+    pub fn system(&self) -> &H {
+        &self.system
+    }
+
+    /// The mode it is frozen in.
+    pub fn mode(&self) -> H::Mode {
+        self.mode.borrow().clone()
+    }
+
+    /// Reads the mode of a state and freezes the system in it.
+    pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) {
+        let mode = self.system.mode(t, x);
+        *self.mode.borrow_mut() = mode;
+    }
+
+    pub(crate) fn guards(&self, t: f64, x: &StateOf<H>, out: &mut Vec<Guard>) {
+        out.clear();
+        self.system.guards(&self.mode.borrow(), t, x, out);
+    }
+}
+
+impl<H: Hybrid> System for Frozen<H> {
+    type Configuration = H::Configuration;
+    type Workspace = H::Workspace;
+    fn workspace(&self) -> H::Workspace {
+        self.system.workspace()
+    }
+    #[inline(always)]
+    fn velocity(&self, x: &StateOf<H>, out: &mut RateOf<H>) {
+        self.system.velocity(x, out);
+    }
+    #[inline(always)]
+    fn acceleration(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
+        self.system.acceleration_in(&self.mode.borrow(), w, t, x, out);
+    }
+}
+
+impl<H: HybridBodies> RigidSystem for Frozen<H> {
+    #[inline(always)]
+    fn body(&self, i: usize) -> &RigidBody {
+        self.system.body(i)
+    }
+    fn rest(&self) -> StateOf<H> {
+        self.system.rest()
+    }
+    #[inline(always)]
+    fn wrenches(&self, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
+        self.system.wrenches_in(&self.mode.borrow(), t, x, out);
+    }
+    #[inline(always)]
+    fn is_free(&self) -> bool {
+        self.system.is_free()
+    }
+    #[inline(always)]
+    fn is_torque_free(&self) -> bool {
+        self.system.is_torque_free()
+    }
+    #[inline(always)]
+    fn depends_on_velocity(&self) -> bool {
+        self.system.depends_on_velocity()
+    }
+}
