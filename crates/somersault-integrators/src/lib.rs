@@ -20,4 +20,5 @@ pub mod stepper;
 pub mod studies;
 pub mod system;
 pub mod tableau;
+pub mod variation;
 pub mod variational_cayley;
