@@ -77,7 +77,8 @@ where
 {
     check_start(initial, grid, location)?;
     frozen.refreeze(grid.time(0), initial);
-    run(frozen, frozen, stepper, Unchanged, initial, initial, grid, location, observer)
+    let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: StateOf::<H>::clone };
+    worker.integrate(initial, grid, location, observer)
 }
 
 struct Visit<'a, H: Hybrid, O> {
@@ -96,9 +97,10 @@ where
     type Output = LocatedResult<H::Configuration>;
 
     fn visit<B: Form<H::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let encoded = form.encode(self.initial);
         let Self { frozen, initial, grid, location, observer } = self;
-        run(frozen, &form, &stepper, form.decoder(), initial, &encoded, grid, location, observer)
+        let (decoder, encode) = (form.decoder(), |x: &_| form.encode(x));
+        let worker = Worker { frozen, form: &form, stepper: &stepper, decoder, encode };
+        worker.integrate(initial, grid, location, observer)
     }
 }
 
@@ -132,14 +134,15 @@ struct Point<Q: Configuration, B: Configuration> {
 }
 
 /// The method at work: makes steps in the mode that the system is frozen in.
-struct Worker<'a, H: Hybrid, B, M, D> {
+struct Worker<'a, H: Hybrid, B, M, D, E> {
     frozen: &'a Frozen<H>,
     form: &'a B,
     stepper: &'a M,
     decoder: D,
+    encode: E,
 }
 
-impl<H, B, M, D> Worker<'_, H, B, M, D>
+impl<H, B, M, D, E> Worker<'_, H, B, M, D, E>
 where
     H: Hybrid,
     B: System,
@@ -182,8 +185,8 @@ fn has_changed(before: &[Guard], after: &[Guard]) -> bool {
 }
 
 /// Steps made again from the start of a step, with memory and room of their own.
-struct Search<'a, 'w, H: Hybrid, B: System, M: Stepper<B>, D> {
-    worker: &'a Worker<'w, H, B, M, D>,
+struct Search<'a, 'w, H: Hybrid, B: System, M: Stepper<B>, D, E> {
+    worker: &'a Worker<'w, H, B, M, D, E>,
     memory: &'a mut M::Memory,
     point: &'a mut Point<H::Configuration, B::Configuration>,
     t: f64,
@@ -192,7 +195,7 @@ struct Search<'a, 'w, H: Hybrid, B: System, M: Stepper<B>, D> {
     trials: &'a mut u64,
 }
 
-impl<H, B, M, D> Search<'_, '_, H, B, M, D>
+impl<H, B, M, D, E> Search<'_, '_, H, B, M, D, E>
 where
     H: Hybrid,
     B: System,
@@ -310,39 +313,28 @@ impl Chatter {
     }
 }
 
-fn run<H, B, M, D, O>(
-    frozen: &Frozen<H>,
-    form: &B,
-    stepper: &M,
-    decoder: D,
-    initial: &StateOf<H>,
-    encoded: &StateOf<B>,
-    grid: &TimeGrid,
-    location: &Location,
-    observer: &mut O,
-) -> LocatedResult<H::Configuration>
+impl<H, B, M, D, E> Worker<'_, H, B, M, D, E>
 where
     H: Hybrid,
     B: System,
     M: Stepper<B>,
     D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
-    O: Observer<H::Configuration>,
+    E: Fn(&StateOf<H>) -> StateOf<B>,
 {
-    let mut so_far = at_start(grid.time(0), initial);
-    let worker = Worker { frozen, form, stepper, decoder };
-    match worker.run(encoded, grid, location, observer, &mut so_far) {
-        Ok(status) => Ok(Located { status, ..so_far }),
-        Err(reason) => Err(Box::new(Interrupted { reason, so_far })),
+    fn integrate<O: Observer<H::Configuration>>(
+        &self,
+        initial: &StateOf<H>,
+        grid: &TimeGrid,
+        location: &Location,
+        observer: &mut O,
+    ) -> LocatedResult<H::Configuration> {
+        let mut so_far = at_start(grid.time(0), initial);
+        match self.run(&(self.encode)(initial), grid, location, observer, &mut so_far) {
+            Ok(status) => Ok(Located { status, ..so_far }),
+            Err(reason) => Err(Box::new(Interrupted { reason, so_far })),
+        }
     }
-}
 
-impl<H, B, M, D> Worker<'_, H, B, M, D>
-where
-    H: Hybrid,
-    B: System,
-    M: Stepper<B>,
-    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
-{
     fn run<O: Observer<H::Configuration>>(
         &self,
         encoded: &StateOf<B>,
@@ -400,7 +392,12 @@ where
             if found.is_some() {
                 self.log(t_after, &before.guards, &after, &mut impulses, location, so_far);
                 chatter.record(t_after)?;
-                self.frozen.refreeze(t_after, &after.outer);
+                let mode = self.frozen.refreeze(t_after, &after.outer);
+                if H::RESETS {
+                    self.frozen.reset(t_after, &mode, &mut after.outer);
+                    after.inner = (self.encode)(&after.outer);
+                    so_far.state.assign(&after.outer);
+                }
                 self.frozen.guards(t_after, &after.outer, &mut after.guards);
                 self.stepper.restart(&mut memory);
                 if t_after < end {

@@ -25,7 +25,7 @@ pub struct Event<Q: Configuration> {
     pub kind: EventKind,
     /// Impulse of the contact that a release finishes, ∫ F dt (N s), to order 4; zero for the other kinds.
     pub impulse: f64,
-    /// The state.
+    /// The state, before it jumps if it does.
     pub state: State<Q>,
 }
 

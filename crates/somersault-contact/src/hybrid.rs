@@ -60,6 +60,9 @@ pub trait Hybrid: System {
     /// Which equations hold.
     type Mode: Clone + PartialEq + std::fmt::Debug;
 
+    /// Whether states jump at events; [`reset`](Self::reset) is called only where they do.
+    const RESETS: bool = false;
+
     /// The mode that a state belongs to.
     fn mode(&self, t: f64, x: &StateOf<Self>) -> Self::Mode;
 
@@ -76,6 +79,12 @@ pub trait Hybrid: System {
         out: &mut RateOf<Self>,
     );
 
+    /// The jump of the state at an event from one mode to the next; by default there is none.
+    ///
+    /// It is made after the step that ends at the event and before the guards are read again. It must
+    /// leave the mode that the state belongs to as it is.
+    fn reset(&self, _t: f64, _before: &Self::Mode, _after: &Self::Mode, _x: &mut StateOf<Self>) {}
+
     /// Impulse (N s) that belongs to a guard over a step of h inside it.
     fn impulse(&self, _guard: usize, _h: f64, _before: &Guard, _after: &Guard) -> f64 {
         0.0
@@ -90,6 +99,7 @@ pub trait HybridBodies: Hybrid + RigidSystem {
 
 impl<S: Hybrid + ?Sized> Hybrid for &S {
     type Mode = S::Mode;
+    const RESETS: bool = S::RESETS;
     fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
         (**self).mode(t, x)
     }
@@ -107,6 +117,9 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
         out: &mut RateOf<S>,
     ) {
         (**self).acceleration_in(mode, w, t, x, out);
+    }
+    fn reset(&self, t: f64, before: &S::Mode, after: &S::Mode, x: &mut StateOf<S>) {
+        (**self).reset(t, before, after, x);
     }
     #[inline(always)]
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
@@ -148,10 +161,14 @@ impl<H: Hybrid> Frozen<H> {
         self.mode.borrow().clone()
     }
 
-    /// Reads the mode of a state and freezes the system in it.
-    pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) {
-        let mode = self.system.mode(t, x);
-        *self.mode.borrow_mut() = mode;
+    /// Reads the mode of a state and freezes the system in it; returns the mode before.
+    pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) -> H::Mode {
+        self.mode.replace(self.system.mode(t, x))
+    }
+
+    /// Lets the state jump from the mode before an event to the present one.
+    pub(crate) fn reset(&self, t: f64, before: &H::Mode, x: &mut StateOf<H>) {
+        self.system.reset(t, before, &self.mode.borrow(), x);
     }
 
     pub(crate) fn guards(&self, t: f64, x: &StateOf<H>, out: &mut Vec<Guard>) {
