@@ -76,7 +76,7 @@ where
     O: Observer<H::Configuration>,
 {
     check_start(initial, grid, location)?;
-    frozen.refreeze(grid.time(0), initial);
+    frozen.freeze(grid.time(0), initial);
     let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: StateOf::<H>::clone };
     worker.integrate(initial, grid, location, observer)
 }
@@ -390,9 +390,9 @@ where
             so_far.state.assign(&after.outer);
             n += 1;
             if found.is_some() {
-                self.log(t_after, &before.guards, &after, &mut impulses, location, so_far);
-                chatter.record(t_after)?;
                 let mode = self.frozen.refreeze(t_after, &after.outer);
+                self.log(t_after, &mode, &before.guards, &after, &mut impulses, location, so_far);
+                chatter.record(t_after)?;
                 if H::RESETS {
                     self.frozen.reset(t_after, &mode, &mut after.outer);
                     after.inner = (self.encode)(&after.outer);
@@ -437,6 +437,7 @@ where
     fn log(
         &self,
         t: f64,
+        mode: &H::Mode,
         before: &[Guard],
         after: &Point<H::Configuration, B::Configuration>,
         impulses: &mut [f64],
@@ -444,12 +445,11 @@ where
         so_far: &mut Located<H::Configuration>,
     ) {
         for (guard, (a, b)) in before.iter().zip(&after.guards).enumerate() {
-            let (kind, impulse) = match (a.is_inside(), b.is_inside()) {
-                (false, true) if b.rate > 0.0 => (EventKind::ReEngagement, 0.0),
-                (false, true) => (EventKind::TouchDown, 0.0),
-                (true, false) => (EventKind::Release, std::mem::take(&mut impulses[guard])),
-                _ => continue,
-            };
+            if a.is_inside() == b.is_inside() {
+                continue;
+            }
+            let kind = self.frozen.event_kind(guard, a, b, mode);
+            let impulse = if kind == EventKind::Release { std::mem::take(&mut impulses[guard]) } else { 0.0 };
             so_far.event_count += 1;
             if location.keep_events {
                 so_far.events.push(Event { t, guard, kind, impulse, state: after.outer.clone() });
