@@ -43,6 +43,11 @@ impl Contact {
         &self.point
     }
 
+    /// The surface.
+    pub fn surface(&self) -> &dyn Surface {
+        &*self.surface
+    }
+
     /// The law.
     pub fn law(&self) -> &CompliantLaw {
         &self.law

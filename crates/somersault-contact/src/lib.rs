@@ -36,6 +36,7 @@ pub mod event;
 pub mod hybrid;
 pub mod law;
 pub mod models;
+pub mod sensitivity;
 mod step_curve;
 pub mod surface;
 

@@ -21,6 +21,7 @@ use crate::body::RigidBody;
 use crate::force::Wrench;
 use crate::scratch::Storage;
 use crate::state::{Configuration, ErrorSum, Rate, RigidBodyState, State, Tolerances, Twist};
+use nalgebra::SVector;
 
 /// A tangent to a state: displacement (δq) and change of the rate (δp).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -46,6 +47,13 @@ impl Tangent<Twist> {
             part[i % 3] = 1.0;
         }
         unit
+    }
+
+    /// The twelve components, in the order of [`unit`](Self::unit).
+    pub fn components(&self) -> SVector<f64, 12> {
+        let (q, p) = (&self.displacement, &self.rate);
+        let parts = [&q.linear, &q.angular, &p.linear, &p.angular];
+        SVector::from_iterator(parts.into_iter().flatten().copied())
     }
 
     /// The state at ε on the family through `x`.
@@ -292,8 +300,7 @@ mod tests {
     fn unit_tangents_are_the_columns_of_the_identity() {
         for i in 0..12 {
             let u = Tangent::unit(i);
-            let all = [u.displacement.linear, u.displacement.angular, u.rate.linear, u.rate.angular];
-            assert!(all.iter().flatten().enumerate().all(|(k, &e)| e == f64::from(u8::from(k == i))), "{i}");
+            assert!(u.components().iter().enumerate().all(|(k, &e)| e == f64::from(u8::from(k == i))), "{i}");
         }
         assert_eq!(Tangent::unit(12), Tangent::default());
     }
