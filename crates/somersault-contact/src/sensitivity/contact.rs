@@ -92,9 +92,9 @@ impl<'a> Linearization<'a> {
         Twist { linear: force, angular }
     }
 
-    /// The wrench as it acts in contact.
-    pub(super) fn wrench(&self) -> Twist {
-        let force = self.normal * self.contact.law().force_in_contact(self.guard.gap, self.guard.rate);
+    /// The wrench as it begins to act at a touch-down.
+    pub(super) fn first_wrench(&self) -> Twist {
+        let force = self.normal * self.contact.law().force_in_contact(0.0, self.guard.rate);
         Twist { linear: force, angular: self.arm.cross(&force) }
     }
 

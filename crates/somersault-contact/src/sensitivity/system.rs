@@ -169,7 +169,7 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
                 log.grazing = Some(Grazing { t, guard: i, rate, bound });
             }
             if rate != 0.0 {
-                let jump = self.acceleration_by(&base, &at.wrench());
+                let jump = self.acceleration_by(&base, &at.first_wrench());
                 for (displacement, change) in x.configuration.columns.iter().zip(&mut x.rate.columns) {
                     change.axpy(at.gap_change(displacement) / rate, &jump);
                 }

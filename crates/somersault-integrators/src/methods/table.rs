@@ -4,7 +4,7 @@ use super::*;
 use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid, adapt_form, integrate_form};
 use crate::state::State;
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Stepper, Variables};
-use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf};
+use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System};
 use std::fmt;
 use std::str::FromStr;
 
@@ -35,6 +35,14 @@ pub trait Visitor<S: RigidSystem> {
     fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output;
 }
 
+/// What to do with a method for any system once its type is known.
+pub trait SystemVisitor<S: System> {
+    /// The result.
+    type Output;
+    /// Takes the method.
+    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output;
+}
+
 /// As [`Visitor`], for methods that estimate their error.
 pub trait EmbeddedVisitor<S: RigidSystem> {
     /// The result.
@@ -49,7 +57,10 @@ macro_rules! methods {
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum Method {
-            $(#[doc = concat!("[`", stringify!($stepper), "`], in ", stringify!($kind), " variables.")] $variant,)*
+            $(
+                #[doc = concat!("[`", stringify!($stepper), "`], in ", methods!(@variables $kind), " variables.")]
+                $variant,
+            )*
         }
 
         impl Method {
@@ -70,6 +81,14 @@ macro_rules! methods {
                 }
             }
 
+            /// As [`visit`](Self::visit) for any system, by methods of that scope; `None` for the others, and for
+            /// those in the variables of a form.
+            pub fn visit_system<S: System, V: SystemVisitor<S>>(self, $options: Options, visitor: V) -> Option<V::Output> {
+                match self {
+                    $(Self::$variant => methods!(@system visitor, $kind, $make),)*
+                }
+            }
+
             /// As [`visit`](Self::visit) for methods with an error estimate; `None` for the others.
             pub fn visit_embedded<S: RigidSystem, V: EmbeddedVisitor<S>>(
                 self,
@@ -87,6 +106,13 @@ macro_rules! methods {
             }
         }
     };
+    (@variables any) => { "world" };
+    (@variables world) => { "world" };
+    (@variables momentum) => { "momentum" };
+    (@variables body) => { "body" };
+    (@system $visitor:ident, any, $make:expr) => { Some($visitor.visit($make)) };
+    (@system $visitor:ident, $kind:ident, $make:expr) => { None };
+    (@info $stepper:ty, any) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, world) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, momentum($name:literal, $title:literal)) => {
         <$stepper as Scheme>::INFO.in_variables($name, $title, Variables::Momentum)
@@ -94,6 +120,7 @@ macro_rules! methods {
     (@info $stepper:ty, body($name:literal, $title:literal)) => {
         <$stepper as Scheme>::INFO.in_variables($name, $title, Variables::Body)
     };
+    (@form $system:ident, any) => { $system };
     (@form $system:ident, world) => { $system };
     (@form $system:ident, momentum) => { MomentumForm($system) };
     (@form $system:ident, body) => { BodyForm($system) };
@@ -102,21 +129,23 @@ macro_rules! methods {
     };
 }
 
+// `any` is a method for any system and `world` one for rigid bodies, both in world variables; `momentum` and
+// `body` are methods in the variables of a form.
 methods! { |options|
     // Table 7.3 of the thesis, in its order.
-    Euler: Euler = Euler, world;
-    Sie: SemiImplicitEuler = SemiImplicitEuler, world;
+    Euler: Euler = Euler, any;
+    Sie: SemiImplicitEuler = SemiImplicitEuler, any;
     Sv: StormerVerlet = StormerVerlet, world;
-    Mp: Midpoint = Midpoint, world;
-    Heun: Heun = Heun, world;
-    Rk4: RungeKutta4 = RungeKutta4, world;
-    Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, world;
-    Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, world;
+    Mp: Midpoint = Midpoint, any;
+    Heun: Heun = Heun, any;
+    Rk4: RungeKutta4 = RungeKutta4, any;
+    Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, any;
+    Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, any;
     Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
     Dmv2: DiscreteMoserVeselov = DiscreteMoserVeselov, world;
-    Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, world;
-    Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, world;
-    Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, world;
+    Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, any;
+    Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, any;
+    Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, any;
     // Symplectic methods for rigid bodies.
     Dmv2s: SplitMoserVeselov = SplitMoserVeselov, world;
     Pmv4: PreprocessedMoserVeselov<4> = PreprocessedMoserVeselov::<4>, world;
@@ -141,9 +170,9 @@ methods! { |options|
     // Body-frame twins.
     RkmkB: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
     // Runge–Kutta–Munthe-Kaas from a tableau, with step size control.
-    Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), world, embedded;
-    Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), world, embedded;
-    Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), world, embedded;
+    Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), any, embedded;
+    Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), any, embedded;
+    Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), any, embedded;
     Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine),
         body("rkmk3_b", "Runge-Kutta-Munthe-Kaas 3(2), body frame"), embedded;
     Rkmk5B: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince),
@@ -151,9 +180,9 @@ methods! { |options|
     Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
         body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
     // Other ways to order 2 and 4.
-    Cf4: CommutatorFree4 = CommutatorFree4, world;
+    Cf4: CommutatorFree4 = CommutatorFree4, any;
     Cf4B: CommutatorFree4 = CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
-    Imid: ImplicitMidpoint = ImplicitMidpoint, world;
+    Imid: ImplicitMidpoint = ImplicitMidpoint, any;
     Split2: ExactSplitting2 = ExactSplitting2, world;
     Split4: ExactSplitting4 = ExactSplitting4, world;
 }
@@ -229,5 +258,35 @@ impl Method {
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
         self.visit_embedded(options, system, Adapted { initial, interval, control, observer })
             .unwrap_or(Err(IntegrateError::NoErrorEstimate { method: self.info().name }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::RigidBody;
+    use crate::stepper::Scope;
+    use crate::system::RigidBodySystem;
+
+    /// The name of the method it sees.
+    struct Name;
+
+    impl<S: System> SystemVisitor<S> for Name {
+        type Output = &'static str;
+        fn visit<M: Stepper<S>>(self, _: M) -> &'static str {
+            M::INFO.name
+        }
+    }
+
+    #[test]
+    fn methods_for_any_system_are_those_of_that_scope() {
+        type Free =
+            RigidBodySystem<fn(f64, &RigidBody, &crate::state::RigidBodyState) -> crate::force::Wrench>;
+        for method in Method::ALL {
+            let info = method.info();
+            let any = info.scope == Scope::AnySystem && info.variables == Variables::World;
+            let found = method.visit_system::<Free, _>(Options::default(), Name);
+            assert_eq!(found, any.then_some(info.name), "{method}");
+        }
     }
 }
