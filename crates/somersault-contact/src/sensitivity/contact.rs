@@ -1,121 +1,114 @@
-//! Derivatives of one contact: its gap and its wrench along a tangent and with respect to its constants.
+//! Derivatives of the geometry of one contact along a tangent.
 //!
-//! With the lever arm r = R p, the point P = x + r, the normal n = ∇φ(P), the Hessian H of the distance and
-//! the velocity u = v + ω × r of the point,
+//! With the lever arm r of the point of contact, its velocity u = v + ω × r, the centre C = x + R c of what
+//! touches, the normal n = ∇φ(C) and the Hessian H of the distance,
 //! ```text
-//! δr = δφ × r,   δP = δx + δr,   δn = H δP,   δu = δv + δω × r + ω × δr,
-//! δΔx = n · δP,   δΔẋ = n · δu + δn · u,
-//! δF = n (−k δΔx − c δΔẋ − δk Δx − δc Δẋ) + δn F,   δM = δr × F + r × δF.
+//! δC = δx + δφ × R c,   δn = H δC,   δu = δv + δω × r + ω × δr,
+//! δΔẋ = n · δu + u · δn,   δv_t = δu − n δΔẋ − δn Δẋ,
 //! ```
+//! and by the shape of what touches, with a the axis of a rim and d = a (a · n) − n,
+//!
+//! | | δΔx | δr |
+//! |---|---|---|
+//! | point | n · δC | δφ × R c |
+//! | ball | n · δC | δφ × R c − ρ δn |
+//! | rim | n · δC − ρ δ‖d‖ | δφ × R c + ρ δ(d/‖d‖) |
 
 use crate::contacts::Contact;
-use crate::hybrid::Guard;
+use crate::interface::Encounter;
+use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{RigidBodyState, Twist};
 use somersault_integrators::variation::Tangent;
 
-/// What a contact's derivatives in one state need.
+/// A contact in a state, with what its derivatives there need.
 pub(super) struct Linearization<'a> {
-    contact: &'a Contact,
-    guard: Guard,
+    pub(super) contact: &'a Contact,
+    pub(super) at: Encounter,
     arm: Vector3<f64>,
-    normal: Vector3<f64>,
+    centre: Vector3<f64>,
+    axis: Vector3<f64>,
     hessian: Matrix3<f64>,
     velocity: Vector3<f64>,
     angular_velocity: Vector3<f64>,
 }
 
-/// Change of a law's constants.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct LawChange {
-    /// δk, N/m.
-    pub(super) stiffness: f64,
-    /// δc, N s/m.
-    pub(super) damping: f64,
-}
-
-/// Change of the geometry of a contact.
-struct Change {
+/// Derivative of an encounter, and of the lever arm.
+pub(super) struct Change {
+    pub(super) at: Encounter,
     arm: Vector3<f64>,
-    normal: Vector3<f64>,
-    gap: f64,
-    rate: f64,
 }
 
 impl<'a> Linearization<'a> {
-    pub(super) fn new(contact: &'a Contact, x: &RigidBodyState) -> Self {
-        let arm = x.orientation() * contact.point();
-        let point = x.position() + arm;
-        let at = contact.surface().signed_distance(&point);
-        let velocity = x.velocity() + x.angular_velocity().cross(&arm);
+    pub(super) fn new(contact: &'a Contact, body: &RigidBody, x: &RigidBodyState) -> Self {
+        let (at, arm) = contact.meet(body, x);
+        let centre = x.orientation() * contact.shape().centre();
+        let axis = match contact.shape() {
+            Shape::Rim { axis, .. } => x.orientation() * axis.as_ref(),
+            _ => Vector3::zeros(),
+        };
         Self {
             contact,
-            guard: contact.law().guard(at.distance, at.gradient.dot(&velocity)),
+            at,
             arm,
-            normal: at.gradient,
-            hessian: contact.surface().hessian(&point),
-            velocity,
+            centre,
+            axis,
+            hessian: contact.surface().hessian(&(x.position() + centre)),
+            velocity: x.velocity() + x.angular_velocity().cross(&arm),
             angular_velocity: *x.angular_velocity(),
         }
     }
 
-    pub(super) fn guard(&self) -> &Guard {
-        &self.guard
+    /// The derivative along a tangent.
+    pub(super) fn along(&self, tangent: &Tangent<Twist>) -> Change {
+        let (turn, rate) = (&tangent.displacement.angular, &tangent.rate);
+        let normal = &self.at.normal;
+        let centre_change = turn.cross(&self.centre);
+        let way = tangent.displacement.linear + centre_change;
+        let normal_change = self.hessian * way;
+        let (gap, arm) = match self.contact.shape() {
+            Shape::Point(_) => (normal.dot(&way), centre_change),
+            Shape::Ball { radius, .. } => (normal.dot(&way), centre_change - normal_change * *radius),
+            Shape::Rim { radius, .. } => {
+                let axis_change = turn.cross(&self.axis);
+                let slant = self.axis.dot(normal);
+                let slant_change = axis_change.dot(normal) + self.axis.dot(&normal_change);
+                let down = self.axis * slant - normal;
+                let down_change = axis_change * slant + self.axis * slant_change - normal_change;
+                let slope = down.norm();
+                if slope > 0.0 {
+                    let slope_change = down.dot(&down_change) / slope;
+                    let reach_change = (down_change - down * (slope_change / slope)) * (radius / slope);
+                    (normal.dot(&way) - radius * slope_change, centre_change + reach_change)
+                } else {
+                    (normal.dot(&way), centre_change)
+                }
+            }
+        };
+        let velocity_change = rate.linear + rate.angular.cross(&self.arm) + self.angular_velocity.cross(&arm);
+        let rate_change = normal.dot(&velocity_change) + normal_change.dot(&self.velocity);
+        let at = Encounter {
+            gap,
+            rate: rate_change,
+            normal: normal_change,
+            point: tangent.displacement.linear + arm,
+            sliding: velocity_change - normal * rate_change - normal_change * self.at.rate,
+            turning: rate.angular,
+            mass: 0.0,
+        };
+        Change { at, arm }
     }
 
-    fn change(&self, along: &Tangent<Twist>) -> Change {
-        let arm = along.displacement.angular.cross(&self.arm);
-        let point = along.displacement.linear + arm;
-        let normal = self.hessian * point;
-        let velocity =
-            along.rate.linear + along.rate.angular.cross(&self.arm) + self.angular_velocity.cross(&arm);
-        let rate = self.normal.dot(&velocity) + normal.dot(&self.velocity);
-        Change { arm, normal, gap: self.normal.dot(&point), rate }
+    /// The wrench about the centre of mass of an effort at the point of contact.
+    pub(super) fn wrench(&self, effort: &Wrench) -> Twist {
+        Twist { linear: effort.force, angular: self.arm.cross(&effort.force) + effort.torque }
     }
 
-    /// Δẍ along a motion with the acceleration `acceleration`.
-    pub(super) fn second_rate(&self, x: &RigidBodyState, acceleration: &Twist) -> f64 {
-        self.change(&Tangent { displacement: x.rate, rate: *acceleration }).rate
-    }
-
-    /// Derivative of the wrench as it acts in contact.
-    pub(super) fn wrench_change(&self, along: &Tangent<Twist>, law: &LawChange) -> Twist {
-        let change = self.change(along);
-        let (stiffness, damping) = (self.contact.law().stiffness(), self.contact.law().damping());
-        let size = self.contact.law().force_in_contact(self.guard.gap, self.guard.rate);
-        let size_change = -stiffness * change.gap
-            - damping * change.rate
-            - law.stiffness * self.guard.gap
-            - law.damping * self.guard.rate;
-        let force = self.normal * size_change + change.normal * size;
-        let angular = change.arm.cross(&(self.normal * size)) + self.arm.cross(&force);
-        Twist { linear: force, angular }
-    }
-
-    /// The wrench as it begins to act at a touch-down.
-    pub(super) fn first_wrench(&self) -> Twist {
-        let force = self.normal * self.contact.law().force_in_contact(0.0, self.guard.rate);
-        Twist { linear: force, angular: self.arm.cross(&force) }
-    }
-
-    /// Derivative of the gap along a displacement.
-    pub(super) fn gap_change(&self, displacement: &Twist) -> f64 {
-        self.normal.dot(&(displacement.linear + displacement.angular.cross(&self.arm)))
-    }
-
-    /// Rate of the margin of the guard where Δẍ is `second_rate`.
-    pub(super) fn margin_rate(&self, second_rate: f64) -> f64 {
-        if self.guard.rate > 0.0 { self.guard.rate + self.guard.lag * second_rate } else { self.guard.rate }
-    }
-
-    /// Derivative of the margin of the guard, Δx + (c/k) max(Δẋ, 0).
-    pub(super) fn margin_change(&self, along: &Tangent<Twist>, law: &LawChange) -> f64 {
-        let change = self.change(along);
-        if self.guard.rate > 0.0 {
-            let lag = (law.damping - self.guard.lag * law.stiffness) / self.contact.law().stiffness();
-            change.gap + self.guard.lag * change.rate + lag * self.guard.rate
-        } else {
-            change.gap
-        }
+    /// The derivative of that.
+    pub(super) fn wrench_change(&self, change: &Change, effort: &Wrench, effort_change: &Wrench) -> Twist {
+        let Twist { linear, angular } = self.wrench(effort_change);
+        Twist { linear, angular: angular + change.arm.cross(&effort.force) }
     }
 }

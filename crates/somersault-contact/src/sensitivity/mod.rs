@@ -26,15 +26,17 @@
 //! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
 
 mod contact;
+mod law;
 mod system;
 
 pub use system::{Variational, VariedState};
 
-use system::Log;
+use system::{EventTime, Log};
 
 use crate::contacts::BodyInContact;
 use crate::driver::integrate_hybrid;
 use crate::event::{Event, Interruption, Located, Location};
+use crate::friction::Friction;
 use crate::hybrid::Frozen;
 use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
 use somersault_integrators::body::RigidBody;
@@ -53,10 +55,12 @@ pub type WrenchDerivative = dyn Fn(f64, &RigidBody, &RigidBodyState) -> Wrench +
 #[derive(Clone)]
 #[non_exhaustive]
 pub enum Parameter {
-    /// k of a contact, N/m.
+    /// The stiffness of a contact's normal law: k, N/m or N/m^{3/2}.
     Stiffness(usize),
-    /// c of a contact, N s/m.
+    /// The damping of a contact's normal law: c, N s/m, or α, s/m.
     Damping(usize),
+    /// μ of a contact.
+    Friction(usize),
     /// The mass, kg, with the inertia kept.
     Mass,
     /// A factor on the inertia, at 1, with the mass kept. A body of other density has m times the column of
@@ -77,7 +81,7 @@ impl Parameter {
 
     fn contact(&self) -> Option<usize> {
         match self {
-            Self::Stiffness(contact) | Self::Damping(contact) => Some(*contact),
+            Self::Stiffness(contact) | Self::Damping(contact) | Self::Friction(contact) => Some(*contact),
             _ => None,
         }
     }
@@ -88,6 +92,7 @@ impl fmt::Debug for Parameter {
         match self {
             Self::Stiffness(contact) => write!(f, "Stiffness({contact})"),
             Self::Damping(contact) => write!(f, "Damping({contact})"),
+            Self::Friction(contact) => write!(f, "Friction({contact})"),
             Self::Mass => write!(f, "Mass"),
             Self::InertiaScale => write!(f, "InertiaScale"),
             Self::Force(_) => write!(f, "Force"),
@@ -134,7 +139,8 @@ pub struct Sensitivities {
     /// Derivative of the state reached, at a fixed time, with respect to the parameters, one column each.
     pub parameters: OMatrix<f64, U12, Dyn>,
     /// Derivative of the times of the events, one column each in the order of `run.events`: twelve rows of
-    /// the initial state, then the parameters; s per unit. Without events kept there is none.
+    /// the initial state, then the parameters; s per unit. Without events kept there is none. NaN at an event
+    /// that changes nothing: a guard of a contact's friction that changes sign as the contact ends.
     pub event_times: DMatrix<f64>,
 }
 
@@ -165,6 +171,12 @@ pub enum SensitivityError {
         found: usize,
         /// Number of contacts.
         contacts: usize,
+    },
+    /// A coefficient of friction is asked for of a contact without friction.
+    #[error("`parameters` names the friction of contact {contact}, which has none")]
+    NoFriction {
+        /// The contact.
+        contact: usize,
     },
     /// The start lies on a surface that it is about to enter: next to it are starts with and without the
     /// force of contact.
@@ -220,21 +232,21 @@ where
     let parameters = &differentiation.parameters;
     let columns = (0..12 + parameters.len()).map(Tangent::unit);
     let start = VariedState::varied(*initial, columns);
-    let variational =
-        Variational::new(system, parameters, differentiation.grazing * grid.dt(), location.keep_events);
+    let grazing_time = differentiation.grazing * grid.dt();
+    let variational = Variational::new(system, parameters, grazing_time, location.keep_events, &start);
     let frozen = Frozen::new(variational, grid.time(0), &start);
     let run = match refusal(system, differentiation, initial) {
         None => integrate_hybrid(&frozen, stepper, &start, grid, location, observer)
             .map_err(|interrupted| (interrupted.reason.into(), interrupted.so_far)),
         Some(reason) => Err((reason, not_started(grid.time(0), start))),
     };
-    let Log { event_times, grazing } = frozen.system().log.take();
+    let Log { times, grazing } = frozen.system().log.take();
     match (run, grazing) {
-        (Ok(run), None) => Ok(sensitivities(run, &event_times)),
+        (Ok(run), None) => Ok(sensitivities(run, &times)),
         (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
         (Err(error), _) => Err(error),
     }
-    .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: sensitivities(run, &event_times) }))
+    .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: sensitivities(run, &times) }))
 }
 
 /// Why a run is not begun.
@@ -247,13 +259,18 @@ fn refusal<F: ForceModel>(
         return Some(Interruption::from(error).into());
     }
     let contacts = &system.forces.1;
-    let named = differentiation.parameters.iter().filter_map(Parameter::contact);
-    if let Some(found) = named.into_iter().find(|&i| i >= contacts.len()) {
-        return Some(SensitivityError::NoSuchContact { found, contacts: contacts.len() });
+    for parameter in &differentiation.parameters {
+        let Some(found) = parameter.contact() else { continue };
+        let Some(contact) = contacts.get(found) else {
+            return Some(SensitivityError::NoSuchContact { found, contacts: contacts.len() });
+        };
+        if matches!(parameter, Parameter::Friction(_)) && contact.law().friction == Friction::None {
+            return Some(SensitivityError::NoFriction { contact: found });
+        }
     }
     contacts.iter().enumerate().find_map(|(guard, contact)| {
-        let at = contact.guard(initial);
-        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().damping() > 0.0)
+        let at = contact.encounter(&system.body, initial);
+        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().normal.jumps())
             .then_some(SensitivityError::StartOnSurface { guard })
     })
 }
@@ -263,16 +280,27 @@ fn not_started(t: f64, state: VariedState) -> Located<Varied<Pose, Twist>> {
     Located { t, state, status, steps: 0, trials: 0, event_count: 0, events: Vec::new() }
 }
 
-fn sensitivities(run: Located<Varied<Pose, Twist>>, event_times: &[Vec<f64>]) -> Sensitivities {
+fn sensitivities(run: Located<Varied<Pose, Twist>>, times: &[EventTime]) -> Sensitivities {
     let columns: Vec<SVector<f64, 12>> = run.state.columns().map(|column| column.components()).collect();
     let event = |event: Event<Varied<Pose, Twist>>| {
         let Event { t, guard, kind, impulse, state } = event;
         Event { t, guard, kind, impulse, state: state.base() }
     };
+    let events: Vec<Event<Pose>> = run.events.into_iter().map(event).collect();
+    let mut event_times = DMatrix::from_element(columns.len(), events.len(), f64::NAN);
+    let mut rest = times;
+    for (event, mut column) in events.iter().zip(event_times.column_iter_mut()) {
+        let passed = rest.iter().take_while(|time| time.t < event.t).count();
+        rest = &rest[passed..];
+        let mut now = rest.iter().take_while(|time| time.t == event.t);
+        if let Some(time) = now.find(|time| time.guard == event.guard) {
+            column.copy_from_slice(&time.columns);
+        }
+    }
     Sensitivities {
         state: SMatrix::from_fn(|row, column| columns[column][row]),
         parameters: OMatrix::<f64, U12, Dyn>::from_fn(columns.len() - 12, |row, p| columns[12 + p][row]),
-        event_times: DMatrix::from_fn(columns.len(), event_times.len(), |row, e| event_times[e][row]),
+        event_times,
         run: Located {
             t: run.t,
             state: run.state.base(),
@@ -280,7 +308,7 @@ fn sensitivities(run: Located<Varied<Pose, Twist>>, event_times: &[Vec<f64>]) ->
             steps: run.steps,
             trials: run.trials,
             event_count: run.event_count,
-            events: run.events.into_iter().map(event).collect(),
+            events,
         },
     }
 }
