@@ -39,6 +39,7 @@ pub(super) struct Run<'a, H: Hybrid, B: System, M: Stepper<B>, D, O> {
     chatter: Chatter,
     keep_events: bool,
     observer: &'a mut O,
+    /// The outcome but for the state, which is that of `before`.
     pub(super) so_far: Located<H::Configuration>,
 }
 
@@ -58,9 +59,12 @@ where
 {
     let mut run = Run::start(worker, (t, initial), location, observer)
         .map_err(|reason| broken_at_start(reason, t, initial))?;
-    match steps(&mut run) {
-        Ok(status) => Ok(Located { status, ..run.so_far }),
-        Err(reason) => Err(Box::new(Interrupted { reason, so_far: run.so_far })),
+    let outcome = steps(&mut run);
+    let mut so_far = run.so_far;
+    so_far.state = run.before.outer;
+    match outcome {
+        Ok(status) => Ok(Located { status, ..so_far }),
+        Err(reason) => Err(Box::new(Interrupted { reason, so_far })),
     }
 }
 
@@ -160,26 +164,26 @@ where
         self.so_far.steps += 1;
         let flow = self.show(span);
         self.so_far.t = span.t_after;
-        self.so_far.state.assign(&self.after.outer);
         if span.is_event {
             self.log();
-            self.chatter.record(span.t_after)?;
-            self.change_mode(span.t_after)?;
         }
         std::mem::swap(&mut self.before, &mut self.after);
+        if span.is_event {
+            self.chatter.record(span.t_after)?;
+            self.change_mode()?;
+        }
         Ok(flow)
     }
 
-    fn change_mode(&mut self, t: f64) -> Result<(), Interruption> {
-        let (frozen, after) = (self.worker.frozen, &mut self.after);
-        let mode = frozen.refreeze(t, &after.outer);
+    fn change_mode(&mut self) -> Result<(), Interruption> {
+        let (frozen, t, point) = (self.worker.frozen, self.so_far.t, &mut self.before);
+        let mode = frozen.refreeze(t, &point.outer);
         if H::RESETS {
-            frozen.reset(t, &mode, &mut after.outer);
-            after.inner = (self.worker.encode)(&after.outer);
-            self.so_far.state.assign(&after.outer);
+            frozen.reset(t, &mode, &mut point.outer);
+            point.inner = (self.worker.encode)(&point.outer);
         }
         self.worker.stepper.restart(&mut self.memory);
-        self.worker.read_guards(t, &mut self.after)
+        self.worker.read_guards(t, point)
     }
 
     /// Shows the step, with its curve, to the observer.

@@ -3,7 +3,7 @@
 use super::worker::{Point, Worker};
 use crate::event::Interruption;
 use crate::hybrid::{Guard, Hybrid};
-use crate::step_curve::StepCurve;
+use crate::step_curve::{StepCurve, is_clear};
 use somersault_core::roots;
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System};
@@ -31,12 +31,16 @@ where
     /// The step to the far side of the earliest change of sign within h, if there is one.
     ///
     /// `after` are the guards after the step of h as it was made.
+    #[inline]
     pub(super) fn earliest(
         &mut self,
         h: f64,
         after: &[Guard],
         tolerance: f64,
     ) -> Result<Option<f64>, Interruption> {
+        if self.before.iter().zip(after).all(|(a, b)| is_clear(a, b, h)) {
+            return Ok(None);
+        }
         let mut dip = None;
         for (i, at_end) in after.iter().enumerate() {
             let (end, last) = dip.map_or((h, *at_end), |earlier| (earlier, self.last[i]));
