@@ -1,5 +1,6 @@
 //! Systems whose equations change at events: modes, guards, and a system frozen in a mode.
 
+use crate::event::EventKind;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System};
 use std::cell::RefCell;
@@ -66,6 +67,25 @@ pub trait Hybrid: System {
     /// The mode that a state belongs to.
     fn mode(&self, t: f64, x: &StateOf<Self>) -> Self::Mode;
 
+    /// The mode after an event, from the one before it and the state; by default from the state alone.
+    ///
+    /// What a mode remembers, say where a contact began to stick, is handed on here.
+    fn next_mode(&self, _before: &Self::Mode, t: f64, x: &StateOf<Self>) -> Self::Mode {
+        self.mode(t, x)
+    }
+
+    /// What it is called that a guard changed sign, given the modes before and after the event; by default
+    /// a contact that begins, ends or engages again.
+    fn event_kind(
+        &self,
+        _guard: usize,
+        before: &Guard,
+        after: &Guard,
+        _modes: (&Self::Mode, &Self::Mode),
+    ) -> EventKind {
+        EventKind::of_contact(before, after)
+    }
+
     /// Writes the guards: as many, in the same order, in every mode.
     fn guards(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut Vec<Guard>);
 
@@ -102,6 +122,18 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
     const RESETS: bool = S::RESETS;
     fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
         (**self).mode(t, x)
+    }
+    fn next_mode(&self, before: &S::Mode, t: f64, x: &StateOf<S>) -> S::Mode {
+        (**self).next_mode(before, t, x)
+    }
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&S::Mode, &S::Mode),
+    ) -> EventKind {
+        (**self).event_kind(guard, before, after, modes)
     }
     #[inline(always)]
     fn guards(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
@@ -161,9 +193,20 @@ impl<H: Hybrid> Frozen<H> {
         self.mode.borrow().clone()
     }
 
-    /// Reads the mode of a state and freezes the system in it; returns the mode before.
+    /// Reads the mode of a state, whatever went before, and freezes the system in it.
+    pub(crate) fn freeze(&self, t: f64, x: &StateOf<H>) {
+        self.mode.replace(self.system.mode(t, x));
+    }
+
+    /// Freezes the system in the mode after an event; returns the mode before.
     pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) -> H::Mode {
-        self.mode.replace(self.system.mode(t, x))
+        let next = self.system.next_mode(&self.mode.borrow(), t, x);
+        self.mode.replace(next)
+    }
+
+    /// What the change of a guard is called at an event from the mode before to the present one.
+    pub(crate) fn event_kind(&self, guard: usize, a: &Guard, b: &Guard, before: &H::Mode) -> EventKind {
+        self.system.event_kind(guard, a, b, (before, &self.mode.borrow()))
     }
 
     /// Lets the state jump from the mode before an event to the present one.

@@ -61,7 +61,7 @@ where
     O: Observer<H::Configuration>,
 {
     check_start(interval.0, initial, location)?;
-    frozen.refreeze(interval.0, initial);
+    frozen.freeze(interval.0, initial);
     let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: &StateOf::<H>::clone };
     run(worker, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
 }

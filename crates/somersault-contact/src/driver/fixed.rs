@@ -50,7 +50,7 @@ where
     O: Observer<H::Configuration>,
 {
     check_start(grid.time(0), initial, location)?;
-    frozen.refreeze(grid.time(0), initial);
+    frozen.freeze(grid.time(0), initial);
     let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: &StateOf::<H>::clone };
     run(worker, (grid.time(0), initial), location, observer, |run| steps(run, *grid))
 }

@@ -165,25 +165,27 @@ where
         let flow = self.show(span);
         self.so_far.t = span.t_after;
         if span.is_event {
-            self.log();
-        }
-        std::mem::swap(&mut self.before, &mut self.after);
-        if span.is_event {
-            self.chatter.record(span.t_after)?;
-            self.change_mode()?;
+            let (frozen, t) = (self.worker.frozen, span.t_after);
+            let mode = frozen.refreeze(t, &self.after.outer);
+            self.log(&mode);
+            std::mem::swap(&mut self.before, &mut self.after);
+            self.chatter.record(t)?;
+            self.enter(&mode)?;
+        } else {
+            std::mem::swap(&mut self.before, &mut self.after);
         }
         Ok(flow)
     }
 
-    fn change_mode(&mut self) -> Result<(), Interruption> {
-        let (frozen, t, point) = (self.worker.frozen, self.so_far.t, &mut self.before);
-        let mode = frozen.refreeze(t, &point.outer);
+    /// Starts anew from an event, in a new mode.
+    fn enter(&mut self, last_mode: &H::Mode) -> Result<(), Interruption> {
+        let (worker, t, point) = (&self.worker, self.so_far.t, &mut self.before);
         if H::RESETS {
-            frozen.reset(t, &mode, &mut point.outer);
-            point.inner = (self.worker.encode)(&point.outer);
+            worker.frozen.reset(t, last_mode, &mut point.outer);
+            point.inner = (worker.encode)(&point.outer);
         }
-        self.worker.stepper.restart(&mut self.memory);
-        self.worker.read_guards(t, point)
+        worker.stepper.restart(&mut self.memory);
+        worker.read_guards(t, point)
     }
 
     /// Shows the step, with its curve, to the observer.
@@ -208,14 +210,14 @@ where
     }
 
     /// Counts and keeps the changes between the guards before a step and after it.
-    fn log(&mut self) {
+    fn log(&mut self, last_mode: &H::Mode) {
         for (guard, (a, b)) in self.before.guards.iter().zip(&self.after.guards).enumerate() {
-            let (kind, impulse) = match (a.is_inside(), b.is_inside()) {
-                (false, true) if b.rate > 0.0 => (EventKind::ReEngagement, 0.0),
-                (false, true) => (EventKind::TouchDown, 0.0),
-                (true, false) => (EventKind::Release, std::mem::take(&mut self.impulses[guard])),
-                _ => continue,
-            };
+            if a.is_inside() == b.is_inside() {
+                continue;
+            }
+            let kind = self.worker.frozen.event_kind(guard, a, b, last_mode);
+            let released = kind == EventKind::Release;
+            let impulse = if released { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
             self.so_far.event_count += 1;
             if self.keep_events {
                 let (t, state) = (self.so_far.t, self.after.outer.clone());
