@@ -112,3 +112,65 @@ impl<'a> Linearization<'a> {
         Twist { linear, angular: angular + change.arm.cross(&effort.force) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::CompliantLaw;
+    use crate::surface::{Cylinder, HalfSpace, Solid, Sphere};
+    use somersault_core::so3;
+    use std::sync::Arc;
+
+    #[test]
+    fn derivatives_of_encounters_are_their_differences() {
+        let law = CompliantLaw::try_new(100.0, 1.0).unwrap();
+        let plane = HalfSpace::try_new(Vector3::zeros(), Vector3::new(0.1, -0.2, 1.0)).unwrap();
+        let bowl = Arc::new(Sphere::try_new(Vector3::new(0.1, 0.0, 2.0), 2.0, Solid::Outside).unwrap());
+        let axis = Vector3::new(1.0, 0.2, 0.0);
+        let log = Cylinder::try_new(Vector3::new(0.0, 0.0, -1.0), axis, 1.0, Solid::Inside).unwrap();
+        let point = Vector3::new(0.1, -0.2, -0.3);
+        let contacts = [
+            Contact::try_new(point, bowl.clone(), law).unwrap(),
+            Contact::try_ball(point, 0.15, bowl, law).unwrap(),
+            Contact::try_ball(point, 0.15, Arc::new(log), law).unwrap(),
+            Contact::try_rim(point, Vector3::new(0.3, 1.0, 0.2), 0.25, plane, law).unwrap(),
+        ];
+        let x = RigidBodyState::new(
+            Vector3::new(0.2, 0.1, 0.3),
+            so3::exp(&Vector3::new(0.3, -0.6, 0.4)),
+            Vector3::new(0.5, -0.2, 0.7),
+            Vector3::new(1.1, 0.4, -0.9),
+        );
+        let body = RigidBody::try_box(1.0, Vector3::repeat(0.3)).unwrap();
+        let effort = Wrench { force: Vector3::new(1.0, 2.0, 3.0), torque: Vector3::new(0.1, 0.2, 0.3) };
+        let still = Wrench::default();
+        for contact in &contacts {
+            let at = Linearization::new(contact, &body, &x);
+            for i in 0..12 {
+                let tangent = Tangent::unit(i);
+                let change = at.along(&tangent);
+                let step = 1e-5;
+                let [a, b] = [step, -step].map(|e| Linearization::new(contact, &body, &tangent.moved(&x, e)));
+                let vectors = [
+                    (a.at.normal - b.at.normal, change.at.normal),
+                    (a.at.point - b.at.point, change.at.point),
+                    (a.at.sliding - b.at.sliding, change.at.sliding),
+                    (a.at.turning - b.at.turning, change.at.turning),
+                    (a.arm - b.arm, change.arm),
+                    (
+                        a.wrench(&effort).angular - b.wrench(&effort).angular,
+                        at.wrench_change(&change, &effort, &still).angular,
+                    ),
+                ];
+                for (difference, found) in vectors {
+                    assert!((difference / (2.0 * step) - found).norm() < 1e-8, "{:?} {i}", contact.shape());
+                }
+                for (difference, found) in
+                    [(a.at.gap - b.at.gap, change.at.gap), (a.at.rate - b.at.rate, change.at.rate)]
+                {
+                    assert!((difference / (2.0 * step) - found).abs() < 1e-8, "{:?} {i}", contact.shape());
+                }
+            }
+        }
+    }
+}

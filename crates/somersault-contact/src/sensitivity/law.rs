@@ -238,3 +238,90 @@ impl ContactLaw {
 pub(super) fn is_open(mode: &ContactMode) -> bool {
     matches!(mode, ContactMode::Open)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::friction::{CoulombFriction, CreepFriction, RegularisedFriction};
+    use crate::hunt_crossley::HuntCrossley;
+    use crate::law::CompliantLaw;
+
+    const PUSHED: Encounter = Encounter {
+        gap: -0.02,
+        rate: 0.3,
+        normal: Vector3::new(0.6, 0.0, 0.8),
+        point: Vector3::new(0.4, -0.1, 0.2),
+        sliding: Vector3::new(0.4, -0.5, -0.3),
+        turning: Vector3::new(-0.7, 1.1, 0.4),
+        mass: 1.0,
+    };
+    const CHANGE: Encounter = Encounter {
+        gap: 0.3,
+        rate: -0.8,
+        normal: Vector3::new(0.4, 0.5, -0.3),
+        point: Vector3::new(0.2, 0.7, -0.6),
+        sliding: Vector3::new(-0.3, 0.2, 0.9),
+        turning: Vector3::new(0.5, -0.4, 0.3),
+        mass: 0.0,
+    };
+    const CONSTANTS: LawChange = LawChange { stiffness: 30.0, damping: 0.4, friction: 0.2 };
+    const ANCHOR: Vector3<f64> = Vector3::new(0.3, 0.05, 0.25);
+    const MEMORY: Vector3<f64> = Vector3::new(-0.3, 0.6, 0.2);
+
+    fn encounter(epsilon: f64) -> Encounter {
+        Encounter {
+            gap: PUSHED.gap + epsilon * CHANGE.gap,
+            rate: PUSHED.rate + epsilon * CHANGE.rate,
+            normal: PUSHED.normal + epsilon * CHANGE.normal,
+            point: PUSHED.point + epsilon * CHANGE.point,
+            sliding: PUSHED.sliding + epsilon * CHANGE.sliding,
+            turning: PUSHED.turning + epsilon * CHANGE.turning,
+            mass: 1.0,
+        }
+    }
+
+    /// Each law with a mode it may be in and another that may follow, all with ε in their constants.
+    fn cases(epsilon: f64) -> Vec<(ContactLaw, ContactMode, ContactMode)> {
+        use ContactMode::{Closed, Creep, Open, Slide, Slip, Stick};
+        let (stiffness, damping) = (200.0 + epsilon * CONSTANTS.stiffness, 3.0 + epsilon * CONSTANTS.damping);
+        let coefficient = 0.3 + epsilon * CONSTANTS.friction;
+        let compliant = ContactLaw::from(CompliantLaw::try_new(stiffness, damping).unwrap());
+        let hertz = ContactLaw::from(HuntCrossley::try_new(stiffness, damping - 2.7).unwrap());
+        let coulomb = CoulombFriction::try_new(coefficient, 50.0, 2.0).unwrap();
+        let creep = CreepFriction::try_new(coefficient, 4.0).unwrap();
+        let regularised = RegularisedFriction::try_new(coefficient, 0.1).unwrap();
+        let resistance = Resistance::try_new(0.02, 0.03, 0.5).unwrap();
+        let stick = Stick { anchor: ANCHOR + epsilon * MEMORY };
+        let slip = Slip { direction: ANCHOR + epsilon * MEMORY };
+        vec![
+            (compliant, Closed, Open),
+            (compliant.with_friction(regularised).with_resistance(resistance), Closed, Open),
+            (compliant.with_friction(coulomb), stick, slip),
+            (compliant.with_friction(coulomb), slip, stick),
+            (compliant.with_friction(creep), Creep, Slide),
+            (hertz.with_friction(creep), Slide, Creep),
+            (hertz.with_friction(coulomb), slip, Open),
+        ]
+    }
+
+    #[test]
+    fn derivatives_of_efforts_and_margins_are_their_differences() {
+        let by = Changes { at: &CHANGE, law: CONSTANTS, memory: MEMORY };
+        for (i, (law, before, after)) in cases(0.0).iter().enumerate() {
+            let step = 1e-5;
+            let ends = [step, -step].map(|epsilon| (cases(epsilon).remove(i), encounter(epsilon)));
+            let [a, b] = ends.each_ref().map(|((law, mode, _), at)| law.effort_in(mode, at));
+            let (difference, found) = ((a - b) * (0.5 / step), law.effort_change(before, &PUSHED, &by));
+            let error = found - difference;
+            assert!(error.force.norm() + error.torque.norm() < 1e-7, "{i}: {found:?} {difference:?}");
+            assert!(found.force.norm() > 1.0, "{i}");
+            let [a, b] = ends.map(|((law, mode, _), at)| match after {
+                ContactMode::Open => law.guard(&at).margin(),
+                _ => law.friction_guard(&mode, &at).gap,
+            });
+            let (difference, found) =
+                ((a - b) * (0.5 / step), law.margin_change((before, after), &PUSHED, &by));
+            assert!((found - difference).abs() < 1e-7 * (1.0 + found.abs()), "{i}: {found} {difference}");
+        }
+    }
+}

@@ -3,7 +3,8 @@
 
 use super::contact::Linearization;
 use super::law::{Changes, LawChange, is_open};
-use super::{Grazing, Parameter};
+use super::outcome::Grazing;
+use super::parameter::Parameter;
 use crate::contacts::BodyInContact;
 use crate::event::EventKind;
 use crate::hybrid::{Guard, Hybrid, HybridBodies};
