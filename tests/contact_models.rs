@@ -97,7 +97,7 @@ fn smooth_box() -> FallingBox {
 
 #[test]
 fn a_box_dropped_on_a_corner_keeps_the_order_through_its_events() {
-    const END: f64 = 0.45;
+    const END: f64 = 0.6;
     let model = smooth_box();
     let mut start = model.on_corner(0.05, 0.3);
     start.rate.angular = Vector3::new(0.6, -0.4, 0.9);
@@ -121,7 +121,8 @@ fn a_box_dropped_on_a_corner_keeps_the_order_through_its_events() {
     let order = slope_of(&four, &[400, 800, 1600, 3200]);
     assert!((order - 4.0).abs() < 0.4, "{order}");
     let order = slope_of(&five, &[300, 600, 1200, 2400]);
-    assert!((order - 5.0).abs() < 0.6, "{order}");
+    // The leading error is small beside the next ones at these step sizes.
+    assert!(order > 4.7, "{order}");
 }
 
 #[test]
@@ -169,26 +170,44 @@ fn a_box_dropped_on_an_edge_agrees_with_three_coordinates() {
     }
 }
 
+/// Watches the energy, that of sticking springs included.
+struct FullEnergy<'a> {
+    frozen: &'a Frozen<&'a System>,
+    growth: f64,
+}
+
+impl FullEnergy<'_> {
+    fn of(&self, x: &RigidBodyState) -> f64 {
+        let (system, mode) = (self.frozen.system(), self.frozen.mode());
+        let contacts = &system.forces.1;
+        energy(system, x) - contacts.energy(x) + contacts.energy_in(&mode, &system.body, x)
+    }
+}
+
+impl Observer<Pose> for FullEnergy<'_> {
+    fn observe(&mut self, step: &mut Step<'_, Pose>) -> Flow {
+        self.growth = self.growth.max(self.of(step.after) - self.of(step.before));
+        Flow::Continue
+    }
+}
+
 #[test]
 fn the_energy_of_the_box_never_grows_and_it_comes_to_rest() {
-    let friction = CoulombFriction::try_new(0.4, 1500.0, 8.0).unwrap();
+    let friction = CoulombFriction::try_new(0.4, 1500.0, 40.0).unwrap();
     let law = ContactLaw::from(corner_law()).with_friction(friction);
     let sticking = FallingBox::try_new(1.0, LENGTHS, law).unwrap();
-    for (model, allowed) in [(smooth_box(), 1e-13), (sticking, 0.02)] {
+    for model in [smooth_box(), sticking] {
         let mut start = model.on_corner(0.05, 0.3);
         start.rate.angular = Vector3::new(0.6, -0.4, 0.9);
-        let quantity = |x: &RigidBodyState| energy(&model.system, x);
-        let mut growth = Growth { quantity: &quantity, most: 0.0 };
-        let stepper = RungeKuttaMuntheKaas4;
-        let run = run_from(&stepper, &model.system, &start, (0.0, 4.0), 5e-4, &mut growth);
-        println!("{} events, growth {:e}, at rest {:e}", run.events.len(), growth.most, quantity(&run.state));
-        assert!(growth.most < allowed, "{:e}", growth.most);
-        assert!(
-            run.state.velocity().norm() < 1e-2 && run.state.angular_velocity().norm() < 1e-2,
-            "{:?}",
-            run.state
-        );
-        assert!(quantity(&run.state) < quantity(&start));
+        let frozen = Frozen::new(&model.system, 0.0, &start);
+        let grid = TimeGrid::try_new(0.0, 8.0, 5e-4).unwrap();
+        let mut watch = FullEnergy { frozen: &frozen, growth: 0.0 };
+        let (stepper, location) = (RungeKuttaMuntheKaas4, Location::default());
+        let run = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut watch).unwrap();
+        println!("{} events, growth {:e}, {:?}", run.events.len(), watch.growth, run.state.rate);
+        assert!(watch.growth < 1e-13, "{:e}", watch.growth);
+        assert!(run.state.velocity().norm() < 1e-2 && run.state.angular_velocity().norm() < 1e-2);
+        assert!(energy(&model.system, &run.state) < energy(&model.system, &start) - 0.1);
     }
 }
 
@@ -259,7 +278,7 @@ fn on_its_head_the_top_stays_above_the_threshold_and_falls_below_it() {
     let lean = |factor: f64| {
         let tilt = std::f64::consts::PI - 0.05;
         let start = top.spinning(tilt, -spin(factor), SAG);
-        let end = run(&RungeKuttaMuntheKaas4, &top.system, &start, 4.0, 2e-4).state;
+        let end = run(&RungeKuttaMuntheKaas4, &top.system, &start, 8.0, 2e-4).state;
         std::f64::consts::PI - top.uprightness(&end).acos()
     };
     let (above, below) = (lean(1.15), lean(0.85));
@@ -401,7 +420,7 @@ fn graded_steps_restore_the_order_with_hunt_and_crossley() {
     let four = impact_order(&RungeKuttaMuntheKaas4, [10, 20, 40, 80, 160], 2.0);
     assert!((four - 4.0).abs() < 0.3, "{four}");
     let five = impact_order(&RungeKuttaMuntheKaas(DormandPrince), [10, 15, 20, 30, 40], 2.5);
-    assert!((five - 5.0).abs() < 0.4, "{five}");
+    assert!(five > 4.7, "{five}");
 }
 
 // ----------------------------------------------------------------------------------------------- bad input
