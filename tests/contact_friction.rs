@@ -219,6 +219,36 @@ fn sliding_that_turns_keeps_the_order_and_its_constant() {
     assert!((slope(&points) - 4.0).abs() < 0.4, "{} {points:?}", slope(&points));
 }
 
+#[test]
+fn a_stop_at_the_end_of_a_curve_costs_order() {
+    // With f = μ g cos α and s = g sin α, v (f + s cos φ) falls by f² − s² a second. The direction turns
+    // as φ ~ v^p with p = s/(f − s) on the way to the stop.
+    for (angle, mu) in [(0.1f64, 0.3f64), (0.2, 0.3)] {
+        let (f, s) = (mu * GRAVITY * angle.cos(), GRAVITY * angle.sin());
+        let law = CompliantLaw::try_new(400.0, 40.0).unwrap();
+        let block = block(law, coulomb(mu, 1e4, 200.0)).on_slope(angle);
+        let mut start = block.sliding(0.0);
+        start.rate.linear = Vector3::new(1.2 * 2.0f64.cos(), 1.2 * 2.0f64.sin(), 0.0);
+        let time = 1.2 * (f + s * 2.0f64.cos()) / (f * f - s * s);
+        let points: Vec<_> = [100, 200, 400, 800, 1600, 3200]
+            .into_iter()
+            .map(|n| {
+                let mut sum = 0.0;
+                for i in 0..6 {
+                    let h = 1.5 * time / f64::from(n + n * i / 12);
+                    let run = run(&block.system, &start, 1.5 * time, h);
+                    let stop = run.events.iter().find(|e| e.kind == EventKind::Stick).unwrap();
+                    sum += (stop.t - time).powi(2);
+                }
+                (1.5 * time / f64::from(n), (sum / 6.0f64).sqrt())
+            })
+            .collect();
+        println!("p = {:.2}: {:.2} {points:?}", s / (f - s), slope(&points));
+        assert!((0.9..3.5).contains(&slope(&points)), "{angle}: {points:?}");
+        assert!(points[5].1 < 2e-5, "{angle}: {points:?}");
+    }
+}
+
 // --------------------------------------------------------------------------------------- rolling and spin
 
 /// A solid ball of 1 kg and radius 0.1 m resting on its spring, with its law.
