@@ -81,12 +81,29 @@ pub struct Located<Q: Configuration> {
     pub status: Status,
     /// Steps taken.
     pub steps: u64,
+    /// Steps tried and rejected by the step size control; none with fixed steps.
+    pub rejected: u64,
     /// Steps tried to find events, in addition.
     pub trials: u64,
     /// Number of events.
     pub event_count: u64,
     /// The events, in the order of time, unless they were not to be kept.
     pub events: Vec<Event<Q>>,
+}
+
+impl<Q: Configuration> Located<Q> {
+    pub(crate) fn at_start(t: f64, initial: &State<Q>) -> Self {
+        Self {
+            t,
+            state: initial.clone(),
+            status: Status::Stopped,
+            steps: 0,
+            rejected: 0,
+            trials: 0,
+            event_count: 0,
+            events: Vec::new(),
+        }
+    }
 }
 
 /// Why a run with events did not reach its end.
