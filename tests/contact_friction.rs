@@ -100,10 +100,10 @@ fn bounced_stop() -> (f64, f64) {
 
 #[test]
 fn every_method_keeps_its_order_to_the_stop_of_a_block_that_bounces_while_it_slides() {
-    const END: f64 = 0.8;
+    const END: f64 = 0.7;
     let (time, place) = bounced_stop();
     let (height, switches) = BOUNCE.run(DROP, END);
-    assert!((0.5..0.7).contains(&time) && switches.len() == 4, "{time} {switches:?}");
+    assert!((0.5..0.7).contains(&time) && switches.len() == 3, "{time} {switches:?}");
     let law = CompliantLaw::try_new(BOUNCE.stiffness, BOUNCE.damping).unwrap();
     let block = block(law, coulomb(MU, 400.0, 40.0));
     let start = block.at(DROP.x, Vector3::new(THROW, 0.0, 0.0));
@@ -129,13 +129,13 @@ fn every_method_keeps_its_order_to_the_stop_of_a_block_that_bounces_while_it_sli
                 )
                 .unwrap();
                 let stops: Vec<_> = run.events.iter().filter(|e| e.kind == EventKind::Stick).collect();
-                if run.events.len() != 5 || stops.len() != 1 {
+                if run.events.len() != 4 || stops.len() != 1 {
                     sum = f64::NAN;
                     break;
                 }
                 let x = &run.state;
-                assert!(x.velocity().x.abs() < 1e-10, "{method}: {:e}", x.velocity().x);
-                sum += (stops[0].t - time).powi(2) + (x.position().x - place).powi(2);
+                sum +=
+                    (stops[0].t - time).powi(2) + (x.position().x - place).powi(2) + x.velocity().x.powi(2);
                 sum += (x.position().z - 0.03 - height.x).powi(2) + (x.velocity().z - height.v).powi(2);
             }
             let error = (sum / 5.0).sqrt();
@@ -161,7 +161,7 @@ fn stick_and_slip_alternate_as_in_closed_form_and_do_not_chatter() {
     let loose = (1.0 - hold / load).acos() / w;
     let speed = load / w * (w * loose).sin();
     let slides = speed / (hold - load);
-    let (run, _) = run_and_mode(&block.system, &block.sliding(0.0), 2.0, 1e-3, &mut ());
+    let (run, _) = run_and_mode(&block.system, &block.sliding(0.0), 2.0, 2e-4, &mut ());
     let cycle = loose + slides;
     assert_eq!(run.events.len(), 2 * (2.0 / cycle) as usize + usize::from(2.0 % cycle > loose));
     for (i, pair) in run.events.chunks(2).enumerate() {
@@ -177,24 +177,29 @@ fn stick_and_slip_alternate_as_in_closed_form_and_do_not_chatter() {
 }
 
 #[test]
-fn critical_damping_holds_a_block_on_any_slope_within_the_cone() {
+fn critical_damping_holds_a_block_up_to_a_load_of_the_cone_over_one_and_e_to_the_minus_two() {
+    // From rest k ξ + c ξ̇ = L − m ξ̈ swings up to (1 + e⁻²) L, at ω t = 2.
     let (mu, k) = (0.5f64, 1e4f64);
-    for angle in [0.1, 0.3, mu.atan() - 1e-3] {
+    let steepest = (mu / (1.0 + (-2.0f64).exp())).atan();
+    for (angle, holds) in [(0.1, true), (0.3, true), (steepest - 1e-6, true), (steepest + 1e-6, false)] {
         let block = block(stiff(), coulomb(mu, k, 2.0 * k.sqrt())).on_slope(angle);
-        let run = run(&block.system, &block.sliding(0.0), 1.0, 1e-3);
-        let stretch = GRAVITY * angle.sin() / k;
-        assert!(run.events.is_empty(), "{angle}: {:?}", kinds(&run));
-        assert!((run.state.position().x - stretch).abs() < 1e-13 && run.state.velocity().norm() < 1e-12);
+        let run = run(&block.system, &block.sliding(0.0), 1.0, 2e-4);
+        if holds {
+            let stretch = GRAVITY * angle.sin() / k;
+            assert!(run.events.is_empty(), "{angle}: {:?}", kinds(&run));
+            assert!((run.state.position().x - stretch).abs() < 1e-13, "{angle}: {:?}", run.state.position());
+        } else {
+            assert_eq!(run.events[0].kind, EventKind::Slip);
+            assert!((run.events[0].t - 2.0 / k.sqrt()).abs() < 2e-4, "{}", run.events[0].t);
+        }
     }
-    let block = block(stiff(), coulomb(mu, k, 2.0 * k.sqrt())).on_slope(mu.atan() + 1e-3);
-    let run = run(&block.system, &block.sliding(0.0), 1.0, 1e-3);
-    assert_eq!(kinds(&run), [EventKind::Slip]);
 }
 
 /// A block on a slope of tan α = μ, thrown at `angle` from the downhill direction.
 fn oblique(angle: f64) -> (SlidingBlock, RigidBodyState) {
     let mu = 0.3f64;
-    let block = block(stiff(), coulomb(mu, 1e4, 200.0)).on_slope(mu.atan());
+    let law = CompliantLaw::try_new(400.0, 40.0).unwrap();
+    let block = block(law, coulomb(mu, 1e4, 200.0)).on_slope(mu.atan());
     let mut start = block.sliding(0.0);
     start.rate.linear = Vector3::new(2.0 * angle.cos(), 2.0 * angle.sin(), 0.0);
     (block, start)
@@ -206,12 +211,42 @@ fn sliding_that_turns_keeps_the_order_and_its_constant() {
     let (block, start) = oblique(2.6);
     let constant = |x: &RigidBodyState| x.velocity().norm() + x.velocity().x;
     let mut points = Vec::new();
-    for n in [20, 40, 80, 160] {
+    for n in [50, 100, 200, 400] {
         let run = run(&block.system, &start, 1.5, 1.5 / f64::from(n));
-        assert_eq!(kinds(&run), [EventKind::Turn]);
+        assert_eq!(kinds(&run), [EventKind::Turn; 2]);
         points.push((1.5 / f64::from(n), (constant(&run.state) - constant(&start)).abs()));
     }
     assert!((slope(&points) - 4.0).abs() < 0.4, "{} {points:?}", slope(&points));
+}
+
+#[test]
+fn a_stop_at_the_end_of_a_curve_costs_order() {
+    // With f = μ g cos α and s = g sin α, v (f + s cos φ) falls by f² − s² a second. The direction turns
+    // as φ ~ v^p with p = s/(f − s) on the way to the stop.
+    for (angle, mu) in [(0.1f64, 0.3f64), (0.2, 0.3)] {
+        let (f, s) = (mu * GRAVITY * angle.cos(), GRAVITY * angle.sin());
+        let law = CompliantLaw::try_new(400.0, 40.0).unwrap();
+        let block = block(law, coulomb(mu, 1e4, 200.0)).on_slope(angle);
+        let mut start = block.sliding(0.0);
+        start.rate.linear = Vector3::new(1.2 * 2.0f64.cos(), 1.2 * 2.0f64.sin(), 0.0);
+        let time = 1.2 * (f + s * 2.0f64.cos()) / (f * f - s * s);
+        let points: Vec<_> = [100, 200, 400, 800, 1600, 3200]
+            .into_iter()
+            .map(|n| {
+                let mut sum = 0.0;
+                for i in 0..6 {
+                    let h = 1.5 * time / f64::from(n + n * i / 12);
+                    let run = run(&block.system, &start, 1.5 * time, h);
+                    let stop = run.events.iter().find(|e| e.kind == EventKind::Stick).unwrap();
+                    sum += (stop.t - time).powi(2);
+                }
+                (1.5 * time / f64::from(n), (sum / 6.0f64).sqrt())
+            })
+            .collect();
+        println!("p = {:.2}: {:.2} {points:?}", s / (f - s), slope(&points));
+        assert!((0.9..3.5).contains(&slope(&points)), "{angle}: {points:?}");
+        assert!(points[5].1 < 2e-5, "{angle}: {points:?}");
+    }
 }
 
 // --------------------------------------------------------------------------------------- rolling and spin
@@ -297,17 +332,18 @@ fn a_spinning_ball_slows_as_in_closed_form() {
 
 #[test]
 fn rolling_resistance_slows_a_rolling_ball_by_five_sevenths_of_b_over_r() {
-    // m v̇ = −F, I ω̇ = F r − m g b, v = r ω: v̇ = −(5/7) g b/r in the limit of no creep.
-    let arm = 1e-3;
-    let slowed = |damping: f64| {
-        let resistance = Resistance::try_new(arm, 0.0, 1e-4).unwrap();
-        let (system, mut start) = ball(CreepFriction::try_new(0.5, damping).unwrap(), resistance);
-        (start.rate.linear.x, start.rate.angular.y) = (1.0, 10.0);
-        1.0 - run(&system, &start, 1.0, 1e-3).state.velocity().x
-    };
-    let limit = 5.0 / 7.0 * GRAVITY * arm / 0.1;
-    let (soft, hard) = (slowed(50.0) - limit, slowed(200.0) - limit);
-    assert!(hard.abs() < 2e-4 * limit + 1e-3 * limit && (soft / hard - 4.0).abs() < 0.1, "{soft:e} {hard:e}");
+    // m v̇ = −c u, I ω̇ = c u r − m g b, u = v − r ω: u grows to its limit with the rate 7/2 c/m, and then
+    // v̇ = −(5/7) g b/r.
+    let (arm, damping) = (1e-3, 50.0);
+    let resistance = Resistance::try_new(arm, 0.0, 1e-4).unwrap();
+    let (system, mut start) = ball(CreepFriction::try_new(0.5, damping).unwrap(), resistance);
+    (start.rate.linear.x, start.rate.angular.y) = (1.0, 10.0);
+    let run = run(&system, &start, 1.0, 1e-3);
+    let slowing = 5.0 / 7.0 * GRAVITY * arm / 0.1;
+    let delay = 1.0 / (3.5 * damping);
+    let speed = 1.0 - slowing * (1.0 - delay * (1.0 - (-1.0 / delay).exp()));
+    assert!(run.events.is_empty());
+    assert!((run.state.velocity().x - speed).abs() < 1e-9, "{:e}", run.state.velocity().x - speed);
 }
 
 // ------------------------------------------------------------------------------------------------ energy

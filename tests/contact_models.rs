@@ -1,27 +1,25 @@
-//! Model bodies with friction, and the law of Hunt and Crossley: references, orders, what is conserved.
+//! Model bodies with friction: references, orders, what is conserved.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
-use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_hybrid;
+use somersault_contact::contacts::BodyInContact;
+use somersault_contact::driver::{integrate_hybrid, integrate_located};
 use somersault_contact::event::{EventKind, Located, Location};
 use somersault_contact::friction::{CoulombFriction, CreepFriction, RegularisedFriction};
-use somersault_contact::hunt_crossley::{Elastic, HuntCrossley};
 use somersault_contact::hybrid::Frozen;
 use somersault_contact::interface::ContactLaw;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{FallingBox, ModelError, RollingDisk, TippeTop};
-use somersault_contact::surface::HalfSpace;
 use somersault_core::so3;
-use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Dop853, DormandPrince, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::methods::{
+    Dop853, DormandPrince, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
+};
 use somersault_integrators::state::{Pose, RigidBodyState};
-use somersault_integrators::stepper::Stepper;
+use somersault_integrators::stepper::{Scope, Stepper};
 use somersault_testkit::order::slope;
 use somersault_testkit::planar_box::PlanarBox;
-use std::sync::Arc;
 
 type System = BodyInContact<Gravity>;
 
@@ -97,7 +95,7 @@ fn smooth_box() -> FallingBox {
 
 #[test]
 fn a_box_dropped_on_a_corner_keeps_the_order_through_its_events() {
-    const END: f64 = 0.45;
+    const END: f64 = 0.6;
     let model = smooth_box();
     let mut start = model.on_corner(0.05, 0.3);
     start.rate.angular = Vector3::new(0.6, -0.4, 0.9);
@@ -121,7 +119,82 @@ fn a_box_dropped_on_a_corner_keeps_the_order_through_its_events() {
     let order = slope_of(&four, &[400, 800, 1600, 3200]);
     assert!((order - 4.0).abs() < 0.4, "{order}");
     let order = slope_of(&five, &[300, 600, 1200, 2400]);
-    assert!((order - 5.0).abs() < 0.6, "{order}");
+    // The leading error is small beside the next ones at these step sizes.
+    assert!(order > 4.7, "{order}");
+}
+
+#[test]
+fn every_method_that_takes_torque_has_at_least_its_order_on_the_box_dropped_on_a_corner() {
+    const END: f64 = 0.3;
+    let model = smooth_box();
+    let mut start = model.on_corner(0.02, 0.3);
+    start.rate.angular = Vector3::new(0.6, -0.4, 0.9);
+    let exact = run(&RungeKuttaMuntheKaas(Dop853), &model.system, &start, END, 1e-4);
+    assert!(exact.events.len() >= 4, "{:?}", kinds(&exact));
+    // A run whose events are others, or whose implicit step is too large, does not count.
+    let error = |method: Method, n: u32| {
+        let grid = TimeGrid::try_with_steps(0.0, END, n.into()).unwrap();
+        let (options, location) = (Options::default(), Location::default());
+        integrate_located(method, options, &model.system, &start, &grid, &location, &mut ())
+            .ok()
+            .filter(|found| kinds(found) == kinds(&exact))
+            .map_or(f64::NAN, |found| distance(&found.state, &exact.state))
+    };
+    for method in Method::ALL.into_iter().filter(|m| m.info().scope != Scope::TorqueFree) {
+        let orders = method.info().orders;
+        let order = orders.translation_with_velocity.min(orders.rotation_with_torque.unwrap_or(0));
+        let (sizes, floor) = match order {
+            6.. => ([24, 32, 40, 48, 56, 64], 1e-12),
+            5 => ([40, 80, 160, 320, 640, 1280], 1e-11),
+            3.. => ([150, 300, 600, 1200, 2400, 4800], 1e-11),
+            _ => ([300, 600, 1200, 2400, 4800, 9600], 1e-11),
+        };
+        let points: Vec<(f64, f64)> = sizes
+            .into_iter()
+            .map(|base| {
+                let sum: f64 = (0..4).map(|i| error(method, base + base * i / 8).powi(2)).sum();
+                (END / f64::from(base), (0.25 * sum).sqrt())
+            })
+            .filter(|(_, error)| *error > floor)
+            .collect();
+        let last = &points[points.len().saturating_sub(3)..];
+        let found = slope(last);
+        println!(
+            "{method:10} order {order} found {found:.2} {:.1e} {}",
+            last.last().unwrap().1,
+            points.len()
+        );
+        assert!(points.len() >= 3 && found > f64::from(order) - 0.3, "{method}: {found} {points:?}");
+    }
+}
+
+#[test]
+fn sticking_and_slipping_on_an_edge_keep_the_order() {
+    // In a plane all sliding is straight.
+    const END: f64 = 0.5;
+    let friction = CoulombFriction::try_new(0.3, 1500.0, 40.0).unwrap();
+    let law = ContactLaw::from(corner_law()).with_friction(friction);
+    let model = FallingBox::try_new(1.0, LENGTHS, law).unwrap();
+    let start = RigidBodyState::new(
+        Vector3::new(0.0, 0.0, 0.2),
+        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.5),
+        Vector3::new(0.4, 0.0, 0.0),
+        Vector3::new(0.0, -1.0, 0.0),
+    );
+    let exact = run(&RungeKuttaMuntheKaas(Dop853), &model.system, &start, END, 1e-4);
+    println!("{:?}", kinds(&exact));
+    let points: Vec<_> = [200, 400, 800, 1600]
+        .into_iter()
+        .map(|n| {
+            let h = END / f64::from(n);
+            let found = run(&RungeKuttaMuntheKaas4, &model.system, &start, END, h);
+            assert_eq!(found.events.len(), exact.events.len(), "{:?}", kinds(&found));
+            (h, distance(&found.state, &exact.state))
+        })
+        .collect();
+    println!("{points:?}");
+    assert!(kinds(&exact).contains(&EventKind::Stick) && kinds(&exact).contains(&EventKind::Slip));
+    assert!((slope(&points) - 4.0).abs() < 0.4, "{} {points:?}", slope(&points));
 }
 
 #[test]
@@ -169,26 +242,44 @@ fn a_box_dropped_on_an_edge_agrees_with_three_coordinates() {
     }
 }
 
+/// Watches the energy, that of sticking springs included.
+struct FullEnergy<'a> {
+    frozen: &'a Frozen<&'a System>,
+    growth: f64,
+}
+
+impl FullEnergy<'_> {
+    fn of(&self, x: &RigidBodyState) -> f64 {
+        let (system, mode) = (self.frozen.system(), self.frozen.mode());
+        let contacts = &system.forces.1;
+        energy(system, x) - contacts.energy(x) + contacts.energy_in(&mode, &system.body, x)
+    }
+}
+
+impl Observer<Pose> for FullEnergy<'_> {
+    fn observe(&mut self, step: &mut Step<'_, Pose>) -> Flow {
+        self.growth = self.growth.max(self.of(step.after) - self.of(step.before));
+        Flow::Continue
+    }
+}
+
 #[test]
 fn the_energy_of_the_box_never_grows_and_it_comes_to_rest() {
-    let friction = CoulombFriction::try_new(0.4, 1500.0, 8.0).unwrap();
+    let friction = CoulombFriction::try_new(0.4, 1500.0, 40.0).unwrap();
     let law = ContactLaw::from(corner_law()).with_friction(friction);
     let sticking = FallingBox::try_new(1.0, LENGTHS, law).unwrap();
-    for (model, allowed) in [(smooth_box(), 1e-13), (sticking, 0.02)] {
+    for model in [smooth_box(), sticking] {
         let mut start = model.on_corner(0.05, 0.3);
         start.rate.angular = Vector3::new(0.6, -0.4, 0.9);
-        let quantity = |x: &RigidBodyState| energy(&model.system, x);
-        let mut growth = Growth { quantity: &quantity, most: 0.0 };
-        let stepper = RungeKuttaMuntheKaas4;
-        let run = run_from(&stepper, &model.system, &start, (0.0, 4.0), 5e-4, &mut growth);
-        println!("{} events, growth {:e}, at rest {:e}", run.events.len(), growth.most, quantity(&run.state));
-        assert!(growth.most < allowed, "{:e}", growth.most);
-        assert!(
-            run.state.velocity().norm() < 1e-2 && run.state.angular_velocity().norm() < 1e-2,
-            "{:?}",
-            run.state
-        );
-        assert!(quantity(&run.state) < quantity(&start));
+        let frozen = Frozen::new(&model.system, 0.0, &start);
+        let grid = TimeGrid::try_new(0.0, 8.0, 5e-4).unwrap();
+        let mut watch = FullEnergy { frozen: &frozen, growth: 0.0 };
+        let (stepper, location) = (RungeKuttaMuntheKaas4, Location::default());
+        let run = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut watch).unwrap();
+        println!("{} events, growth {:e}, {:?}", run.events.len(), watch.growth, run.state.rate);
+        assert!(watch.growth < 1e-13, "{:e}", watch.growth);
+        assert!(run.state.velocity().norm() < 1e-2 && run.state.angular_velocity().norm() < 1e-2);
+        assert!(energy(&model.system, &run.state) < energy(&model.system, &start) - 0.1);
     }
 }
 
@@ -259,7 +350,7 @@ fn on_its_head_the_top_stays_above_the_threshold_and_falls_below_it() {
     let lean = |factor: f64| {
         let tilt = std::f64::consts::PI - 0.05;
         let start = top.spinning(tilt, -spin(factor), SAG);
-        let end = run(&RungeKuttaMuntheKaas4, &top.system, &start, 4.0, 2e-4).state;
+        let end = run(&RungeKuttaMuntheKaas4, &top.system, &start, 8.0, 2e-4).state;
         std::f64::consts::PI - top.uprightness(&end).acos()
     };
     let (above, below) = (lean(1.15), lean(0.85));
@@ -326,107 +417,10 @@ fn a_disk_whose_centre_rests_goes_round_as_eulers_disk() {
     assert!(run.events.is_empty() && errors.iter().all(|e| *e < 1e-8), "{errors:?} {:?}", kinds(&run));
 }
 
-// ----------------------------------------------------------------------------------- Hunt and Crossley
-
-/// A body of 1 kg that meets the ground at 1 m/s under no weight: how far the speed it leaves with is from e,
-/// run over the given times one step after the other.
-fn impact_error<M: for<'a> Stepper<Frozen<&'a System>>>(stepper: &M, times: &[f64]) -> f64 {
-    let law = HuntCrossley::from_restitution(1e4, 0.7, 1.0).unwrap();
-    let contact = Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law).unwrap();
-    let body = RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap();
-    let weightless = Gravity { acceleration: Vector3::zeros() };
-    let system = BodyInContact::new(body, (weightless, Contacts::new(vec![contact])));
-    let mut x = RigidBodyState::default();
-    x.rate.linear.z = -1.0;
-    for pair in times.windows(2) {
-        x = run_from(stepper, &system, &x, (pair[0], pair[1]), pair[1] - pair[0], &mut ()).state;
-    }
-    assert!(x.position().z > 0.0);
-    (x.velocity().z - 0.7).abs()
-}
-
-/// How long that contact lasts, from a run in very small steps.
-fn duration() -> f64 {
-    let law = HuntCrossley::from_restitution(1e4, 0.7, 1.0).unwrap();
-    let contact = Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law).unwrap();
-    let body = RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap();
-    let weightless = Gravity { acceleration: Vector3::zeros() };
-    let system = BodyInContact::new(body, (weightless, Contacts::new(vec![contact])));
-    let mut x = RigidBodyState::default();
-    x.rate.linear.z = -1.0;
-    let run = run(&RungeKuttaMuntheKaas4, &system, &x, 0.2, 1e-5);
-    assert_eq!(kinds(&run), [EventKind::Release]);
-    run.events[0].t
-}
-
-/// Times over a contact of duration T and a little beyond: m steps each to the middle and from it, with
-/// t = T/2 (j/m)^r and its mirror image; r = 1 for even steps.
-fn times(duration: f64, m: u32, r: f64) -> Vec<f64> {
-    let half = |j: u32| 0.5 * duration * (f64::from(j) / f64::from(m)).powf(r);
-    let first = (0..=m).map(half);
-    let second = (0..m).rev().map(|j| duration - half(j));
-    let mut times: Vec<f64> = first.chain(second).collect();
-    // The last step reaches beyond the release, which is located within it.
-    let last = times.len() - 1;
-    times[last] += 0.5 * (times[last] - times[last - 1]);
-    times
-}
-
-fn impact_order<M: for<'a> Stepper<Frozen<&'a System>>>(stepper: &M, sizes: [u32; 5], r: f64) -> f64 {
-    let duration = duration();
-    let points: Vec<_> = sizes
-        .into_iter()
-        .map(|m| {
-            // Where the release falls within its step matters; the mean over sizes tells the order.
-            let sum: f64 =
-                (0..4).map(|i| impact_error(stepper, &times(duration, m + m * i / 8, r)).powi(2)).sum();
-            (1.0 / f64::from(m), (0.25 * sum).sqrt())
-        })
-        .collect();
-    println!("r = {r}: {:.2} {points:?}", slope(&points));
-    slope(&points)
-}
-
-#[test]
-fn hunt_and_crossley_limit_any_order_to_five_halves_with_even_steps() {
-    let four = impact_order(&RungeKuttaMuntheKaas4, [40, 80, 160, 320, 640], 1.0);
-    let eight = impact_order(&RungeKuttaMuntheKaas(Dop853), [40, 80, 160, 320, 640], 1.0);
-    assert!((four - 2.5).abs() < 0.25, "{four}");
-    assert!((eight - 2.5).abs() < 0.25, "{eight}");
-}
-
-#[test]
-fn graded_steps_restore_the_order_with_hunt_and_crossley() {
-    // The local errors h^{p+1} t^{3/2−p} sum to m^{−p} where r > p/(5/2).
-    let four = impact_order(&RungeKuttaMuntheKaas4, [10, 20, 40, 80, 160], 2.0);
-    assert!((four - 4.0).abs() < 0.3, "{four}");
-    let five = impact_order(&RungeKuttaMuntheKaas(DormandPrince), [10, 15, 20, 30, 40], 2.5);
-    assert!((five - 5.0).abs() < 0.4, "{five}");
-}
-
 // ----------------------------------------------------------------------------------------------- bad input
 
 #[test]
-fn models_and_the_law_of_hunt_and_crossley_refuse_bad_input() {
-    use ContactError::{Negative, NotPositive, PoissonRatio, Restitution};
-    let law = HuntCrossley::try_new;
-    for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(law(bad, 0.1), Err(NotPositive { argument: "stiffness", .. })));
-        assert!(matches!(law(1.0, bad), Err(Negative { argument: "damping", .. })));
-        assert!(matches!(Elastic::try_new(bad, 0.3), Err(NotPositive { argument: "young_modulus", .. })));
-        assert!(matches!(
-            HuntCrossley::from_restitution(1.0, 0.5, bad),
-            Err(NotPositive { argument: "speed", .. })
-        ));
-    }
-    for bad in [-1.0, 0.51, f64::NAN] {
-        assert!(matches!(Elastic::try_new(1.0, bad), Err(PoissonRatio { .. })));
-    }
-    assert_eq!(HuntCrossley::from_restitution(1.0, 0.0, 1.0), Err(Restitution { found: 0.0 }));
-    let steel = Elastic::try_new(1.0, 0.3).unwrap();
-    let made = HuntCrossley::from_materials([steel, steel], 0.0, 0.0);
-    assert!(matches!(made, Err(NotPositive { argument: "effective_radius", .. })));
-
+fn models_refuse_bad_input() {
     let plain = ContactLaw::from(corner_law());
     let friction = CoulombFriction::try_new(0.3, 1.0, 0.0).unwrap();
     let boxed = FallingBox::try_new(1.0, Vector3::new(0.1, -0.1, 0.1), plain);

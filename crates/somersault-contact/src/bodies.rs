@@ -213,10 +213,13 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
 
     fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &State<Vec<Pose>>, out: &mut Vec<Guard>) {
         let contacts = self.interaction();
-        out.extend(contacts.encounters(self.bodies(), x).map(|(law, at)| law.guard(&at)));
-        if contacts.friction_has_modes {
-            let encounters = contacts.encounters(self.bodies(), x).zip(mode);
-            out.extend(encounters.map(|((law, at), mode)| law.friction_guard(mode, &at)));
+        let n = contacts.len();
+        out.resize(if contacts.friction_has_modes { 2 * n } else { n }, Guard::default());
+        for (i, ((law, at), mode)) in contacts.encounters(self.bodies(), x).zip(mode).enumerate() {
+            out[i] = law.guard(&at);
+            if contacts.friction_has_modes {
+                out[n + i] = law.friction_guard(mode, &at);
+            }
         }
     }
 

@@ -236,10 +236,14 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
     #[inline]
     fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
         let contacts = &self.forces.1;
-        out.extend(contacts.iter().map(|c| c.law.guard(&c.encounter(&self.body, x))));
-        if contacts.friction_has_modes {
-            let each = contacts.iter().zip(mode);
-            out.extend(each.map(|(c, mode)| c.law.friction_guard(mode, &c.encounter(&self.body, x))));
+        let n = contacts.len();
+        out.resize(if contacts.friction_has_modes { 2 * n } else { n }, Guard::default());
+        for (i, (contact, mode)) in contacts.iter().zip(mode).enumerate() {
+            let at = contact.encounter(&self.body, x);
+            out[i] = contact.law.guard(&at);
+            if contacts.friction_has_modes {
+                out[n + i] = contact.law.friction_guard(mode, &at);
+            }
         }
     }
 

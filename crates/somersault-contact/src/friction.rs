@@ -92,7 +92,8 @@ impl RegularisedFriction {
 /// Sticking begins where the velocity along the direction of sliding passes zero, and the spring begins
 /// unstretched: ξ is the way of the point since then. It ends where ‖k ξ + c v‖ reaches μ Fₙ; then the
 /// energy of the spring is lost. The force that holds is small when sticking begins, so that the spring takes
-/// time to stretch to the cone and the modes cannot chatter.
+/// time to stretch to the cone and the modes cannot chatter. A load that sets in at once makes it swing: the
+/// cone must hold twice the load without damping, and 1 + e⁻² times with critical damping.
 ///
 /// Located events keep the order where sliding is straight as it stops. Where it is not, the direction
 /// turns faster and faster towards the end, like a power of the time that is left, and the stop costs order.
@@ -136,6 +137,9 @@ impl CoulombFriction {
 
     /// The force against sliding, −μ Fₙ v/‖v‖, N, continued smoothly through a straight stop: beyond it,
     /// where v points against `direction`, it keeps its sign.
+    ///
+    /// Sliding in one direction goes on while [`heading`](Self::heading) is positive, away from where the
+    /// sign changes.
     #[inline]
     pub fn slipping(
         &self,
@@ -146,6 +150,13 @@ impl CoulombFriction {
         let speed = sliding.norm();
         let along = if speed > 0.0 { sliding / speed.copysign(sliding.dot(direction)) } else { *direction };
         along * (-self.coefficient * normal_force)
+    }
+
+    /// v · d − ½ ‖v‖, m/s, for the direction d: negative where v has passed zero along d, or has turned away
+    /// from it by more than 60°.
+    #[inline]
+    pub fn heading(&self, sliding: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
+        sliding.dot(direction) - 0.5 * sliding.norm()
     }
 
     /// (μ Fₙ)² − F², N²: negative where the cone does not hold the force F.

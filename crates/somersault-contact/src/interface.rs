@@ -97,7 +97,7 @@ impl ContactLaw {
             (Friction::Coulomb(law), ContactMode::Stick { anchor }) => {
                 law.margin(self.normal_force(at), &law.sticking(&stretch(at, anchor), &at.sliding))
             }
-            (Friction::Coulomb(_), ContactMode::Slip { direction }) => at.sliding.dot(direction),
+            (Friction::Coulomb(law), ContactMode::Slip { direction }) => law.heading(&at.sliding, direction),
             (Friction::Creep(law), ContactMode::Creep | ContactMode::Slide) => {
                 law.margin(self.normal_force(at), &at.sliding)
             }
@@ -146,7 +146,9 @@ impl ContactLaw {
                     *before
                 }
             }
-            (Friction::Coulomb(_), ContactMode::Slip { direction }) if at.sliding.dot(direction) >= 0.0 => {
+            (Friction::Coulomb(law), ContactMode::Slip { direction })
+                if law.heading(&at.sliding, direction) >= 0.0 =>
+            {
                 *before
             }
             _ => self.mode(at),
