@@ -4,34 +4,10 @@ use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
 use somersault::multibody::models::{CartPendulum, TwoLinkArm};
 use somersault::multibody::{
-    Axes, Data, DerivativeData, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder,
-    ModelError, Partials, Split, Transform,
+    Axes, Data, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError, Split,
+    Transform,
 };
-use somersault_testkit::trees::{Random, humanoid, random_configuration, random_tree, random_wrenches};
-
-/// A random tree with a state.
-struct Case {
-    model: Model,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    a: Vec<f64>,
-    wrenches: Vec<Force<f64>>,
-    random: Random,
-}
-
-/// The same trees in every test: up to 40 bodies with all kinds of joints.
-fn cases(count: u64) -> impl Iterator<Item = Case> {
-    (0..count).map(|seed| {
-        let mut random = Random::new(seed);
-        let n = 1 + random.below(40);
-        let model = random_tree(&mut random, n, 0.5).expect("a tree");
-        let q = random_configuration(&mut random, &model).expect("lengths fit");
-        let n = model.n_velocities();
-        let (v, a) = (random.numbers(n, 2.0), random.numbers(n, 5.0));
-        let wrenches = random_wrenches(&mut random, &model);
-        Case { model, q, v, a, wrenches, random }
-    })
-}
+use somersault_testkit::trees::{Case, Random, cases, humanoid, random_configuration};
 
 fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))
@@ -621,60 +597,4 @@ fn arguments_of_the_wrong_length_are_named() {
     assert!(positions.jacobian_into(0, &Transform::identity(), Axes::World, &mut small).is_err());
     let mut q = vec![0.0; other.n_positions()];
     assert_eq!(other.normalize(&mut q), Err(DynamicsError::NoRotation { joint: "torso".into() }));
-}
-
-#[test]
-fn partials_equal_dual_numbers_and_central_differences() {
-    for (seed, case) in cases(40).enumerate() {
-        let Case { model, q, v, a, wrenches, mut random } = case;
-        let n = model.n_velocities();
-        let (mut data, mut work) = (Data::new(&model), DerivativeData::new(&model));
-        let torque = model.inverse_dynamics(&mut data, &q, &v, &a, &wrenches).unwrap().to_vec();
-        let direction: [Vec<f64>; 3] = std::array::from_fn(|_| random.numbers(n, 1.0));
-        let [dq, dv, da] = &direction;
-        let along_direction = |p: Partials<'_>| -> [DVector<f64>; 3] {
-            let [dq, dv, di] = direction.each_ref().map(|d| DVector::from_column_slice(d));
-            [p.q * dq, p.v * dv, p.input * di]
-        };
-        let p = model.inverse_dynamics_partials(&mut data, &mut work, &q, &v, &a, &wrenches).unwrap();
-        let inverse = along_direction(p);
-        let size = inverse.iter().fold(1.0, |m: f64, x| if x.is_empty() { m } else { m.max(x.amax()) });
-        let p = model.forward_dynamics_partials(&mut data, &mut work, &q, &v, &torque, &wrenches).unwrap();
-        let forward = along_direction(p);
-        let condition = condition(model.mass_matrix(&mut data, &q).unwrap());
-
-        let dual = model.cast::<Dual64>();
-        let mut dual_data = Data::new(&dual);
-        let outer: Vec<Force<Dual64>> = wrenches
-            .iter()
-            .map(|w| Force::new(w.linear.map(Dual64::from_re), w.angular.map(Dual64::from_re)))
-            .collect();
-        let (q_, v_, a_, u_) = (duals(&q), duals(&v), duals(&a), duals(&torque));
-        let eps = |x: &[Dual64]| x.iter().map(|x| x.eps).collect::<Vec<f64>>();
-        let ways =
-            [(moved(&dual, &q, dq), v_.clone()), (q_.clone(), along(&v, dv)), (q_.clone(), v_.clone())];
-        for (k, (q_, v_)) in ways.iter().enumerate() {
-            let (a_, u_) =
-                if k == 2 { (along(&a, da), along(&torque, da)) } else { (a_.clone(), u_.clone()) };
-            let exact = eps(dual.inverse_dynamics(&mut dual_data, q_, v_, &a_, &outer).unwrap());
-            let off = largest_difference(&exact, inverse[k].as_slice());
-            assert!(off < 1e-11 * size, "seed {seed}, inverse {k}: {off:e}");
-            let exact = eps(dual.forward_dynamics(&mut dual_data, q_, v_, &u_, &outer).unwrap());
-            let off = largest_difference(&exact, forward[k].as_slice());
-            let scale = 1.0 + largest(&exact) + size;
-            assert!(
-                off < scale * f64::max(1e-11, 100.0 * f64::EPSILON * condition),
-                "seed {seed}, forward {k}: {off:e}"
-            );
-        }
-        let h = 1e-6;
-        let mut at = |h: f64| {
-            let mut moved = q.clone();
-            let step: Vec<f64> = dq.iter().map(|x| x * h).collect();
-            model.integrate(&q, &step, &mut moved).unwrap();
-            DVector::from_column_slice(model.inverse_dynamics(&mut data, &moved, &v, &a, &wrenches).unwrap())
-        };
-        let difference = (at(h) - at(-h)) / (2.0 * h);
-        assert!((difference - &inverse[0]).norm() < 1e-5 * size * (1.0 + n as f64));
-    }
 }
