@@ -1,7 +1,9 @@
-//! The divers: their size, their inertia in published postures, and the plane inside space.
+//! Named models: the divers' sizes, their inertia in published postures, the plane inside space; the arm's
+//! linearised optimal motion.
 
 use nalgebra::{DMatrix, Matrix3};
-use somersault::multibody::models::{Diver, Posture, PostureError};
+use num_dual::Dual64;
+use somersault::multibody::models::{Diver, Posture, PostureError, TwoLinkArm};
 use somersault::multibody::{Data, Model, ModelError, Split};
 use somersault_testkit::trees::Random;
 
@@ -355,4 +357,69 @@ fn divers_of_impossible_size_are_refused() {
     }
     let falling_apart = Diver { gravity: f64::NAN, ..Diver::planar() };
     assert!(matches!(falling_apart.model(), Err(ModelError::NonFinite { argument: "gravity", .. })));
+}
+
+/// θ̈₁ on an extremal of (8.7): u = −Γ⁻¹ M⁻¹ (λ₃, λ₄) minimises λᵀf + ½ uᵀΓu, with γ₁ = 1 and γ₂ = ½.
+fn extremal_acceleration(arm: &Model<Dual64>, data: &mut Data<Dual64>, p: &[Dual64; 8]) -> Dual64 {
+    let [t1, t2, w1, w2, _, _, l3, l4] = *p;
+    let m = arm.mass_matrix(data, &[t1, t2]).unwrap();
+    let determinant = m[(0, 0)] * m[(1, 1)] - m[(0, 1)] * m[(0, 1)];
+    let u1 = (m[(0, 1)] * l4 - m[(1, 1)] * l3) / determinant;
+    let u2 = (m[(0, 1)] * l3 - m[(0, 0)] * l4) / determinant * 2.0;
+    arm.forward_dynamics(data, &[t1, t2], &[w1, w2], &[u1, u2], &[]).unwrap()[0]
+}
+
+#[test]
+fn the_linearised_arm_has_the_eight_entries_of_appendix_f() {
+    let arm = TwoLinkArm::default().model().unwrap().cast::<Dual64>();
+    let mut data = Data::new(&arm);
+    let mut random = Random::new(8);
+    for _ in 0..1000 {
+        let p: [f64; 8] = random.numbers(8, 3.0).try_into().unwrap();
+        let [_, t2, w1, w2, _, _, l3, l4] = p;
+        let (s, c) = t2.sin_cos();
+        let (sin, cos) = (|k: f64| (k * t2).sin(), |k: f64| (k * t2).cos());
+        let (w11, w22, w12) = (w1 * w1, w2 * w2, w1 * w2);
+        // (F.54) to (F.61)
+        let d32 = -(9330.0 * (w11 + w22) * c + 19872.0 * w1 * sin(2.0) - 3888.0 * w1 * sin(4.0)
+            + 8_812_800.0 * l3 * sin(2.0)
+            + 933_120.0 * l3 * sin(3.0)
+            - 30_585_600.0 * l4 * sin(2.0)
+            + 933_120.0 * l3 * sin(4.0)
+            - 31_492_800.0 * l4 * sin(3.0)
+            - 1_866_240.0 * l4 * sin(4.0)
+            + 219_600.0 * w11 * cos(2.0)
+            + 3645.0 * w11 * cos(3.0)
+            - 37_260.0 * w11 * cos(4.0)
+            + 3645.0 * w22 * cos(3.0)
+            - 1215.0 * (w11 + w22) * cos(5.0)
+            + 3_144_960.0 * l3 * s
+            - 106_142_400.0 * l4 * s
+            - 111_780.0 * w11
+            + 18_660.0 * w12 * c
+            + 7290.0 * w12 * cos(3.0)
+            - 2430.0 * w12 * cos(5.0))
+            / (20.0 * (9.0 * cos(2.0) - 23.0).powi(3));
+        let bracket = 9.0 * c * c - 16.0;
+        let printed = [
+            0.0,
+            d32,
+            -3.0 * (10.0 * (w1 + w2) * s + 60.0 * w1 * c * s - 4.0) / (10.0 * bracket),
+            s * (3.0 * w1 + 3.0 * w2) / (9.0 * s * s + 7.0),
+            0.0,
+            0.0,
+            -(2592.0 * c * c + 864.0 * c + 108.0) / (bracket * bracket),
+            (5184.0 * c * c + 29_160.0 * c + 4716.0) / (bracket * bracket),
+        ];
+        for (k, expected) in printed.into_iter().enumerate() {
+            let mut direction = p.map(Dual64::from_re);
+            direction[k].eps = 1.0;
+            let found = extremal_acceleration(&arm, &mut data, &direction).eps;
+            assert!(
+                (found - expected).abs() < 1e-12 * (1.0 + expected.abs()),
+                "d3{}: {found} {expected}",
+                k + 1
+            );
+        }
+    }
 }
