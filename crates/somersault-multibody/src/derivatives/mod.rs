@@ -62,7 +62,7 @@ pub struct DerivativeData<T: Scalar = f64> {
     acceleration: Vec<T>,
     /// The nearest passive degree of freedom on the way to the root.
     above: Vec<Option<usize>>,
-    /// L by rows, LᵀL the passive part of M.
+    /// L by rows, LᵀL the passive part of M; a row holds the entries on the way to the root, from the diagonal.
     factor: DMatrix<T>,
     /// What a unit passive joint force does to the result.
     response: DMatrix<T>,
