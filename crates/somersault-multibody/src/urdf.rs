@@ -1,4 +1,4 @@
-//! Trees from URDF, the Unified Robot Description Format.
+//! Trees from and to URDF, the Unified Robot Description Format.
 //!
 //! Read are links with their inertial, joints of all types with origin, axis, limits and damping. A body has
 //! the name of its link, q and v follow the joints depth first in the order of the document. The root
@@ -38,6 +38,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod writer;
 mod xml;
 
 use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
@@ -47,6 +48,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
 use xml::Element;
+
+pub use writer::write;
 
 /// How the root link is connected to the world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -217,6 +220,14 @@ pub enum UrdfError {
     /// The document has no link.
     #[error("the robot has no link")]
     NoLink,
+    /// URDF cannot say this.
+    #[error("{element} cannot be written: {reason}")]
+    NotRepresentable {
+        /// The link.
+        element: String,
+        /// Why.
+        reason: &'static str,
+    },
     /// The numbers describe no body or no joint.
     #[error("{element} (line {line}): {source}")]
     Rejected {
