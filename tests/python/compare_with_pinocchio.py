@@ -208,7 +208,7 @@ def main():
                 worst[name] = (value, number)
             exceeding[name] = exceeding.get(name, 0) + (value > TOLERANCE)
     print(
-        f"pinocchio {pin.__version__}, {len(cases)} trees; largest relative deviation, its case, how many above"
+        f"pinocchio {pin.__version__}, {len(cases)} trees; largest relative deviation, its case, number above"
     )
     for name, (value, number) in worst.items():
         print(f"{name:26} {value:8.1e} {number:5} {exceeding[name]:5}")

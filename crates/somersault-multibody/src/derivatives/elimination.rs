@@ -47,6 +47,18 @@ fn way(above: &[Option<usize>], first: Option<usize>) -> impl Iterator<Item = us
     std::iter::successors(first, |&k| above[k])
 }
 
+/// out ← (0, D_a) − W D_p, all by columns.
+fn apply<T: Scalar>(roles: &impl Roles, relatives: &[Vec<usize>], w: &[T], d: &[T], out: &mut [T]) {
+    let n = relatives.len();
+    for (j, relatives) in relatives.iter().enumerate() {
+        let (d, out) = (&d[j * n..][..n], &mut out[j * n..][..n]);
+        for k in 0..n {
+            out[k] = if roles.is_active(k) { d[k] } else { T::zero() };
+        }
+        subtract(out, w, relatives.iter().filter(|&&k| !roles.is_active(k)).map(|&k| (k, d[k])));
+    }
+}
+
 impl<T: Scalar> Model<T> {
     /// [`forward_dynamics`](Self::forward_dynamics) and its partials: −M⁻¹ ∂τ/∂q, −M⁻¹ ∂τ/∂v and M⁻¹, where
     /// the joint forces are those of inverse dynamics. Cost O(n² × depth).
@@ -93,8 +105,8 @@ impl<T: Scalar> Model<T> {
         }
         self.eliminate(split, work, q, v, wrenches)?;
         let n = self.n_velocities();
-        let DerivativeData { data, response, input, .. } = &mut *work;
-        self.apply(split, response.as_slice(), data.mass_matrix.as_slice(), input.as_mut_slice());
+        let DerivativeData { data, relatives, response, input, .. } = &mut *work;
+        apply(split, relatives, response.as_slice(), data.mass_matrix.as_slice(), input.as_mut_slice());
         for k in (0..n).filter(|&k| !split.is_active(k)) {
             input.column_mut(k).copy_from(&response.column(k));
         }
@@ -117,9 +129,9 @@ impl<T: Scalar> Model<T> {
         done?;
         self.factorize(roles, work)?;
         self.respond(roles, work);
-        let DerivativeData { inverse, forward, response, .. } = work;
-        self.apply(roles, response.as_slice(), inverse.q.as_slice(), forward.q.as_mut_slice());
-        self.apply(roles, response.as_slice(), inverse.v.as_slice(), forward.v.as_mut_slice());
+        let DerivativeData { relatives, inverse, forward, response, .. } = work;
+        apply(roles, relatives, response.as_slice(), inverse.q.as_slice(), forward.q.as_mut_slice());
+        apply(roles, relatives, response.as_slice(), inverse.v.as_slice(), forward.v.as_mut_slice());
         Ok(())
     }
 
@@ -197,18 +209,6 @@ impl<T: Scalar> Model<T> {
                 }
                 ancestor = self.dof_parent[j];
             }
-        }
-    }
-
-    /// out ← (0, D_a) − W D_p, all by columns.
-    fn apply(&self, roles: &impl Roles, w: &[T], d: &[T], out: &mut [T]) {
-        let n = self.n_velocities();
-        for (j, relatives) in self.relatives.iter().enumerate() {
-            let (d, out) = (&d[j * n..][..n], &mut out[j * n..][..n]);
-            for k in 0..n {
-                out[k] = if roles.is_active(k) { d[k] } else { T::zero() };
-            }
-            subtract(out, w, relatives.iter().filter(|&&k| !roles.is_active(k)).map(|&k| (k, d[k])));
         }
     }
 }
