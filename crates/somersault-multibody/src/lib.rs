@@ -42,6 +42,7 @@ mod coordinates;
 mod crba;
 mod data;
 mod error;
+pub mod flight;
 mod inertia;
 pub mod joint;
 mod kinematics;
