@@ -14,7 +14,7 @@ use somersault::multibody::{
 };
 use somersault::prelude::*;
 use somersault_testkit::order::{OrderEstimate, Sampling, estimate};
-use somersault_testkit::trees::{Random, humanoid, random_configuration};
+use somersault_testkit::trees::{Random, humanoid, random_configuration, random_tree};
 use std::f64::consts::PI;
 
 /// The methods that take any system.
@@ -422,6 +422,40 @@ fn joint_velocities_and_states_are_inverse_to_each_other() {
     model.integrate(&q, &step, &mut moved).unwrap();
     let off = drifted.as_slice().iter().zip(&moved).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
     assert!(off < 1e-11, "{off:e}");
+}
+
+/// q(h) = q ⊕ (h v + ½ h² a) + O(h³), v(h) = v + h a + O(h²), for trees with all kinds of joints.
+#[test]
+fn a_short_step_of_any_tree_is_what_its_accelerations_say() {
+    let mut random = Random::new(12);
+    for case in 0..40 {
+        let n = 1 + random.below(12);
+        let model = random_tree(&mut random, n, 0.3).unwrap();
+        let dofs = model.n_velocities();
+        let q = random_configuration(&mut random, &model).unwrap();
+        let (v, torque) = (random.numbers(dofs, 2.0), random.numbers(dofs, 1.0));
+        let a = model.forward_dynamics(&mut Data::new(&model), &q, &v, &torque, &[]).unwrap().to_vec();
+        let push = |_: f64, _: &[f64], _: &[f64], out: &mut [f64]| out.copy_from_slice(&torque);
+        let system = TreeSystem::new(&model, push);
+        let start = model.state(&q, &v).unwrap();
+        let off = |h: f64| {
+            let end = run(&system, Method::Rkmk8, &start, h, 1);
+            let step: Vec<f64> = v.iter().zip(&a).map(|(v, a)| h * v + 0.5 * h * h * a).collect();
+            let (mut expected, mut dq, mut dv) = (q.clone(), v.clone(), v.clone());
+            model.integrate(&q, &step, &mut expected).unwrap();
+            model.difference(&expected, end.configuration.as_slice(), &mut dq).unwrap();
+            model.joint_velocities(&end, &mut dv).unwrap();
+            for k in 0..dofs {
+                dv[k] -= v[k] + h * a[k];
+            }
+            let size = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+            [size(&dq), size(&dv)]
+        };
+        let ([q_coarse, v_coarse], [q_fine, v_fine]) = (off(2e-4), off(1e-4));
+        // below 1e-12 it is rounding
+        assert!(q_fine < 1e-12 || (q_coarse / q_fine).log2() > 2.8, "case {case}: {q_coarse:e} {q_fine:e}");
+        assert!(v_fine < 1e-12 || (v_coarse / v_fine).log2() > 1.8, "case {case}: {v_coarse:e} {v_fine:e}");
+    }
 }
 
 #[test]

@@ -29,6 +29,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
+//! short way for a tree in the air whose joints move as prescribed.
+//!
 //! Not meant for closed loops of joints, and not for contact.
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.

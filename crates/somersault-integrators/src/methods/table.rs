@@ -146,6 +146,7 @@ macro_rules! methods {
     };
 }
 
+// `any` takes every system as it is, `world` rigid bodies as they are, the others their forms.
 methods! { |options|
     // Table 7.3 of the thesis, in its order.
     Euler: Euler = Euler, any;

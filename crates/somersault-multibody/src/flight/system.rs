@@ -25,9 +25,9 @@ impl<F: Fn(f64, &mut [f64], &mut [f64])> ShapeMotion for F {
 
 /// Ṙ = R ω̂(t, R), or θ̇ = ω(t) in the plane.
 ///
-/// A state's configuration is the orientation alone, its rate is not used and stays zero. Methods have
-/// the order they have on SO(3) under torque; `sie`, `siabm2` and `siabm4`, which advance the rate first,
-/// fall back to order 1.
+/// A state's configuration is the orientation alone, its rate is not used and stays zero; the control of
+/// steps counts it as free of error. Methods have the order they have on SO(3) under torque; `sie`,
+/// `siabm2` and `siabm4`, which advance the rate first, fall back to order 1.
 #[derive(Debug)]
 pub struct FlightSystem<'f, S: ?Sized> {
     flight: Flight<'f>,
