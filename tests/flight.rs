@@ -5,6 +5,7 @@ use num_dual::Dual64;
 use somersault::multibody::flight::{
     Flight, FlightData, FlightError, FlightSensitivities, FlightSystem, ShapeMotion, ShapeParameters, TakeOff,
 };
+use somersault::multibody::models::Diver;
 use somersault::multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
 use somersault::multibody::{Data, DynamicsError, Joint, Link, MassProperties, Model, ModelBuilder, Split};
 use somersault::prelude::*;
@@ -14,6 +15,7 @@ use std::f64::consts::PI;
 
 /// A humanoid's joints, or any others, each swinging as ½ a sin(ω t + φ) about a posture; quaternions
 /// turn about a fixed axis of the child by that angle.
+#[derive(Clone)]
 struct Swing {
     posture: Vec<f64>,
     /// For each joint: where its numbers are in q and v of the shape, how many numbers in v.
@@ -175,7 +177,8 @@ impl<S: ShapeMotion> Observer<Coordinates> for Balance<'_, S> {
 
 #[test]
 fn momentum_is_exactly_constant_and_the_centre_of_mass_on_its_parabola_in_reduced_flight() {
-    let mut trees: Vec<Model> = vec![humanoid().unwrap()];
+    let divers = [Diver::planar(), Diver::spatial()].map(|diver| diver.model().unwrap());
+    let mut trees: Vec<Model> = divers.into_iter().chain([humanoid().unwrap()]).collect();
     let mut random = Random::new(1);
     for root in [Joint::Free, Joint::Planar] {
         for _ in 0..10 {
@@ -246,8 +249,10 @@ fn difference_from_full_dynamics(model: &Model, random: &mut Random) -> f64 {
 #[test]
 fn reduced_flight_is_the_full_dynamics_with_driven_joints() {
     let mut random = Random::new(2);
-    let off = difference_from_full_dynamics(&humanoid().unwrap(), &mut random);
-    assert!(off < 1e-10, "humanoid: {off:e}");
+    for diver in [Diver::planar(), Diver::spatial()] {
+        let off = difference_from_full_dynamics(&diver.model().unwrap(), &mut random);
+        assert!(off < 1e-10, "{diver:?}: {off:e}");
+    }
     for root in [Joint::Free, Joint::Planar] {
         for i in 0..8 {
             let n = 2 + random.below(10);
@@ -388,6 +393,30 @@ fn a_rigid_shape_flies_as_the_exact_free_body() {
         });
         assert!(found.slope.is_some_and(|s| s > order - 0.25), "{method}: {found:?}");
     }
+}
+
+#[test]
+fn curves_between_the_steps_of_a_flight_are_the_flight() {
+    let model = Diver::spatial().model().unwrap();
+    let mut random = Random::new(5);
+    let take_off = TakeOff { time: 0.0, ..take_off(&mut random, 30.0) };
+    let swing = Swing::new(&model, &mut random, 0.5);
+    let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), &swing);
+    let start = system.state(&orientation(&mut random, &model)).unwrap();
+    let control = Adaptive::with_tolerances(1e-11, 1e-11);
+    let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
+    system
+        .integrate_adaptive(Method::Rkmk8, Options::default(), &start, (0.0, 1.7), &control, &mut recorder)
+        .unwrap();
+    let between = recorder.into_solution().at(0.9).unwrap();
+    let grid = TimeGrid::try_with_steps(0.0, 0.9, 500).unwrap();
+    let there = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+    let turn = |x: &TreeState| {
+        let q = x.configuration.as_slice();
+        UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]))
+    };
+    let off = so3::angle_between(&turn(&between), &turn(&there));
+    assert!(off < 1e-9, "{off:e}");
 }
 
 /// The orders that the documentation of `FlightSystem` claims.
@@ -598,12 +627,7 @@ fn derivatives_of_the_final_orientation_are_those_of_dual_numbers_and_difference
         assert!((by_duals - &expected).norm() < 1e-9 * size, "case {case}: {by_duals} {expected}");
         // differences of whole flights
         let at = |h: f64| {
-            let mut scaled = Swing {
-                amplitudes: swing.amplitudes.clone(),
-                posture: swing.posture.clone(),
-                joints: swing.joints.clone(),
-                frequencies: swing.frequencies.clone(),
-            };
+            let mut scaled = swing.clone();
             for (p, &(_, k, n)) in swing.joints.iter().enumerate() {
                 scaled.amplitudes[k..k + n].iter_mut().for_each(|a| *a *= 1.0 + h * dp[p]);
             }
@@ -658,12 +682,7 @@ fn derivatives_of_the_final_angle_in_the_plane_are_those_of_differences() {
             let (_, k, n) = swing.joints[p];
             let mut amplitudes = swing.amplitudes.clone();
             amplitudes[k..k + n].iter_mut().for_each(|a| *a *= factor);
-            Swing {
-                amplitudes,
-                posture: swing.posture.clone(),
-                joints: swing.joints.clone(),
-                frequencies: swing.frequencies.clone(),
-            }
+            Swing { amplitudes, ..swing.clone() }
         };
         let slope = (angle(start_from, &scaled(1.0 + h)) - angle(start_from, &scaled(1.0 - h))) / (2.0 * h);
         assert!(
