@@ -68,6 +68,11 @@ impl Contact {
         &self.shape
     }
 
+    /// The surface.
+    pub fn surface(&self) -> &dyn Surface {
+        &*self.surface
+    }
+
     /// The laws.
     pub fn law(&self) -> &ContactLaw {
         &self.law

@@ -42,6 +42,7 @@ pub mod interface;
 pub mod law;
 pub mod models;
 pub mod normal;
+pub mod sensitivity;
 pub mod shape;
 mod step_curve;
 pub mod surface;
