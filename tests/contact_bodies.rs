@@ -4,7 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::Contact;
-use somersault_contact::driver::integrate_hybrid;
+use somersault_contact::driver::{integrate_hybrid, integrate_located};
 use somersault_contact::event::{EventKind, Located, Location};
 use somersault_contact::friction::{CoulombFriction, CreepFriction, RegularisedFriction, Resistance};
 use somersault_contact::hunt_crossley::HuntCrossley;
@@ -16,7 +16,7 @@ use somersault_core::{Inertia, so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, State, Twist};
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{CountMismatch, Interaction};
@@ -72,6 +72,18 @@ fn energy(system: &System, x: &Bodies) -> f64 {
         .map(|(i, b)| b.kinetic_energy(&State { configuration: x.configuration[i], rate: x.rate[i] }))
         .sum();
     kinetic + system.interaction().energy(system.bodies(), x)
+}
+
+/// Positions, orientations, velocities and angular velocities taken together.
+fn distance(x: &Bodies, y: &Bodies) -> f64 {
+    let poses = x.configuration.iter().zip(&y.configuration);
+    let rates = x.rate.iter().zip(&y.rate);
+    let of_poses = poses.map(|(a, b)| {
+        (a.position - b.position).norm_squared() + so3::angle_between(&a.orientation, &b.orientation).powi(2)
+    });
+    let of_rates =
+        rates.map(|(u, v)| (u.linear - v.linear).norm_squared() + (u.angular - v.angular).norm_squared());
+    (of_poses.sum::<f64>() + of_rates.sum::<f64>()).sqrt()
 }
 
 fn at(positions: &[f64], velocities: &[f64]) -> Bodies {
@@ -171,16 +183,7 @@ fn two_colliding_spinning_balls_keep_the_order_and_the_momenta() {
     for n in [75, 150, 300, 600] {
         let found = run(&RungeKuttaMuntheKaas4, &system, &start, 0.3, 0.3 / f64::from(n));
         assert_eq!(found.events.len(), exact.events.len());
-        let mut sum = 0.0;
-        for i in 0..2 {
-            let (a, b) = (&found.state.configuration[i], &exact.state.configuration[i]);
-            let (u, v) = (&found.state.rate[i], &exact.state.rate[i]);
-            sum += (a.position - b.position).norm_squared()
-                + so3::angle_between(&a.orientation, &b.orientation).powi(2)
-                + (u.linear - v.linear).norm_squared()
-                + (u.angular - v.angular).norm_squared();
-        }
-        points.push((0.3 / f64::from(n), sum.sqrt()));
+        points.push((0.3 / f64::from(n), distance(&found.state, &exact.state)));
         let momentum = momenta(&system, &found.state).0 - momenta(&system, &start).0;
         assert!(momentum.norm() < 1e-14, "{n}: {momentum:?}");
     }
@@ -189,6 +192,32 @@ fn two_colliding_spinning_balls_keep_the_order_and_the_momenta() {
     let turned = momenta(&system, &exact.state).1 - momenta(&system, &start).1;
     assert!(turned.norm() < 1e-13, "{turned:?}");
     assert!(energy(&system, &exact.state) < energy(&system, &start));
+}
+
+#[test]
+fn methods_of_the_table_in_every_form_keep_their_order_on_colliding_balls() {
+    let (system, start) = collision();
+    let exact = run(&RungeKuttaMuntheKaas(Dop853), &system, &start, 0.3, 2e-4);
+    let error = |method: Method, n: u64| {
+        let grid = TimeGrid::try_with_steps(0.0, 0.3, n).unwrap();
+        let (options, location) = (Options::default(), Location::default());
+        let found = integrate_located(method, options, &system, &start, &grid, &location, &mut ()).unwrap();
+        distance(&found.state, &exact.state)
+    };
+    for (method, order) in [
+        (Method::Rkmk, 4.0),
+        (Method::RkmkL, 4.0),
+        (Method::RkmkB, 4.0),
+        (Method::Heun, 2.0),
+        (Method::Lgvi, 2.0),
+        (Method::Split2, 2.0),
+        (Method::Ab2L, 2.0),
+    ] {
+        let points: Vec<_> =
+            [150, 300, 600, 1200].into_iter().map(|n| (0.3 / n as f64, error(method, n))).collect();
+        println!("{method}: {:.2} {points:?}", slope(&points));
+        assert!((slope(&points) - order).abs() < 0.4, "{method}: {points:?}");
+    }
 }
 
 #[test]

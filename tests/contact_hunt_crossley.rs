@@ -3,13 +3,13 @@
 use nalgebra::Vector3;
 use somersault_contact::ContactError;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_hybrid;
+use somersault_contact::driver::{integrate_hybrid, integrate_hybrid_adaptive};
 use somersault_contact::event::{EventKind, Located, Location};
 use somersault_contact::hunt_crossley::{Elastic, HuntCrossley};
 use somersault_contact::hybrid::Frozen;
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::driver::{Adaptive, TimeGrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, DormandPrince, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, RigidBodyState};
@@ -104,6 +104,25 @@ fn graded_steps_restore_the_order_with_hunt_and_crossley() {
     assert!((four - 4.0).abs() < 0.3, "{four}");
     let five = impact_order(&RungeKuttaMuntheKaas(DormandPrince), [10, 15, 20, 30, 40], 2.5);
     assert!(five > 4.7, "{five}");
+}
+
+#[test]
+fn adapted_steps_grade_themselves() {
+    let (system, x) = impact();
+    let points: Vec<_> = (6..=11)
+        .map(|digits| {
+            let frozen = Frozen::new(&system, 0.0, &x);
+            let settings = Adaptive::with_tolerances(10f64.powi(-digits), 10f64.powi(-digits));
+            let (stepper, location) = (RungeKuttaMuntheKaas(DormandPrince), Location::default());
+            let interval = (0.0, 0.1);
+            let run =
+                integrate_hybrid_adaptive(&frozen, &stepper, &x, interval, &settings, &location, &mut ())
+                    .unwrap();
+            (1.0 / run.steps as f64, (run.state.velocity().z - 0.7).abs())
+        })
+        .collect();
+    println!("{:.2} {points:?}", slope(&points));
+    assert!(slope(&points) > 4.0, "{points:?}");
 }
 
 #[test]

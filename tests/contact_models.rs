@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
-use somersault_contact::contacts::BodyInContact;
+use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{integrate_hybrid, integrate_located};
 use somersault_contact::event::{EventKind, Located, Location};
 use somersault_contact::friction::{CoulombFriction, CreepFriction, RegularisedFriction};
@@ -10,7 +10,9 @@ use somersault_contact::hybrid::Frozen;
 use somersault_contact::interface::ContactLaw;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{FallingBox, ModelError, RollingDisk, TippeTop};
+use somersault_contact::surface::HalfSpace;
 use somersault_core::so3;
+use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{
@@ -20,6 +22,7 @@ use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::{Scope, Stepper};
 use somersault_testkit::order::slope;
 use somersault_testkit::planar_box::PlanarBox;
+use std::sync::Arc;
 
 type System = BodyInContact<Gravity>;
 
@@ -242,6 +245,21 @@ fn a_box_dropped_on_an_edge_agrees_with_three_coordinates() {
     }
 }
 
+/// Numbers in [−1, 1), always the same (SplitMix64).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
+    }
+    fn vector(&mut self) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.next())
+    }
+}
+
 /// Watches the energy, that of sticking springs included.
 struct FullEnergy<'a> {
     frozen: &'a Frozen<&'a System>,
@@ -281,6 +299,60 @@ fn the_energy_of_the_box_never_grows_and_it_comes_to_rest() {
         assert!(run.state.velocity().norm() < 1e-2 && run.state.angular_velocity().norm() < 1e-2);
         assert!(energy(&model.system, &run.state) < energy(&model.system, &start) - 0.1);
     }
+}
+
+/// Runs a system from a start and returns the number of events and the most that the energy grew in a step.
+fn watched(system: &System, start: &RigidBodyState, end: f64, dt: f64) -> (u64, f64) {
+    let frozen = Frozen::new(system, 0.0, start);
+    let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
+    let mut watch = FullEnergy { frozen: &frozen, growth: 0.0 };
+    let (stepper, location) = (RungeKuttaMuntheKaas4, Location::default());
+    let run = integrate_hybrid(&frozen, &stepper, start, &grid, &location, &mut watch).unwrap();
+    (run.event_count, watch.growth)
+}
+
+#[test]
+fn boxes_thrown_at_random_neither_chatter_nor_gain_energy() {
+    let mut random = Random(11);
+    let coulomb = CoulombFriction::try_new(0.5, 1500.0, 20.0).unwrap();
+    let creep = CreepFriction::try_new(0.5, 20.0).unwrap();
+    let law = ContactLaw::from(corner_law());
+    for case in 0..20 {
+        let law = if case % 2 == 0 { law.with_friction(coulomb) } else { law.with_friction(creep) };
+        let model = FallingBox::try_new(1.0, LENGTHS, law).unwrap();
+        let start = RigidBodyState::new(
+            Vector3::new(0.0, 0.0, 0.3),
+            UnitQuaternion::new(3.0 * random.vector()),
+            2.0 * random.vector(),
+            10.0 * random.vector(),
+        );
+        let (events, growth) = watched(&model.system, &start, 2.0, 5e-4);
+        println!("case {case}: {events} events, growth {growth:e}");
+        assert!(events < 400 && growth < 1e-12, "case {case}: {events} events, {growth:e}, {start:?}");
+    }
+}
+
+#[test]
+fn a_rod_that_jams_on_rough_ground_is_no_paradox() {
+    // Painlevé's rod: sliding tip first with μ (1 + 3 cos² θ … ) beyond the bound, rigid bodies have no or
+    // several solutions. Compliant ones have one.
+    let rod = RigidBody::try_principal(1.0, Vector3::new(1.0 / 12.0, 1.0 / 12.0, 1e-4)).unwrap();
+    let friction = CoulombFriction::try_new(2.5, 2e4, 50.0).unwrap();
+    let law = ContactLaw::from(CompliantLaw::try_new(2e4, 50.0).unwrap()).with_friction(friction);
+    let ground = Arc::new(HalfSpace::ground());
+    let tip = Contact::try_new(Vector3::new(0.0, 0.0, -0.5), ground, law).unwrap();
+    let system = BodyInContact::new(rod, (Gravity::earth(), Contacts::new(vec![tip])));
+    let lean = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -0.55);
+    let height = 0.5 * 0.55f64.cos();
+    let start = RigidBodyState::new(
+        Vector3::new(0.0, 0.0, height),
+        lean,
+        Vector3::new(1.5, 0.0, 0.0),
+        Vector3::zeros(),
+    );
+    let (events, growth) = watched(&system, &start, 0.15, 2e-5);
+    println!("{events} events, growth {growth:e}");
+    assert!(events > 1 && growth < 1e-12, "{events} {growth:e}");
 }
 
 // --------------------------------------------------------------------------------------------- tippe top

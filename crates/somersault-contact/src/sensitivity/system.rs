@@ -167,7 +167,7 @@ impl<F: ForceModel> System for Variational<'_, F> {
     type Workspace = ();
     fn workspace(&self) {}
 
-    fn velocity(&self, x: &VariedState, out: &mut Varied<Twist>) {
+    fn velocity(&self, _: &mut Self::Workspace, _: f64, x: &VariedState, out: &mut Varied<Twist>) {
         out.assign(&x.rate);
         for (column, displacement) in out.columns.iter_mut().zip(&x.configuration.columns) {
             column.add_bracket(1.0, &x.rate.base, displacement);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid, adapt_form, integrate_form};
+use crate::driver::{integrate, integrate_adaptive};
 use crate::state::State;
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Stepper, Variables};
 use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System};
@@ -35,14 +36,6 @@ pub trait Visitor<S: RigidSystem> {
     fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output;
 }
 
-/// What to do with a method for any system once its type is known.
-pub trait SystemVisitor<S: System> {
-    /// The result.
-    type Output;
-    /// Takes the method.
-    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output;
-}
-
 /// As [`Visitor`], for methods that estimate their error.
 pub trait EmbeddedVisitor<S: RigidSystem> {
     /// The result.
@@ -51,16 +44,29 @@ pub trait EmbeddedVisitor<S: RigidSystem> {
     fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output;
 }
 
+/// What to do with a method that takes any system, once its type is known.
+pub trait SystemVisitor<S: System> {
+    /// The result.
+    type Output;
+    /// Takes the method.
+    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output;
+}
+
+/// As [`SystemVisitor`], for methods that estimate their error.
+pub trait EmbeddedSystemVisitor<S: System> {
+    /// The result.
+    type Output;
+    /// Takes the method.
+    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output;
+}
+
 macro_rules! methods {
     (|$options:ident| $($variant:ident : $stepper:ty = $make:expr, $kind:ident $(($name:literal, $title:literal))? $(, $embedded:ident)?;)*) => {
         /// A method of the table.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum Method {
-            $(
-                #[doc = concat!("[`", stringify!($stepper), "`], in ", methods!(@variables $kind), " variables.")]
-                $variant,
-            )*
+            $(#[doc = concat!("[`", stringify!($stepper), "`], ", methods!(@scope $kind), ".")] $variant,)*
         }
 
         impl Method {
@@ -81,14 +87,6 @@ macro_rules! methods {
                 }
             }
 
-            /// As [`visit`](Self::visit) for any system, by methods of that scope; `None` for the others, and for
-            /// those in the variables of a form.
-            pub fn visit_system<S: System, V: SystemVisitor<S>>(self, $options: Options, visitor: V) -> Option<V::Output> {
-                match self {
-                    $(Self::$variant => methods!(@system visitor, $kind, $make),)*
-                }
-            }
-
             /// As [`visit`](Self::visit) for methods with an error estimate; `None` for the others.
             pub fn visit_embedded<S: RigidSystem, V: EmbeddedVisitor<S>>(
                 self,
@@ -104,14 +102,33 @@ macro_rules! methods {
                     _ => None,
                 }
             }
+
+            /// As [`visit`](Self::visit) for any system; `None` for the methods that need rigid bodies.
+            pub fn visit_system<S: System, V: SystemVisitor<S>>(self, $options: Options, visitor: V) -> Option<V::Output> {
+                match self {
+                    $(Self::$variant => methods!(@system visitor, $make, $kind),)*
+                }
+            }
+
+            /// As [`visit_system`](Self::visit_system) for methods with an error estimate.
+            pub fn visit_embedded_system<S: System, V: EmbeddedSystemVisitor<S>>(
+                self,
+                $options: Options,
+                visitor: V,
+            ) -> Option<V::Output> {
+                let _ = $options;
+                match self {
+                    $($(Self::$variant => methods!(@system visitor, $make, $kind $embedded),)?)*
+                    #[allow(unreachable_patterns)]
+                    _ => None,
+                }
+            }
         }
     };
-    (@variables any) => { "world" };
-    (@variables world) => { "world" };
-    (@variables momentum) => { "momentum" };
-    (@variables body) => { "body" };
-    (@system $visitor:ident, any, $make:expr) => { Some($visitor.visit($make)) };
-    (@system $visitor:ident, $kind:ident, $make:expr) => { None };
+    (@scope any) => { "any system" };
+    (@scope $kind:ident) => { concat!("rigid bodies in ", stringify!($kind), " variables") };
+    (@system $visitor:ident, $make:expr, any $($embedded:ident)?) => { Some($visitor.visit($make)) };
+    (@system $visitor:ident, $make:expr, $kind:ident $($embedded:ident)?) => { None };
     (@info $stepper:ty, any) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, world) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, momentum($name:literal, $title:literal)) => {
@@ -129,8 +146,7 @@ macro_rules! methods {
     };
 }
 
-// `any` is a method for any system and `world` one for rigid bodies, both in world variables; `momentum` and
-// `body` are methods in the variables of a form.
+// `any` takes every system as it is, `world` rigid bodies as they are, the others their forms.
 methods! { |options|
     // Table 7.3 of the thesis, in its order.
     Euler: Euler = Euler, any;
@@ -204,7 +220,7 @@ impl fmt::Display for Method {
     }
 }
 
-struct Fixed<'a, S: RigidSystem, O> {
+struct Fixed<'a, S: System, O> {
     initial: &'a StateOf<S>,
     grid: &'a TimeGrid,
     observer: &'a mut O,
@@ -218,7 +234,7 @@ impl<S: RigidSystem, O: Observer<S::Configuration>> Visitor<S> for Fixed<'_, S, 
     }
 }
 
-struct Adapted<'a, S: RigidSystem, O> {
+struct Adapted<'a, S: System, O> {
     initial: &'a StateOf<S>,
     interval: (f64, f64),
     control: &'a Adaptive,
@@ -258,6 +274,66 @@ impl Method {
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
         self.visit_embedded(options, system, Adapted { initial, interval, control, observer })
             .unwrap_or(Err(IntegrateError::NoErrorEstimate { method: self.info().name }))
+    }
+
+    /// As [`integrate`](Self::integrate) for any system, say a tree of bodies.
+    ///
+    /// Errors with [`IntegrateError::RigidBodiesOnly`] where the method needs rigid bodies.
+    pub fn integrate_system<S: System, O: Observer<S::Configuration>>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &StateOf<S>,
+        grid: &TimeGrid,
+        observer: &mut O,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
+        self.visit_system(options, General { system, run: Fixed { initial, grid, observer } })
+            .unwrap_or(Err(IntegrateError::RigidBodiesOnly { method: self.info().name }))
+    }
+
+    /// As [`integrate_adaptive`](Self::integrate_adaptive) for any system.
+    pub fn integrate_system_adaptive<S: System, O: Observer<S::Configuration>>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &StateOf<S>,
+        interval: (f64, f64),
+        control: &Adaptive,
+        observer: &mut O,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
+        let run = Adapted { initial, interval, control, observer };
+        self.visit_embedded_system(options, General { system, run }).unwrap_or_else(|| {
+            let MethodInfo { name: method, embedded, .. } = self.info();
+            Err(match embedded {
+                Some(_) => IntegrateError::RigidBodiesOnly { method },
+                None => IntegrateError::NoErrorEstimate { method },
+            })
+        })
+    }
+}
+
+/// A run of a system that a method takes as it is.
+struct General<'a, S, R> {
+    system: &'a S,
+    run: R,
+}
+
+impl<S: System, O: Observer<S::Configuration>> SystemVisitor<S> for General<'_, S, Fixed<'_, S, O>> {
+    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+
+    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output {
+        integrate(self.system, &stepper, self.run.initial, self.run.grid, self.run.observer)
+    }
+}
+
+impl<S: System, O: Observer<S::Configuration>> EmbeddedSystemVisitor<S>
+    for General<'_, S, Adapted<'_, S, O>>
+{
+    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+
+    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output {
+        let Adapted { initial, interval, control, observer } = self.run;
+        integrate_adaptive(self.system, &stepper, initial, interval, control, observer)
     }
 }
 
