@@ -29,6 +29,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`), or have a name in the
+//! literature ([`models`]).
+//!
 //! Not meant for closed loops of joints, and not for contact.
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.
