@@ -369,6 +369,13 @@ fn bad_links_are_refused_with_their_names() {
     assert_eq!(found.to_string(), "link `a` (line 2): `mass` of `a` must not be negative, found -2");
     let found = with(&format!(r#"<mass value="NaN"/>{}"#, moments(1.0, 1.0, 1.0)));
     assert!(matches!(found, UrdfError::BadNumber { attribute: "value", .. }));
+    // not of the joint that carries it
+    let joint = format!(r#"<joint name="j" type="floating">{ENDS}</joint>"#);
+    let found = read(&joined(&joint).replace(r#"izz="1""#, r#"izz="3""#)).unwrap_err().to_string();
+    assert!(
+        found.starts_with("link `b` (line 2): `b` of mass 2 cannot have the principal moments"),
+        "{found}"
+    );
 }
 
 #[test]

@@ -106,7 +106,34 @@ pub fn read(text: &str, options: &UrdfOptions) -> Result<Model, UrdfError> {
         links.push(link);
     }
     let joints = elements("joint").map(|node| joint(node, &numbers)).collect::<Result<Vec<_>, _>>()?;
+    let (root, carries) = hierarchy(&links, &joints)?;
 
+    let mut builder = ModelBuilder::new().with_gravity(options.gravity);
+    let base = match options.base {
+        Base::Fixed => Joint::Fixed,
+        Base::Planar => Joint::Planar,
+        Base::Free => Joint::Free,
+    };
+    let first = &links[root];
+    add(&mut builder, first, first, Link::root(first.name, base, inertial(first)?))?;
+    let mut reached = vec![false; links.len()];
+    reached[root] = true;
+    let mut open: Vec<usize> = carries[root].iter().rev().copied().collect();
+    while let Some(k) = open.pop() {
+        let UrdfJoint { element, parent, child } = &joints[k];
+        attach(&mut builder, element, links[*parent].name, &links[*child])?;
+        reached[*child] = true;
+        open.extend(carries[*child].iter().rev());
+    }
+    if let Some(lost) = reached.iter().position(|reached| !reached) {
+        return Err(UrdfError::Cycle { link: links[lost].name.to_owned() });
+    }
+    let whole = Element::new(robot, robot.attribute("name").unwrap_or_default());
+    builder.build().map_err(|source| whole.rejected(source))
+}
+
+/// The root link, and the joints that each link carries.
+fn hierarchy(links: &[Element], joints: &[UrdfJoint]) -> Result<(usize, Vec<Vec<usize>>), UrdfError> {
     let mut carried_by: Vec<Option<usize>> = vec![None; links.len()];
     let mut carries: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
     let mut names = HashSet::new();
@@ -125,37 +152,15 @@ pub fn read(text: &str, options: &UrdfOptions) -> Result<Model, UrdfError> {
         carries[joint.parent].push(k);
     }
     let mut roots = (0..links.len()).filter(|&i| carried_by[i].is_none());
-    let root = match (roots.next(), roots.next()) {
-        (Some(root), None) => root,
+    match (roots.next(), roots.next()) {
+        (Some(root), None) => Ok((root, carries)),
         (Some(first), Some(second)) => {
             let name = |i: usize| links[i].name.to_owned();
-            return Err(UrdfError::SeveralRoots { first: name(first), second: name(second) });
+            Err(UrdfError::SeveralRoots { first: name(first), second: name(second) })
         }
-        (None, _) if links.is_empty() => return Err(UrdfError::NoLink),
-        (None, _) => return Err(UrdfError::Cycle { link: links[0].name.to_owned() }),
-    };
-
-    let mut builder = ModelBuilder::new().with_gravity(options.gravity);
-    let base = match options.base {
-        Base::Fixed => Joint::Fixed,
-        Base::Planar => Joint::Planar,
-        Base::Free => Joint::Free,
-    };
-    add(&mut builder, &links[root], Link::root(links[root].name, base, inertial(&links[root])?))?;
-    let mut reached = vec![false; links.len()];
-    reached[root] = true;
-    let mut open: Vec<usize> = carries[root].iter().rev().copied().collect();
-    while let Some(k) = open.pop() {
-        let UrdfJoint { element, parent, child } = &joints[k];
-        attach(&mut builder, element, links[*parent].name, &links[*child])?;
-        reached[*child] = true;
-        open.extend(carries[*child].iter().rev());
+        (None, _) if links.is_empty() => Err(UrdfError::NoLink),
+        (None, _) => Err(UrdfError::Cycle { link: links[0].name.to_owned() }),
     }
-    if let Some(lost) = reached.iter().position(|reached| !reached) {
-        return Err(UrdfError::Cycle { link: links[lost].name.to_owned() });
-    }
-    let whole = Element::new(robot, robot.attribute("name").unwrap_or_default());
-    builder.build().map_err(|source| whole.rejected(source))
 }
 
 fn duplicate(element: &Element) -> UrdfError {
@@ -176,8 +181,16 @@ fn joint<'a>(node: Node<'a, 'a>, links: &HashMap<&str, usize>) -> Result<UrdfJoi
     Ok(UrdfJoint { element, parent, child })
 }
 
-fn add(builder: &mut ModelBuilder, element: &Element, link: Link) -> Result<(), UrdfError> {
-    builder.add(link).map(drop).map_err(|source| element.rejected(source))
+/// Adds a body; what is wrong with its mass is said of the link, anything else of the joint.
+fn add(builder: &mut ModelBuilder, joint: &Element, link: &Element, body: Link) -> Result<(), UrdfError> {
+    use ModelError::{AsymmetricInertia, Negative, NonFinite, NonPhysicalInertia};
+    builder.add(body).map(drop).map_err(|source| match &source {
+        AsymmetricInertia { .. }
+        | NonPhysicalInertia { .. }
+        | Negative { argument: "mass", .. }
+        | NonFinite { argument: "mass" | "center" | "inertia", .. } => link.rejected(source),
+        _ => joint.rejected(source),
+    })
 }
 
 /// Adds a link on its joint.
@@ -220,7 +233,7 @@ fn attach(
         moving = moving.with_limits(limit.bound("lower")?, limit.bound("upper")?);
     }
     if joint_kind != Joint::Planar || axis.xy() == nalgebra::Vector2::zeros() && axis.z > 0.0 {
-        return add(builder, joint, moving);
+        return add(builder, joint, link, moving);
     }
     if axis == Vector3::zeros() {
         return Err(joint.rejected(ModelError::ZeroAxis { name: link.name.to_owned() }));
@@ -229,8 +242,8 @@ fn attach(
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let plane = format!("{} plane", link.name);
     let between = Link::child(&plane, parent, Joint::Planar, MassProperties::massless());
-    add(builder, joint, between.at(origin).turned(orientation * turn).with_damping(damping))?;
-    add(builder, joint, Link::child(link.name, plane, Joint::Fixed, mass).turned(turn.inverse()))
+    add(builder, joint, link, between.at(origin).turned(orientation * turn).with_damping(damping))?;
+    add(builder, joint, link, Link::child(link.name, plane, Joint::Fixed, mass).turned(turn.inverse()))
 }
 
 /// Mass, centre and inertia of a link in its own axes.
