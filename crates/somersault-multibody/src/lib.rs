@@ -57,6 +57,8 @@ pub mod motion;
 mod rnea;
 mod scalar;
 mod spatial;
+#[cfg(feature = "urdf")]
+pub mod urdf;
 
 pub use articulated::Split;
 pub use builder::{Link, MassProperties, ModelBuilder, ModelError};
