@@ -6,20 +6,20 @@ mod located_differences;
 use located_differences::{RKMK8, agrees_with_differences, components, difference, differentiate, located};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::event::{EventKind, Interruption, Location};
+use somersault_contact::event::{EventKind, Location};
 use somersault_contact::law::{CompliantLaw, damping_ratio, restitution};
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::sensitivity::{
-    Differentiation, FrozenVariational, Parameter, SensitivityError, Undifferentiated, VariedState,
-    differentiate_hybrid,
+    Differentiation, FrozenVariational, Parameter, VariedState, differentiate_hybrid,
+    differentiate_hybrid_adaptive, differentiate_located,
 };
 use somersault_contact::surface::{Cylinder, HalfSpace, SignedDistance, Solid, Sphere, Surface};
 use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, TimeGrid};
 use somersault_integrators::force::{Drag, Gravity, Spring, Wrench};
 use somersault_integrators::methods::{
-    AdamsBashforth4, DormandPrince, Heun, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
+    AdamsBashforth4, DormandPrince, Heun, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
 };
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 use somersault_integrators::stepper::Stepper;
@@ -441,91 +441,25 @@ fn points_that_touch_down_at_once_have_a_derivative() {
     }
 }
 
-// ------------------------------------------------------------------------------------ no derivative
-
 #[test]
-fn a_graze_is_an_error_that_keeps_the_solution() {
-    // Pushed up at 2 m/s², the body comes down to the ground and turns there.
-    let law = |damping| CompliantLaw::try_new(50.0, damping).unwrap();
-    let system = |damping| {
-        let contact =
-            Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law(damping)).unwrap();
-        let up = Gravity { acceleration: Vector3::new(0.0, 0.0, 2.0) };
-        let body = RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap();
-        BodyInContact::new(body, (up, Contacts::new(vec![contact])))
-    };
-    let dip = |depth: f64| at(0.25, -(4.0 * (0.25 + depth)).sqrt());
-    let graze = differentiate(&system(0.5), &dip(1e-19), &[], (0.0, 1.0), 1e-2);
-    // The cubic of a step tells a dip of this depth or does not; if it does, it is a graze.
-    if let Err(error) = graze {
-        assert!(matches!(error.reason, SensitivityError::Grazing(_)), "{error}");
-    }
-    let by = Differentiation { grazing: 5e-4, ..Differentiation::default() };
-    let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
-    let run = |damping, depth| {
-        let location = Location::default();
-        differentiate_hybrid(&RKMK8, &system(damping), &dip(depth), &by, &grid, &location, &mut ())
-    };
-    let error = run(0.5, 1e-8).unwrap_err();
-    let SensitivityError::Grazing(grazing) = error.reason else { panic!("{error}") };
-    // It touches with 2 mm/s · √(depth/1 µm), and 5e-4 of a second at 2 m/s² is 1 mm/s.
-    assert!((grazing.rate + 2e-4).abs() < 1e-6 && (grazing.bound - 1e-3).abs() < 1e-15, "{grazing:?}");
-    assert!((grazing.t - 0.5).abs() < 1e-3 && error.to_string().starts_with("guard 0 is touched at t = 0.4"));
-    assert_eq!((error.so_far.run.t, error.so_far.run.events.len()), (1.0, 2));
-    assert!(error.so_far.state.iter().all(|d| d.is_finite()));
-    // Deeper, or without damping, it has one.
-    assert!(run(0.5, 1e-5).is_ok() && run(0.0, 1e-8).is_ok());
-}
-
-#[test]
-fn bad_input_is_refused_with_the_start_kept() {
-    let ball = ball(&BALL);
-    let grid = TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap();
-    let attempt = |start: &RigidBodyState, by: Differentiation| {
-        let location = Location::default();
-        let error =
-            differentiate_hybrid(&RKMK8, &ball.system, start, &by, &grid, &location, &mut ()).unwrap_err();
-        assert_eq!((error.so_far.run.t, error.so_far.run.steps), (0.0, 0));
-        assert!(error.so_far.run.events.is_empty() && error.so_far.event_times.is_empty());
-        error.reason
-    };
-    let start = ball.at(0.5, 0.0);
-    for parameter in [Parameter::Stiffness(1), Parameter::Damping(7)] {
-        let error = attempt(&start, Differentiation::by([Parameter::Mass, parameter]));
-        assert!(matches!(error, SensitivityError::NoSuchContact { contacts: 1, .. }), "{error}");
-    }
-    for grazing in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let error = attempt(&start, Differentiation { grazing, ..Differentiation::default() });
-        assert!(error.to_string().starts_with("`grazing` must be positive and finite"), "{error}");
-    }
-    let error = attempt(&ball.at(f64::NAN, 0.0), Differentiation::default());
-    let expected = |e: &SensitivityError| {
-        matches!(e, SensitivityError::Run(Interruption::Integrate(IntegrateError::InitialState { .. })))
-    };
-    assert!(expected(&error), "{error}");
-    let mut on_surface = ball.at(0.0, -1.0);
-    on_surface.configuration.position.z = 0.1;
-    let error = attempt(&on_surface, Differentiation::default());
-    assert_eq!(error, SensitivityError::StartOnSurface { guard: 0 });
-}
-
-#[test]
-fn a_derivative_that_is_not_a_number_ends_the_run_and_keeps_it() {
-    let ball = ball(&BALL);
-    let grid = TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap();
-    let force = Vector3::repeat(f64::NAN);
-    let by = Parameter::Force(Arc::new(move |t, _, _| Wrench {
-        force: if t > 0.2 { force } else { Vector3::zeros() },
-        torque: Vector3::zeros(),
-    }));
-    let (by, location) = (Differentiation::by([by]), Location::default());
-    let start = ball.at(0.5, 0.0);
-    let error =
-        differentiate_hybrid(&RKMK8, &ball.system, &start, &by, &grid, &location, &mut ()).unwrap_err();
-    let at = |e: &Undifferentiated| match e.reason {
-        SensitivityError::Run(Interruption::Integrate(IntegrateError::NonFinite { t })) => t,
-        _ => f64::NAN,
-    };
-    assert!((at(&error) - 0.21).abs() < 1e-12 && (error.so_far.run.t - 0.2).abs() < 1e-12, "{error}");
-    assert!(error.so_far.state.iter().all(|d| d.is_finite()));
+fn the_derivative_by_name_and_with_adapted_steps_is_that_by_the_stepper() {
+    let (system, start) = top(TOP_DAMPING, 0, 0.0);
+    let (by, location) = (Differentiation::by(top_parameters()), Location::default());
+    let grid = TimeGrid::try_new(0.0, 0.1, 1e-4).unwrap();
+    let own = differentiate_hybrid(&RKMK8, &system, &start, &by, &grid, &location, &mut ()).unwrap();
+    let options = Options::default();
+    let named =
+        differentiate_located(Method::Rkmk8, options, &system, &start, &by, &grid, &location, &mut ())
+            .unwrap();
+    assert_eq!((named.state, &named.parameters), (own.state, &own.parameters));
+    assert_eq!((named.run.state, named.event_times), (own.run.state, own.event_times.clone()));
+    let settings = Adaptive { max_step: 1e-3, ..Adaptive::with_tolerances(1e-10, 1e-12) };
+    let interval = (0.0, 0.1);
+    let adapted =
+        differentiate_hybrid_adaptive(&RKMK8, &system, &start, &by, interval, &settings, &location, &mut ())
+            .unwrap();
+    let error = (adapted.state - own.state).norm() / own.state.norm();
+    let time_error = (adapted.event_times - &own.event_times).norm() / own.event_times.norm();
+    println!("{error:.1e} {time_error:.1e} in {} steps", adapted.run.steps);
+    assert!(error < 1e-8 && time_error < 1e-8 && adapted.run.steps < 400, "{error:e} {time_error:e}");
 }

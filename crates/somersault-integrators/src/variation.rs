@@ -92,11 +92,16 @@ impl State<Varied<crate::state::Pose, Twist>> {
         State { configuration: self.configuration.base, rate: self.rate.base }
     }
 
+    /// Column `k`, for `k` below their number.
+    #[inline]
+    pub fn column(&self, k: usize) -> Tangent<Twist> {
+        Tangent { displacement: self.configuration.columns[k], rate: self.rate.columns[k] }
+    }
+
     /// The columns.
     #[inline]
     pub fn columns(&self) -> impl ExactSizeIterator<Item = Tangent<Twist>> {
-        let pairs = self.configuration.columns.iter().zip(&self.rate.columns);
-        pairs.map(|(&displacement, &rate)| Tangent { displacement, rate })
+        (0..self.rate.columns.len()).map(|k| self.column(k))
     }
 }
 

@@ -18,6 +18,7 @@ use crate::contacts::Contact;
 use crate::interface::Encounter;
 use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
+use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{RigidBodyState, Twist};
@@ -101,6 +102,26 @@ impl<'a> Linearization<'a> {
         Change { at, arm }
     }
 
+    /// The greatest acceleration of the point of contact by a force of 1 N there, at most 1/m + r²/I_min.
+    pub(super) fn mobility(&self, body: &RigidBody) -> f64 {
+        1.0 / body.mass() + self.arm.norm_squared() / body.inertia().principal_moments().min()
+    }
+
+    /// The acceleration by the tangential force at the contact that takes the sliding acceleration from
+    /// `sliding` to zero.
+    pub(super) fn holding(&self, body: &RigidBody, x: &RigidBodyState, sliding: &Vector3<f64>) -> Twist {
+        let r = x.orientation().to_rotation_matrix().into_inner();
+        let inverse_inertia = r * body.inertia().inverse() * r.transpose();
+        let lever = so3::hat(&self.arm);
+        let mobility = Matrix3::identity() / body.mass() - lever * inverse_inertia * lever;
+        let normal = self.at.normal * self.at.normal.transpose();
+        let tangential = Matrix3::identity() - normal;
+        // Along the normal, where no force is sought, the matrix is made that of a unit.
+        let matrix = tangential * mobility * tangential + normal;
+        let force = -matrix.try_inverse().unwrap_or_default() * (tangential * sliding);
+        Twist { linear: force / body.mass(), angular: inverse_inertia * self.arm.cross(&force) }
+    }
+
     /// The wrench about the centre of mass of an effort at the point of contact.
     pub(super) fn wrench(&self, effort: &Wrench) -> Twist {
         Twist { linear: effort.force, angular: self.arm.cross(&effort.force) + effort.torque }
@@ -118,7 +139,6 @@ mod tests {
     use super::*;
     use crate::law::CompliantLaw;
     use crate::surface::{Cylinder, HalfSpace, Solid, Sphere};
-    use somersault_core::so3;
     use std::sync::Arc;
 
     #[test]

@@ -27,6 +27,9 @@ pub(super) struct Changes<'a> {
     pub(super) law: LawChange,
     /// Of what the mode remembers: the anchor of sticking, the direction of sliding.
     pub(super) memory: Vector3<f64>,
+    /// Time before a stop, times the acceleration that a unit of force at the contact may give, s/kg: nearer
+    /// to the stop the direction of sliding changes no faster.
+    pub(super) settling: f64,
 }
 
 impl NormalLaw {
@@ -74,12 +77,12 @@ impl NormalLaw {
     }
 }
 
-/// Derivative of v/‖v‖; zero at rest.
-fn direction_change(v: &Vector3<f64>, change: &Vector3<f64>) -> Vector3<f64> {
+/// Derivative of v/‖v‖, of a speed no lower than `slowest`; zero at rest.
+fn direction_change(v: &Vector3<f64>, change: &Vector3<f64>, slowest: f64) -> Vector3<f64> {
     let speed = v.norm();
     if speed > 0.0 {
         let along = v / speed;
-        (change - along * along.dot(change)) / speed
+        (change - along * along.dot(change)) / speed.max(slowest)
     } else {
         Vector3::zeros()
     }
@@ -126,13 +129,14 @@ fn friction(
             let (bound, bound_change) = bound(law.coefficient());
             let sign = 1f64.copysign(sliding.dot(direction));
             let along = sliding.try_normalize(0.0).map_or(*direction, |along| along * sign);
-            (along * -bound, along * -bound_change - direction_change(sliding, change) * (sign * bound))
+            let turn = direction_change(sliding, change, bound * by.settling);
+            (along * -bound, along * -bound_change - turn * (sign * bound))
         }
         (Friction::Creep(law), ContactMode::Creep) => (law.creeping(sliding), law.creeping(change)),
         (Friction::Creep(law), ContactMode::Slide) => {
             let (bound, bound_change) = bound(law.coefficient());
             let along = sliding.try_normalize(0.0).unwrap_or_default();
-            (along * -bound, along * -bound_change - direction_change(sliding, change) * bound)
+            (along * -bound, along * -bound_change - direction_change(sliding, change, 0.0) * bound)
         }
         _ => Default::default(),
     }
@@ -187,8 +191,12 @@ impl ContactLaw {
         let cone =
             |coefficient: f64| 2.0 * coefficient * push.0 * (by.law.friction * push.0 + coefficient * push.1);
         match (&self.friction, before) {
+            (Friction::Coulomb(_), ContactMode::Slip { direction }) if at.sliding == Vector3::zeros() => {
+                by.at.sliding.dot(direction)
+            }
             (Friction::Coulomb(_), ContactMode::Slip { direction }) => {
-                by.at.sliding.dot(direction) + at.sliding.dot(&by.memory)
+                let along = at.sliding.normalize();
+                by.at.sliding.dot(&(direction - 0.5 * along)) + at.sliding.dot(&by.memory)
             }
             (Friction::Coulomb(law), _) => {
                 let (force, change) = friction(&self.friction, before, at, by, push);
@@ -205,7 +213,7 @@ impl ContactLaw {
     pub(super) fn memory_change(mode: &ContactMode, at: &Encounter, change: &Encounter) -> Vector3<f64> {
         match mode {
             ContactMode::Stick { .. } => change.point,
-            ContactMode::Slip { .. } => direction_change(&at.sliding, &change.sliding),
+            ContactMode::Slip { .. } => direction_change(&at.sliding, &change.sliding, 0.0),
             _ => Vector3::zeros(),
         }
     }
@@ -218,15 +226,20 @@ impl ContactLaw {
             (ContactMode::Open, _) if at.rate > 0.0 => Wrench::default(),
             (ContactMode::Open, _) => self.effort_in(after, &Encounter { gap: 0.0, ..*at }),
             (ContactMode::Slip { .. }, ContactMode::Slip { .. }) => Wrench::default(),
-            (ContactMode::Slip { direction }, _) => {
-                // The state is on the far side, where the frozen force is continued with its sign; its limit
-                // is that of the mirror image.
-                let past = at.sliding.dot(direction).min(0.0);
-                let near = Encounter { sliding: at.sliding - direction * (2.0 * past), ..*at };
-                self.effort_in(after, at) - self.effort_in(before, &near)
-            }
             _ => self.effort_in(after, at) - self.effort_in(before, at),
         }
+    }
+
+    /// Whether an event is a stop: what is left of the velocity of sliding is then rounding, a millionth of
+    /// what is lost over the settling time or against the direction of sliding.
+    pub(super) fn stops(&self, modes: (&ContactMode, &ContactMode), at: &Encounter, settling: f64) -> bool {
+        let (Friction::Coulomb(law), (ContactMode::Slip { direction }, ContactMode::Stick { .. })) =
+            (&self.friction, modes)
+        else {
+            return false;
+        };
+        let lost = law.coefficient() * self.normal.force_in_contact(at.gap, at.rate) * settling;
+        at.sliding.dot(direction) <= 0.0 || at.sliding.norm() <= 1e-6 * lost
     }
 
     /// The normal force and its derivative.
@@ -306,7 +319,7 @@ mod tests {
 
     #[test]
     fn derivatives_of_efforts_and_margins_are_their_differences() {
-        let by = Changes { at: &CHANGE, law: CONSTANTS, memory: MEMORY };
+        let by = Changes { at: &CHANGE, law: CONSTANTS, memory: MEMORY, settling: 0.0 };
         for (i, (law, before, after)) in cases(0.0).iter().enumerate() {
             let step = 1e-5;
             let ends = [step, -step].map(|epsilon| (cases(epsilon).remove(i), encounter(epsilon)));

@@ -17,6 +17,13 @@
 //! The columns are integrated beside the state by the same method in the same steps, cut at the same events:
 //! they have the method's own order, and the motion is to the bit what it is without them.
 //!
+//! **Stops.** Where sliding under Coulomb's law stops, the direction of its velocity is lost. Columns across it
+//! obey δv' = −(μ Fₙ/m) δv/‖v‖, stiff without bound; nearer than a step to the stop the speed is held, and the
+//! stop takes away what is left. Their way has order 2 then, less under a load along the surface, where they
+//! fall like a power of the time that is left; the other columns keep the method's order. The stop is taken to
+//! be straight, in the direction that the mode remembers; of one that is not, the columns after it are wrong
+//! in proportion to the angle, at most 60°.
+//!
 //! **Where there is no derivative.** A point that touches its surface with no speed is touched or missed by
 //! motions next to it: the derivative from one side differs from that from the other unless c = 0. Such a
 //! run ends in [`SensitivityError::Grazing`], which keeps what was integrated; the columns are then those of

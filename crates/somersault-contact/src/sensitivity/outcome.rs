@@ -50,6 +50,9 @@ pub enum SensitivityError {
         /// The method.
         method: &'static str,
     },
+    /// Steps without a bound, and Coulomb's friction.
+    #[error("`max_step` must be finite where friction is Coulomb's, found infinity")]
+    UnboundedStep,
     /// A parameter belongs to a contact that there is not.
     #[error("`parameters` must name one of the {contacts} contacts, found contact {found}")]
     NoSuchContact {

@@ -3,7 +3,7 @@
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
 use super::parameter::{Differentiation, Parameter};
 use super::system::{Log, Variational, VariedState};
-use crate::contacts::BodyInContact;
+use crate::contacts::{BodyInContact, Contact};
 use crate::driver::{LocatedResult, integrate_hybrid, integrate_hybrid_adaptive};
 use crate::event::{Interruption, Located, Location};
 use crate::friction::Friction;
@@ -69,7 +69,7 @@ where
     O: Observer<Varied<Pose, Twist>>,
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
-    differentiate(system, initial, differentiation, interval, location, |frozen, start| {
+    differentiate(system, initial, differentiation, interval, grid.dt(), location, |frozen, start| {
         integrate_hybrid(frozen, stepper, start, grid, location, observer)
     })
 }
@@ -77,7 +77,8 @@ where
 /// The same by any stepper that estimates its error, with steps adapted to tolerances; see
 /// [`differentiate_located`].
 ///
-/// The steps are those of the motion without columns, whose errors are not weighed.
+/// The steps are those of the motion without columns, whose errors are not weighed. With Coulomb's friction
+/// `settings.max_step` must be finite: it is the time over which columns settle before a stop.
 pub fn differentiate_hybrid_adaptive<'a, F, M, O>(
     stepper: &M,
     system: &'a BodyInContact<F>,
@@ -93,7 +94,12 @@ where
     M: EmbeddedStepper<FrozenVariational<'a, F>>,
     O: Observer<Varied<Pose, Twist>>,
 {
-    differentiate(system, initial, differentiation, interval, location, |frozen, start| {
+    let has_stops = |contact: &Contact| matches!(contact.law().friction, Friction::Coulomb(_));
+    if settings.max_step == f64::INFINITY && system.forces.1.iter().any(has_stops) {
+        let reason = SensitivityError::UnboundedStep;
+        return Err(refused(reason, interval.0, &start(initial, differentiation)));
+    }
+    differentiate(system, initial, differentiation, interval, settings.max_step, location, |frozen, start| {
         integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, observer)
     })
 }
@@ -134,6 +140,7 @@ fn differentiate<'a, F: ForceModel>(
     initial: &RigidBodyState,
     differentiation: &'a Differentiation,
     interval: (f64, f64),
+    largest_step: f64,
     location: &Location,
     run: impl FnOnce(&FrozenVariational<'a, F>, &VariedState) -> LocatedResult<Varied<Pose, Twist>>,
 ) -> SensitivityResult {
@@ -141,9 +148,9 @@ fn differentiate<'a, F: ForceModel>(
     if let Some(reason) = refusal(system, differentiation, initial) {
         return Err(refused(reason, interval.0, &start));
     }
-    let grazing_time = differentiation.grazing * (interval.1 - interval.0);
+    let times = (differentiation.grazing * (interval.1 - interval.0), largest_step);
     let parameters = &differentiation.parameters;
-    let variational = Variational::new(system, parameters, grazing_time, location.keep_events, &start);
+    let variational = Variational::new(system, parameters, times, location.keep_events, &start);
     let frozen = Frozen::new(variational, interval.0, &start);
     let run = run(&frozen, &start);
     let Log { times, grazing } = frozen.system().log.take();

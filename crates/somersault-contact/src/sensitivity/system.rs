@@ -8,7 +8,7 @@ use super::parameter::Parameter;
 use crate::contacts::BodyInContact;
 use crate::event::EventKind;
 use crate::hybrid::{Guard, Hybrid, HybridBodies};
-use crate::interface::{ContactLaw, ContactMode};
+use crate::interface::{ContactLaw, ContactMode, Encounter};
 use nalgebra::Vector3;
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
@@ -42,6 +42,8 @@ pub struct Variational<'a, F> {
     parameters: &'a [Parameter],
     /// Time to a tangency below which a touch-down is one.
     grazing_time: f64,
+    /// Time before a stop within which the direction of sliding is settled.
+    settling_time: f64,
     keep_events: bool,
     pub(super) log: RefCell<Log>,
     /// Of each contact, the columns of what its mode remembers.
@@ -52,7 +54,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
     pub(super) fn new(
         system: &'a BodyInContact<F>,
         parameters: &'a [Parameter],
-        grazing_time: f64,
+        (grazing_time, settling_time): (f64, f64),
         keep_events: bool,
         start: &VariedState,
     ) -> Self {
@@ -63,7 +65,15 @@ impl<'a, F: ForceModel> Variational<'a, F> {
             start.columns().map(|c| ContactLaw::memory_change(&mode, &at.at, &at.along(&c).at)).collect()
         };
         let memories = RefCell::new(system.forces.1.iter().map(memory).collect());
-        Self { system, parameters, grazing_time, keep_events, log: RefCell::default(), memories }
+        Self {
+            system,
+            parameters,
+            grazing_time,
+            settling_time,
+            keep_events,
+            log: RefCell::default(),
+            memories,
+        }
     }
 
     /// The columns of a state, each with the parameter it belongs to.
@@ -91,24 +101,33 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         t: f64,
         contact: usize,
         modes: (&ContactMode, &ContactMode),
-        flow: &Tangent<Twist>,
+        acceleration: &Twist,
         x: &mut VariedState,
     ) {
         let (base, contacts) = (x.base(), &self.system.forces.1);
-        let at = Linearization::new(&contacts[contact], &self.system.body, &base);
+        let mut at = Linearization::new(&contacts[contact], &self.system.body, &base);
         let law = at.contact.law();
+        let effort = law.effort_in(modes.0, &at.at);
+        let is_stop = law.stops(modes, &at.at, self.settling_time * at.mobility(&self.system.body));
+        if is_stop {
+            at.at.sliding = Vector3::zeros();
+        }
+        let mut flow = Tangent { displacement: base.rate, rate: *acceleration };
+        let off = law.effort_in(modes.0, &at.at) - effort;
+        flow.rate.axpy(1.0, &self.acceleration_by(&base, &at.wrench(&off)));
+        let flowing = at.along(&flow).at;
+        let margin_change = |change: &Encounter, law_change, memory| {
+            let by = Changes { at: change, law: law_change, memory, settling: 0.0 };
+            law.margin_change(modes, &at.at, &by)
+        };
+        let rate = margin_change(&flowing, LawChange::default(), Vector3::zeros());
         let mut memories = self.memories.borrow_mut();
         let memory = &mut memories[contact];
-        let flowing = at.along(flow).at;
-        let still = Changes { at: &flowing, law: LawChange::default(), memory: Vector3::zeros() };
-        let rate = law.margin_change(modes, &at.at, &still);
         let times: Vec<f64> = self
             .columns(x)
             .zip(memory.iter())
             .map(|((column, parameter), &memory)| {
-                let moved = at.along(&column).at;
-                let by = Changes { at: &moved, law: law_change(parameter, contact), memory };
-                -law.margin_change(modes, &at.at, &by) / rate
+                -margin_change(&at.along(&column).at, law_change(parameter, contact), memory) / rate
             })
             .collect();
         let touches = is_open(modes.0) && at.at.rate <= 0.0 && law.normal.jumps();
@@ -119,15 +138,20 @@ impl<'a, F: ForceModel> Variational<'a, F> {
             log.grazing = Some(Grazing { t, guard: contact, rate, bound });
         }
         if rate != 0.0 {
-            // The columns at the event itself, whose time they move.
-            for ((memory, time), column) in memory.iter_mut().zip(&times).zip(x.columns()) {
-                let displacement = moved(&column.displacement, *time, &flow.displacement);
-                let there = Tangent { displacement, rate: moved(&column.rate, *time, &flow.rate) };
-                *memory = ContactLaw::memory_change(modes.1, &at.at, &at.along(&there).at);
-            }
             let jump = self.acceleration_by(&base, &at.wrench(&jump));
-            for (change, time) in x.rate.columns.iter_mut().zip(&times) {
-                change.axpy(-time, &jump);
+            for (k, &time) in times.iter().enumerate() {
+                // The column at the event itself, whose time it moves.
+                let column = x.column(k);
+                let displacement = moved(&column.displacement, time, &flow.displacement);
+                let there = Tangent { displacement, rate: moved(&column.rate, time, &flow.rate) };
+                let change = at.along(&there).at;
+                memory[k] = ContactLaw::memory_change(modes.1, &at.at, &change);
+                let rate = &mut x.rate.columns[k];
+                rate.axpy(-time, &jump);
+                if is_stop {
+                    // Every motion nearby stops with no sliding velocity at all.
+                    rate.axpy(1.0, &at.holding(&self.system.body, &base, &change.sliding));
+                }
             }
         }
         if self.keep_events {
@@ -205,10 +229,11 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         for (i, mode) in mode.iter().enumerate().filter(|(_, mode)| !is_open(mode)) {
             let at = Linearization::new(&contacts[i], body, &base);
             let effort = at.contact.law().effort_in(mode, &at.at);
+            let settling = self.settling_time * at.mobility(body);
             let columns = self.columns(x).zip(&memories[i]).zip(&mut out.columns);
             for (((column, parameter), &memory), change) in columns {
                 let moved = at.along(&column);
-                let by = Changes { at: &moved.at, law: law_change(parameter, i), memory };
+                let by = Changes { at: &moved.at, law: law_change(parameter, i), memory, settling };
                 let effort_change = at.contact.law().effort_change(mode, &at.at, &by);
                 change.axpy(1.0, &at.wrench_change(&moved, &effort, &effort_change));
             }
@@ -230,10 +255,9 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
     fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut VariedState) {
         let base = x.base();
         let acceleration = world_acceleration(&self.system.body, &base, &self.wrench(before, t, &base));
-        let flow = Tangent { displacement: base.rate, rate: acceleration };
         for (contact, modes) in before.iter().zip(after).enumerate() {
             if modes.0 != modes.1 {
-                self.cross(t, contact, modes, &flow, x);
+                self.cross(t, contact, modes, &acceleration, x);
             }
         }
     }
