@@ -37,6 +37,7 @@ pub mod hybrid;
 pub mod law;
 pub mod models;
 mod step_curve;
+pub mod studies;
 pub mod surface;
 
 pub use error::ContactError;
