@@ -11,10 +11,11 @@ from pathlib import Path
 
 import batch
 import box
+import contact
 import long_run
 from measure import machine
 
-COMPARISONS = (box, long_run, batch)
+COMPARISONS = (box, long_run, contact, batch)
 
 
 def main() -> None:
