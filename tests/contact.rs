@@ -16,8 +16,7 @@ use somersault_integrators::force::{ForceModel, Gravity};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::{Scope, Variables};
-use somersault_integrators::studies::order::Convergence;
-use somersault_integrators::studies::problem::Errors;
+use somersault_integrators::studies::order::{Convergence, ObservedOrders};
 use somersault_integrators::studies::silent;
 use somersault_testkit::order::slope;
 use somersault_testkit::{bouncing_ball, spinning_top};
@@ -260,27 +259,21 @@ fn every_method_keeps_its_order_on_the_top_with_location() {
             ("angular velocity", found.angular_velocity),
         ] {
             let off = (found.unwrap_or(f64::NAN) - f64::from(order)).abs();
-            assert!(off < if high { 0.7 } else { 0.35 }, "{method} {name}: {found:?} for {order} {study:?}");
+            assert!(off < if high { 0.5 } else { 0.35 }, "{method} {name}: {found:?} for {order} {study:?}");
         }
     }
 }
 
 #[test]
 fn every_method_falls_to_first_order_on_the_top_without_location() {
-    let dts: Vec<f64> = (0..5).map(|k| 2.5e-4 * 0.5f64.powi(k)).collect();
+    let dts: Vec<f64> = (0..5).map(|k| 1.25e-4 * 0.5f64.powi(k)).collect();
     for method in methods() {
         let study = top_convergence(method, Stepping::Straddling, &dts, 24);
-        let order = |of: fn(&Errors) -> f64| {
-            slope(&study.measured.iter().map(|m| (m.dt, of(&m.errors))).collect::<Vec<_>>())
-        };
-        let found = [
-            order(|e| e.position),
-            order(|e| e.orientation),
-            order(|e| e.velocity),
-            order(|e| e.angular_velocity),
-        ];
-        println!("{method:10} {found:.2?}");
-        assert!(found.iter().all(|p| (p - 1.0).abs() < 0.3), "{method}: {found:?} {study:?}");
+        let ObservedOrders { position, orientation, velocity, angular_velocity } = study.orders;
+        println!("{method:10} {:.2?}", study.orders);
+        for found in [position, orientation, velocity, angular_velocity] {
+            assert!((found.unwrap_or(f64::NAN) - 1.0).abs() < 0.3, "{method}: {study:?}");
+        }
     }
 }
 
@@ -309,7 +302,11 @@ fn the_reference_of_the_thesis_is_off_by_a_nanometre_and_17_microradians_a_secon
     println!("{off:?}");
     assert!((0.5e-9..2e-9).contains(&off.position) && (1e-5..3e-5).contains(&off.angular_velocity));
     let located = studies::errors(&problem, Method::Rkmk, options, Stepping::Located, 20_000).unwrap();
-    assert!(located.position < 1e-13 && located.angular_velocity < 1e-9, "{located:?}");
+    // In a fiftieth of the steps.
+    assert!(
+        located.position < 1e-2 * off.position && located.angular_velocity < 1e-2 * off.angular_velocity,
+        "{located:?}"
+    );
 }
 
 /// Kinetic energy, weight and springs.
