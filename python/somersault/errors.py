@@ -10,11 +10,14 @@ __all__ = [
     "BatchInputError",
     "BodyError",
     "CountMismatchError",
+    "DynamicsError",
+    "DynamicsInputError",
     "FreeBodyError",
     "InertiaError",
     "InputError",
     "IntegrateError",
     "IntegrateInputError",
+    "ModelError",
     "SomersaultError",
     "StepError",
     "StudyError",
@@ -82,3 +85,15 @@ class StudyError(SomersaultError):
 
 class StudyInputError(StudyError, InputError):
     """The arguments of a study are not allowed."""
+
+
+class ModelError(InputError):
+    """A body cannot be part of a tree; the message names it."""
+
+
+class DynamicsError(SomersaultError):
+    """The dynamics of a tree have no solution: some motion of a joint moves no mass."""
+
+
+class DynamicsInputError(DynamicsError, InputError):
+    """A tree has no such body, or a quaternion is no rotation."""

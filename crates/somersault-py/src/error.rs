@@ -14,6 +14,7 @@ use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
+use somersault::multibody::{DynamicsError, ModelError};
 
 /// What a function of this module fails with.
 pub(crate) enum Error {
@@ -27,6 +28,14 @@ impl Error {
     /// An argument that is not allowed.
     pub(crate) fn input(message: impl Into<String>) -> Self {
         Self::Own { class: "InputError", message: message.into() }
+    }
+
+    /// The error of one of many rows.
+    pub(crate) fn in_row(self, row: usize) -> Self {
+        match self {
+            Self::Own { class, message } => Self::Own { class, message: format!("row {row}: {message}") },
+            raised => raised,
+        }
     }
 
     fn own(class: &'static str, error: &impl ToString) -> Self {
@@ -138,6 +147,21 @@ impl From<StudyError> for Error {
             | StudyError::NotFinite { .. }
             | StudyError::NotIncreasing { .. } => Self::own("StudyInputError", &error),
             error => Self::own("StudyError", &error),
+        }
+    }
+}
+
+impl From<ModelError> for Error {
+    fn from(error: ModelError) -> Self {
+        Self::own("ModelError", &error)
+    }
+}
+
+impl From<DynamicsError> for Error {
+    fn from(error: DynamicsError) -> Self {
+        match error {
+            DynamicsError::Singular { .. } => Self::own("DynamicsError", &error),
+            error => Self::own("DynamicsInputError", &error),
         }
     }
 }

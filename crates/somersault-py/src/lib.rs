@@ -10,7 +10,11 @@ mod error;
 mod exact;
 mod forces;
 mod integrate;
+mod link;
 mod methods;
+mod model;
+mod named_models;
+mod rows;
 mod studies;
 mod trajectory;
 
@@ -28,7 +32,13 @@ mod _somersault {
     #[pymodule_export]
     use crate::integrate::integrate;
     #[pymodule_export]
+    use crate::link::Link;
+    #[pymodule_export]
     use crate::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::model::Model;
+    #[pymodule_export]
+    use crate::named_models::{cart_pendulum, two_link_arm};
     #[pymodule_export]
     use crate::studies::{
         Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
