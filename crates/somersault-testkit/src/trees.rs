@@ -102,6 +102,40 @@ pub fn random_wrenches(random: &mut Random, model: &Model) -> Vec<Force<f64>> {
     (0..model.n_bodies()).map(|_| Force::new(random.vector(5.0), random.vector(2.0))).collect()
 }
 
+/// A random tree with a state, accelerations and wrenches.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// The tree.
+    pub model: Model,
+    /// Configuration.
+    pub q: Vec<f64>,
+    /// Velocity.
+    pub v: Vec<f64>,
+    /// Acceleration.
+    pub a: Vec<f64>,
+    /// One wrench per body.
+    pub wrenches: Vec<Force<f64>>,
+    /// For what else a test needs.
+    pub random: Random,
+}
+
+/// The same trees in every test: up to 40 bodies with all kinds of joints, their seeds from 0.
+///
+/// # Panics
+/// If a tree is refused, which its construction rules out.
+pub fn cases(count: u64) -> impl Iterator<Item = Case> {
+    (0..count).map(|seed| {
+        let mut random = Random::new(seed);
+        let n = 1 + random.below(40);
+        let model = random_tree(&mut random, n, 0.5).expect("a tree");
+        let q = random_configuration(&mut random, &model).expect("lengths fit");
+        let n = model.n_velocities();
+        let (v, a) = (random.numbers(n, 2.0), random.numbers(n, 5.0));
+        let wrenches = random_wrenches(&mut random, &model);
+        Case { model, q, v, a, wrenches, random }
+    })
+}
+
 /// A humanoid with the 27 degrees of freedom of thesis Table 3.2 in 18 bodies: a free torso, waist and
 /// pelvis with a hinge each, four hinges in each leg, one in the neck, ball joints in the shoulders, a
 /// hinge in each elbow and wrist. Boxes for bodies; made for timing, not for anatomy.
