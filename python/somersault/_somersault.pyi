@@ -10,41 +10,55 @@ _Floats: TypeAlias = NDArray[np.float64]
 _Wrench: TypeAlias = tuple[ArrayLike, ArrayLike]
 _AnyForce: TypeAlias = ForceModel | Callable[[float, State], _Wrench]
 _AnyMethod: TypeAlias = str | MethodInfo
+_Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
+_Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 
 __all__ = [
+    "CompliantLaw",
+    "Contact",
     "Convergence",
+    "Cylinder",
     "DenseOutput",
     "Drag",
     "EnergyStudy",
+    "Event",
     "Force",
     "ForceModel",
     "FreeBody",
     "Gravitation",
     "Gravity",
+    "HalfSpace",
     "Link",
     "MethodInfo",
     "MethodTable",
     "Model",
     "Problem",
     "RigidBody",
+    "Scene",
     "Solution",
+    "Sphere",
     "Spring",
     "StabilityRegion",
     "State",
+    "Surface",
     "Torque",
     "Trajectory",
     "WorkPrecision",
     "__version__",
+    "bouncing_ball",
     "cart_pendulum",
     "convergence",
+    "damping_ratio",
     "energy_study",
     "integrate",
     "integrate_batch",
     "method",
     "methods",
     "prisms",
+    "restitution",
     "spectral_radii",
+    "spinning_top",
     "stability_region",
     "two_link_arm",
     "work_precision_study",
@@ -171,6 +185,85 @@ class Gravitation:
     def constant(self) -> float: ...
 
 @final
+class CompliantLaw:
+    def __new__(cls, stiffness: float, damping: float = 0.0) -> CompliantLaw: ...
+    @staticmethod
+    def from_frequency(mass: float, frequency: float, damping_ratio: float) -> CompliantLaw: ...
+    @staticmethod
+    def from_restitution(effective_mass: float, stiffness: float, restitution: float) -> CompliantLaw: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    def restitution(self, effective_mass: float) -> float: ...
+    def force(self, gap: float, rate: float) -> float: ...
+    def energy(self, gap: float) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@disjoint_base
+class Surface:
+    def signed_distance(self, point: ArrayLike) -> tuple[float, _Floats]: ...
+
+@final
+class HalfSpace(Surface):
+    def __new__(cls, point: ArrayLike | None = None, normal: ArrayLike | None = None) -> HalfSpace: ...
+
+@final
+class Sphere(Surface):
+    def __new__(
+        cls, center: ArrayLike, radius: float, solid: Literal["inside", "outside"] = "inside"
+    ) -> Sphere: ...
+
+@final
+class Cylinder(Surface):
+    def __new__(
+        cls,
+        center: ArrayLike,
+        axis: ArrayLike,
+        radius: float,
+        solid: Literal["inside", "outside"] = "inside",
+    ) -> Cylinder: ...
+
+@final
+class Contact:
+    def __new__(cls, point: ArrayLike, surface: _Surface, law: CompliantLaw) -> Contact: ...
+    @property
+    def point(self) -> _Floats: ...
+    @property
+    def surface(self) -> _Surface: ...
+    @property
+    def law(self) -> CompliantLaw: ...
+    def gap(self, state: State) -> tuple[float, float]: ...
+
+@final
+class Event:
+    def __new__(cls, t: float, contact: int, kind: str, impulse: float, state: State) -> Event: ...
+    @property
+    def t(self) -> float: ...
+    @property
+    def contact(self) -> int: ...
+    @property
+    def kind(self) -> Literal["touch_down", "release", "re_engagement"]: ...
+    @property
+    def impulse(self) -> float: ...
+    @property
+    def state(self) -> State: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Scene:
+    @property
+    def body(self) -> RigidBody: ...
+    @property
+    def state(self) -> State: ...
+    @property
+    def forces(self) -> Gravity: ...
+    @property
+    def contacts(self) -> list[Contact]: ...
+
+@final
 class Link:
     def __new__(
         cls,
@@ -290,9 +383,26 @@ class Model:
         v: ArrayLike,
         a: ArrayLike,
         torque: ArrayLike,
-        active: Sequence[str] | Sequence[bool] | NDArray[np.bool_],
+        active: _Active,
         wrenches: ArrayLike | None = None,
     ) -> tuple[_Floats, _Floats]: ...
+    def inverse_dynamics_partials(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, wrenches: ArrayLike | None = None
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
+    def forward_dynamics_partials(
+        self, q: ArrayLike, v: ArrayLike, torque: ArrayLike, wrenches: ArrayLike | None = None
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
+    def hybrid_dynamics_partials(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        known: ArrayLike,
+        active: _Active,
+        wrenches: ArrayLike | None = None,
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
+    def momentum_partials(
+        self, q: ArrayLike, v: ArrayLike
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats]: ...
     def mass_matrix(self, q: ArrayLike) -> _Floats: ...
     def bias(self, q: ArrayLike, v: ArrayLike) -> _Floats: ...
     def gravity_forces(self, q: ArrayLike) -> _Floats: ...
@@ -379,6 +489,12 @@ class Solution(Trajectory):
     def n_steps(self) -> int: ...
     @property
     def n_rejected(self) -> int: ...
+    @property
+    def events(self) -> tuple[Event, ...]: ...
+    @property
+    def n_events(self) -> int: ...
+    @property
+    def n_trials(self) -> int: ...
     @property
     def sol(self) -> DenseOutput | None: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -490,6 +606,10 @@ def integrate(
     method: _AnyMethod | None = None,
     forces: _AnyForce | Sequence[_AnyForce] | Sequence[_AnyForce | Sequence[_AnyForce] | None] | None = None,
     interaction: Gravitation | Callable[[float, list[State]], _Wrench] | None = None,
+    contacts: Contact | Sequence[Contact] | None = None,
+    locate: bool = True,
+    max_event_rate: float = 1e9,
+    keep_events: bool = True,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,
@@ -513,6 +633,12 @@ def integrate_batch(
 ) -> Trajectory: ...
 def method(name: str) -> MethodInfo: ...
 def methods() -> MethodTable: ...
+def bouncing_ball(
+    mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
+) -> Scene: ...
+def spinning_top() -> Scene: ...
+def restitution(damping_ratio: float) -> float: ...
+def damping_ratio(restitution: float) -> float: ...
 def cart_pendulum(
     cart_mass: float = 2.0, mass: float = 1.0, length: float = 1.0, gravity: float = 9.81
 ) -> Model: ...

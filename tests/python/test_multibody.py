@@ -182,6 +182,59 @@ def test_kinematics_agree_with_differences(model: Model, state: tuple[Array, Arr
     np.testing.assert_allclose(model.accelerations(q, v, a), (later - sooner) / (2 * h), atol=1e-7)
 
 
+def differences(model: Model, q: Array, function: Callable[[Array], Array]) -> Array:
+    """∂f/∂q along q ⊕ ε e_k by central differences, with one column for each k."""
+    h = 1e-6
+    steps = h * np.eye(model.n_velocities)
+    columns = [function(model.integrate(q, e)) - function(model.integrate(q, -e)) for e in steps]
+    return np.stack(columns, axis=-1) / (2 * h)
+
+
+def test_partials_are_those_of_differences(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    wrenches = np.random.default_rng(10).normal(size=(model.n_bodies, 6))
+    near = {"rtol": 1e-6, "atol": 1e-6}
+    torque, torque_q, torque_v, torque_a = model.inverse_dynamics_partials(q, v, a, wrenches)
+    np.testing.assert_allclose(torque, model.inverse_dynamics(q, v, a, wrenches), atol=1e-12)
+    by_q = differences(model, q, lambda q: model.inverse_dynamics(q, v, a, wrenches))
+    np.testing.assert_allclose(torque_q, by_q, **near)
+    np.testing.assert_allclose(torque_a, model.mass_matrix(q), atol=1e-13)
+    # Bias is quadratic in v, so that central differences are exact.
+    shifts = np.eye(model.n_velocities)
+    ahead, behind = (model.inverse_dynamics(q, v + s * shifts, a, wrenches) for s in (1, -1))
+    np.testing.assert_allclose(torque_v, ((ahead - behind) / 2).T, atol=1e-11)
+
+    found, a_q, a_v, a_torque = model.forward_dynamics_partials(q, v, torque, wrenches)
+    np.testing.assert_allclose(found, a, atol=1e-10)
+    np.testing.assert_allclose(a_torque @ torque_a, np.eye(len(v)), atol=1e-9)
+    np.testing.assert_allclose(torque_a @ a_q, -torque_q, atol=1e-8)
+    np.testing.assert_allclose(torque_a @ a_v, -torque_v, atol=1e-9)
+
+    active = np.random.default_rng(11).random(len(v)) < 0.5
+    known = np.where(active, a, torque)
+    other, other_q, other_v, other_known = model.hybrid_dynamics_partials(q, v, known, active, wrenches)
+
+    def hybrid(q: Array, v: Array, known: Array) -> Array:
+        a, torque = model.hybrid_dynamics(q, v, known, known, active, wrenches)
+        return np.where(active, torque, a)
+
+    np.testing.assert_allclose(other, np.where(active, torque, a), atol=1e-10)
+    np.testing.assert_allclose(other_q, differences(model, q, lambda q: hybrid(q, v, known)), **near)
+    ahead, behind = (hybrid(q, v + s * shifts, known) for s in (1, -1))
+    np.testing.assert_allclose(other_v, ((ahead - behind) / 2).T, atol=1e-10)
+    # What is found is affine in what is known.
+    step = hybrid(q, v, known + shifts) - hybrid(q, v, known)
+    np.testing.assert_allclose(other_known, step.T, atol=1e-9)
+
+    center, center_q, momentum, momentum_q, momentum_v = model.momentum_partials(q, v)
+    np.testing.assert_allclose(center, model.center_of_mass(q), atol=1e-14)
+    np.testing.assert_allclose(center_q, differences(model, q, model.center_of_mass), **near)
+    np.testing.assert_allclose(momentum, model.centroidal_momentum(q, v), atol=1e-12)
+    by_q = differences(model, q, lambda q: model.centroidal_momentum(q, v))
+    np.testing.assert_allclose(momentum_q, by_q, **near)
+    np.testing.assert_allclose(momentum_v, model.centroidal_matrix(q), atol=1e-13)
+
+
 def test_configurations_are_a_manifold(model: Model) -> None:
     random = np.random.default_rng(8)
     start, end = model.random(random), model.random(random)
@@ -211,6 +264,14 @@ def test_random_configurations_keep_limits_and_seeds() -> None:
     assert (model.random(3) != model.random(4)).all()
 
 
+def joined(results: tuple[Array, ...]) -> Array:
+    """Results side by side; the first is a vector for each configuration."""
+    lead = results[0].shape[:-1]
+    sizes = [int(np.prod(result.shape[len(lead) :])) for result in results]
+    flat = [result.reshape((*lead, n)) for result, n in zip(results, sizes, strict=True)]
+    return np.concatenate(flat, axis=-1)
+
+
 FUNCTIONS: list[tuple[str, Callable[[Model, Array, Array, Array], Any]]] = [
     ("inverse_dynamics", lambda m, q, v, a: m.inverse_dynamics(q, v, a)),
     ("forward_dynamics", lambda m, q, v, a: m.forward_dynamics(q, v, a)),
@@ -230,6 +291,10 @@ FUNCTIONS: list[tuple[str, Callable[[Model, Array, Array, Array], Any]]] = [
     ("integrate", lambda m, q, v, a: m.integrate(q, v)),
     ("difference", lambda m, q, v, a: m.difference(q, m.integrate(q, 0.1 * v))),
     ("normalize", lambda m, q, v, a: m.normalize(1.5 * q)),
+    ("inverse_dynamics_partials", lambda m, q, v, a: joined(m.inverse_dynamics_partials(q, v, a))),
+    ("forward_dynamics_partials", lambda m, q, v, a: joined(m.forward_dynamics_partials(q, v, a))),
+    ("hybrid_dynamics_partials", lambda m, q, v, a: joined(m.hybrid_dynamics_partials(q, v, a, ["b1"]))),
+    ("momentum_partials", lambda m, q, v, a: joined(m.momentum_partials(q, v))),
 ]
 
 

@@ -21,6 +21,7 @@ MODULES = [
         f"somersault.{name}"
         for name in (
             "batch",
+            "contact",
             "errors",
             "exact",
             "forces",

@@ -5,6 +5,9 @@
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
+use somersault::contact::ContactError;
+use somersault::contact::event::Interruption;
+use somersault::contact::models::ModelError as ContactModelError;
 use somersault::core::InertiaError;
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
@@ -28,6 +31,11 @@ impl Error {
     /// An argument that is not allowed.
     pub(crate) fn input(message: impl Into<String>) -> Self {
         Self::Own { class: "InputError", message: message.into() }
+    }
+
+    /// A surface that is no surface.
+    pub(crate) fn surface(message: String) -> Self {
+        Self::Own { class: "SurfaceError", message }
     }
 
     /// The error of one of many rows.
@@ -162,6 +170,35 @@ impl From<DynamicsError> for Error {
         match error {
             DynamicsError::Singular { .. } => Self::own("DynamicsError", &error),
             error => Self::own("DynamicsInputError", &error),
+        }
+    }
+}
+
+impl From<ContactError> for Error {
+    fn from(error: ContactError) -> Self {
+        Self::own("ContactError", &error)
+    }
+}
+
+impl From<ContactModelError> for Error {
+    fn from(error: ContactModelError) -> Self {
+        match error {
+            ContactModelError::Body(error) => error.into(),
+            ContactModelError::Contact(error) => error.into(),
+            error => Self::own("ContactError", &error),
+        }
+    }
+}
+
+impl From<Interruption> for Error {
+    fn from(reason: Interruption) -> Self {
+        match reason {
+            Interruption::Integrate(error) => error.into(),
+            Interruption::Chattering { .. } => Self::own("ChatteringError", &reason),
+            Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::surface(format!(
+                "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
+            )),
+            reason => Self::own("IntegrateError", &reason),
         }
     }
 }

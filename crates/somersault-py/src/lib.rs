@@ -5,15 +5,20 @@
 
 mod batch;
 mod bodies;
+mod contact;
 mod convert;
+mod dynamics;
 mod error;
+mod event;
 mod exact;
 mod forces;
 mod integrate;
+mod kinematics;
 mod link;
 mod methods;
 mod model;
 mod named_models;
+mod partials;
 mod rows;
 mod studies;
 mod trajectory;
@@ -25,6 +30,13 @@ mod _somersault {
     use crate::batch::integrate_batch;
     #[pymodule_export]
     use crate::bodies::{RigidBody, State};
+    #[pymodule_export]
+    use crate::contact::{
+        CompliantLaw, Contact, Cylinder, HalfSpace, Scene, Sphere, Surface, bouncing_ball, damping_ratio,
+        restitution, spinning_top,
+    };
+    #[pymodule_export]
+    use crate::event::Event;
     #[pymodule_export]
     use crate::exact::FreeBody;
     #[pymodule_export]
