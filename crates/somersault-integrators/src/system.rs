@@ -1,6 +1,6 @@
 //! Equations of motion: what a method integrates.
 //!
-//! A system is q̇ = velocity(q, p), ṗ = acceleration(t, q, p) with q on ℝᵐ × SO(3)ᵏ. For most systems p
+//! A system is q̇ = velocity(t, q, p), ṗ = acceleration(t, q, p) with q on ℝᵐ × SO(3)ᵏ. For most systems p
 //! is the velocity itself. The same bodies can be written in three forms, and every general method
 //! integrates each of them:
 //!
@@ -29,9 +29,9 @@ pub trait System {
     type Workspace;
     /// A workspace of the right size.
     fn workspace(&self) -> Self::Workspace;
-    /// q̇ as a function of the state; the rate itself unless the system says otherwise.
+    /// q̇ as a function of time and state; the rate itself unless the system says otherwise.
     #[inline]
-    fn velocity(&self, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+    fn velocity(&self, _w: &mut Self::Workspace, _t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         out.assign(&x.rate);
     }
     /// Time derivative of the rate.
@@ -45,8 +45,8 @@ impl<S: System + ?Sized> System for &S {
         (**self).workspace()
     }
     #[inline(always)]
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        (**self).velocity(x, out);
+    fn velocity(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        (**self).velocity(w, t, x, out);
     }
     #[inline(always)]
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
@@ -382,6 +382,13 @@ impl<S: RigidSystem> MomentumForm<'_, S> {
         let (pose, rate) = (x.configuration.pose(i), <S::Configuration as Poses>::twist(&x.rate, i));
         Twist { linear: rate.linear, angular: angular_velocity(self.0.body(i), &pose, &rate.angular) }
     }
+
+    #[inline(always)]
+    fn twists(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
+        for i in 0..x.configuration.count() {
+            S::Configuration::set_twist(out, i, self.twist(x, i));
+        }
+    }
 }
 
 impl<S: RigidSystem> System for MomentumForm<'_, S> {
@@ -391,10 +398,8 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
         self.0.rest()
     }
     #[inline(always)]
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        for i in 0..x.configuration.count() {
-            S::Configuration::set_twist(out, i, self.twist(x, i));
-        }
+    fn velocity(&self, _: &mut StateOf<S>, _: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.twists(x, out);
     }
     #[inline(always)]
     fn acceleration(&self, world: &mut StateOf<S>, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
@@ -403,7 +408,7 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
             return;
         }
         world.configuration.assign(&x.configuration);
-        self.velocity(x, &mut world.rate);
+        self.twists(x, &mut world.rate);
         self.0.wrenches(t, world, out);
         for i in 0..x.configuration.count() {
             let wrench = S::Configuration::twist(out, i);

@@ -55,6 +55,16 @@ pub enum ModelError {
         /// Its value.
         found: f64,
     },
+    /// The size of a named model is zero or negative.
+    #[error("`{argument}` of `{name}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// The model.
+        name: String,
+        /// Name of the quantity.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
     /// The inertia tensor is not symmetric.
     #[error("the inertia of `{name}` is not symmetric")]
     AsymmetricInertia {

@@ -16,12 +16,35 @@ use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::Force;
 
-/// out ← out − s x
+/// out ← out − Σ c x, with each x given by the number of a column of `columns`.
+///
+/// Four at a time, so that `out` is read and written once for four.
 #[inline(always)]
-fn subtract<T: Scalar>(out: &mut [T], x: &[T], s: T) {
-    for (out, &x) in out.iter_mut().zip(x) {
-        *out -= x * s;
+fn subtract<T: Scalar>(out: &mut [T], columns: &[T], terms: impl Iterator<Item = (usize, T)>) {
+    let n = out.len();
+    let column = |k: usize| &columns[k * n..][..n];
+    let mut terms = terms.fuse();
+    while let Some((k, c)) = terms.next() {
+        let x = column(k);
+        let three = (terms.next(), terms.next(), terms.next());
+        if let (Some((k1, c1)), Some((k2, c2)), Some((k3, c3))) = three {
+            let (x1, x2, x3) = (column(k1), column(k2), column(k3));
+            for i in 0..n {
+                out[i] -= (x[i] * c + x1[i] * c1) + (x2[i] * c2 + x3[i] * c3);
+            }
+        } else {
+            for (k, c) in std::iter::once((k, c)).chain(three.0).chain(three.1) {
+                for (out, &x) in out.iter_mut().zip(column(k)) {
+                    *out -= x * c;
+                }
+            }
+        }
     }
+}
+
+/// Those on the way from `first` to the root, itself among them.
+fn way(above: &[Option<usize>], first: Option<usize>) -> impl Iterator<Item = usize> {
+    std::iter::successors(first, |&k| above[k])
 }
 
 impl<T: Scalar> Model<T> {
@@ -107,10 +130,8 @@ impl<T: Scalar> Model<T> {
         let (mass, factor) = (data.mass_matrix.as_slice(), factor.as_mut_slice());
         for k in 0..n {
             above[k] = self.dof_parent[k].and_then(|p| if roles.is_active(p) { above[p] } else { Some(p) });
-            let mut j = Some(k);
-            while let Some(at) = j {
+            for at in way(above, Some(k)) {
                 factor[k * n + at] = mass[k * n + at];
-                j = above[at];
             }
         }
         for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
@@ -122,19 +143,13 @@ impl<T: Scalar> Model<T> {
                 return Err(DynamicsError::Singular { joint });
             }
             let inverse = T::one() / square.sqrt();
-            let mut i = Some(k);
-            while let Some(at) = i {
+            for at in way(above, Some(k)) {
                 row[at] *= inverse;
-                i = above[at];
             }
-            let mut i = above[k];
-            while let Some(at) = i {
-                let mut j = i;
-                while let Some(to) = j {
+            for at in way(above, above[k]) {
+                for to in way(above, Some(at)) {
                     inner[at * n + to] -= row[at] * row[to];
-                    j = above[to];
                 }
-                i = above[at];
             }
         }
         Ok(())
@@ -146,26 +161,23 @@ impl<T: Scalar> Model<T> {
         let DerivativeData { data, above, factor, response, .. } = work;
         response.fill_with_identity();
         let (mass, factor, w) = (data.mass_matrix.as_slice(), factor.as_slice(), response.as_mut_slice());
-        // M_pp⁻¹ is symmetric: its rows are treated as columns, which lie in one piece.
+        // M_pp⁻¹ is symmetric: its rows are treated as columns, which lie in one piece. Row k of L⁻ᵀ starts at k.
         for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
             let (inner, row) = w.split_at_mut(k * n);
-            let row = &mut row[..n];
+            let row = &mut row[k..n];
             let inverse = T::one() / factor[k * n + k];
             row.iter_mut().for_each(|x| *x *= inverse);
-            let mut i = above[k];
-            while let Some(at) = i {
-                subtract(&mut inner[at * n..][..n], row, factor[k * n + at]);
-                i = above[at];
+            for at in way(above, above[k]) {
+                let c = factor[k * n + at];
+                for (out, &x) in inner[at * n + k..(at + 1) * n].iter_mut().zip(&*row) {
+                    *out -= x * c;
+                }
             }
         }
         for k in (0..n).filter(|&k| !roles.is_active(k)) {
             let (inner, row) = w.split_at_mut(k * n);
             let row = &mut row[..n];
-            let mut i = above[k];
-            while let Some(at) = i {
-                subtract(row, &inner[at * n..][..n], factor[k * n + at]);
-                i = above[at];
-            }
+            subtract(row, inner, way(above, above[k]).map(|at| (at, factor[k * n + at])));
             let inverse = T::one() / factor[k * n + k];
             row.iter_mut().for_each(|x| *x *= inverse);
         }
@@ -188,22 +200,12 @@ impl<T: Scalar> Model<T> {
     /// out ← (0, D_a) − W D_p, all by columns.
     fn apply(&self, roles: &impl Roles, w: &[T], d: &[T], out: &mut [T]) {
         let n = self.n_velocities();
-        for j in 0..n {
+        for (j, relatives) in self.relatives.iter().enumerate() {
+            let (d, out) = (&d[j * n..][..n], &mut out[j * n..][..n]);
             for k in 0..n {
-                out[j * n + k] = if roles.is_active(k) { d[j * n + k] } else { T::zero() };
+                out[k] = if roles.is_active(k) { d[k] } else { T::zero() };
             }
-        }
-        for k in 0..n {
-            let mut ancestor = Some(k);
-            while let Some(j) = ancestor {
-                if !roles.is_active(k) {
-                    subtract(&mut out[j * n..][..n], &w[k * n..][..n], d[j * n + k]);
-                }
-                if j != k && !roles.is_active(j) {
-                    subtract(&mut out[k * n..][..n], &w[j * n..][..n], d[k * n + j]);
-                }
-                ancestor = self.dof_parent[j];
-            }
+            subtract(out, w, relatives.iter().filter(|&&k| !roles.is_active(k)).map(|&k| (k, d[k])));
         }
     }
 }

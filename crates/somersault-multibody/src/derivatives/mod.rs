@@ -175,7 +175,6 @@ impl<T: Scalar> Model<T> {
         expect_length("a", a, self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
         self.place(&mut work.data, q);
-        self.gather_composites(&mut work.data);
         self.spread(work, v, a, wrenches);
         self.collect(work, v);
         let Tables { value, q, v } = &work.inverse;
@@ -196,12 +195,13 @@ impl<T: Scalar> Model<T> {
             }
             let velocity = outer_velocity + relative;
             let acceleration = outer_acceleration + pushed + velocity.cross(&relative);
-            let pose = &data.nodes[i].pose;
-            let inertia = body.inertia.seen_from(pose);
+            let node = &mut data.nodes[i];
+            let inertia = body.inertia.seen_from(&node.pose);
+            node.composite = inertia;
             let momentum = inertia.times(&velocity);
             let mut force = inertia.times(&acceleration) + velocity.cross_force(&momentum);
             if let Some(wrench) = wrenches.get(i) {
-                force -= pose.force(wrench);
+                force -= node.pose.force(wrench);
             }
             let coriolis = Coriolis::new(&inertia, &velocity, &momentum);
             bodies[i] = Outward { velocity, acceleration, force, coriolis };
@@ -225,7 +225,8 @@ impl<T: Scalar> Model<T> {
             let composite = data.nodes[i].composite;
             let further_in = body.dofs.clone().next().and_then(|k| self.dof_parent[k]);
             for k in body.dofs.clone() {
-                let (column, momentum) = (data.columns[k], data.momenta[k]);
+                let column = data.columns[k];
+                let momentum = composite.times(&column);
                 let Column { first, second, rate } = columns[k];
                 value[k] = column.dot(&force) + self.damping[k] * v[k];
                 let row = coriolis.transposed(&column);
@@ -258,6 +259,7 @@ impl<T: Scalar> Model<T> {
             if let Some(parent) = body.parent {
                 bodies[parent].force += force;
                 bodies[parent].coriolis += coriolis;
+                data.nodes[parent].composite += composite;
             }
         }
     }
