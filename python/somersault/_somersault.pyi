@@ -20,6 +20,7 @@ __all__ = [
     "Convergence",
     "Cylinder",
     "DenseOutput",
+    "Diver",
     "Drag",
     "EnergyStudy",
     "Event",
@@ -50,6 +51,8 @@ __all__ = [
     "cart_pendulum",
     "convergence",
     "damping_ratio",
+    "diver_planar",
+    "diver_spatial",
     "energy_study",
     "integrate",
     "integrate_batch",
@@ -428,6 +431,21 @@ class Model:
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+@final
+class Diver:
+    @property
+    def model(self) -> Model: ...
+    @property
+    def mass(self) -> float: ...
+    @property
+    def height(self) -> float: ...
+    @property
+    def dof_names(self) -> tuple[str, ...]: ...
+    @property
+    def postures(self) -> tuple[str, ...]: ...
+    def configuration(self, posture: str) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
 @disjoint_base
 class Trajectory:
     def __new__(
@@ -647,6 +665,8 @@ def two_link_arm(
     lengths: tuple[float, float] | Sequence[float] = ...,
     damping: tuple[float, float] | Sequence[float] = ...,
 ) -> Model: ...
+def diver_planar(mass: float = 65.0, height: float = 1.7, gravity: float = 9.81) -> Diver: ...
+def diver_spatial(mass: float = 65.0, height: float = 1.7, gravity: float = 9.81) -> Diver: ...
 def prisms(n: int) -> list[RigidBody]: ...
 def stability_region(
     method: _AnyMethod, *, start_up: Literal["one_step", "ladder"] = "one_step"

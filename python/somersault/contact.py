@@ -8,7 +8,7 @@ and what happened is in the `events` of the solution.
 >>> law = contact.CompliantLaw.from_restitution(1.0, 1e4, 0.5)
 >>> ball = contact.bouncing_ball(1.0, 0.1, law, height=1.0)
 >>> motion = somersault.integrate(
-...     ball.body, ball.state, (0.0, 1.0), dt=0.01, forces=ball.forces, contacts=ball.contacts
+...     ball.body, ball.state, (0.0, 0.6), dt=0.01, forces=ball.forces, contacts=ball.contacts
 ... )
 >>> [event.kind for event in motion.events]
 ['touch_down', 'release']

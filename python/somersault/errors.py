@@ -28,6 +28,7 @@ __all__ = [
     "IntegrateError",
     "IntegrateInputError",
     "ModelError",
+    "PostureError",
     "SomersaultError",
     "StepError",
     "StudyError",
@@ -123,3 +124,7 @@ class DynamicsError(SomersaultError):
 
 class DynamicsInputError(DynamicsError, InputError):
     """A tree has no such body, or a quaternion is no rotation."""
+
+
+class PostureError(InputError):
+    """A diver has no such posture."""

@@ -11,6 +11,14 @@ A `Model` is made of `Link` objects; `cart_pendulum` and the like make those wit
 (100, 2)
 """
 
-from somersault._somersault import Link, Model, cart_pendulum, two_link_arm
+from somersault._somersault import (
+    Diver,
+    Link,
+    Model,
+    cart_pendulum,
+    diver_planar,
+    diver_spatial,
+    two_link_arm,
+)
 
-__all__ = ["Link", "Model", "cart_pendulum", "two_link_arm"]
+__all__ = ["Diver", "Link", "Model", "cart_pendulum", "diver_planar", "diver_spatial", "two_link_arm"]

@@ -449,6 +449,29 @@ def test_what_a_model_is_made_of(model: Model) -> None:
     assert repr(model).startswith("<Model: 12 bodies from 'b0'")
 
 
+def test_divers_have_their_tables_and_postures() -> None:
+    planar, spatial = multibody.diver_planar(), multibody.diver_spatial(mass=60.0, height=1.65)
+    assert (planar.model.n_velocities, spatial.model.n_velocities) == (12, 27)
+    assert (len(planar.dof_names), len(spatial.dof_names)) == (12, 27)
+    assert planar.model.mass == pytest.approx(65.0, rel=1e-3)
+    assert spatial.model.mass == pytest.approx(60.0, rel=1e-3)
+    assert (spatial.mass, spatial.height) == (60.0, 1.65)
+    assert planar.postures == ("A", "B", "F", "G", "H")
+    assert spatial.postures == tuple("ABCDEFGHI")
+    again = pickle.loads(pickle.dumps(spatial))
+    assert again.model == spatial.model
+    raises(errors.PostureError, "no posture is named `Z`", lambda: planar.configuration("Z"))
+    raises(errors.PostureError, "posture C is not planar", lambda: planar.configuration("C"))
+    raises(errors.ModelError, "`mass` of `diver` must be positive", lambda: multibody.diver_planar(mass=0.0))
+    for posture in planar.postures:
+        # The planar diver is the spatial one of the same size, seen from the side.
+        flat = planar.model.center_of_mass(planar.configuration(posture))
+        same = multibody.diver_spatial()
+        deep = same.model.center_of_mass(same.configuration(posture))
+        if posture != "G":  # arms sideways in space, forward in the plane
+            np.testing.assert_allclose(flat, deep, atol=1e-12)
+
+
 def test_other_threads_run_while_a_batch_is_computed(model: Model) -> None:
     q, v, a = many(model, 50)
     q, v, a = (np.tile(x, (1000, 1)) for x in (q, v, a))

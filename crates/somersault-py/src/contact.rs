@@ -32,7 +32,8 @@ use std::sync::Arc;
 /// Examples
 /// --------
 /// >>> from somersault.contact import CompliantLaw
-/// >>> CompliantLaw.from_restitution(1.0, 1e4, 0.5).restitution(1.0)
+/// >>> law = CompliantLaw.from_restitution(1.0, 1e4, 0.5)
+/// >>> round(law.restitution(1.0), 12)
 /// 0.5
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]

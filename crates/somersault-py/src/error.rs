@@ -17,6 +17,7 @@ use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
+use somersault::multibody::models::PostureError;
 use somersault::multibody::{DynamicsError, ModelError};
 
 /// What a function of this module fails with.
@@ -200,5 +201,11 @@ impl From<Interruption> for Error {
             )),
             reason => Self::own("IntegrateError", &reason),
         }
+    }
+}
+
+impl From<PostureError> for Error {
+    fn from(error: PostureError) -> Self {
+        Self::own("PostureError", &error)
     }
 }

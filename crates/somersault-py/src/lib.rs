@@ -50,7 +50,7 @@ mod _somersault {
     #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]
-    use crate::named_models::{cart_pendulum, two_link_arm};
+    use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
     use crate::studies::{
         Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
