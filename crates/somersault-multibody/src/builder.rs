@@ -7,6 +7,7 @@ use crate::model::Model;
 use crate::spatial::Transform;
 use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 use somersault_core::Inertia;
+use std::collections::HashSet;
 
 /// Why a body cannot be part of a model. Every variant names the body.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -353,12 +354,13 @@ fn physical_inertia(name: &str, body: &MassProperties) -> Result<(), ModelError>
 #[derive(Debug, Clone)]
 pub struct ModelBuilder {
     links: Vec<Link>,
+    names: HashSet<String>,
     gravity: Vector3<f64>,
 }
 
 impl Default for ModelBuilder {
     fn default() -> Self {
-        Self { links: Vec::new(), gravity: Vector3::new(0.0, 0.0, -9.81) }
+        Self { links: Vec::new(), names: HashSet::new(), gravity: Vector3::new(0.0, 0.0, -9.81) }
     }
 }
 
@@ -376,19 +378,21 @@ impl ModelBuilder {
 
     /// Adds a body. The root comes first; every other body after its parent.
     pub fn add(&mut self, link: Link) -> Result<&mut Self, ModelError> {
-        if self.links.iter().any(|l| l.name == link.name) {
+        if self.names.contains(&link.name) {
             return Err(ModelError::DuplicateName { name: link.name });
         }
         match (&link.parent, self.links.first()) {
             (None, Some(root)) => {
                 return Err(ModelError::SecondRoot { name: link.name, root: root.name.clone() });
             }
-            (Some(parent), _) if self.links.iter().all(|l| l.name != *parent) => {
+            (Some(parent), _) if !self.names.contains(parent) => {
                 return Err(ModelError::UnknownParent { parent: parent.clone(), name: link.name });
             }
             _ => {}
         }
-        self.links.push(link.validate()?);
+        let link = link.validate()?;
+        self.names.insert(link.name.clone());
+        self.links.push(link);
         Ok(self)
     }
 

@@ -51,6 +51,8 @@ pub mod models;
 mod rnea;
 mod scalar;
 mod spatial;
+#[cfg(feature = "urdf")]
+pub mod urdf;
 
 pub use articulated::Split;
 pub use builder::{Link, MassProperties, ModelBuilder, ModelError};

@@ -7,6 +7,7 @@ use crate::joint::{Joint, Mechanism};
 use crate::scalar::Scalar;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -38,8 +39,6 @@ pub struct Model<T = f64> {
     pub(crate) damping: Vec<T>,
     /// The degree of freedom before each one on the way to the root (Featherstone's λ, expanded).
     pub(crate) dof_parent: Vec<Option<usize>>,
-    /// Of each degree of freedom those on one way to the root with it, itself among them.
-    pub(crate) relatives: Vec<Vec<usize>>,
     n_positions: usize,
 }
 
@@ -60,23 +59,16 @@ impl<T: Scalar> Model<T> {
         let (mut directions, mut damping, mut dof_parent) = (Vec::new(), Vec::new(), Vec::new());
         // the last degree of freedom on the way from the root to each body
         let mut last_dof: Vec<Option<usize>> = Vec::with_capacity(links.len());
-        let mut relatives: Vec<Vec<usize>> = Vec::new();
+        let numbers: HashMap<&str, usize> =
+            links.iter().enumerate().map(|(i, link)| (link.name.as_str(), i)).collect();
         let mut q = 0;
         for link in links.iter() {
-            let parent = link.parent.as_ref().and_then(|p| links.iter().position(|l| l.name == *p));
+            let parent = link.parent.as_deref().and_then(|p| numbers.get(p).copied());
             let first = directions.len();
             directions.extend(link.joint.directions::<T>());
             let dofs = first..directions.len();
             let mut last = parent.and_then(|p| last_dof[p]);
             for k in dofs.clone() {
-                relatives.push(Vec::new());
-                let mut ancestor = last;
-                while let Some(j) = ancestor {
-                    relatives[k].push(j);
-                    relatives[j].push(k);
-                    ancestor = dof_parent[j];
-                }
-                relatives[k].push(k);
                 dof_parent.push(last);
                 damping.push(nalgebra::convert(link.damping));
                 last = Some(k);
@@ -108,7 +100,6 @@ impl<T: Scalar> Model<T> {
             directions,
             damping,
             dof_parent,
-            relatives,
             n_positions: q,
         }
     }

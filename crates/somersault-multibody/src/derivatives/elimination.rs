@@ -47,6 +47,18 @@ fn way(above: &[Option<usize>], first: Option<usize>) -> impl Iterator<Item = us
     std::iter::successors(first, |&k| above[k])
 }
 
+/// out ← (0, D_a) − W D_p, all by columns.
+fn apply<T: Scalar>(roles: &impl Roles, relatives: &[Vec<usize>], w: &[T], d: &[T], out: &mut [T]) {
+    let n = relatives.len();
+    for (j, relatives) in relatives.iter().enumerate() {
+        let (d, out) = (&d[j * n..][..n], &mut out[j * n..][..n]);
+        for k in 0..n {
+            out[k] = if roles.is_active(k) { d[k] } else { T::zero() };
+        }
+        subtract(out, w, relatives.iter().filter(|&&k| !roles.is_active(k)).map(|&k| (k, d[k])));
+    }
+}
+
 impl<T: Scalar> Model<T> {
     /// [`forward_dynamics`](Self::forward_dynamics) and its partials: −M⁻¹ ∂τ/∂q, −M⁻¹ ∂τ/∂v and M⁻¹, where
     /// the joint forces are those of inverse dynamics. Cost O(n² × depth).
@@ -93,8 +105,8 @@ impl<T: Scalar> Model<T> {
         }
         self.eliminate(split, work, q, v, wrenches)?;
         let n = self.n_velocities();
-        let DerivativeData { data, response, input, .. } = &mut *work;
-        self.apply(split, response.as_slice(), data.mass_matrix.as_slice(), input.as_mut_slice());
+        let DerivativeData { data, relatives, response, input, .. } = &mut *work;
+        apply(split, relatives, response.as_slice(), data.mass_matrix.as_slice(), input.as_mut_slice());
         for k in (0..n).filter(|&k| !split.is_active(k)) {
             input.column_mut(k).copy_from(&response.column(k));
         }
@@ -117,9 +129,9 @@ impl<T: Scalar> Model<T> {
         done?;
         self.factorize(roles, work)?;
         self.respond(roles, work);
-        let DerivativeData { inverse, forward, response, .. } = work;
-        self.apply(roles, response.as_slice(), inverse.q.as_slice(), forward.q.as_mut_slice());
-        self.apply(roles, response.as_slice(), inverse.v.as_slice(), forward.v.as_mut_slice());
+        let DerivativeData { relatives, inverse, forward, response, .. } = work;
+        apply(roles, relatives, response.as_slice(), inverse.q.as_slice(), forward.q.as_mut_slice());
+        apply(roles, relatives, response.as_slice(), inverse.v.as_slice(), forward.v.as_mut_slice());
         Ok(())
     }
 
@@ -130,25 +142,27 @@ impl<T: Scalar> Model<T> {
         let (mass, factor) = (data.mass_matrix.as_slice(), factor.as_mut_slice());
         for k in 0..n {
             above[k] = self.dof_parent[k].and_then(|p| if roles.is_active(p) { above[p] } else { Some(p) });
-            for at in way(above, Some(k)) {
-                factor[k * n + at] = mass[k * n + at];
+            for (at, entry) in way(above, Some(k)).zip(&mut factor[k * n..]) {
+                *entry = mass[k * n + at];
             }
         }
         for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
             let (inner, row) = factor.split_at_mut(k * n);
-            let square = row[k];
+            let length = way(above, Some(k)).count();
+            let row = &mut row[..length];
+            let square = row[0];
             if !(square > T::zero() && square.is_finite()) {
                 let joint = self.bodies.iter().position(|b| b.dofs.contains(&k));
                 let joint = joint.and_then(|i| self.name(i)).unwrap_or_default().to_owned();
                 return Err(DynamicsError::Singular { joint });
             }
             let inverse = T::one() / square.sqrt();
-            for at in way(above, Some(k)) {
-                row[at] *= inverse;
-            }
-            for at in way(above, above[k]) {
-                for to in way(above, Some(at)) {
-                    inner[at * n + to] -= row[at] * row[to];
+            row.iter_mut().for_each(|x| *x *= inverse);
+            // the way from an ancestor is the rest of the way from k
+            for (at, rest) in way(above, above[k]).zip(1..) {
+                let c = row[rest];
+                for (entry, &x) in inner[at * n..].iter_mut().zip(&row[rest..]) {
+                    *entry -= x * c;
                 }
             }
         }
@@ -165,10 +179,10 @@ impl<T: Scalar> Model<T> {
         for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
             let (inner, row) = w.split_at_mut(k * n);
             let row = &mut row[k..n];
-            let inverse = T::one() / factor[k * n + k];
+            let factor = &factor[k * n..];
+            let inverse = T::one() / factor[0];
             row.iter_mut().for_each(|x| *x *= inverse);
-            for at in way(above, above[k]) {
-                let c = factor[k * n + at];
+            for (at, &c) in way(above, above[k]).zip(&factor[1..]) {
                 for (out, &x) in inner[at * n + k..(at + 1) * n].iter_mut().zip(&*row) {
                     *out -= x * c;
                 }
@@ -177,8 +191,9 @@ impl<T: Scalar> Model<T> {
         for k in (0..n).filter(|&k| !roles.is_active(k)) {
             let (inner, row) = w.split_at_mut(k * n);
             let row = &mut row[..n];
-            subtract(row, inner, way(above, above[k]).map(|at| (at, factor[k * n + at])));
-            let inverse = T::one() / factor[k * n + k];
+            let factor = &factor[k * n..];
+            subtract(row, inner, way(above, above[k]).zip(factor[1..].iter().copied()));
+            let inverse = T::one() / factor[0];
             row.iter_mut().for_each(|x| *x *= inverse);
         }
         for k in 0..n {
@@ -194,18 +209,6 @@ impl<T: Scalar> Model<T> {
                 }
                 ancestor = self.dof_parent[j];
             }
-        }
-    }
-
-    /// out ← (0, D_a) − W D_p, all by columns.
-    fn apply(&self, roles: &impl Roles, w: &[T], d: &[T], out: &mut [T]) {
-        let n = self.n_velocities();
-        for (j, relatives) in self.relatives.iter().enumerate() {
-            let (d, out) = (&d[j * n..][..n], &mut out[j * n..][..n]);
-            for k in 0..n {
-                out[k] = if roles.is_active(k) { d[k] } else { T::zero() };
-            }
-            subtract(out, w, relatives.iter().filter(|&&k| !roles.is_active(k)).map(|&k| (k, d[k])));
         }
     }
 }

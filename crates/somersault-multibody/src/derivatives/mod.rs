@@ -60,9 +60,11 @@ pub struct DerivativeData<T: Scalar = f64> {
     inverse: Tables<T>,
     torque: Vec<T>,
     acceleration: Vec<T>,
+    /// Of each degree of freedom those on one way to the root with it, itself among them.
+    relatives: Vec<Vec<usize>>,
     /// The nearest passive degree of freedom on the way to the root.
     above: Vec<Option<usize>>,
-    /// L by rows, LᵀL the passive part of M.
+    /// L by rows, LᵀL the passive part of M; a row holds the entries on the way to the root, from the diagonal.
     factor: DMatrix<T>,
     /// What a unit passive joint force does to the result.
     response: DMatrix<T>,
@@ -138,6 +140,16 @@ impl<T: Scalar> DerivativeData<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
         let n = model.n_velocities();
+        let mut relatives: Vec<Vec<usize>> = vec![Vec::new(); n];
+        for k in 0..n {
+            let mut ancestor = model.dof_parent[k];
+            while let Some(j) = ancestor {
+                relatives[k].push(j);
+                relatives[j].push(k);
+                ancestor = model.dof_parent[j];
+            }
+            relatives[k].push(k);
+        }
         let (motion, force) = (Motion::zero(), Force::zero());
         let coriolis = Coriolis { momentum: Vector3::zeros(), angular: Matrix3::zeros() };
         let body = Outward { velocity: motion, acceleration: motion, force, coriolis };
@@ -150,6 +162,7 @@ impl<T: Scalar> DerivativeData<T> {
             inverse: tables.clone(),
             torque: vector.clone(),
             acceleration: vector,
+            relatives,
             above: vec![None; n],
             factor: square.clone(),
             response: square.clone(),
