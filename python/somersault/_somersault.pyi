@@ -1,4 +1,5 @@
 from collections.abc import Callable, Iterator, Sequence
+from os import PathLike
 from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
@@ -12,6 +13,7 @@ _AnyForce: TypeAlias = ForceModel | Callable[[float, State], _Wrench]
 _AnyMethod: TypeAlias = str | MethodInfo
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
+_Base: TypeAlias = Literal["fixed", "planar", "free"]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 
 __all__ = [
@@ -352,6 +354,13 @@ class MethodTable:
 @final
 class Model:
     def __new__(cls, links: Sequence[Link], *, gravity: ArrayLike | None = None) -> Model: ...
+    @staticmethod
+    def from_urdf(text: str, *, base: _Base = "fixed", gravity: ArrayLike | None = None) -> Model: ...
+    @staticmethod
+    def read_urdf(
+        path: str | PathLike[str], *, base: _Base = "fixed", gravity: ArrayLike | None = None
+    ) -> Model: ...
+    def to_urdf(self, name: str = "robot") -> str: ...
     @property
     def links(self) -> list[Link]: ...
     @property

@@ -36,6 +36,7 @@ __all__ = [
     "SurfaceError",
     "TorqueError",
     "UnknownMethodError",
+    "UrdfError",
 ]
 
 
@@ -128,3 +129,7 @@ class DynamicsInputError(DynamicsError, InputError):
 
 class PostureError(InputError):
     """A diver has no such posture."""
+
+
+class UrdfError(InputError):
+    """A document is not a tree in URDF, or a tree cannot be written as one; the message names the element."""

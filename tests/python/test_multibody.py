@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -447,6 +448,33 @@ def test_what_a_model_is_made_of(model: Model) -> None:
     assert model.velocities_of("b0") == model.velocities_of(0) == slice(0, 6, 1)
     np.testing.assert_array_equal(model.gravity, (0, 0, -9.81))
     assert repr(model).startswith("<Model: 12 bodies from 'b0'")
+
+
+def test_trees_come_from_urdf_and_go_there(tmp_path: Path) -> None:
+    folder = Path(__file__).parents[1] / "urdf"
+    humanoid = Model.read_urdf(folder / "humanoid.urdf", base="free")
+    text = (folder / "humanoid.urdf").read_text(encoding="utf-8")
+    assert Model.from_urdf(text, base="free") == humanoid
+    assert Model.from_urdf(text).n_velocities == humanoid.n_velocities - 6
+    still = Model.from_urdf(text, gravity=(0, 0, 0))
+    np.testing.assert_array_equal(still.gravity_forces(still.neutral()), 0.0)
+    path = tmp_path / "again.urdf"
+    path.write_text(humanoid.to_urdf("again"), encoding="utf-8")
+    again = Model.read_urdf(str(path), base="free")
+    q = humanoid.random(1)
+    np.testing.assert_allclose(again.mass_matrix(q), humanoid.mass_matrix(q), atol=1e-13)
+    with pytest.raises(FileNotFoundError):
+        Model.read_urdf(tmp_path / "nowhere.urdf")
+    for bad, message in [
+        ("<robot", "not a readable XML document"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"/>', "not a readable XML document"),
+        ('<robot name="r"/>', "the robot has no link"),
+        ("<scene/>", "the outermost element must be <robot>, found <scene>"),
+    ]:
+        raises(errors.UrdfError, message, lambda bad=bad: Model.from_urdf(bad))  # type: ignore[misc]
+    raises(errors.InputError, "`base` must be 'fixed'", lambda: Model.from_urdf(text, base="ship"))  # type: ignore[arg-type]
+    ball = Model([Link("ball", "spherical", mass=1.0, inertia=(1, 1, 1))])
+    raises(errors.UrdfError, "`ball` cannot be written", ball.to_urdf)
 
 
 def test_divers_have_their_tables_and_postures() -> None:

@@ -18,6 +18,7 @@ use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
 use somersault::multibody::models::PostureError;
+use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 
 /// What a function of this module fails with.
@@ -207,5 +208,11 @@ impl From<Interruption> for Error {
 impl From<PostureError> for Error {
     fn from(error: PostureError) -> Self {
         Self::own("PostureError", &error)
+    }
+}
+
+impl From<UrdfError> for Error {
+    fn from(error: UrdfError) -> Self {
+        Self::own("UrdfError", &error)
     }
 }

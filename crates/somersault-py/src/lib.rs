@@ -22,6 +22,7 @@ mod partials;
 mod rows;
 mod studies;
 mod trajectory;
+mod urdf;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
 #[pyo3::pymodule]

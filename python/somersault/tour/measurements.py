@@ -311,7 +311,7 @@ class Measurements:
     @cached_property
     def top_scattered_steps(self) -> Array:
         """Steps for runs without location, whose errors depend on where the steps fall."""
-        return np.geomspace(1e-3, 10.0 ** (self.setting.finest + 0.5), 60)
+        return np.geomspace(1e-3, 3e-5, 60)
 
     @cached_property
     def top_orders(self) -> dict[bool, dict[str, dict[str, float | None]]]:

@@ -279,6 +279,6 @@ def _orders(page: Page, measurements: Measurements) -> None:
     if lost:
         page.text(
             "More than 0.4 below the order stated, with events located, in angular velocity:"
-            f" {', '.join(sorted(lost))}. Slopes are taken from a few steps between the coarsest that follows the"
+            f" {', '.join(sorted(lost))}. Slopes are taken between the coarsest step that follows the"
             " contact and the floor of rounding."
         )

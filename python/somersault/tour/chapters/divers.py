@@ -110,8 +110,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.lead(
         f"A diver of {spatial.model.mass:.0f} kg and {spatial.height:.2f} m has a moment of inertia of"
         f" {layout:.1f} kg m² about the axis of the somersault in layout, {pike:.1f} in a closed pike and"
-        f" {tuck:.1f} in a tuck, and so turns {layout / pike:.1f} and {layout / tuck:.1f} times as fast with the"
-        " same angular momentum."
+        f" {tuck:.1f} in a tuck. With the same angular momentum that is {layout / pike:.1f} and"
+        f" {layout / tuck:.1f} times as fast."
     )
     page.text(
         "Two divers, as in chapter 3 of the thesis: one in the plane with"
