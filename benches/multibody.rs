@@ -4,8 +4,11 @@
 //! `cargo bench --bench multibody`; `benches/peers/multibody.py` times Pinocchio on the same tree and state.
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
+use somersault::multibody::motion::TreeMotion;
 use somersault::multibody::{Data, DerivativeData, Split};
-use somersault_testkit::trees::{State, diver};
+use somersault::prelude::{Method, Options, TimeGrid};
+use somersault_testkit::trees::{Random, State, diver, humanoid, random_configuration};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -54,12 +57,45 @@ fn diver_dynamics(c: &mut Criterion) {
     group.finish();
 }
 
+/// One evaluation of reduced flight, with and without derivatives, and a dive of 1.7 s in 200 steps.
+fn reduced_flight(c: &mut Criterion) {
+    let model = humanoid().expect("a tree");
+    let mut random = Random::new(27);
+    let q = random_configuration(&mut random, &model).expect("lengths fit");
+    let v = random.numbers(model.n_velocities(), 2.0);
+    let flight = Flight::from_state(&model, 0.0, &q, &v).expect("a free root");
+    let mut data = FlightData::new(&model);
+    let mut group = c.benchmark_group("flight");
+    group.bench_function("angular velocity", |b| {
+        b.iter(|| flight.angular_velocity(&mut data, black_box(&q), &v).map(|w| w.x))
+    });
+    group.bench_function("derivatives", |b| {
+        b.iter(|| flight.derivatives(&mut data, black_box(&q), &v).map(|d| d.by_shape[0].x))
+    });
+    let swing = |t: f64, s: &mut [f64], rates: &mut [f64]| {
+        s.copy_from_slice(&q[7..]);
+        s[0] += (3.0 * t).sin();
+        rates.fill(0.0);
+        rates[0] = 3.0 * (3.0 * t).cos();
+    };
+    let system = FlightSystem::new(flight, &swing);
+    let start = system.state(&q[3..7]).expect("a quaternion");
+    let grid = TimeGrid::try_with_steps(0.0, 1.7, 200).expect("a grid");
+    group.bench_function("dive of 200 steps", |b| {
+        b.iter(|| {
+            let start = black_box(&start);
+            system.integrate(Method::Cf4, Options::default(), start, &grid, &mut ()).map(|end| end.t)
+        })
+    });
+    group.finish();
+}
+
 criterion_group! {
     name = multibody;
     config = Criterion::default()
         .sample_size(30)
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_millis(1000));
-    targets = diver_dynamics
+    targets = diver_dynamics, reduced_flight
 }
 criterion_main!(multibody);

@@ -29,6 +29,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
+//! short way for a tree in the air whose joints move as prescribed.
+//!
 //! Not meant for closed loops of joints, and not for contact.
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.
@@ -38,16 +41,19 @@ mod articulated;
 mod builder;
 mod centroidal;
 mod configuration;
+mod coordinates;
 mod crba;
 mod data;
 mod derivatives;
 mod error;
+pub mod flight;
 mod inertia;
 pub mod joint;
 mod kinematics;
 mod lie;
 mod model;
 pub mod models;
+pub mod motion;
 mod rnea;
 mod scalar;
 mod spatial;

@@ -122,7 +122,8 @@ impl From<IntegrateError> for Error {
             | IntegrateError::NotPositive { .. }
             | IntegrateError::TooManySteps { .. }
             | IntegrateError::InitialState { .. }
-            | IntegrateError::NoErrorEstimate { .. } => Self::own("IntegrateInputError", &error),
+            | IntegrateError::NoErrorEstimate { .. }
+            | IntegrateError::RigidBodiesOnly { .. } => Self::own("IntegrateInputError", &error),
             error => Self::own("IntegrateError", &error),
         }
     }
