@@ -1,10 +1,12 @@
 //! Events, and what a run with events leaves.
 
+use crate::hybrid::Guard;
 use somersault_integrators::driver::{IntegrateError, Status};
 use somersault_integrators::state::{Configuration, State};
 
 /// What happens at an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EventKind {
     /// A guard goes in at its surface: a point comes to touch.
     TouchDown,
@@ -12,6 +14,27 @@ pub enum EventKind {
     Release,
     /// A guard goes in while its gap grows: a point that was released below the surface is held again.
     ReEngagement,
+    /// A contact that slid begins to stick.
+    Stick,
+    /// A contact that stuck begins to slide.
+    Slip,
+    /// The direction of sliding has turned by 60° since the last event of this kind, or since
+    /// sliding began. Nothing happens to the motion.
+    Turn,
+}
+
+impl EventKind {
+    /// What the change of a contact's own guard is called: going in, [`TouchDown`](Self::TouchDown), or
+    /// [`ReEngagement`](Self::ReEngagement) where the gap grows; coming out, [`Release`](Self::Release).
+    pub fn of_contact(before: &Guard, after: &Guard) -> Self {
+        if before.is_inside() {
+            Self::Release
+        } else if after.rate > 0.0 {
+            Self::ReEngagement
+        } else {
+            Self::TouchDown
+        }
+    }
 }
 
 /// A change of sign of a guard.
@@ -19,13 +42,14 @@ pub enum EventKind {
 pub struct Event<Q: Configuration> {
     /// When.
     pub t: f64,
-    /// Which guard: the index of the contact.
+    /// Which guard. Those of the contacts themselves come first and have the index of the contact; see
+    /// [`Contacts`](crate::contacts::Contacts) for those of friction.
     pub guard: usize,
     /// What happened.
     pub kind: EventKind,
     /// Impulse of the contact that a release finishes, ∫ F dt (N s), to order 4; zero for the other kinds.
     pub impulse: f64,
-    /// The state.
+    /// The state, before it jumps if it does.
     pub state: State<Q>,
 }
 
@@ -57,12 +81,29 @@ pub struct Located<Q: Configuration> {
     pub status: Status,
     /// Steps taken.
     pub steps: u64,
+    /// Steps tried and rejected by the step size control; none with fixed steps.
+    pub rejected: u64,
     /// Steps tried to find events, in addition.
     pub trials: u64,
     /// Number of events.
     pub event_count: u64,
     /// The events, in the order of time, unless they were not to be kept.
     pub events: Vec<Event<Q>>,
+}
+
+impl<Q: Configuration> Located<Q> {
+    pub(crate) fn at_start(t: f64, initial: &State<Q>) -> Self {
+        Self {
+            t,
+            state: initial.clone(),
+            status: Status::Stopped,
+            steps: 0,
+            rejected: 0,
+            trials: 0,
+            event_count: 0,
+            events: Vec::new(),
+        }
+    }
 }
 
 /// Why a run with events did not reach its end.

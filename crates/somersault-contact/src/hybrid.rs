@@ -1,5 +1,6 @@
 //! Systems whose equations change at events: modes, guards, and a system frozen in a mode.
 
+use crate::event::EventKind;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System};
 use std::cell::RefCell;
@@ -60,8 +61,30 @@ pub trait Hybrid: System {
     /// Which equations hold.
     type Mode: Clone + PartialEq + std::fmt::Debug;
 
+    /// Whether states jump at events; [`reset`](Self::reset) is called only where they do.
+    const RESETS: bool = false;
+
     /// The mode that a state belongs to.
     fn mode(&self, t: f64, x: &StateOf<Self>) -> Self::Mode;
+
+    /// The mode after an event, from the one before it and the state; by default from the state alone.
+    ///
+    /// What a mode remembers, say where a contact began to stick, is handed on here.
+    fn next_mode(&self, _before: &Self::Mode, t: f64, x: &StateOf<Self>) -> Self::Mode {
+        self.mode(t, x)
+    }
+
+    /// What it is called that a guard changed sign, given the modes before and after the event; by default
+    /// a contact that begins, ends or engages again.
+    fn event_kind(
+        &self,
+        _guard: usize,
+        before: &Guard,
+        after: &Guard,
+        _modes: (&Self::Mode, &Self::Mode),
+    ) -> EventKind {
+        EventKind::of_contact(before, after)
+    }
 
     /// Writes the guards: as many, in the same order, in every mode.
     fn guards(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut Vec<Guard>);
@@ -75,6 +98,12 @@ pub trait Hybrid: System {
         x: &StateOf<Self>,
         out: &mut RateOf<Self>,
     );
+
+    /// The jump of the state at an event from one mode to the next; by default there is none.
+    ///
+    /// It is made after the step that ends at the event and before the guards are read again. It must
+    /// leave the mode that the state belongs to as it is.
+    fn reset(&self, _t: f64, _before: &Self::Mode, _after: &Self::Mode, _x: &mut StateOf<Self>) {}
 
     /// Impulse (N s) that belongs to a guard over a step of h inside it.
     fn impulse(&self, _guard: usize, _h: f64, _before: &Guard, _after: &Guard) -> f64 {
@@ -90,8 +119,21 @@ pub trait HybridBodies: Hybrid + RigidSystem {
 
 impl<S: Hybrid + ?Sized> Hybrid for &S {
     type Mode = S::Mode;
+    const RESETS: bool = S::RESETS;
     fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
         (**self).mode(t, x)
+    }
+    fn next_mode(&self, before: &S::Mode, t: f64, x: &StateOf<S>) -> S::Mode {
+        (**self).next_mode(before, t, x)
+    }
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&S::Mode, &S::Mode),
+    ) -> EventKind {
+        (**self).event_kind(guard, before, after, modes)
     }
     #[inline(always)]
     fn guards(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
@@ -107,6 +149,9 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
         out: &mut RateOf<S>,
     ) {
         (**self).acceleration_in(mode, w, t, x, out);
+    }
+    fn reset(&self, t: f64, before: &S::Mode, after: &S::Mode, x: &mut StateOf<S>) {
+        (**self).reset(t, before, after, x);
     }
     #[inline(always)]
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
@@ -148,10 +193,25 @@ impl<H: Hybrid> Frozen<H> {
         self.mode.borrow().clone()
     }
 
-    /// Reads the mode of a state and freezes the system in it.
-    pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) {
-        let mode = self.system.mode(t, x);
-        *self.mode.borrow_mut() = mode;
+    /// Reads the mode of a state, whatever went before, and freezes the system in it.
+    pub(crate) fn freeze(&self, t: f64, x: &StateOf<H>) {
+        self.mode.replace(self.system.mode(t, x));
+    }
+
+    /// Freezes the system in the mode after an event; returns the mode before.
+    pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) -> H::Mode {
+        let next = self.system.next_mode(&self.mode.borrow(), t, x);
+        self.mode.replace(next)
+    }
+
+    /// What the change of a guard is called at an event from the mode before to the present one.
+    pub(crate) fn event_kind(&self, guard: usize, a: &Guard, b: &Guard, before: &H::Mode) -> EventKind {
+        self.system.event_kind(guard, a, b, (before, &self.mode.borrow()))
+    }
+
+    /// Lets the state jump from the mode before an event to the present one.
+    pub(crate) fn reset(&self, t: f64, before: &H::Mode, x: &mut StateOf<H>) {
+        self.system.reset(t, before, &self.mode.borrow(), x);
     }
 
     pub(crate) fn guards(&self, t: f64, x: &StateOf<H>, out: &mut Vec<Guard>) {

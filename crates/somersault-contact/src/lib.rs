@@ -8,6 +8,7 @@
 //! |---|---|---|
 //! | Δx, Δẋ | gap, negative inside the surface, and its rate; m, m/s | [`Guard`](hybrid::Guard) |
 //! | k, c | stiffness, N/m; damping, N s/m | [`CompliantLaw`](law::CompliantLaw) |
+//! | μ, v | coefficient of friction; sliding velocity, m/s | [`Friction`](friction::Friction) |
 //! | ωₙ, ζ, e | natural frequency, damping ratio, coefficient of restitution | its constructors |
 //!
 //! ```
@@ -29,13 +30,19 @@
 //! Irvine 2017, section 7.3.
 #![forbid(unsafe_code)]
 
+pub mod bodies;
 pub mod contacts;
 pub mod driver;
 mod error;
 pub mod event;
+pub mod friction;
+pub mod hunt_crossley;
 pub mod hybrid;
+pub mod interface;
 pub mod law;
 pub mod models;
+pub mod normal;
+pub mod shape;
 mod step_curve;
 pub mod surface;
 

@@ -6,7 +6,9 @@
 //! ([`Configuration::renormalize`]).
 
 use crate::dense::{Decoded, Interpolant, Segment};
-use crate::state::{Configuration, Poses, Rate, State, Tolerances};
+use crate::state::{Configuration, Poses, Rate, State};
+pub use crate::step_size::Adaptive;
+use crate::step_size::StepSizeControl;
 use crate::stepper::{EmbeddedStepper, StepError, Stepper};
 use crate::system::{Decoder, Form, StateOf, System};
 
@@ -146,7 +148,8 @@ impl TimeGrid {
     }
 }
 
-fn check_interval(start: f64, end: f64) -> Result<(), IntegrateError> {
+/// Errors where an interval is empty, reversed or not finite.
+pub fn check_interval(start: f64, end: f64) -> Result<(), IntegrateError> {
     if start.is_finite() && end.is_finite() && start < end {
         Ok(())
     } else {
@@ -350,56 +353,9 @@ fn integrate_observed<S: System, M: Stepper<S>>(
     Ok(Outcome { t: grid.end, state: before, status: Status::Finished, steps, rejected: 0 })
 }
 
-/// Settings of the step size control.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Adaptive {
-    /// Error allowed per step.
-    pub tolerances: Tolerances,
-    /// First step; chosen from the initial accelerations if not given.
-    pub first_step: Option<f64>,
-    /// Largest step.
-    pub max_step: f64,
-    /// Largest number of steps, accepted and rejected.
-    pub max_steps: usize,
-}
-
-impl Default for Adaptive {
-    fn default() -> Self {
-        Self {
-            tolerances: Tolerances::default(),
-            first_step: None,
-            max_step: f64::INFINITY,
-            max_steps: 10_000_000,
-        }
-    }
-}
-
-impl Adaptive {
-    /// Control with the given tolerances and otherwise the defaults.
-    pub fn with_tolerances(relative: f64, absolute: f64) -> Self {
-        Self { tolerances: Tolerances { relative, absolute }, ..Self::default() }
-    }
-
-    fn check(&self) -> Result<(), IntegrateError> {
-        check_positive("relative", self.tolerances.relative)?;
-        check_positive("absolute", self.tolerances.absolute)?;
-        if let Some(h) = self.first_step {
-            check_positive("first_step", h)?;
-        }
-        if self.max_step > 0.0 {
-            Ok(())
-        } else {
-            Err(IntegrateError::NotPositive { argument: "max_step", found: self.max_step })
-        }
-    }
-}
-
 /// Integrates from `interval.0` to `interval.1` with steps adapted to tolerances.
 ///
-/// The step follows the proportional–integral control of Gustafsson (ACM TOMS 17 (1991) 533) in the
-/// exponents 0.85/k and 0.2/k, k the order of the error, with safety factor 0.9 and changes between 0.2
-/// and 5; see Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.2, whose
-/// DOPRI5 has the same weights. A step whose error is not a number is rejected like one too large.
+/// [`crate::step_size`] says how.
 pub fn integrate_adaptive<S, M, O>(
     system: &S,
     stepper: &M,
@@ -434,112 +390,43 @@ fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
     stepper: &M,
     initial: &StateOf<S>,
     (start, end): (f64, f64),
-    control: &Adaptive,
+    settings: &Adaptive,
     observe: &mut impl FnMut(RawStep<'_, S::Configuration>) -> Flow,
 ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-    const SAFETY: f64 = 0.9;
-    // Errors below 1e-4 are remembered as that.
-    const LEAST_REMEMBERED: f64 = -9.210_340_371_976_182;
     check_interval(start, end)?;
-    control.check()?;
     check_state(initial)?;
     let mut memory = stepper.start(system, initial)?;
-    let order = f64::from(M::INFO.embedded.unwrap_or(M::INFO.orders.rotation)) + 1.0;
-    let (integral, proportional) = (0.85 / order, 0.2 / order);
-    let mut h = control.first_step.unwrap_or_else(|| first_step(system, start, initial, order, control));
-    h = h.min(control.max_step).min(end - start);
+    let mut control = StepSizeControl::try_new(settings, &M::INFO, system, start, initial)?;
     let mut before = initial.clone();
     let mut after = initial.clone();
-    let (mut t, mut accepted, mut rejected) = (start, 0, 0);
-    let mut last_log_error: f64 = LEAST_REMEMBERED;
-    let mut just_rejected = false;
+    let mut t = start;
     while t < end {
-        if accepted + rejected >= control.max_steps as u64 {
-            return Err(IntegrateError::Budget { max_steps: control.max_steps, t });
-        }
-        // A last step a little longer beats a step of rounding size.
-        let reaches_end = t + 1.01 * h >= end;
-        let step = if reaches_end { end - t } else { h };
-        if t + step <= t {
-            return Err(IntegrateError::StepSize { t, h: step });
-        }
+        let (step, t_after) = control.propose(t, end)?;
         stepper.step(system, t, &before, step, &mut memory, &mut after)?;
-        let error = stepper.error(&before, &after, step, &mut memory, &control.tolerances);
+        let error = stepper.error(&before, &after, step, &mut memory, &settings.tolerances);
         // A NaN from a wild trial step counts as an error too large, like any other.
-        if !error.is_finite() || !after.is_finite() || error > 1.0 {
-            rejected += 1;
-            just_rejected = true;
+        if !control.accepts(t, step, if after.is_finite() { error } else { f64::NAN })? {
             stepper.reject(&mut memory);
-            let shrink = if error.is_finite() { SAFETY * error.powf(-1.0 / order) } else { 0.2 };
-            h = step * shrink.clamp(0.2, 1.0);
-            if t + h <= t {
-                return Err(if error.is_finite() {
-                    IntegrateError::StepSize { t, h }
-                } else {
-                    IntegrateError::NonFinite { t: t + step }
-                });
-            }
             continue;
         }
         after.configuration.renormalize();
-        accepted += 1;
-        let t_after = if reaches_end { end } else { t + step };
         let flow = observe(RawStep {
-            index: accepted,
+            index: control.accepted(),
             t_before: t,
             t_after,
             before: &before,
             after: &after,
             segment: &mut || stepper.segment(system, t, &before, step, &mut memory, &after),
         });
-        let log_error = error.max(1e-10).ln();
-        let mut growth = SAFETY * (proportional * last_log_error - integral * log_error).exp();
-        if just_rejected {
-            growth = growth.min(1.0);
-        }
-        h = (step * growth.clamp(0.2, 5.0)).min(control.max_step);
-        last_log_error = log_error.max(LEAST_REMEMBERED);
-        just_rejected = false;
         t = t_after;
         std::mem::swap(&mut before, &mut after);
         if flow == Flow::Stop && t < end {
-            return Ok(Outcome { t, state: before, status: Status::Stopped, steps: accepted, rejected });
+            let (steps, rejected) = (control.accepted(), control.rejected());
+            return Ok(Outcome { t, state: before, status: Status::Stopped, steps, rejected });
         }
     }
-    Ok(Outcome { t: end, state: before, status: Status::Finished, steps: accepted, rejected })
-}
-
-/// A first step from the size of the motion and of its first two derivatives (Hairer, Nørsett and
-/// Wanner, *Solving Ordinary Differential Equations I*, section II.4).
-fn first_step<S: System>(system: &S, t: f64, x: &StateOf<S>, order: f64, control: &Adaptive) -> f64 {
-    use crate::state::ErrorSum;
-    let mut w = system.workspace();
-    let size = |v: &<S::Configuration as Configuration>::Rate,
-                a: &<S::Configuration as Configuration>::Rate| {
-        let mut sum = ErrorSum::default();
-        x.configuration.weigh(&x.configuration, v, &control.tolerances, &mut sum);
-        x.rate.weigh(&x.rate, a, &control.tolerances, &mut sum);
-        sum.root_mean_square()
-    };
-    let (mut velocity, mut acceleration) = (x.rate.clone(), x.rate.clone());
-    system.velocity(&mut w, t, x, &mut velocity);
-    system.acceleration(&mut w, t, x, &mut acceleration);
-    let first = size(&velocity, &acceleration);
-    // The weighed size of a unit: one radian, one metre, one metre per second.
-    let unit = 1.0 / (control.tolerances.absolute + control.tolerances.relative);
-    let trial = if first > 1e-10 * unit { 0.01 * unit / first } else { 1e-6 };
-    let mut ahead = x.clone();
-    ahead.drift(&velocity, trial);
-    ahead.kick(&acceleration, trial);
-    let (mut velocity_ahead, mut acceleration_ahead) = (x.rate.clone(), x.rate.clone());
-    system.velocity(&mut w, t + trial, &ahead, &mut velocity_ahead);
-    system.acceleration(&mut w, t + trial, &ahead, &mut acceleration_ahead);
-    velocity_ahead.axpy(-1.0, &velocity);
-    acceleration_ahead.axpy(-1.0, &acceleration);
-    let second = size(&velocity_ahead, &acceleration_ahead) / trial;
-    let largest = first.max(second);
-    let h = if largest > 1e-15 { (0.01 / largest).powf(1.0 / order) } else { (1e-3 * trial).max(1e-6) };
-    if h.is_finite() { h.min(100.0 * trial).max(f64::MIN_POSITIVE) } else { trial }
+    let (steps, rejected) = (control.accepted(), control.rejected());
+    Ok(Outcome { t: end, state: before, status: Status::Finished, steps, rejected })
 }
 
 /// Integrates a form of the bodies, showing the observer the bodies themselves.

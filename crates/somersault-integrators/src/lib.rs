@@ -16,6 +16,7 @@ pub mod preprocessing;
 pub mod scratch;
 pub mod solution;
 pub mod state;
+pub mod step_size;
 pub mod stepper;
 pub mod studies;
 pub mod system;

@@ -190,6 +190,10 @@ impl<F: ForceModel> RigidSystem for RigidBodySystem<F> {
 pub trait Interaction {
     /// Adds force and torque on every body, world frame.
     fn add_wrenches(&self, t: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]);
+    /// The number of bodies it is made for; `None` if it takes any.
+    fn bodies(&self) -> Option<usize> {
+        None
+    }
     /// Whether no body feels a torque about its centre of mass.
     fn is_torque_free(&self) -> bool {
         false
@@ -262,16 +266,29 @@ pub struct CountMismatch {
 impl<F: ForceModel, I: Interaction> RigidBodiesSystem<F, I> {
     /// Bodies, the force model of each, and what acts between them.
     pub fn try_new(bodies: Vec<RigidBody>, forces: Vec<F>, interaction: I) -> Result<Self, CountMismatch> {
-        if forces.len() == bodies.len() {
-            Ok(Self { bodies, forces, interaction })
-        } else {
-            Err(CountMismatch { argument: "forces", bodies: bodies.len(), found: forces.len() })
+        let count = bodies.len();
+        let taken = interaction.bodies().unwrap_or(count);
+        for (argument, found) in [("forces", forces.len()), ("interaction", taken)] {
+            if found != count {
+                return Err(CountMismatch { argument, bodies: count, found });
+            }
         }
+        Ok(Self { bodies, forces, interaction })
     }
 
     /// The bodies.
     pub fn bodies(&self) -> &[RigidBody] {
         &self.bodies
+    }
+
+    /// The force model of each.
+    pub fn forces(&self) -> &[F] {
+        &self.forces
+    }
+
+    /// What acts between them.
+    pub fn interaction(&self) -> &I {
+        &self.interaction
     }
 }
 

@@ -1,0 +1,38 @@
+//! The event-locating drivers, with steps of fixed or adapted size.
+//!
+//! Each step is made in a frozen mode, along smooth equations. If a guard changes sign over it, or twice
+//! within it, the earliest change is found by stepping again from the same state with a smaller h, until
+//! h is known to two roundings of the time: the event lies on the method's own trajectory, so that its
+//! time has the method's order and nothing is interpolated. The step to the far side of the change is
+//! committed, the mode is read there, the memory restarts, and so does the grid of times or the control of
+//! the step size.
+//!
+//! - The committed end of a step to an event has the guard on its new side. What was found is therefore
+//!   not found again, and guards that change together are handled together.
+//! - Methods with history make the shorter step with their start-up, as after any restart.
+//! - A change that comes and goes within one step is found if the gap has one extremum in the step; see
+//!   [`Guard`](crate::hybrid::Guard). What is missed of a graze is shallower than the cubic through the
+//!   ends of the step is off, h⁴ max|φ⁗|/384. Adapted steps may span much in smooth flight:
+//!   [`Adaptive::max_step`](somersault_integrators::driver::Adaptive) keeps them within one extremum.
+//! - A start on the surface belongs to what follows; a start at rest on it is free until it has moved by a
+//!   rounding.
+//! - A law whose force and rate of force are continuous at release, and whose gap rate is continuous at
+//!   touch-down, as (7.10), cannot slide along the border of a mode. Anything else that does ends in
+//!   [`Interruption::Chattering`](crate::event::Interruption::Chattering).
+//!
+//! Errors keep the solution up to where they arose: a state or a guard that is not finite, a failure of
+//! the method, events that follow each other faster than [`Location`](crate::event::Location) allows.
+
+mod adaptive;
+mod fixed;
+mod run;
+mod search;
+mod worker;
+
+use crate::event::{Interrupted, Located};
+
+pub use adaptive::{integrate_hybrid_adaptive, integrate_located_adaptive};
+pub use fixed::{integrate_hybrid, integrate_located};
+
+/// The outcome of a run with events.
+pub type LocatedResult<Q> = Result<Located<Q>, Box<Interrupted<Q>>>;

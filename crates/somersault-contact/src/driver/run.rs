@@ -1,0 +1,251 @@
+//! A run in progress: what both drivers do with a step once it is made.
+
+use super::LocatedResult;
+use super::search::Search;
+use super::worker::{Point, Worker};
+use crate::event::{Event, EventKind, Interrupted, Interruption, Located, Location};
+use crate::hybrid::{Guard, Hybrid};
+use somersault_integrators::dense::{Decoded, Interpolant};
+use somersault_integrators::driver::{
+    Flow, IntegrateError, Observer, Status, Step, check_positive, check_state,
+};
+use somersault_integrators::state::{Configuration, State};
+use somersault_integrators::stepper::Stepper;
+use somersault_integrators::system::{Decoder, StateOf, System};
+
+/// The part of a step that is committed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Span {
+    /// Its length.
+    pub(super) h: f64,
+    /// Time at its end.
+    pub(super) t_after: f64,
+    /// Whether it ends at an event.
+    pub(super) is_event: bool,
+}
+
+/// A run in progress.
+pub(super) struct Run<'a, H: Hybrid, B: System, M: Stepper<B>, D, O> {
+    pub(super) worker: Worker<'a, H, B, M, D>,
+    pub(super) memory: M::Memory,
+    /// The last state that was committed.
+    pub(super) before: Point<H::Configuration, B::Configuration>,
+    /// The state that a step leads to.
+    pub(super) after: Point<H::Configuration, B::Configuration>,
+    trial: Point<H::Configuration, B::Configuration>,
+    trial_memory: M::Memory,
+    last: Vec<Guard>,
+    impulses: Vec<f64>,
+    chatter: Chatter,
+    keep_events: bool,
+    observer: &'a mut O,
+    /// The outcome but for the state, which is that of `before`.
+    pub(super) so_far: Located<H::Configuration>,
+}
+
+/// Runs `steps` from a state at `t`.
+pub(super) fn run<'a, H, B, M, D, O>(
+    worker: Worker<'a, H, B, M, D>,
+    (t, initial): (f64, &StateOf<H>),
+    location: &Location,
+    observer: &'a mut O,
+    steps: impl FnOnce(&mut Run<'a, H, B, M, D, O>) -> Result<Status, Interruption>,
+) -> LocatedResult<H::Configuration>
+where
+    H: Hybrid,
+    B: System,
+    M: Stepper<B>,
+    D: Decoder<B::Configuration, H::Configuration>,
+{
+    let mut run = Run::start(worker, (t, initial), location, observer)
+        .map_err(|reason| broken_at_start(reason, t, initial))?;
+    let outcome = steps(&mut run);
+    let mut so_far = run.so_far;
+    so_far.state = run.before.outer;
+    match outcome {
+        Ok(status) => Ok(Located { status, ..so_far }),
+        Err(reason) => Err(Box::new(Interrupted { reason, so_far })),
+    }
+}
+
+/// Errors where a run cannot start.
+pub(super) fn check_start<Q: Configuration>(
+    t: f64,
+    initial: &State<Q>,
+    location: &Location,
+) -> Result<(), Box<Interrupted<Q>>> {
+    check_state(initial)
+        .and_then(|()| check_positive("max_event_rate", location.max_event_rate))
+        .map_err(|error| broken_at_start(error.into(), t, initial))
+}
+
+pub(super) fn broken_at_start<Q: Configuration>(
+    reason: Interruption,
+    t: f64,
+    initial: &State<Q>,
+) -> Box<Interrupted<Q>> {
+    Box::new(Interrupted { reason, so_far: Located::at_start(t, initial) })
+}
+
+impl<'a, H, B, M, D, O> Run<'a, H, B, M, D, O>
+where
+    H: Hybrid,
+    B: System,
+    M: Stepper<B>,
+    D: Decoder<B::Configuration, H::Configuration>,
+{
+    fn start(
+        worker: Worker<'a, H, B, M, D>,
+        (t, initial): (f64, &StateOf<H>),
+        location: &Location,
+        observer: &'a mut O,
+    ) -> Result<Self, Interruption> {
+        let encoded = (worker.encode)(initial);
+        let memory = || worker.stepper.start(worker.form, &encoded).map_err(IntegrateError::from);
+        let (memory, trial_memory) = (memory()?, memory()?);
+        let point = || Point { inner: encoded.clone(), outer: initial.clone(), guards: Vec::new() };
+        let (mut before, after, trial) = (point(), point(), point());
+        worker.read_guards(t, &mut before)?;
+        let count = before.guards.len();
+        Ok(Self {
+            worker,
+            memory,
+            before,
+            after,
+            trial,
+            trial_memory,
+            last: Vec::with_capacity(count),
+            impulses: vec![0.0; count],
+            chatter: Chatter::new(count, location.max_event_rate),
+            keep_events: location.keep_events,
+            observer,
+            so_far: Located::at_start(t, initial),
+        })
+    }
+
+    /// Finds the earliest event in the step of h just made to `t_after`, and makes the step to it instead.
+    pub(super) fn locate(&mut self, h: f64, t_after: f64) -> Result<Span, Interruption> {
+        let t = self.so_far.t;
+        let mut search = Search {
+            worker: &self.worker,
+            memory: &mut self.trial_memory,
+            point: &mut self.trial,
+            last: &mut self.last,
+            t,
+            x: &self.before.inner,
+            before: &self.before.guards,
+            trials: &mut self.so_far.trials,
+        };
+        let tolerance = 2.0 * f64::EPSILON * t.abs().max(t_after.abs());
+        let found = search.earliest(h, &self.after.guards, tolerance)?;
+        match found {
+            Some(earlier) if earlier < h => {
+                self.worker.stepper.restart(&mut self.memory);
+                self.worker.step(t, &self.before.inner, earlier, &mut self.memory, &mut self.after)?;
+                Ok(Span { h: earlier, t_after: t + earlier, is_event: true })
+            }
+            _ => Ok(Span { h, t_after, is_event: found.is_some() }),
+        }
+    }
+
+    /// Commits the step: shows it, counts it, and at an event reads the mode, lets the state jump and
+    /// restarts the memory.
+    pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption>
+    where
+        D: Clone + Send + Sync + 'static,
+        O: Observer<H::Configuration>,
+    {
+        let (guards, guards_after) = (&self.before.guards, &self.after.guards);
+        for (i, impulse) in self.impulses.iter_mut().enumerate() {
+            if guards[i].is_inside() {
+                *impulse += self.worker.frozen.system().impulse(i, span.h, &guards[i], &guards_after[i]);
+            }
+        }
+        self.so_far.steps += 1;
+        let flow = self.show(span);
+        self.so_far.t = span.t_after;
+        if span.is_event {
+            let (frozen, t) = (self.worker.frozen, span.t_after);
+            let mode = frozen.refreeze(t, &self.after.outer);
+            self.log(&mode);
+            std::mem::swap(&mut self.before, &mut self.after);
+            self.chatter.record(t)?;
+            self.enter(&mode)?;
+        } else {
+            std::mem::swap(&mut self.before, &mut self.after);
+        }
+        Ok(flow)
+    }
+
+    /// Starts anew from an event, in a new mode.
+    fn enter(&mut self, last_mode: &H::Mode) -> Result<(), Interruption> {
+        let (worker, t, point) = (&self.worker, self.so_far.t, &mut self.before);
+        if H::RESETS {
+            worker.frozen.reset(t, last_mode, &mut point.outer);
+            point.inner = (worker.encode)(&point.outer);
+        }
+        worker.stepper.restart(&mut self.memory);
+        worker.read_guards(t, point)
+    }
+
+    /// Shows the step, with its curve, to the observer.
+    fn show(&mut self, span: Span) -> Flow
+    where
+        D: Clone + Send + Sync + 'static,
+        O: Observer<H::Configuration>,
+    {
+        if !O::ACTIVE {
+            return Flow::Continue;
+        }
+        let Self { worker, memory, before, after, so_far, .. } = self;
+        let mut interpolant = || {
+            let stepper = worker.stepper;
+            let segment = stepper.segment(worker.form, so_far.t, &before.inner, span.h, memory, &after.inner);
+            Box::new(Decoded { segment, decoder: worker.decoder.clone() })
+                as Box<dyn Interpolant<H::Configuration>>
+        };
+        let times = (so_far.t, span.t_after);
+        let mut step = Step::new(so_far.steps, times, &before.outer, &after.outer, &mut interpolant);
+        self.observer.observe(&mut step)
+    }
+
+    /// Counts and keeps the changes between the guards before a step and after it.
+    fn log(&mut self, last_mode: &H::Mode) {
+        for (guard, (a, b)) in self.before.guards.iter().zip(&self.after.guards).enumerate() {
+            if a.is_inside() == b.is_inside() {
+                continue;
+            }
+            let kind = self.worker.frozen.event_kind(guard, a, b, last_mode);
+            let released = kind == EventKind::Release;
+            let impulse = if released { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
+            self.so_far.event_count += 1;
+            if self.keep_events {
+                let (t, state) = (self.so_far.t, self.after.outer.clone());
+                self.so_far.events.push(Event { t, guard, kind, impulse, state });
+            }
+        }
+    }
+}
+
+/// Remembers when the last events were.
+struct Chatter {
+    times: Vec<f64>,
+    next: usize,
+    max_event_rate: f64,
+}
+
+impl Chatter {
+    fn new(guards: usize, max_event_rate: f64) -> Self {
+        Self { times: vec![f64::NEG_INFINITY; 64 * guards.max(1)], next: 0, max_event_rate }
+    }
+
+    fn record(&mut self, t: f64) -> Result<(), Interruption> {
+        let span = t - self.times[self.next];
+        self.times[self.next] = t;
+        self.next = (self.next + 1) % self.times.len();
+        if span * self.max_event_rate < 64.0 {
+            return Err(Interruption::Chattering { t, max_event_rate: self.max_event_rate });
+        }
+        Ok(())
+    }
+}
