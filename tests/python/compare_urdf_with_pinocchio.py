@@ -54,7 +54,11 @@ def main():
         mass_matrix = np.triu(crba) + np.triu(crba, 1).T
         for name, mine, expected in [
             ("rnea", np.array(state["rnea"])[dofs], pin.rnea(model, data, q, v, a)),
-            ("gravity_forces", np.array(state["gravity_forces"])[dofs], pin.computeGeneralizedGravity(model, data, q)),
+            (
+                "gravity_forces",
+                np.array(state["gravity_forces"])[dofs],
+                pin.computeGeneralizedGravity(model, data, q),
+            ),
             ("crba", np.reshape(state["crba"], (model.nv, model.nv))[np.ix_(dofs, dofs)], mass_matrix),
         ]:
             off = np.linalg.norm(mine - expected) / np.linalg.norm(expected)

@@ -68,6 +68,17 @@ impl Contact {
         &self.shape
     }
 
+    /// The surface.
+    pub fn surface(&self) -> &Arc<dyn Surface> {
+        &self.surface
+    }
+
+    /// The same against another surface, which for a rim must be a plane.
+    #[must_use]
+    pub fn against(self, surface: Arc<dyn Surface>) -> Self {
+        Self { surface, ..self }
+    }
+
     /// The laws.
     pub fn law(&self) -> &ContactLaw {
         &self.law
