@@ -212,3 +212,32 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
         }
     }
 }
+
+#[test]
+fn sensitivities_allocate_nothing_between_events() {
+    use somersault::contact::event::Location;
+    use somersault::contact::models::SpinningTop;
+    use somersault::contact::sensitivity::{
+        Differentiation, Parameter, SensitivityError, differentiate_located,
+    };
+
+    let top = SpinningTop::thesis().unwrap();
+    let (by, location) = (Differentiation::by([Parameter::Mass]), Location::default());
+    let run = |method: Method, start: &RigidBodyState, steps| {
+        let grid = TimeGrid::try_with_steps(0.0, 1e-5 * steps as f64, steps).unwrap();
+        differentiate_located(method, Options::default(), &top.system, start, &by, &grid, &location, &mut ())
+    };
+    let held = run(Method::Rkmk, &top.start, 20_000).unwrap().run.state;
+    for method in Method::ALL {
+        for start in [&top.start, &held] {
+            match run(method, start, 1000) {
+                Ok(found) => {
+                    assert_eq!(found.run.event_count, 0, "{method}");
+                    let [short, long] = [10, 1000].map(|n| allocations(|| drop(run(method, start, n))));
+                    assert_eq!(short, long, "{method}");
+                }
+                Err(error) => assert!(matches!(error.reason, SensitivityError::Method { .. }), "{method}"),
+            }
+        }
+    }
+}

@@ -20,6 +20,7 @@ use somersault_integrators::methods::{Method, Options, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_testkit::bouncing_ball;
 use somersault_testkit::order::slope;
+use somersault_testkit::trees::Random;
 use std::sync::Arc;
 
 type System = BodyInContact<Gravity>;
@@ -348,24 +349,9 @@ fn rolling_resistance_slows_a_rolling_ball_by_five_sevenths_of_b_over_r() {
 
 // ------------------------------------------------------------------------------------------------ energy
 
-/// Numbers in [−1, 1), always the same (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        (z ^ (z >> 31)) as f64 / (1u64 << 63) as f64 - 1.0
-    }
-    fn vector(&mut self) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| self.next())
-    }
-}
-
 #[test]
 fn friction_and_resistance_never_give_energy() {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let resistance = Resistance::try_new(0.01, 0.02, 0.1).unwrap();
     let laws = [
         Friction::None,
@@ -375,15 +361,15 @@ fn friction_and_resistance_never_give_energy() {
     ]
     .map(|friction| ContactLaw::from(stiff()).with_friction(friction).with_resistance(resistance));
     for case in 0..2000 {
-        let normal = random.vector().normalize();
-        let sliding = random.vector() * 10f64.powf(3.0 * random.next());
+        let normal = random.vector(1.0).normalize();
+        let sliding = random.vector(1.0) * 10f64.powf(3.0 * random.within(-1.0, 1.0));
         let at = Encounter {
-            gap: -0.01 * random.next().abs(),
-            rate: -random.next().abs(),
+            gap: -0.01 * random.within(-1.0, 1.0).abs(),
+            rate: -random.within(-1.0, 1.0).abs(),
             normal,
-            point: random.vector(),
+            point: random.vector(1.0),
             sliding: sliding - normal * normal.dot(&sliding),
-            turning: random.vector(),
+            turning: random.vector(1.0),
             mass: 1.0,
         };
         for law in &laws {

@@ -12,9 +12,10 @@ from pathlib import Path
 import batch
 import box
 import long_run
+import multibody
 from measure import machine
 
-COMPARISONS = (box, long_run, batch)
+COMPARISONS = (box, long_run, batch, multibody)
 
 
 def main() -> None:

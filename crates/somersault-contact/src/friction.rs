@@ -245,6 +245,21 @@ impl Resistance {
         })
     }
 
+    /// b, m.
+    pub fn rolling(&self) -> f64 {
+        self.rolling
+    }
+
+    /// s, m.
+    pub fn spinning(&self) -> f64 {
+        self.spinning
+    }
+
+    /// ω_ε, rad/s.
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
     /// Whether it never acts.
     pub fn is_none(&self) -> bool {
         self.rolling == 0.0 && self.spinning == 0.0

@@ -64,7 +64,8 @@ pub trait Hybrid: System {
     /// Whether states jump at events; [`reset`](Self::reset) is called only where they do.
     const RESETS: bool = false;
 
-    /// The mode that a state belongs to.
+    /// The mode that a state belongs to: by [`Guard::is_inside`] of its guards, so that both agree where a
+    /// guard is zero.
     fn mode(&self, t: f64, x: &StateOf<Self>) -> Self::Mode;
 
     /// The mode after an event, from the one before it and the state; by default from the state alone.

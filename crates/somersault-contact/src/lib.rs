@@ -42,8 +42,10 @@ pub mod interface;
 pub mod law;
 pub mod models;
 pub mod normal;
+pub mod sensitivity;
 pub mod shape;
 mod step_curve;
+pub mod studies;
 pub mod surface;
 
 pub use error::ContactError;

@@ -29,6 +29,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`), or have a name in the
+//! literature ([`models`]).
 //! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
 //! short way for a tree in the air whose joints move as prescribed.
 //!

@@ -38,6 +38,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod error;
 mod writer;
 mod xml;
 
@@ -49,6 +50,7 @@ use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
 use xml::Element;
 
+pub use error::UrdfError;
 pub use writer::write;
 
 /// How the root link is connected to the world.
@@ -79,167 +81,6 @@ impl Default for UrdfOptions {
     }
 }
 
-/// Why a document is not a tree. `element` is the tag with its name, as in "joint `elbow`".
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum UrdfError {
-    /// Not well-formed, a document type declaration, or more nodes than allowed.
-    #[error("not a readable XML document: {reason}")]
-    Xml {
-        /// What the XML parser says, with the position.
-        reason: String,
-    },
-    /// More attributes in one tag than any element of the format has.
-    #[error("the tag in line {line} has more than {allowed} attributes")]
-    TooManyAttributes {
-        /// Line of the document.
-        line: u32,
-        /// Attributes allowed.
-        allowed: usize,
-    },
-    /// The outermost element is another.
-    #[error("the outermost element must be <robot>, found <{found}>")]
-    NotARobot {
-        /// Its tag.
-        found: String,
-    },
-    /// An attribute that the format requires is missing.
-    #[error("{element} (line {line}) has no attribute `{attribute}`")]
-    MissingAttribute {
-        /// The element.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// The attribute.
-        attribute: &'static str,
-    },
-    /// An element that the format requires is missing.
-    #[error("{element} (line {line}) has no <{child}>")]
-    MissingElement {
-        /// The element.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// Tag of what is missing.
-        child: &'static str,
-    },
-    /// An element that may occur once occurs again.
-    #[error("{element} (line {line}) has more than one <{child}>")]
-    RepeatedElement {
-        /// The element.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// Tag of what is repeated.
-        child: &'static str,
-    },
-    /// An attribute does not hold the finite numbers it must.
-    #[error("`{attribute}` of {element} (line {line}) must be {expected} finite number(s), found `{found}`")]
-    BadNumber {
-        /// The element.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// The attribute.
-        attribute: &'static str,
-        /// How many numbers it must hold.
-        expected: usize,
-        /// Its value, at most 40 characters of it.
-        found: String,
-    },
-    /// A rotation is given twice.
-    #[error("{element} (line {line}) has an origin with both `rpy` and `quat_xyzw`")]
-    TwoRotations {
-        /// The element.
-        element: String,
-        /// Line of the document.
-        line: u32,
-    },
-    /// There is no such type of joint.
-    #[error("{element} (line {line}) has the unknown type `{found}`")]
-    UnknownJointType {
-        /// The joint.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// The type, at most 40 characters of it.
-        found: String,
-    },
-    /// The joint follows another one, which closes a loop.
-    #[error("{element} (line {line}) mimics another joint, which is not supported")]
-    Mimic {
-        /// The joint.
-        element: String,
-        /// Line of the document.
-        line: u32,
-    },
-    /// Two links or two joints of one name.
-    #[error("{element} (line {line}) has the name of an earlier one")]
-    DuplicateName {
-        /// The element.
-        element: String,
-        /// Line of the document.
-        line: u32,
-    },
-    /// A joint names a link that the document does not have.
-    #[error("{element} (line {line}) names the link `{link}`, which does not exist")]
-    UnknownLink {
-        /// The joint.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// The link.
-        link: String,
-    },
-    /// A link is the child of two joints.
-    #[error("{element} (line {line}) has the child `{link}`, which is that of joint `{other}` already")]
-    SecondParent {
-        /// The joint.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// The link.
-        link: String,
-        /// The other joint.
-        other: String,
-    },
-    /// A tree has one root.
-    #[error("link `{second}` is the child of no joint, but neither is link `{first}`")]
-    SeveralRoots {
-        /// The first link without a parent.
-        first: String,
-        /// The second.
-        second: String,
-    },
-    /// A link hangs on itself.
-    #[error("link `{link}` is part of a cycle, or hangs on one")]
-    Cycle {
-        /// The link.
-        link: String,
-    },
-    /// The document has no link.
-    #[error("the robot has no link")]
-    NoLink,
-    /// URDF cannot say this.
-    #[error("{element} cannot be written: {reason}")]
-    NotRepresentable {
-        /// The link.
-        element: String,
-        /// Why.
-        reason: &'static str,
-    },
-    /// The numbers describe no body or no joint.
-    #[error("{element} (line {line}): {source}")]
-    Rejected {
-        /// The link, the joint or the robot.
-        element: String,
-        /// Line of the document.
-        line: u32,
-        /// What is wrong.
-        source: ModelError,
-    },
-}
-
 /// A joint as the document has it.
 struct UrdfJoint<'a> {
     element: Element<'a>,
@@ -265,7 +106,34 @@ pub fn read(text: &str, options: &UrdfOptions) -> Result<Model, UrdfError> {
         links.push(link);
     }
     let joints = elements("joint").map(|node| joint(node, &numbers)).collect::<Result<Vec<_>, _>>()?;
+    let (root, carries) = hierarchy(&links, &joints)?;
 
+    let mut builder = ModelBuilder::new().with_gravity(options.gravity);
+    let base = match options.base {
+        Base::Fixed => Joint::Fixed,
+        Base::Planar => Joint::Planar,
+        Base::Free => Joint::Free,
+    };
+    let first = &links[root];
+    add(&mut builder, first, first, Link::root(first.name, base, inertial(first)?))?;
+    let mut reached = vec![false; links.len()];
+    reached[root] = true;
+    let mut open: Vec<usize> = carries[root].iter().rev().copied().collect();
+    while let Some(k) = open.pop() {
+        let UrdfJoint { element, parent, child } = &joints[k];
+        attach(&mut builder, element, links[*parent].name, &links[*child])?;
+        reached[*child] = true;
+        open.extend(carries[*child].iter().rev());
+    }
+    if let Some(lost) = reached.iter().position(|reached| !reached) {
+        return Err(UrdfError::Cycle { link: links[lost].name.to_owned() });
+    }
+    let whole = Element::new(robot, robot.attribute("name").unwrap_or_default());
+    builder.build().map_err(|source| whole.rejected(source))
+}
+
+/// The root link, and the joints that each link carries.
+fn hierarchy(links: &[Element], joints: &[UrdfJoint]) -> Result<(usize, Vec<Vec<usize>>), UrdfError> {
     let mut carried_by: Vec<Option<usize>> = vec![None; links.len()];
     let mut carries: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
     let mut names = HashSet::new();
@@ -284,37 +152,15 @@ pub fn read(text: &str, options: &UrdfOptions) -> Result<Model, UrdfError> {
         carries[joint.parent].push(k);
     }
     let mut roots = (0..links.len()).filter(|&i| carried_by[i].is_none());
-    let root = match (roots.next(), roots.next()) {
-        (Some(root), None) => root,
+    match (roots.next(), roots.next()) {
+        (Some(root), None) => Ok((root, carries)),
         (Some(first), Some(second)) => {
             let name = |i: usize| links[i].name.to_owned();
-            return Err(UrdfError::SeveralRoots { first: name(first), second: name(second) });
+            Err(UrdfError::SeveralRoots { first: name(first), second: name(second) })
         }
-        (None, _) if links.is_empty() => return Err(UrdfError::NoLink),
-        (None, _) => return Err(UrdfError::Cycle { link: links[0].name.to_owned() }),
-    };
-
-    let mut builder = ModelBuilder::new().with_gravity(options.gravity);
-    let base = match options.base {
-        Base::Fixed => Joint::Fixed,
-        Base::Planar => Joint::Planar,
-        Base::Free => Joint::Free,
-    };
-    add(&mut builder, &links[root], Link::root(links[root].name, base, inertial(&links[root])?))?;
-    let mut reached = vec![false; links.len()];
-    reached[root] = true;
-    let mut open: Vec<usize> = carries[root].iter().rev().copied().collect();
-    while let Some(k) = open.pop() {
-        let UrdfJoint { element, parent, child } = &joints[k];
-        attach(&mut builder, element, links[*parent].name, &links[*child])?;
-        reached[*child] = true;
-        open.extend(carries[*child].iter().rev());
+        (None, _) if links.is_empty() => Err(UrdfError::NoLink),
+        (None, _) => Err(UrdfError::Cycle { link: links[0].name.to_owned() }),
     }
-    if let Some(lost) = reached.iter().position(|reached| !reached) {
-        return Err(UrdfError::Cycle { link: links[lost].name.to_owned() });
-    }
-    let whole = Element::new(robot, robot.attribute("name").unwrap_or_default());
-    builder.build().map_err(|source| whole.rejected(source))
 }
 
 fn duplicate(element: &Element) -> UrdfError {
@@ -335,8 +181,16 @@ fn joint<'a>(node: Node<'a, 'a>, links: &HashMap<&str, usize>) -> Result<UrdfJoi
     Ok(UrdfJoint { element, parent, child })
 }
 
-fn add(builder: &mut ModelBuilder, element: &Element, link: Link) -> Result<(), UrdfError> {
-    builder.add(link).map(drop).map_err(|source| element.rejected(source))
+/// Adds a body; what is wrong with its mass is said of the link, anything else of the joint.
+fn add(builder: &mut ModelBuilder, joint: &Element, link: &Element, body: Link) -> Result<(), UrdfError> {
+    use ModelError::{AsymmetricInertia, Negative, NonFinite, NonPhysicalInertia};
+    builder.add(body).map(drop).map_err(|source| match &source {
+        AsymmetricInertia { .. }
+        | NonPhysicalInertia { .. }
+        | Negative { argument: "mass", .. }
+        | NonFinite { argument: "mass" | "center" | "inertia", .. } => link.rejected(source),
+        _ => joint.rejected(source),
+    })
 }
 
 /// Adds a link on its joint.
@@ -379,7 +233,7 @@ fn attach(
         moving = moving.with_limits(limit.bound("lower")?, limit.bound("upper")?);
     }
     if joint_kind != Joint::Planar || axis.xy() == nalgebra::Vector2::zeros() && axis.z > 0.0 {
-        return add(builder, joint, moving);
+        return add(builder, joint, link, moving);
     }
     if axis == Vector3::zeros() {
         return Err(joint.rejected(ModelError::ZeroAxis { name: link.name.to_owned() }));
@@ -388,8 +242,8 @@ fn attach(
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let plane = format!("{} plane", link.name);
     let between = Link::child(&plane, parent, Joint::Planar, MassProperties::massless());
-    add(builder, joint, between.at(origin).turned(orientation * turn).with_damping(damping))?;
-    add(builder, joint, Link::child(link.name, plane, Joint::Fixed, mass).turned(turn.inverse()))
+    add(builder, joint, link, between.at(origin).turned(orientation * turn).with_damping(damping))?;
+    add(builder, joint, link, Link::child(link.name, plane, Joint::Fixed, mass).turned(turn.inverse()))
 }
 
 /// Mass, centre and inertia of a link in its own axes.

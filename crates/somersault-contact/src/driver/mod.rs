@@ -12,8 +12,9 @@
 //! - Methods with history make the shorter step with their start-up, as after any restart.
 //! - A change that comes and goes within one step is found if the gap has one extremum in the step; see
 //!   [`Guard`](crate::hybrid::Guard). What is missed of a graze is shallower than the cubic through the
-//!   ends of the step is off, h⁴ max|φ⁗|/384. Adapted steps may span much in smooth flight:
-//!   [`Adaptive::max_step`](somersault_integrators::driver::Adaptive) keeps them within one extremum.
+//!   ends of the step is off, h⁴ max|φ⁗|/384, by a factor of a thousand. Adapted steps may span much in
+//!   smooth flight; the largest step of [`Adaptive`](somersault_integrators::driver::Adaptive) keeps them
+//!   within one extremum.
 //! - A start on the surface belongs to what follows; a start at rest on it is free until it has moved by a
 //!   rounding.
 //! - A law whose force and rate of force are continuous at release, and whose gap rate is continuous at

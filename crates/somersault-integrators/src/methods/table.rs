@@ -336,3 +336,33 @@ impl<S: System, O: Observer<S::Configuration>> EmbeddedSystemVisitor<S>
         integrate_adaptive(self.system, &stepper, initial, interval, control, observer)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::RigidBody;
+    use crate::stepper::Scope;
+    use crate::system::RigidBodySystem;
+
+    /// The name of the method it sees.
+    struct Name;
+
+    impl<S: System> SystemVisitor<S> for Name {
+        type Output = &'static str;
+        fn visit<M: Stepper<S>>(self, _: M) -> &'static str {
+            M::INFO.name
+        }
+    }
+
+    #[test]
+    fn methods_for_any_system_are_those_of_that_scope() {
+        type Free =
+            RigidBodySystem<fn(f64, &RigidBody, &crate::state::RigidBodyState) -> crate::force::Wrench>;
+        for method in Method::ALL {
+            let info = method.info();
+            let any = info.scope == Scope::AnySystem && info.variables == Variables::World;
+            let found = method.visit_system::<Free, _>(Options::default(), Name);
+            assert_eq!(found, any.then_some(info.name), "{method}");
+        }
+    }
+}

@@ -39,6 +39,22 @@ pub struct ObservedOrders {
     pub angular_velocity: Option<f64>,
 }
 
+impl ObservedOrders {
+    /// The slopes of errors with several step sizes, by [`observed_order`].
+    pub fn of(measured: &[Measured]) -> Self {
+        let slope = |of: fn(&Errors) -> f64| {
+            let points: Vec<_> = measured.iter().map(|m| (m.dt, of(&m.errors))).collect();
+            observed_order(&points)
+        };
+        Self {
+            position: slope(|e| e.position),
+            orientation: slope(|e| e.orientation),
+            velocity: slope(|e| e.velocity),
+            angular_velocity: slope(|e| e.angular_velocity),
+        }
+    }
+}
+
 /// Result of the study for one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Convergence {
@@ -92,16 +108,7 @@ fn study<S: RigidSystem>(
         measured.push(Measured { dt, errors });
         report(progress, measured.len(), dts.len())?;
     }
-    let slope = |of: fn(&Errors) -> f64| {
-        let points: Vec<_> = measured.iter().map(|m| (m.dt, of(&m.errors))).collect();
-        observed_order(&points)
-    };
-    let orders = ObservedOrders {
-        position: slope(|e| e.position),
-        orientation: slope(|e| e.orientation),
-        velocity: slope(|e| e.velocity),
-        angular_velocity: slope(|e| e.angular_velocity),
-    };
+    let orders = ObservedOrders::of(&measured);
     Ok(Convergence { measured, orders })
 }
 
@@ -110,7 +117,7 @@ pub(super) type Integrated<S> = Result<Outcome<<S as System>::Configuration>, In
 
 /// `None` for a run that failed because the step or the tolerance was too large for it; other failures stay
 /// errors.
-pub(super) fn forgive<T>(run: Result<T, IntegrateError>) -> Result<Option<T>, IntegrateError> {
+pub fn forgive<T>(run: Result<T, IntegrateError>) -> Result<Option<T>, IntegrateError> {
     match run {
         Ok(outcome) => Ok(Some(outcome)),
         Err(IntegrateError::Step(error @ StepError::Torque { .. })) => Err(error.into()),

@@ -18,8 +18,8 @@
 //! One evaluation costs O(n), its derivatives by all of the shape as well. [`FlightSystem`] is the
 //! equation for R as the integrators take it, [`FlightSensitivities`] the same with the derivatives of R.
 //!
-//! Sources: R. W. Batterman, *Falling cats and moving frames* (2003), for the reduction; Orin, Goswami
-//! and Lee, Autonomous Robots 35 (2013), for the momentum of a tree.
+//! Sources: T. R. Kane and M. P. Scher, Int. J. Solids Structures 5 (1969) 663; R. Montgomery, *Gauge
+//! theory of the falling cat*, Fields Institute Communications 1 (1993) 193.
 
 mod derivatives;
 mod sensitivity;
@@ -221,6 +221,8 @@ impl<'m, T: Scalar> Flight<'m, T> {
     ///
     /// What is read is as in [`angular_velocity`](Self::angular_velocity). After it `q` and `v` are the
     /// whole state of the tree, with its centre of mass on the parabola and its momentum as at take-off.
+    /// Accelerations and joint forces are those of
+    /// [`hybrid_dynamics`](Model::hybrid_dynamics) with the root passive and all else active.
     pub fn complete(
         &self,
         data: &mut FlightData<T>,
@@ -289,7 +291,9 @@ impl<'m, T: Scalar> Flight<'m, T> {
             inertia.cholesky().map(|factor| factor.inverse())
         };
         let singular = || DynamicsError::Singular { joint: self.model.links()[0].name.clone() };
-        inverse.filter(|m| m.iter().all(|x| x.is_finite())).ok_or_else(singular)
+        // beyond a condition of 1/ε the inverse is rounding, or not finite
+        let is_sound = |m: &Matrix3<T>| m.norm() * inertia.norm() * constant(f64::EPSILON) < T::one();
+        inverse.filter(is_sound).ok_or_else(singular)
     }
 
     /// Poses, velocities and, gathered inwards, inertias and momenta.

@@ -54,6 +54,22 @@ pub enum Dimension {
 }
 
 /// A diver of a given size.
+///
+/// ```
+/// use somersault_multibody::Data;
+/// use somersault_multibody::models::{Diver, Posture};
+///
+/// let diver = Diver { mass: 70.0, height: 1.75, ..Diver::planar() };
+/// let model = diver.model()?;
+/// let mut data = Data::new(&model);
+/// // angular momentum about the centre of mass, per turn of the whole body
+/// let mut inertia = |posture| -> Result<f64, Box<dyn std::error::Error>> {
+///     let q = diver.configuration(posture)?;
+///     Ok(-model.centroidal(&mut data, &q)?.matrix[(4, 2)])
+/// };
+/// assert!(inertia(Posture::A)? > 3.0 * inertia(Posture::H)?);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Diver {
     /// In the plane or in space.

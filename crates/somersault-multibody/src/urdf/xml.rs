@@ -6,8 +6,8 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fmt;
 
-/// Far above any robot: each link takes some ten nodes, white space included.
-const MAX_NODES: u32 = 1_000_000;
+/// Far above any robot: a link with its joint takes some twenty nodes, white space included.
+const MAX_NODES: u32 = 200_000;
 /// The parser compares every attribute of a tag with every other.
 const MAX_ATTRIBUTES: usize = 256;
 
