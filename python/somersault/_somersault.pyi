@@ -18,6 +18,7 @@ _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "turn", "other"]
+_OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 
 __all__ = [
@@ -57,6 +58,8 @@ __all__ = [
     "Surface",
     "Torque",
     "Trajectory",
+    "TreeDenseOutput",
+    "TreeSolution",
     "WorkPrecision",
     "__version__",
     "bouncing_ball",
@@ -69,6 +72,7 @@ __all__ = [
     "falling_box",
     "integrate",
     "integrate_batch",
+    "integrate_tree",
     "method",
     "methods",
     "prisms",
@@ -579,6 +583,41 @@ class Diver:
     def configuration(self, posture: str) -> _Floats: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+@final
+class TreeDenseOutput:
+    @property
+    def t_min(self) -> float: ...
+    @property
+    def t_max(self) -> float: ...
+    def __call__(self, t: ArrayLike, /) -> tuple[_Floats, _Floats]: ...
+
+@final
+class TreeSolution:
+    @property
+    def model(self) -> Model: ...
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def status(self) -> int: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def nfev(self) -> int: ...
+    @property
+    def n_steps(self) -> int: ...
+    @property
+    def n_rejected(self) -> int: ...
+    @property
+    def sol(self) -> TreeDenseOutput | None: ...
+    def __len__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
 @disjoint_base
 class Trajectory:
     def __new__(
@@ -775,6 +814,29 @@ def integrate(
     on_interrupt: Literal["raise", "return"] = "raise",
     progress: bool = False,
 ) -> Solution: ...
+def integrate_tree(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    interval: tuple[float, float] | Sequence[float],
+    *,
+    dt: float | None = None,
+    method: _AnyMethod | None = None,
+    torque: ArrayLike | _OfTree | None = None,
+    active: _Active | None = None,
+    acceleration: ArrayLike | _OfTree | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    start_up: Literal["one_step", "ladder"] = "one_step",
+    dense_output: bool = False,
+    every: int = 1,
+    observer: Callable[[float, _Floats, _Floats], object] | None = None,
+    on_interrupt: Literal["raise", "return"] = "raise",
+    progress: bool = False,
+) -> TreeSolution: ...
 def integrate_batch(
     bodies: RigidBody | Sequence[RigidBody],
     states: Sequence[State],

@@ -1,6 +1,7 @@
 """Dynamics of a URDF model against Pinocchio (`pip install pin`), which reads the same document.
 
-    cargo run --release -p somersault-testkit --example dump_urdf -- 100 free tests/urdf/humanoid.urdf > states.json
+    cargo run --release -p somersault-testkit --example dump_urdf -- \\
+        100 free tests/urdf/humanoid.urdf > states.json
     python tests/python/compare_urdf_with_pinocchio.py states.json free tests/urdf/humanoid.urdf
 
 Pinocchio orders joints by name within each branch, stores continuous joints and the angle of planar ones

@@ -28,6 +28,7 @@ mod scene;
 mod studies;
 mod surface;
 mod trajectory;
+mod tree_motion;
 mod urdf;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
@@ -73,6 +74,8 @@ mod _somersault {
     use crate::surface::{Cylinder, HalfSpace, Sphere, Surface};
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
+    #[pymodule_export]
+    use crate::tree_motion::{TreeDenseOutput, TreeSolution, integrate_tree};
 
     /// The version of the package.
     #[pymodule_export]
