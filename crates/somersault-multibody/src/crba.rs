@@ -1,5 +1,6 @@
-//! The mass matrix: the composite-rigid-body algorithm (Featherstone 2008, section 6.2), in the common
-//! frame, where composite inertias are sums and motion subspaces need no transforms.
+//! The mass matrix: the composite-rigid-body algorithm (Featherstone 2008, section 6.2), in one frame for all,
+//! where composite inertias are sums and motion subspaces need no transforms. It is that of the root body,
+//! in which the root's own motion subspace is pure and where the root is does not matter.
 //!
 //! M_jk = J_jᵀ I^C_k J_k for j on the way from k to the root, zero across branches. Cost O(n d) for
 //! depth d.
@@ -8,6 +9,7 @@ use crate::data::Data;
 use crate::error::{DynamicsError, expect_length};
 use crate::model::Model;
 use crate::scalar::Scalar;
+use crate::spatial::Transform;
 use nalgebra::DMatrix;
 
 impl<T: Scalar> Model<T> {
@@ -15,13 +17,18 @@ impl<T: Scalar> Model<T> {
     pub fn mass_matrix<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<&'d DMatrix<T>, DynamicsError> {
         data.expect_for(self)?;
         expect_length("q", q, self.n_positions())?;
-        self.place(data, q);
+        self.place_from(data, q, Transform::identity());
         self.gather_composites(data);
-        let n = self.n_velocities();
+        let (n, root) = (self.n_velocities(), self.bodies[0].dofs.end);
         let entries = data.mass_matrix.as_mut_slice();
         for (k, momentum) in data.momenta.iter().enumerate() {
+            for (j, direction) in self.directions[..root.min(k + 1)].iter().enumerate() {
+                let entry = direction.dot(momentum);
+                entries[k * n + j] = entry;
+                entries[j * n + k] = entry;
+            }
             let mut ancestor = Some(k);
-            while let Some(j) = ancestor {
+            while let Some(j) = ancestor.filter(|&j| j >= root) {
                 let entry = data.columns[j].dot(momentum);
                 entries[k * n + j] = entry;
                 entries[j * n + k] = entry;

@@ -91,16 +91,24 @@ impl<T: Scalar> Model<T> {
     /// Local transforms, poses and motion subspaces in the common frame.
     #[inline]
     pub(crate) fn place(&self, data: &mut Data<T>, q: &[T]) {
+        let local = self.bodies[0].mechanism.transform(q);
+        data.origin = local.translation;
+        data.nodes[0].local = local;
+        self.place_from(data, q, Transform::new(local.rotation, Vector3::zeros()));
+    }
+
+    /// The same in any frame, from the pose of the root in it.
+    #[inline]
+    pub(crate) fn place_from(&self, data: &mut Data<T>, q: &[T], root: Transform<T>) {
         for (i, body) in self.bodies.iter().enumerate() {
-            let local = body.mechanism.transform(&q[body.q..]);
             let pose = match body.parent {
-                Some(parent) => data.nodes[parent].pose.compose(&local),
-                None => {
-                    data.origin = local.translation;
-                    Transform::new(local.rotation, Vector3::zeros())
+                Some(parent) => {
+                    let local = body.mechanism.transform(&q[body.q..]);
+                    data.nodes[i].local = local;
+                    data.nodes[parent].pose.compose(&local)
                 }
+                None => root,
             };
-            data.nodes[i].local = local;
             data.nodes[i].pose = pose;
             for k in body.dofs.clone() {
                 data.columns[k] = self.directions[k].seen_from(&pose);
