@@ -1,20 +1,27 @@
 //! The front door: integration of one body or of several.
 
 use crate::error::Error;
+use crate::event::Events;
 use crate::forces::{Failure, Reader};
 use crate::methods;
 use crate::trajectory::{Cast, Report, Seen, Solution};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use somersault::contact::contacts::BodyInContact;
+use somersault::contact::driver::integrate_located;
+use somersault::contact::event::{Interrupted, Located, Location};
+use somersault::integrators::body::RigidBody;
 use somersault::integrators::driver::{
     Adaptive, Flow, IntegrateError, Observer, Outcome, Status, Step, TimeGrid,
 };
+use somersault::integrators::force::{BoxedForce, ForceModel, Wrench};
 use somersault::integrators::methods::{Method, Options, StartUp};
 use somersault::integrators::solution::Recorder;
-use somersault::integrators::state::{Pose, State, Tolerances};
+use somersault::integrators::state::{Pose, RigidBodyState, State, Tolerances};
 use somersault::integrators::studies::work_precision::Counted;
 use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often a run looks whether it is to stop.
@@ -127,6 +134,22 @@ impl<Q: Seen> Observer<Q> for Monitor<Q> {
     }
 }
 
+/// How a run ended and what it took.
+struct Ended<Q: Seen> {
+    status: Result<Status, Error>,
+    rejected: u64,
+    nfev: u64,
+    events: Events<Q>,
+}
+
+impl<Q: Seen> Ended<Q> {
+    fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
+        Self { status, rejected, nfev, events: Events::none() }
+    }
+}
+
 /// Bodies to be integrated, and a count of how often their equations are evaluated.
 trait Bodies: Sync {
     type Configuration: Seen;
@@ -136,7 +159,7 @@ trait Bodies: Sync {
         initial: &State<Self::Configuration>,
         plan: &Plan,
         observer: &mut Monitor<Self::Configuration>,
-    ) -> (Result<Outcome<Self::Configuration>, IntegrateError>, u64);
+    ) -> Ended<Self::Configuration>;
 }
 
 /// A body without forces. Counting would hide from the methods that they can skip the forces.
@@ -145,15 +168,11 @@ struct Free(RigidBodySystem);
 impl Bodies for Free {
     type Configuration = Pose;
 
-    fn solve(
-        &self,
-        initial: &State<Pose>,
-        plan: &Plan,
-        observer: &mut Monitor<Pose>,
-    ) -> (Result<Outcome<Pose>, IntegrateError>, u64) {
+    fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
         let outcome = plan.solve(&self.0, initial, observer);
         let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
-        (outcome, (observer.steps + rejected) * u64::from(plan.method.info().evaluations))
+        let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
+        Ended::without_events(outcome, nfev)
     }
 }
 
@@ -168,9 +187,59 @@ impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
         initial: &StateOf<S>,
         plan: &Plan,
         observer: &mut Monitor<S::Configuration>,
-    ) -> (Result<Outcome<S::Configuration>, IntegrateError>, u64) {
+    ) -> Ended<S::Configuration> {
         let system = Counted::new(&&self.0);
-        (plan.solve(&system, initial, observer), system.calls())
+        let outcome = plan.solve(&system, initial, observer);
+        Ended::without_events(outcome, system.calls())
+    }
+}
+
+/// Models that add up and count how often they are evaluated.
+struct CountedForces {
+    models: Vec<BoxedForce>,
+    calls: AtomicU64,
+}
+
+impl ForceModel for CountedForces {
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        self.models.wrench(t, body, x)
+    }
+    fn is_free(&self) -> bool {
+        self.models.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.models.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.models.depends_on_velocity()
+    }
+}
+
+/// A body with contacts whose events are located.
+struct InContact {
+    system: BodyInContact<CountedForces>,
+    grid: TimeGrid,
+    location: Location,
+}
+
+impl Bodies for InContact {
+    type Configuration = Pose;
+
+    fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
+        let Self { system, grid, location } = self;
+        let found = integrate_located(plan.method, plan.options, system, initial, grid, location, observer);
+        let (status, located) = match found {
+            Ok(located) => (Ok(located.status), located),
+            Err(interrupted) => {
+                let Interrupted { reason, so_far } = *interrupted;
+                (Err(reason.into()), so_far)
+            }
+        };
+        let Located { trials, event_count, events, .. } = located;
+        let nfev = system.forces.0.calls.load(Ordering::Relaxed);
+        let events = Events { trials, count: event_count, events };
+        Ended { status, rejected: 0, nfev, events }
     }
 }
 
@@ -213,7 +282,7 @@ fn run<B: Bodies>(
         steps: 0,
         t: plan.start,
     };
-    let (outcome, nfev) = if plan.calls_python {
+    let Ended { status, rejected, nfev, events } = if plan.calls_python {
         bodies.solve(initial, plan, &mut monitor)
     } else {
         let monitor = &mut monitor;
@@ -223,31 +292,30 @@ fn run<B: Bodies>(
         bar.show(py, monitor.t)?;
         bar.bar.call_method0(py, "close")?;
     }
-    let report = |status, message: String, rejected| Report {
-        status,
-        message,
-        nfev,
-        n_steps: monitor.steps,
-        n_rejected: rejected,
-    };
+    let Monitor { recorder, failure, steps, t, .. } = monitor;
     // What Python raised comes before what the driver made of the numbers that followed.
-    let report = match (monitor.failure.get(), outcome) {
-        (Some(error), outcome) => {
-            if !(plan.return_interrupted && error.is_instance_of::<PyKeyboardInterrupt>(py)) {
-                return Err(error.clone_ref(py).into());
-            }
-            let rejected = outcome.map_or(0, |outcome| outcome.rejected);
-            report(-1, format!("interrupted at t = {}", monitor.t), rejected)
-        }
-        (None, Err(error)) => return Err(error.into()),
-        (None, Ok(outcome)) => match outcome.status {
-            Status::Finished => report(0, "reached the end of the interval".to_owned(), outcome.rejected),
-            Status::Stopped => {
-                report(1, format!("stopped by the observer at t = {}", outcome.t), outcome.rejected)
-            }
-        },
+    let failed = match (failure.get(), status) {
+        (Some(error), _) => Err(error.clone_ref(py)),
+        (None, status) => status.map_err(PyErr::from),
     };
-    Ok(Solution::create(py, cast, monitor.recorder.into_solution(), plan.dense, report)?)
+    let (status, message) = match &failed {
+        Ok(Status::Finished) => (0, "reached the end of the interval".to_owned()),
+        Ok(Status::Stopped) => (1, format!("stopped by the observer at t = {t}")),
+        Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
+            (-1, format!("interrupted at t = {t}"))
+        }
+        Err(_) => (-2, format!("failed after t = {t}")),
+    };
+    let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
+    let solution = Solution::create(py, cast, recorder.into_solution(), plan.dense, report, events)?;
+    match failed {
+        Err(error) if !(status == -1 && plan.return_interrupted) => {
+            // An exception that takes no attributes is still the one to raise.
+            let _ = error.value(py).setattr("solution", solution);
+            Err(error.into())
+        }
+        _ => Ok(solution),
+    }
 }
 
 /// The adaptive methods, for a message.
@@ -282,6 +350,15 @@ fn adaptive_names() -> String {
 /// interaction : Gravitation or callable, optional
 ///     What acts between several bodies. A callable ``f(t, states)`` returns forces and torques, each of
 ///     shape (bodies, 3).
+/// contacts : Contact or sequence of Contact, optional
+///     Where a single body touches surfaces.
+/// locate : bool, optional
+///     Whether to cut steps where a contact begins or ends, so that the method keeps its order, and to log
+///     these events. Otherwise the forces of contacts switch within steps.
+/// max_event_rate : float, optional
+///     Most events per second and contact, averaged over the last 64, 1e9 unless given; more are an error.
+/// keep_events : bool, optional
+///     Whether to keep the events; they are counted in any case.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
 ///     weighed by its length; an orientation counts as one radian.
@@ -312,15 +389,17 @@ fn adaptive_names() -> String {
 /// ------
 /// InputError
 ///     If an argument is not allowed. Subclasses: `UnknownMethodError`, `IntegrateInputError`,
-///     `TorqueError`, `CountMismatchError`.
+///     `TorqueError`, `CountMismatchError`, `SurfaceError`.
 /// IntegrateError
 ///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
-///     of an implicit step was not solved (`StepError`).
+///     of an implicit step was not solved (`StepError`), events follow each other too fast
+///     (`ChatteringError`).
 ///
 /// Notes
 /// -----
 /// Other Python threads run meanwhile unless a callable is given. What a callable raises stops the run
-/// and comes out as it is.
+/// and comes out as it is. Every exception that stops a run has what was recorded before in its attribute
+/// `solution`.
 ///
 /// Examples
 /// --------
@@ -335,8 +414,8 @@ fn adaptive_names() -> String {
 /// 0.095
 #[pyfunction]
 #[pyo3(signature = (
-    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, rtol=None, atol=None,
-    max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, locate=true,
+    max_event_rate=1e9, keep_events=true, rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
     observer=None, on_interrupt="raise", progress=false
 ))]
 pub(crate) fn integrate<'py>(
@@ -348,6 +427,10 @@ pub(crate) fn integrate<'py>(
     method: Option<&Bound<'py, PyAny>>,
     forces: Option<&Bound<'py, PyAny>>,
     interaction: Option<&Bound<'py, PyAny>>,
+    contacts: Option<&Bound<'py, PyAny>>,
+    locate: bool,
+    max_event_rate: f64,
+    keep_events: bool,
     rtol: Option<f64>,
     atol: Option<f64>,
     max_step: Option<f64>,
@@ -445,8 +528,24 @@ pub(crate) fn integrate<'py>(
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
         }
-        let (body, models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let (body, mut models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let contacts = contacts.map(|contacts| reader.contacts("contacts", contacts)).transpose()?;
         let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        if let Some(contacts) = contacts {
+            if locate {
+                let Steps::Fixed(grid) = steps else {
+                    return Err(Error::input(
+                        "`contacts` take a fixed step `dt` for their events to be located",
+                    ));
+                };
+                let forces = CountedForces { models, calls: AtomicU64::new(0) };
+                let location = Location { max_event_rate, keep_events };
+                let system = BodyInContact::new(body, (forces, contacts));
+                let bodies = InContact { system, grid, location };
+                return run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure);
+            }
+            models.push(Box::new(contacts));
+        }
         if models.is_empty() {
             let bodies = Free(RigidBodySystem::free(body));
             run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
@@ -455,6 +554,9 @@ pub(crate) fn integrate<'py>(
             run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
         }
     } else {
+        if contacts.is_some() {
+            return Err(Error::input("`contacts` are those of a single body, and there are several"));
+        }
         let each = reader.for_each("forces", cast.bodies.len(), forces)?;
         let between = reader.between(interaction)?;
         let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);

@@ -5,14 +5,24 @@
 
 mod batch;
 mod bodies;
+mod contact;
 mod convert;
+mod dynamics;
 mod error;
+mod event;
 mod exact;
 mod forces;
 mod integrate;
+mod kinematics;
+mod link;
 mod methods;
+mod model;
+mod named_models;
+mod partials;
+mod rows;
 mod studies;
 mod trajectory;
+mod urdf;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
 #[pyo3::pymodule]
@@ -22,13 +32,26 @@ mod _somersault {
     #[pymodule_export]
     use crate::bodies::{RigidBody, State};
     #[pymodule_export]
+    use crate::contact::{
+        CompliantLaw, Contact, Cylinder, HalfSpace, Scene, Sphere, Surface, bouncing_ball, damping_ratio,
+        restitution, spinning_top,
+    };
+    #[pymodule_export]
+    use crate::event::Event;
+    #[pymodule_export]
     use crate::exact::FreeBody;
     #[pymodule_export]
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]
     use crate::integrate::integrate;
     #[pymodule_export]
+    use crate::link::Link;
+    #[pymodule_export]
     use crate::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::model::Model;
+    #[pymodule_export]
+    use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
     use crate::studies::{
         Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
