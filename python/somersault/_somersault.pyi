@@ -11,15 +11,22 @@ _Floats: TypeAlias = NDArray[np.float64]
 _Wrench: TypeAlias = tuple[ArrayLike, ArrayLike]
 _AnyForce: TypeAlias = ForceModel | Callable[[float, State], _Wrench]
 _AnyMethod: TypeAlias = str | MethodInfo
+_Law: TypeAlias = CompliantLaw | HuntCrossley
+_RollingFriction: TypeAlias = CreepFriction | RegularisedFriction
+_Friction: TypeAlias = CoulombFriction | _RollingFriction
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
+_EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "turn", "other"]
+_OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 
 __all__ = [
     "CompliantLaw",
     "Contact",
     "Convergence",
+    "CoulombFriction",
+    "CreepFriction",
     "Cylinder",
     "DenseOutput",
     "Diver",
@@ -32,21 +39,27 @@ __all__ = [
     "Gravitation",
     "Gravity",
     "HalfSpace",
+    "HuntCrossley",
     "Link",
     "MethodInfo",
     "MethodTable",
     "Model",
     "Problem",
+    "RegularisedFriction",
+    "Resistance",
     "RigidBody",
     "Scene",
     "Solution",
     "Sphere",
+    "SpherePair",
     "Spring",
     "StabilityRegion",
     "State",
     "Surface",
     "Torque",
     "Trajectory",
+    "TreeDenseOutput",
+    "TreeSolution",
     "WorkPrecision",
     "__version__",
     "bouncing_ball",
@@ -56,15 +69,20 @@ __all__ = [
     "diver_planar",
     "diver_spatial",
     "energy_study",
+    "falling_box",
     "integrate",
     "integrate_batch",
+    "integrate_tree",
     "method",
     "methods",
     "prisms",
     "restitution",
+    "rolling_disk",
+    "sliding_block",
     "spectral_radii",
     "spinning_top",
     "stability_region",
+    "tippe_top",
     "two_link_arm",
     "work_precision_study",
 ]
@@ -232,29 +250,139 @@ class Cylinder(Surface):
     ) -> Cylinder: ...
 
 @final
+class HuntCrossley:
+    def __new__(cls, stiffness: float, damping: float = 0.0) -> HuntCrossley: ...
+    @staticmethod
+    def from_materials(
+        young_moduli: tuple[float, float] | Sequence[float],
+        poisson_ratios: tuple[float, float] | Sequence[float],
+        effective_radius: float,
+        damping: float = 0.0,
+    ) -> HuntCrossley: ...
+    @staticmethod
+    def from_restitution(stiffness: float, restitution: float, speed: float) -> HuntCrossley: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    def restitution(self, speed: float) -> float: ...
+    def force(self, gap: float, rate: float) -> float: ...
+    def energy(self, gap: float) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class RegularisedFriction:
+    def __new__(cls, coefficient: float, speed: float) -> RegularisedFriction: ...
+    @property
+    def coefficient(self) -> float: ...
+    @property
+    def speed(self) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class CoulombFriction:
+    def __new__(cls, coefficient: float, stiffness: float, damping: float = 0.0) -> CoulombFriction: ...
+    @property
+    def coefficient(self) -> float: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class CreepFriction:
+    def __new__(cls, coefficient: float, damping: float) -> CreepFriction: ...
+    @property
+    def coefficient(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Resistance:
+    def __new__(cls, rolling: float, spinning: float, speed: float) -> Resistance: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
 class Contact:
-    def __new__(cls, point: ArrayLike, surface: _Surface, law: CompliantLaw) -> Contact: ...
+    def __new__(
+        cls,
+        point: ArrayLike,
+        surface: _Surface,
+        law: _Law,
+        *,
+        friction: _Friction | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
+    @staticmethod
+    def ball(
+        center: ArrayLike,
+        radius: float,
+        surface: _Surface,
+        law: _Law,
+        *,
+        friction: _RollingFriction | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
+    @staticmethod
+    def rim(
+        center: ArrayLike,
+        axis: ArrayLike,
+        radius: float,
+        plane: HalfSpace,
+        law: _Law,
+        *,
+        friction: _RollingFriction | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
     @property
     def point(self) -> _Floats: ...
     @property
     def surface(self) -> _Surface: ...
     @property
-    def law(self) -> CompliantLaw: ...
+    def law(self) -> _Law: ...
     def gap(self, state: State) -> tuple[float, float]: ...
 
 @final
+class SpherePair:
+    def __new__(
+        cls,
+        bodies: tuple[int, int] | Sequence[int],
+        radii: tuple[float, float] | Sequence[float],
+        law: _Law,
+        *,
+        centers: Sequence[ArrayLike] | None = None,
+        friction: _RollingFriction | None = None,
+        resistance: Resistance | None = None,
+    ) -> SpherePair: ...
+
+@final
 class Event:
-    def __new__(cls, t: float, contact: int, kind: str, impulse: float, state: State) -> Event: ...
+    def __new__(
+        cls, t: float, contact: int, kind: str, impulse: float, state: State | Sequence[State]
+    ) -> Event: ...
     @property
     def t(self) -> float: ...
     @property
     def contact(self) -> int: ...
     @property
-    def kind(self) -> Literal["touch_down", "release", "re_engagement"]: ...
+    def kind(self) -> _EventKind: ...
     @property
     def impulse(self) -> float: ...
+    # A list of states for several bodies.
     @property
-    def state(self) -> State: ...
+    def state(self) -> Any: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
@@ -455,6 +583,41 @@ class Diver:
     def configuration(self, posture: str) -> _Floats: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+@final
+class TreeDenseOutput:
+    @property
+    def t_min(self) -> float: ...
+    @property
+    def t_max(self) -> float: ...
+    def __call__(self, t: ArrayLike, /) -> tuple[_Floats, _Floats]: ...
+
+@final
+class TreeSolution:
+    @property
+    def model(self) -> Model: ...
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def status(self) -> int: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def nfev(self) -> int: ...
+    @property
+    def n_steps(self) -> int: ...
+    @property
+    def n_rejected(self) -> int: ...
+    @property
+    def sol(self) -> TreeDenseOutput | None: ...
+    def __len__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
 @disjoint_base
 class Trajectory:
     def __new__(
@@ -633,7 +796,8 @@ def integrate(
     method: _AnyMethod | None = None,
     forces: _AnyForce | Sequence[_AnyForce] | Sequence[_AnyForce | Sequence[_AnyForce] | None] | None = None,
     interaction: Gravitation | Callable[[float, list[State]], _Wrench] | None = None,
-    contacts: Contact | Sequence[Contact] | None = None,
+    contacts: Contact | Sequence[Contact] | Sequence[Contact | Sequence[Contact] | None] | None = None,
+    pairs: SpherePair | Sequence[SpherePair] | None = None,
     locate: bool = True,
     max_event_rate: float = 1e9,
     keep_events: bool = True,
@@ -650,6 +814,29 @@ def integrate(
     on_interrupt: Literal["raise", "return"] = "raise",
     progress: bool = False,
 ) -> Solution: ...
+def integrate_tree(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    interval: tuple[float, float] | Sequence[float],
+    *,
+    dt: float | None = None,
+    method: _AnyMethod | None = None,
+    torque: ArrayLike | _OfTree | None = None,
+    active: _Active | None = None,
+    acceleration: ArrayLike | _OfTree | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    start_up: Literal["one_step", "ladder"] = "one_step",
+    dense_output: bool = False,
+    every: int = 1,
+    observer: Callable[[float, _Floats, _Floats], object] | None = None,
+    on_interrupt: Literal["raise", "return"] = "raise",
+    progress: bool = False,
+) -> TreeSolution: ...
 def integrate_batch(
     bodies: RigidBody | Sequence[RigidBody],
     states: Sequence[State],
@@ -664,6 +851,38 @@ def bouncing_ball(
     mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
 ) -> Scene: ...
 def spinning_top() -> Scene: ...
+def falling_box(
+    mass: float,
+    lengths: ArrayLike,
+    law: _Law,
+    height: float,
+    heading: float = 0.0,
+    *,
+    friction: _Friction | None = None,
+) -> Scene: ...
+def sliding_block(
+    mass: float,
+    lengths: ArrayLike,
+    law: CompliantLaw,
+    friction: CoulombFriction,
+    velocity: float,
+    slope: float = 0.0,
+) -> Scene: ...
+def rolling_disk(
+    mass: float, radius: float, law: CompliantLaw, friction: CreepFriction, tilt: float, turning: float
+) -> Scene: ...
+def tippe_top(
+    mass: float,
+    radius: float,
+    eccentricity: float,
+    moments: tuple[float, float],
+    law: _Law,
+    tilt: float,
+    spin: float,
+    sag: float = 0.0,
+    *,
+    friction: _RollingFriction | None = None,
+) -> Scene: ...
 def restitution(damping_ratio: float) -> float: ...
 def damping_ratio(restitution: float) -> float: ...
 def cart_pendulum(

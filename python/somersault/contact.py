@@ -1,7 +1,7 @@
-"""Compliant contact of a body with surfaces, with events located so that methods keep their order.
+"""Compliant contact of bodies, with events located so that methods keep their order.
 
-`somersault.integrate` takes `Contact` objects as `contacts`. A step is cut where a contact begins or ends,
-and what happened is in the `events` of the solution.
+`somersault.integrate` takes `Contact` objects, and `SpherePair` objects between several bodies. A step is
+cut where a contact begins or ends, and what happened is in the `events` of the solution.
 
 >>> import somersault
 >>> from somersault import contact
@@ -17,29 +17,49 @@ and what happened is in the `events` of the solution.
 from somersault._somersault import (
     CompliantLaw,
     Contact,
+    CoulombFriction,
+    CreepFriction,
     Cylinder,
     Event,
     HalfSpace,
+    HuntCrossley,
+    RegularisedFriction,
+    Resistance,
     Scene,
     Sphere,
+    SpherePair,
     Surface,
     bouncing_ball,
     damping_ratio,
+    falling_box,
     restitution,
+    rolling_disk,
+    sliding_block,
     spinning_top,
+    tippe_top,
 )
 
 __all__ = [
     "CompliantLaw",
     "Contact",
+    "CoulombFriction",
+    "CreepFriction",
     "Cylinder",
     "Event",
     "HalfSpace",
+    "HuntCrossley",
+    "RegularisedFriction",
+    "Resistance",
     "Scene",
     "Sphere",
+    "SpherePair",
     "Surface",
     "bouncing_ball",
     "damping_ratio",
+    "falling_box",
     "restitution",
+    "rolling_disk",
+    "sliding_block",
     "spinning_top",
+    "tippe_top",
 ]

@@ -375,7 +375,7 @@ def test_a_body_may_touch_at_several_points() -> None:
         (
             lambda: Contact((0, 0, 0), ground, 3),
             errors.InputError,
-            "`law` must be a CompliantLaw, found an int",
+            "`law` must be a CompliantLaw or a HuntCrossley, found",
         ),  # type: ignore[arg-type]
     ],
 )
@@ -392,7 +392,7 @@ def test_bad_arguments_of_a_run_are_refused(body: RigidBody, state: State) -> No
     )
     raises(
         errors.InputError,
-        "`contacts` are those of a single body",
+        "an entry for each of 2 bodies",
         lambda: integrate([body, body], [state, state], (0, 1), dt=0.1, contacts=top.contacts),
     )
     raises(

@@ -3,6 +3,7 @@
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and
 //! the step is cut where a guard says that the mode ends. That works for every method of the table.
+//! [`sensitivity`] differentiates such motions.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|

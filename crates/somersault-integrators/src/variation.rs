@@ -21,7 +21,8 @@ use crate::body::RigidBody;
 use crate::force::Wrench;
 use crate::scratch::Storage;
 use crate::state::{Configuration, ErrorSum, Rate, RigidBodyState, State, Tolerances, Twist};
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SVector};
+use somersault_core::so3;
 
 /// A tangent to a state: displacement (δq) and change of the rate (δp).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -168,31 +169,49 @@ impl<Q: Configuration> Configuration for Varied<Q, Q::Rate> {
     }
 }
 
-/// Derivative of [`world_acceleration`](crate::system::world_acceleration) along a tangent whose wrench
-/// changes by `change`, where `acceleration` is its value:
+/// Derivative of [`world_acceleration`](crate::system::world_acceleration) in one state, made once for all
+/// columns. With I the inertia in the world frame, L = I ω and G = L̂ − ω̂ I,
 /// ```text
-/// δa = δF/m,   δα = δφ × α + R I⁻¹(δM_B − δω_B × I ω_B − ω_B × I δω_B)
-/// δM_B = Rᵀ(δM − δφ × M),   δω_B = Rᵀ(δω − δφ × ω).
+/// δa = δF/m,   δα = I⁻¹ (δM + G δω) + (I⁻¹ (M̂ + G ω̂) − α̂) δφ.
 /// ```
-#[inline]
-pub fn world_acceleration_variation(
-    body: &RigidBody,
-    x: &RigidBodyState,
-    wrench: &Twist,
-    acceleration: &Twist,
-    along: &Tangent<Twist>,
-    change: &Twist,
-) -> Twist {
-    let r = x.orientation().to_rotation_matrix().into_inner();
-    let (inertia, turn) = (body.inertia(), &along.displacement.angular);
-    let omega = r.tr_mul(x.angular_velocity());
-    let omega_change = r.tr_mul(&(along.rate.angular - turn.cross(x.angular_velocity())));
-    let torque_change = r.tr_mul(&(change.angular - turn.cross(&wrench.angular)));
-    let gyroscopic =
-        omega_change.cross(&inertia.momentum(&omega)) + omega.cross(&inertia.momentum(&omega_change));
-    Twist {
-        linear: change.linear / body.mass(),
-        angular: turn.cross(&acceleration.angular) + r * inertia.velocity(&(torque_change - gyroscopic)),
+#[derive(Debug, Clone, Copy)]
+pub struct AccelerationDerivative {
+    per_mass: f64,
+    by_torque: Matrix3<f64>,
+    by_turn: Matrix3<f64>,
+    by_angular_velocity: Matrix3<f64>,
+}
+
+impl AccelerationDerivative {
+    /// In the state `x` under a wrench, where `acceleration` is the acceleration.
+    pub fn new(body: &RigidBody, x: &RigidBodyState, wrench: &Twist, acceleration: &Twist) -> Self {
+        let r = x.orientation().to_rotation_matrix().into_inner();
+        let inertia = r * body.inertia().tensor() * r.transpose();
+        let by_torque = r * body.inertia().inverse() * r.transpose();
+        let turning = so3::hat(x.angular_velocity());
+        let gyroscopic = so3::hat(&(inertia * x.angular_velocity())) - turning * inertia;
+        let by_angular_velocity = by_torque * gyroscopic;
+        let by_turn = by_torque * so3::hat(&wrench.angular) + by_angular_velocity * turning
+            - so3::hat(&acceleration.angular);
+        Self { per_mass: 1.0 / body.mass(), by_torque, by_turn, by_angular_velocity }
+    }
+
+    /// Along a tangent on which the wrench changes by `change`.
+    #[inline]
+    pub fn along(&self, tangent: &Tangent<Twist>, change: &Twist) -> Twist {
+        let Twist { linear, angular } = self.by_wrench(change);
+        Twist {
+            linear,
+            angular: angular
+                + self.by_turn * tangent.displacement.angular
+                + self.by_angular_velocity * tangent.rate.angular,
+        }
+    }
+
+    /// By a change of the wrench alone.
+    #[inline]
+    pub fn by_wrench(&self, change: &Twist) -> Twist {
+        Twist { linear: change.linear * self.per_mass, angular: self.by_torque * change.angular }
     }
 }
 
@@ -225,7 +244,6 @@ mod tests {
     use crate::force::{ConstantForce, ConstantTorque, Drag, ForceModel, Gravity, Spring};
     use crate::system::world_acceleration;
     use nalgebra::Vector3;
-    use somersault_core::so3;
 
     fn twist(a: [f64; 6]) -> Twist {
         Twist { linear: Vector3::new(a[0], a[1], a[2]), angular: Vector3::new(a[3], a[4], a[5]) }
@@ -295,7 +313,7 @@ mod tests {
             wrench.axpy(epsilon, &change);
             world_acceleration(&body, &along.moved(&x, epsilon), &wrench)
         };
-        let found = world_acceleration_variation(&body, &x, &wrench, &at(0.0), &along, &change);
+        let found = AccelerationDerivative::new(&body, &x, &wrench, &at(0.0)).along(&along, &change);
         let (after, before) = (at(1e-5), at(-1e-5));
         assert!(((after.linear - before.linear) / 2e-5 - found.linear).norm() < 1e-9);
         assert!(((after.angular - before.angular) / 2e-5 - found.angular).norm() < 1e-9);

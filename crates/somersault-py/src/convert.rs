@@ -77,7 +77,12 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-fn with_shape(argument: &str, shape: &[usize], value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+/// Numbers of the given shape, which may be NaN or infinite.
+pub(crate) fn with_shape(
+    argument: &str,
+    shape: &[usize],
+    value: &Bound<'_, PyAny>,
+) -> Result<Vec<f64>, Error> {
     let expected = format!("real numbers of shape {}", shape_text(shape));
     let found = numbers(argument, &expected, value)?;
     if found.shape != shape {

@@ -18,6 +18,7 @@ use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
 use somersault::multibody::models::PostureError;
+use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 
@@ -215,5 +216,14 @@ impl From<PostureError> for Error {
 impl From<UrdfError> for Error {
     fn from(error: UrdfError) -> Self {
         Self::own("UrdfError", &error)
+    }
+}
+
+impl From<MotionError> for Error {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Integrate(error) => error.into(),
+            error => Self::own("DynamicsError", &error),
+        }
     }
 }

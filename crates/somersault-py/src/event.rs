@@ -14,6 +14,8 @@ pub(crate) struct Events<Q: Seen> {
     pub(crate) trials: u64,
     /// How many there were.
     pub(crate) count: u64,
+    /// How many contacts there are; the guards of their friction follow theirs.
+    pub(crate) contacts: usize,
     /// Those kept.
     pub(crate) events: Vec<event::Event<Q>>,
 }
@@ -21,11 +23,11 @@ pub(crate) struct Events<Q: Seen> {
 impl<Q: Seen> Events<Q> {
     /// Of a run that looks for none.
     pub(crate) fn none() -> Self {
-        Self { trials: 0, count: 0, events: Vec::new() }
+        Self { trials: 0, count: 0, contacts: 1, events: Vec::new() }
     }
 }
 
-/// The beginning or the end of a contact.
+/// A change in a contact: its beginning, its end, the change between sticking and sliding.
 #[pyclass(frozen, module = "somersault.contact")]
 pub(crate) struct Event {
     t: f64,
@@ -36,14 +38,24 @@ pub(crate) struct Event {
 }
 
 impl Event {
-    pub(crate) fn of<Q: Seen>(py: Python<'_>, event: &event::Event<Q>) -> PyResult<Self> {
+    pub(crate) fn of<Q: Seen>(py: Python<'_>, contacts: usize, event: &event::Event<Q>) -> PyResult<Self> {
         let kind = match event.kind {
             EventKind::TouchDown => "touch_down",
             EventKind::Release => "release",
             EventKind::ReEngagement => "re_engagement",
+            EventKind::Stick => "stick",
+            EventKind::Slip => "slip",
+            EventKind::Turn => "turn",
+            _ => "other",
         };
         let state = Q::to_python(py, &event.state)?.unbind();
-        Ok(Self { t: event.t, contact: event.guard, kind: kind.to_owned(), impulse: event.impulse, state })
+        Ok(Self {
+            t: event.t,
+            contact: event.guard % contacts.max(1),
+            kind: kind.to_owned(),
+            impulse: event.impulse,
+            state,
+        })
     }
 }
 
@@ -57,8 +69,10 @@ impl Event {
         impulse: f64,
         state: &Bound<'_, PyAny>,
     ) -> Result<Self, Error> {
-        if !state.is_instance_of::<State>() {
-            return Err(Error::input(format!("`state` must be a State, found {}", a_type(state))));
+        let is_one = state.is_instance_of::<State>();
+        if !is_one && state.extract::<Vec<State>>().is_err() {
+            let found = a_type(state);
+            return Err(Error::input(format!("`state` must be a State or a list of them, found {found}")));
         }
         Ok(Self { t, contact, kind: kind.to_owned(), impulse, state: state.clone().unbind() })
     }
@@ -69,14 +83,15 @@ impl Event {
         self.t
     }
 
-    /// int: Which contact, by its place among those given.
+    /// int: Which contact, by its place among those given; pairs of spheres follow those with surfaces.
     #[getter]
     fn contact(&self) -> usize {
         self.contact
     }
 
-    /// str: What happened: ``'touch_down'``, ``'release'`` or ``'re_engagement'``, where a point that was
-    /// released below the surface is held again.
+    /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
+    /// released below the surface is held again, ``'stick'``, ``'slip'``, or ``'turn'``, where the direction
+    /// of sliding has turned by 60° and nothing else happens.
     #[getter]
     fn kind(&self) -> &str {
         &self.kind
@@ -88,7 +103,7 @@ impl Event {
         self.impulse
     }
 
-    /// State: The state.
+    /// State or list of State: The state.
     #[getter]
     fn state(&self, py: Python<'_>) -> Py<PyAny> {
         self.state.clone_ref(py)

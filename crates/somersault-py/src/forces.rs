@@ -82,9 +82,9 @@ where
 pub(crate) struct Gravity(force::Gravity);
 
 impl Gravity {
-    /// 9.81 m/s² along −z.
-    pub(crate) fn earth(py: Python<'_>) -> Result<Py<Self>, Error> {
-        Ok(Py::new(py, Self::new(None)?)?)
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, gravity: force::Gravity) -> PyResult<Py<Self>> {
+        Py::new(py, build(gravity, Self))
     }
 }
 

@@ -451,8 +451,9 @@ impl Solution {
         report: Report,
         events: Events<Q>,
     ) -> PyResult<Py<Self>> {
-        let Events { trials, count, events } = events;
-        let events = events.iter().map(|event| Event::of(py, event)).collect::<PyResult<Vec<_>>>()?;
+        let Events { trials, count, contacts, events } = events;
+        let events =
+            events.iter().map(|event| Event::of(py, contacts, event)).collect::<PyResult<Vec<_>>>()?;
         let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials };
         let times = std::mem::take(&mut recorded.times);
         let states = recorded.states.iter().flat_map(Q::split).collect();

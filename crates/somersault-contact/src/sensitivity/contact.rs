@@ -43,6 +43,7 @@ pub(super) struct Change {
 }
 
 impl<'a> Linearization<'a> {
+    #[inline]
     pub(super) fn new(contact: &'a Contact, body: &RigidBody, x: &RigidBodyState) -> Self {
         let (at, arm) = contact.meet(body, x);
         let centre = x.orientation() * contact.shape().centre();
@@ -63,6 +64,7 @@ impl<'a> Linearization<'a> {
     }
 
     /// The derivative along a tangent.
+    #[inline]
     pub(super) fn along(&self, tangent: &Tangent<Twist>) -> Change {
         let (turn, rate) = (&tangent.displacement.angular, &tangent.rate);
         let normal = &self.at.normal;
@@ -103,6 +105,7 @@ impl<'a> Linearization<'a> {
     }
 
     /// The greatest acceleration of the point of contact by a force of 1 N there, at most 1/m + r²/I_min.
+    #[inline]
     pub(super) fn mobility(&self, body: &RigidBody) -> f64 {
         1.0 / body.mass() + self.arm.norm_squared() / body.inertia().principal_moments().min()
     }
@@ -123,11 +126,13 @@ impl<'a> Linearization<'a> {
     }
 
     /// The wrench about the centre of mass of an effort at the point of contact.
+    #[inline]
     pub(super) fn wrench(&self, effort: &Wrench) -> Twist {
         Twist { linear: effort.force, angular: self.arm.cross(&effort.force) + effort.torque }
     }
 
     /// The derivative of that.
+    #[inline]
     pub(super) fn wrench_change(&self, change: &Change, effort: &Wrench, effort_change: &Wrench) -> Twist {
         let Twist { linear, angular } = self.wrench(effort_change);
         Twist { linear, angular: angular + change.arm.cross(&effort.force) }

@@ -34,6 +34,7 @@ pub(super) struct Changes<'a> {
 
 impl NormalLaw {
     /// Derivative of the force in contact.
+    #[inline]
     fn force_change(&self, at: &Encounter, by: &Changes<'_>) -> f64 {
         let (gap, rate) = (by.at.gap, by.at.rate);
         match self {
@@ -78,6 +79,7 @@ impl NormalLaw {
 }
 
 /// Derivative of v/‖v‖, of a speed no lower than `slowest`; zero at rest.
+#[inline]
 fn direction_change(v: &Vector3<f64>, change: &Vector3<f64>, slowest: f64) -> Vector3<f64> {
     let speed = v.norm();
     if speed > 0.0 {
@@ -89,6 +91,7 @@ fn direction_change(v: &Vector3<f64>, change: &Vector3<f64>, slowest: f64) -> Ve
 }
 
 /// v/√(v² + w²) and its derivative.
+#[inline]
 fn saturated(v: &Vector3<f64>, change: &Vector3<f64>, w: f64) -> (Vector3<f64>, Vector3<f64>) {
     let scale = (v.norm_squared() + w * w).sqrt();
     let value = v / scale;
@@ -96,6 +99,7 @@ fn saturated(v: &Vector3<f64>, change: &Vector3<f64>, w: f64) -> (Vector3<f64>, 
 }
 
 /// The way from the anchor to the point of contact within the surface, and its derivative.
+#[inline]
 fn stretch(at: &Encounter, anchor: &Vector3<f64>, by: &Changes<'_>) -> (Vector3<f64>, Vector3<f64>) {
     let (way, change) = (at.point - anchor, by.at.point - by.memory);
     let (normal, normal_change) = (&at.normal, &by.at.normal);
@@ -105,6 +109,7 @@ fn stretch(at: &Encounter, anchor: &Vector3<f64>, by: &Changes<'_>) -> (Vector3<
 }
 
 /// The force of friction under the normal force `push`, and its derivative.
+#[inline]
 fn friction(
     law: &Friction,
     mode: &ContactMode,
@@ -144,6 +149,7 @@ fn friction(
 
 impl Resistance {
     /// Derivative of the couple under the normal force `push`.
+    #[inline]
     fn couple_change(
         &self,
         at: &Encounter,
@@ -164,6 +170,7 @@ impl Resistance {
 
 impl ContactLaw {
     /// Derivative of force and couple in a mode.
+    #[inline]
     pub(super) fn effort_change(&self, mode: &ContactMode, at: &Encounter, by: &Changes<'_>) -> Wrench {
         let push = self.push(at, by);
         let (_, friction_change) = friction(&self.friction, mode, at, by, push);
@@ -243,6 +250,7 @@ impl ContactLaw {
     }
 
     /// The normal force and its derivative.
+    #[inline]
     fn push(&self, at: &Encounter, by: &Changes<'_>) -> (f64, f64) {
         (self.normal.force_in_contact(at.gap, at.rate), self.normal.force_change(at, by))
     }

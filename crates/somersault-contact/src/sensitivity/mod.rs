@@ -30,6 +30,27 @@
 //! the side on which it touches. A graze that just misses is no event and is not seen. Nor is there one where
 //! contacts stick or slip at the very instant at which others touch down.
 //!
+//! ```
+//! use somersault_contact::event::Location;
+//! use somersault_contact::models::SpinningTop;
+//! use somersault_contact::sensitivity::{Differentiation, Parameter, differentiate_located};
+//! use somersault_integrators::driver::TimeGrid;
+//! use somersault_integrators::methods::{Method, Options};
+//!
+//! let top = SpinningTop::thesis()?;
+//! let by = Differentiation::by([Parameter::Stiffness(0), Parameter::Mass]);
+//! let (grid, location) = (TimeGrid::try_new(0.0, 0.1, 1e-4)?, Location::default());
+//! let (method, options) = (Method::Rkmk, Options::default());
+//! let found =
+//!     differentiate_located(method, options, &top.system, &top.start, &by, &grid, &location, &mut ())?;
+//! // A top that starts higher touches down later, by δz/ż.
+//! assert!(found.event_times[(2, 0)] > 0.0);
+//! // The height reached by the height of the start, and by the mass.
+//! let (by_height, by_mass) = (found.state[(2, 2)], found.parameters[(2, 1)]);
+//! # assert!(by_height.is_finite() && by_mass != 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! M. A. Aizerman and F. R. Gantmakher, *On the stability of periodic motions*, J. Appl. Math. Mech. 22
 //! (1958) 1065; I. A. Hiskens and M. A. Pai, *Trajectory sensitivity analysis of hybrid systems*, IEEE Trans.
 //! Circuits Syst. I 47 (2000) 204; M. di Bernardo, C. Budd, A. Champneys and P. Kowalczyk,

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
 use somersault_integrators::system::{System, world_acceleration};
-use somersault_integrators::variation::{Tangent, Varied, world_acceleration_variation};
+use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
 use std::cell::RefCell;
 
 /// A state with its columns.
@@ -83,12 +83,6 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         x.columns().zip(parameters)
     }
 
-    /// Acceleration by a wrench on the body at rest: F/m and R I⁻¹ Rᵀ M.
-    fn acceleration_by(&self, x: &RigidBodyState, wrench: &Twist) -> Twist {
-        let still = Twist::default();
-        world_acceleration_variation(&self.system.body, x, &still, &still, &Tangent::default(), wrench)
-    }
-
     fn wrench(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState) -> Twist {
         let mut wrench = Twist::default();
         self.system.wrenches_in(mode, t, x, &mut wrench);
@@ -101,7 +95,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         t: f64,
         contact: usize,
         modes: (&ContactMode, &ContactMode),
-        acceleration: &Twist,
+        (acceleration, derivative): (&Twist, &AccelerationDerivative),
         x: &mut VariedState,
     ) {
         let (base, contacts) = (x.base(), &self.system.forces.1);
@@ -114,7 +108,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         }
         let mut flow = Tangent { displacement: base.rate, rate: *acceleration };
         let off = law.effort_in(modes.0, &at.at) - effort;
-        flow.rate.axpy(1.0, &self.acceleration_by(&base, &at.wrench(&off)));
+        flow.rate.axpy(1.0, &derivative.by_wrench(&at.wrench(&off)));
         let flowing = at.along(&flow).at;
         let margin_change = |change: &Encounter, law_change, memory| {
             let by = Changes { at: change, law: law_change, memory, settling: 0.0 };
@@ -138,7 +132,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
             log.grazing = Some(Grazing { t, guard: contact, rate, bound });
         }
         if rate != 0.0 {
-            let jump = self.acceleration_by(&base, &at.wrench(&jump));
+            let jump = derivative.by_wrench(&at.wrench(&jump));
             for (k, &time) in times.iter().enumerate() {
                 // The column at the event itself, whose time it moves.
                 let column = x.column(k);
@@ -238,13 +232,13 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
                 change.axpy(1.0, &at.wrench_change(&moved, &effort, &effort_change));
             }
         }
+        let derivative = AccelerationDerivative::new(body, &base, &wrench, &out.base);
         for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
-            *change = world_acceleration_variation(body, &base, &wrench, &out.base, &column, change);
+            *change = derivative.along(&column, change);
             match parameter {
                 Some(Parameter::Mass) => change.linear -= out.base.linear / body.mass(),
                 Some(Parameter::InertiaScale) => {
-                    let torque = Twist { angular: wrench.angular, ..Twist::default() };
-                    change.axpy(-1.0, &self.acceleration_by(&base, &torque));
+                    change.angular -= derivative.by_wrench(&wrench).angular;
                 }
                 _ => {}
             }
@@ -254,10 +248,12 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
     /// The saltation of the columns.
     fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut VariedState) {
         let base = x.base();
-        let acceleration = world_acceleration(&self.system.body, &base, &self.wrench(before, t, &base));
+        let wrench = self.wrench(before, t, &base);
+        let acceleration = world_acceleration(&self.system.body, &base, &wrench);
+        let derivative = AccelerationDerivative::new(&self.system.body, &base, &wrench, &acceleration);
         for (contact, modes) in before.iter().zip(after).enumerate() {
             if modes.0 != modes.1 {
-                self.cross(t, contact, modes, &acceleration, x);
+                self.cross(t, contact, modes, (&acceleration, &derivative), x);
             }
         }
     }
