@@ -12,7 +12,7 @@ use somersault_contact::models::FallingBox;
 use somersault_contact::surface::HalfSpace;
 use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
+use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid, integrate};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{
     Dop853, DormandPrince, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
@@ -143,6 +143,29 @@ fn every_method_that_takes_torque_has_at_least_its_order_on_the_box_dropped_on_a
         );
         assert!(points.len() >= 3 && found > f64::from(order) - 0.3, "{method}: {found} {points:?}");
     }
+}
+
+#[test]
+fn without_location_the_box_falls_to_first_order() {
+    const END: f64 = 0.3;
+    let model = smooth_box();
+    let mut start = model.on_corner(0.02, 0.3);
+    start.rate.angular = Vector3::new(0.6, -0.4, 0.9);
+    let exact = run(&RungeKuttaMuntheKaas(Dop853), &model.system, &start, END, 1e-4).state;
+    // Where steps fall relative to the switches matters: the mean over many sizes tells the order.
+    let points: Vec<_> = [1000u64, 2000, 4000, 8000]
+        .into_iter()
+        .map(|base| {
+            let error = |i| {
+                let grid = TimeGrid::try_with_steps(0.0, END, base + base * i / 48).unwrap();
+                let end = integrate(&&model.system, &RungeKuttaMuntheKaas4, &start, &grid, &mut ()).unwrap();
+                distance(&end.state, &exact).powi(2)
+            };
+            (END / base as f64, ((0..48).map(error).sum::<f64>() / 48.0).sqrt())
+        })
+        .collect();
+    println!("{:.2} {points:?}", slope(&points));
+    assert!((slope(&points) - 1.0).abs() < 0.25, "{} {points:?}", slope(&points));
 }
 
 #[test]

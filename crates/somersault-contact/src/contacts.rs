@@ -135,6 +135,29 @@ pub(crate) fn rolling(law: ContactLaw) -> Result<ContactLaw, ContactError> {
 /// [`integrate_located`](crate::driver::integrate_located). By its state alone a contact that sticks has its
 /// spring unstretched: it holds by its damper.
 ///
+/// ```
+/// use nalgebra::Vector3;
+/// use somersault_contact::driver::integrate_located;
+/// use somersault_contact::event::{EventKind, Location};
+/// use somersault_contact::friction::CoulombFriction;
+/// use somersault_contact::law::CompliantLaw;
+/// use somersault_contact::models::SlidingBlock;
+/// use somersault_integrators::driver::TimeGrid;
+/// use somersault_integrators::methods::{Method, Options};
+///
+/// let law = CompliantLaw::from_frequency(1.0, 140.0, 0.2)?;
+/// let friction = CoulombFriction::try_new(0.4, 1e4, 200.0)?;
+/// let block = SlidingBlock::try_new(1.0, Vector3::new(0.2, 0.1, 0.06), law, friction)?;
+/// let (start, grid) = (block.sliding(3.0), TimeGrid::try_new(0.0, 1.0, 1e-2)?);
+/// let (method, options, location) = (Method::RkmkB, Options::default(), Location::default());
+/// let run = integrate_located(method, options, &block.system, &start, &grid, &location, &mut ())?;
+/// // It stops after v/(μ g), at v²/(2 μ g).
+/// assert_eq!(run.events[0].kind, EventKind::Stick);
+/// assert!((run.events[0].t - 3.0 / (0.4 * 9.81)).abs() < 1e-12);
+/// assert!((run.state.position().x - 9.0 / (2.0 * 0.4 * 9.81)).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// With n contacts, guard i is that of contact i and, where some friction has modes, guard n + i that of its
 /// friction.
 #[derive(Debug, Clone, Default)]
