@@ -11,11 +11,12 @@ from pathlib import Path
 
 import batch
 import box
+import contact
 import long_run
 import multibody
 from measure import machine
 
-COMPARISONS = (box, long_run, batch, multibody)
+COMPARISONS = (box, long_run, contact, batch, multibody)
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """Dynamics of a URDF model against Pinocchio (`pip install pin`), which reads the same document.
 
-    cargo run --release -p somersault-testkit --example dump_urdf -- 100 free tests/urdf/humanoid.urdf > states.json
+    cargo run --release -p somersault-testkit --example dump_urdf -- \\
+        100 free tests/urdf/humanoid.urdf > states.json
     python tests/python/compare_urdf_with_pinocchio.py states.json free tests/urdf/humanoid.urdf
 
 Pinocchio orders joints by name within each branch, stores continuous joints and the angle of planar ones
@@ -54,7 +55,11 @@ def main():
         mass_matrix = np.triu(crba) + np.triu(crba, 1).T
         for name, mine, expected in [
             ("rnea", np.array(state["rnea"])[dofs], pin.rnea(model, data, q, v, a)),
-            ("gravity_forces", np.array(state["gravity_forces"])[dofs], pin.computeGeneralizedGravity(model, data, q)),
+            (
+                "gravity_forces",
+                np.array(state["gravity_forces"])[dofs],
+                pin.computeGeneralizedGravity(model, data, q),
+            ),
             ("crba", np.reshape(state["crba"], (model.nv, model.nv))[np.ix_(dofs, dofs)], mass_matrix),
         ]:
             off = np.linalg.norm(mine - expected) / np.linalg.norm(expected)

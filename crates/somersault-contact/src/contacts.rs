@@ -69,8 +69,14 @@ impl Contact {
     }
 
     /// The surface.
-    pub fn surface(&self) -> &dyn Surface {
-        &*self.surface
+    pub fn surface(&self) -> &Arc<dyn Surface> {
+        &self.surface
+    }
+
+    /// The same against another surface, which for a rim must be a plane.
+    #[must_use]
+    pub fn against(self, surface: Arc<dyn Surface>) -> Self {
+        Self { surface, ..self }
     }
 
     /// The laws.

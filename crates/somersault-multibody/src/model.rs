@@ -109,7 +109,9 @@ impl<T: Scalar> Model<T> {
         Model::compile(self.links.clone(), self.standard_gravity)
     }
 
-    pub(crate) fn links(&self) -> &[Link] {
+    /// The bodies with their joints as they were given, in the order of their numbers; axes and rotations of
+    /// unit length.
+    pub fn links(&self) -> &[Link] {
         &self.links
     }
 

@@ -40,11 +40,11 @@ pub struct ObservedOrders {
 }
 
 impl ObservedOrders {
-    /// The slopes of errors with several step sizes, by [`observed_order`].
-    pub fn of(measured: &[Measured]) -> Self {
+    /// The slopes of errors with several step sizes, by `fit`: [`observed_order`] or [`mean_order`].
+    pub fn of(measured: &[Measured], fit: fn(&[(f64, f64)]) -> Option<f64>) -> Self {
         let slope = |of: fn(&Errors) -> f64| {
             let points: Vec<_> = measured.iter().map(|m| (m.dt, of(&m.errors))).collect();
-            observed_order(&points)
+            fit(&points)
         };
         Self {
             position: slope(|e| e.position),
@@ -108,7 +108,7 @@ fn study<S: RigidSystem>(
         measured.push(Measured { dt, errors });
         report(progress, measured.len(), dts.len())?;
     }
-    let orders = ObservedOrders::of(&measured);
+    let orders = ObservedOrders::of(&measured, observed_order);
     Ok(Convergence { measured, orders })
 }
 
@@ -165,19 +165,32 @@ pub fn observed_order(points: &[(f64, f64)]) -> Option<f64> {
     if points.len() < 3 {
         return None;
     }
-    let fitted = &points[points.len().saturating_sub(FITTED)..];
-    let n = fitted.len() as f64;
-    let mean = fitted.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0 / n, s.1 + p.1 / n));
-    let (covariance, variance) = fitted.iter().fold((0.0, 0.0), |s, p| {
+    slope(&points[points.len().saturating_sub(FITTED)..])
+}
+
+/// Slope of a straight line through points by least squares; `None` where they do not span one.
+fn slope(points: &[(f64, f64)]) -> Option<f64> {
+    let n = points.len() as f64;
+    let mean = points.iter().fold((0.0, 0.0), |s, p| (s.0 + p.0 / n, s.1 + p.1 / n));
+    let (covariance, variance) = points.iter().fold((0.0, 0.0), |s, p| {
         let dx = p.0 - mean.0;
         (s.0 + dx * (p.1 - mean.1), s.1 + dx * dx)
     });
     (variance > 0.0).then(|| covariance / variance)
 }
 
+/// Slope of log e over log h through all points (h, e), for errors known to be above rounding; `None` where
+/// one is not positive and finite, or where there are fewer than three.
+pub fn mean_order(points: &[(f64, f64)]) -> Option<f64> {
+    let logs: Vec<(f64, f64)> = points.iter().map(|(h, e)| (h.ln(), e.ln())).collect();
+    (logs.len() >= 3 && logs.iter().all(|(h, e)| h.is_finite() && e.is_finite()))
+        .then(|| slope(&logs))
+        .flatten()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::observed_order;
+    use super::{mean_order, observed_order};
 
     #[test]
     fn a_power_law_gives_its_power() {
@@ -185,6 +198,7 @@ mod tests {
             let points: Vec<_> = (0..5).map(|k| 0.5f64.powi(k)).map(|h| (h, 1e-3 * h.powi(order))).collect();
             let found = observed_order(&points);
             assert!(found.is_some_and(|p| (p - f64::from(order)).abs() < 1e-12), "{found:?}");
+            assert!((mean_order(&points).unwrap() - f64::from(order)).abs() < 1e-12);
         }
     }
 

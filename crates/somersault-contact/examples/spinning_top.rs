@@ -1,0 +1,50 @@
+//! One second of the spinning top of thesis 7.3.2 by a method of your choice; prints the direction of the
+//! axis at the end. `benches/peers/contact.py` times it.
+//!
+//! `cargo run --release -p somersault-contact --example spinning_top -- rkmk8_b adaptive 1e-10 1000`: method,
+//! `fixed` or `adaptive`, step or tolerance, number of runs.
+
+use nalgebra::Vector3;
+use somersault_contact::driver::{integrate_located, integrate_located_adaptive};
+use somersault_contact::event::Location;
+use somersault_contact::models::SpinningTop;
+use somersault_integrators::driver::{Adaptive, TimeGrid};
+use somersault_integrators::methods::{Method, Options};
+use std::hint::black_box;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().collect();
+    let [_, method, stepping, size, runs] = &arguments[..] else {
+        return Err(
+            "give a method, `fixed` or `adaptive`, a step or a tolerance, and a number of runs".into()
+        );
+    };
+    let (method, size, runs): (Method, f64, u64) = (method.parse()?, size.parse()?, runs.parse()?);
+    let top = SpinningTop::thesis()?;
+    let (options, location) = (Options::default(), Location::default());
+    let mut state = top.start;
+    for _ in 0..runs {
+        let start = black_box(&top.start);
+        let run = if stepping == "adaptive" {
+            let settings = Adaptive::with_tolerances(size, size);
+            let interval = (0.0, 1.0);
+            integrate_located_adaptive(
+                method,
+                options,
+                &top.system,
+                start,
+                interval,
+                &settings,
+                &location,
+                &mut (),
+            )
+        } else {
+            let grid = TimeGrid::try_new(0.0, 1.0, size)?;
+            integrate_located(method, options, &top.system, start, &grid, &location, &mut ())
+        };
+        state = black_box(run?.state);
+    }
+    let axis = state.orientation() * Vector3::z();
+    println!("{:e} {:e} {:e}", axis.x, axis.y, axis.z);
+    Ok(())
+}
