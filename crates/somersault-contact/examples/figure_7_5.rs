@@ -15,7 +15,7 @@ use somersault_integrators::studies::silent;
 /// looked for, coarse ones where the fifth and the eighth would soon be lost in rounding.
 fn sampling(method: Method, stepping: Stepping) -> (Vec<f64>, u32) {
     let (first, ratio, count, sizes) = match stepping {
-        Stepping::Straddling => (1.25e-4, 0.5, 6, 24),
+        Stepping::Straddling => (3.125e-5, 0.5, 4, 24),
         Stepping::Located if method.info().orders.rotation > 4 => {
             (8e-3, std::f64::consts::FRAC_1_SQRT_2, 13, 8)
         }
