@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: tour test test-rust test-python lint docs bench bench-peers wheel clean
+.PHONY: tour test test-rust test-python lint docs bench bench-peers fuzz wheel clean
 
 # The guided tour: a report with what the library does and how it is known to be right.
 tour: $(VENV)/.extension
@@ -37,6 +37,11 @@ bench:
 # The same problems solved by other packages, side by side.
 bench-peers: $(VENV)/.peers
 	$(BIN)/python benches/peers
+
+# The URDF reader on ten minutes of hostile documents; needs nightly and cargo-fuzz.
+fuzz:
+	mkdir -p out/corpus
+	cargo +nightly fuzz run urdf out/corpus fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
 
 # A wheel and a source distribution in dist/.
 wheel: $(VENV)/.tools

@@ -1,21 +1,22 @@
-//! Time per call of the dynamics of a tree with the 27 degrees of freedom of thesis Table 3.2.
+//! Time per call of the dynamics of the spatial diver, 27 degrees of freedom (thesis Table 3.2), and of their
+//! partials.
 //!
-//! `cargo bench --bench multibody`.
+//! `cargo bench --bench multibody`; `benches/peers/multibody.py` times Pinocchio on the same tree and state.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use somersault::multibody::{Data, Split};
-use somersault_testkit::trees::{Random, humanoid, random_configuration};
+use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
+use somersault::multibody::motion::TreeMotion;
+use somersault::multibody::{Data, DerivativeData, Split};
+use somersault::prelude::{Method, Options, TimeGrid};
+use somersault_testkit::trees::{Random, State, diver, humanoid, random_configuration};
 use std::hint::black_box;
 use std::time::Duration;
 
-fn humanoid_dynamics(c: &mut Criterion) {
-    let model = humanoid().expect("a tree");
-    let mut random = Random::new(27);
-    let q = random_configuration(&mut random, &model).expect("lengths fit");
+fn diver_dynamics(c: &mut Criterion) {
+    let State { model, q, v, a, torque } = diver();
     let n = model.n_velocities();
-    let (v, a, torque) = (random.numbers(n, 2.0), random.numbers(n, 2.0), random.numbers(n, 2.0));
     let mut data = Data::new(&model);
-    let mut group = c.benchmark_group("humanoid");
+    let mut group = c.benchmark_group("diver");
     group.bench_function("rnea", |b| {
         b.iter(|| model.inverse_dynamics(&mut data, black_box(&q), &v, &a, &[]).map(|t| t[0]))
     });
@@ -35,6 +36,57 @@ fn humanoid_dynamics(c: &mut Criterion) {
     group.bench_function("centroidal", |b| {
         b.iter(|| model.centroidal(&mut data, black_box(&q)).map(|c| c.matrix[(0, 0)]))
     });
+    let mut work = DerivativeData::new(&model);
+    group.bench_function("rnea_partials", |b| {
+        b.iter(|| model.inverse_dynamics_partials(&mut work, black_box(&q), &v, &a, &[]).map(|p| p.q[(0, 0)]))
+    });
+    group.bench_function("aba_partials", |b| {
+        b.iter(|| {
+            model.forward_dynamics_partials(&mut work, black_box(&q), &v, &torque, &[]).map(|p| p.q[(0, 0)])
+        })
+    });
+    group.bench_function("hybrid_partials", |b| {
+        b.iter(|| {
+            let q = black_box(&q);
+            model.hybrid_dynamics_partials(&mut work, &split, q, &v, &a, &[]).map(|p| p.q[(0, 0)])
+        })
+    });
+    group.bench_function("momentum_partials", |b| {
+        b.iter(|| model.momentum_partials(&mut work, black_box(&q), &v).map(|p| p.q[(0, 0)]))
+    });
+    group.finish();
+}
+
+/// One evaluation of reduced flight, with and without derivatives, and a dive of 1.7 s in 200 steps.
+fn reduced_flight(c: &mut Criterion) {
+    let model = humanoid().expect("a tree");
+    let mut random = Random::new(27);
+    let q = random_configuration(&mut random, &model).expect("lengths fit");
+    let v = random.numbers(model.n_velocities(), 2.0);
+    let flight = Flight::from_state(&model, 0.0, &q, &v).expect("a free root");
+    let mut data = FlightData::new(&model);
+    let mut group = c.benchmark_group("flight");
+    group.bench_function("angular velocity", |b| {
+        b.iter(|| flight.angular_velocity(&mut data, black_box(&q), &v).map(|w| w.x))
+    });
+    group.bench_function("derivatives", |b| {
+        b.iter(|| flight.derivatives(&mut data, black_box(&q), &v).map(|d| d.by_shape[0].x))
+    });
+    let swing = |t: f64, s: &mut [f64], rates: &mut [f64]| {
+        s.copy_from_slice(&q[7..]);
+        s[0] += (3.0 * t).sin();
+        rates.fill(0.0);
+        rates[0] = 3.0 * (3.0 * t).cos();
+    };
+    let system = FlightSystem::new(flight, &swing);
+    let start = system.state(&q[3..7]).expect("a quaternion");
+    let grid = TimeGrid::try_with_steps(0.0, 1.7, 200).expect("a grid");
+    group.bench_function("dive of 200 steps", |b| {
+        b.iter(|| {
+            let start = black_box(&start);
+            system.integrate(Method::Cf4, Options::default(), start, &grid, &mut ()).map(|end| end.t)
+        })
+    });
     group.finish();
 }
 
@@ -44,6 +96,6 @@ criterion_group! {
         .sample_size(30)
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_millis(1000));
-    targets = humanoid_dynamics
+    targets = diver_dynamics, reduced_flight
 }
 criterion_main!(multibody);

@@ -136,3 +136,108 @@ fn located_steps_allocate_nothing_between_events() {
         }
     }
 }
+
+#[test]
+fn no_step_allocates_for_a_tree_or_its_flight() {
+    use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
+    use somersault::multibody::motion::{TreeMotion, TreeState, TreeSystem};
+    use somersault::multibody::{Force, Velocities, motion::TreeForces};
+
+    /// A torque and a wrench on every joint and body.
+    struct Steady;
+
+    impl TreeForces for Steady {
+        fn add_torque(&self, _: f64, _: &[f64], _: &[f64], torque: &mut [f64]) {
+            torque[6..].iter_mut().for_each(|t| *t += 0.1);
+        }
+        fn has_wrenches(&self) -> bool {
+            true
+        }
+        fn add_wrenches(&self, _: f64, _: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
+            wrenches.iter_mut().for_each(|w| w.linear.z += 0.5);
+        }
+    }
+
+    fn check(method: Method, system: &impl TreeMotion, start: &TreeState) {
+        let fixed = |steps: u32| {
+            let grid = TimeGrid::try_new(0.0, 0.001 * (f64::from(steps) - 0.5), 0.001).unwrap();
+            allocations(|| {
+                system.integrate(method, Options::default(), start, &grid, &mut ()).unwrap();
+            })
+        };
+        assert_eq!(fixed(20), fixed(200), "{method}");
+        if method.info().embedded.is_some() {
+            let control = Adaptive { max_step: 0.001, ..Adaptive::default() };
+            let adaptive = |end| {
+                allocations(|| {
+                    let interval = (0.0, end);
+                    system
+                        .integrate_adaptive(method, Options::default(), start, interval, &control, &mut ())
+                        .unwrap();
+                })
+            };
+            assert_eq!(adaptive(0.02), adaptive(0.2), "{method}");
+        }
+    }
+
+    let model = somersault_testkit::trees::humanoid().unwrap();
+    let n = model.n_velocities();
+    let start = model.state(&model.neutral(), &vec![0.3; n]).unwrap();
+    let free = TreeSystem::new(&model, Steady);
+    let split = somersault::multibody::Split::new((0..n).map(|k| k >= 6).collect());
+    let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| a.fill(t);
+    let driven = TreeSystem::new(&model, ()).driven(split, drive).unwrap();
+    let take_off = TakeOff {
+        time: 0.0,
+        center_of_mass: Vector3::zeros(),
+        velocity: Vector3::z(),
+        angular_momentum: Vector3::new(10.0, 20.0, 0.0),
+    };
+    let neutral = model.neutral();
+    let shape = |t: f64, q: &mut [f64], v: &mut [f64]| {
+        q.copy_from_slice(&neutral[7..]);
+        q[0] = t;
+        v.fill(0.0);
+        v[0] = 1.0;
+    };
+    let flight = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), &shape);
+    let turned = flight.state(&[0.0, 0.0, 0.0, 1.0]).unwrap();
+    for method in Method::ALL {
+        let info = method.info();
+        use somersault::integrators::stepper::{Scope, Variables};
+        if info.scope == Scope::AnySystem && info.variables == Variables::World {
+            check(method, &free, &start);
+            check(method, &driven, &start);
+            check(method, &flight, &turned);
+        }
+    }
+}
+
+#[test]
+fn sensitivities_allocate_nothing_between_events() {
+    use somersault::contact::event::Location;
+    use somersault::contact::models::SpinningTop;
+    use somersault::contact::sensitivity::{
+        Differentiation, Parameter, SensitivityError, differentiate_located,
+    };
+
+    let top = SpinningTop::thesis().unwrap();
+    let (by, location) = (Differentiation::by([Parameter::Mass]), Location::default());
+    let run = |method: Method, start: &RigidBodyState, steps| {
+        let grid = TimeGrid::try_with_steps(0.0, 1e-5 * steps as f64, steps).unwrap();
+        differentiate_located(method, Options::default(), &top.system, start, &by, &grid, &location, &mut ())
+    };
+    let held = run(Method::Rkmk, &top.start, 20_000).unwrap().run.state;
+    for method in Method::ALL {
+        for start in [&top.start, &held] {
+            match run(method, start, 1000) {
+                Ok(found) => {
+                    assert_eq!(found.run.event_count, 0, "{method}");
+                    let [short, long] = [10, 1000].map(|n| allocations(|| drop(run(method, start, n))));
+                    assert_eq!(short, long, "{method}");
+                }
+                Err(error) => assert!(matches!(error.reason, SensitivityError::Method { .. }), "{method}"),
+            }
+        }
+    }
+}

@@ -5,6 +5,7 @@ use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{integrate_hybrid, integrate_located};
 use somersault_contact::event::{EventKind, Interruption, Located, Location};
 use somersault_contact::hybrid::{Frozen, Guard, Hybrid, HybridBodies};
+use somersault_contact::interface::ContactMode;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Surface};
@@ -567,26 +568,33 @@ impl RigidSystem for Doubling {
 }
 
 impl Hybrid for Doubling {
-    type Mode = Vec<bool>;
+    type Mode = Vec<ContactMode>;
     const RESETS: bool = true;
-    fn mode(&self, t: f64, x: &RigidBodyState) -> Vec<bool> {
+    fn mode(&self, t: f64, x: &RigidBodyState) -> Vec<ContactMode> {
         self.0.system.mode(t, x)
     }
-    fn guards(&self, mode: &Vec<bool>, t: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
+    fn guards(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
         self.0.system.guards(mode, t, x, out);
     }
-    fn acceleration_in(&self, mode: &Vec<bool>, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+    fn acceleration_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        w: &mut (),
+        t: f64,
+        x: &RigidBodyState,
+        out: &mut Twist,
+    ) {
         self.0.system.acceleration_in(mode, w, t, x, out);
     }
-    fn reset(&self, _: f64, before: &Vec<bool>, after: &Vec<bool>, x: &mut RigidBodyState) {
-        if !before[0] && after[0] {
+    fn reset(&self, _: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut RigidBodyState) {
+        if before[0] == ContactMode::Open && after[0] != ContactMode::Open {
             x.rate.angular *= 2.0;
         }
     }
 }
 
 impl HybridBodies for Doubling {
-    fn wrenches_in(&self, mode: &Vec<bool>, t: f64, x: &RigidBodyState, out: &mut Twist) {
+    fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState, out: &mut Twist) {
         self.0.system.wrenches_in(mode, t, x, out);
     }
 }

@@ -7,31 +7,7 @@ use somersault::multibody::{
     Axes, Data, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError, Split,
     Transform,
 };
-use somersault_testkit::trees::{Random, humanoid, random_configuration, random_tree, random_wrenches};
-
-/// A random tree with a state.
-struct Case {
-    model: Model,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    a: Vec<f64>,
-    wrenches: Vec<Force<f64>>,
-    random: Random,
-}
-
-/// The same trees in every test: up to 40 bodies with all kinds of joints.
-fn cases(count: u64) -> impl Iterator<Item = Case> {
-    (0..count).map(|seed| {
-        let mut random = Random::new(seed);
-        let n = 1 + random.below(40);
-        let model = random_tree(&mut random, n, 0.5).expect("a tree");
-        let q = random_configuration(&mut random, &model).expect("lengths fit");
-        let n = model.n_velocities();
-        let (v, a) = (random.numbers(n, 2.0), random.numbers(n, 5.0));
-        let wrenches = random_wrenches(&mut random, &model);
-        Case { model, q, v, a, wrenches, random }
-    })
-}
+use somersault_testkit::trees::{Case, Random, cases, humanoid, random_configuration};
 
 fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m, x| m.max(x.abs()))

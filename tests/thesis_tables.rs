@@ -532,12 +532,12 @@ impl<S: System> Stepper<S> for Ralston {
     ) -> Result<(), StepError> {
         let (mut v, mut a) = (x.rate.clone(), x.rate.clone());
         let (mut v2, mut a2) = (x.rate.clone(), x.rate.clone());
-        system.velocity(x, &mut v);
+        system.velocity(w, t, x, &mut v);
         system.acceleration(w, t, x, &mut a);
         let mut stage = x.clone();
         stage.drift(&v, 2.0 / 3.0 * h);
         stage.kick(&a, 2.0 / 3.0 * h);
-        system.velocity(&stage, &mut v2);
+        system.velocity(w, t + 2.0 / 3.0 * h, &stage, &mut v2);
         system.acceleration(w, t + 2.0 / 3.0 * h, &stage, &mut a2);
         for (first, second) in [(&mut v, &v2), (&mut a, &a2)] {
             first.scale(0.25);

@@ -13,9 +13,10 @@ import batch
 import box
 import contact
 import long_run
+import multibody
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch)
+COMPARISONS = (box, long_run, contact, batch, multibody)
 
 
 def main() -> None:

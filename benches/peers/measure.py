@@ -14,7 +14,7 @@ from pathlib import Path
 
 import somersault
 
-PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco")
+PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco", "pin")
 
 
 def machine() -> dict[str, str]:

@@ -11,11 +11,12 @@ Units are SI and angles radians. Everything is in the world frame but for names 
 ``_body``. Quaternions are in SciPy's order (x, y, z, w) and lead from the body frame to the world.
 """
 
-from somersault import batch, errors, exact, forces, integrators, studies
+from somersault import batch, contact, errors, exact, forces, integrators, multibody, studies
 from somersault._somersault import (
     DenseOutput,
     MethodInfo,
     MethodTable,
+    Model,
     RigidBody,
     Solution,
     State,
@@ -31,17 +32,20 @@ __all__ = [
     "InputError",
     "MethodInfo",
     "MethodTable",
+    "Model",
     "RigidBody",
     "Solution",
     "SomersaultError",
     "State",
     "Trajectory",
     "batch",
+    "contact",
     "errors",
     "exact",
     "forces",
     "integrate",
     "integrators",
     "methods",
+    "multibody",
     "studies",
 ]

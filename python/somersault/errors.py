@@ -2,25 +2,41 @@
 
 All derive from `SomersaultError`. Those for which the input was at fault also derive from
 `InputError`, and so from `ValueError`. A message names the argument, what was found and what is
-allowed.
+allowed. An exception that stops `somersault.integrate` has what was recorded up to there in its attribute
+`solution`; this holds for what a callable raises as well.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from somersault._somersault import Solution
 
 __all__ = [
     "BatchError",
     "BatchInputError",
     "BodyError",
+    "ChatteringError",
+    "ContactError",
     "CountMismatchError",
+    "DynamicsError",
+    "DynamicsInputError",
     "FreeBodyError",
     "InertiaError",
     "InputError",
     "IntegrateError",
     "IntegrateInputError",
+    "ModelError",
+    "PostureError",
     "SomersaultError",
     "StepError",
     "StudyError",
     "StudyInputError",
+    "SurfaceError",
     "TorqueError",
     "UnknownMethodError",
+    "UrdfError",
 ]
 
 
@@ -51,6 +67,9 @@ class UnknownMethodError(InputError):
 class IntegrateError(SomersaultError):
     """An integration could not go on: the state stopped being finite, a tolerance cannot be met."""
 
+    #: What was recorded up to there, where a run had begun.
+    solution: Solution | None = None
+
 
 class IntegrateInputError(IntegrateError, InputError):
     """An integration could not start: interval, step or tolerances are not allowed."""
@@ -62,6 +81,18 @@ class StepError(IntegrateError):
 
 class TorqueError(StepError, InputError):
     """The method takes no torque, and the forces given may exert one."""
+
+
+class ChatteringError(IntegrateError):
+    """Events in contacts follow each other faster than allowed."""
+
+
+class SurfaceError(IntegrateError, InputError):
+    """A surface of your own has a distance or a gradient that is not finite."""
+
+
+class ContactError(InputError):
+    """A law, a surface or a contact cannot be made of these numbers."""
 
 
 class BatchError(SomersaultError):
@@ -82,3 +113,23 @@ class StudyError(SomersaultError):
 
 class StudyInputError(StudyError, InputError):
     """The arguments of a study are not allowed."""
+
+
+class ModelError(InputError):
+    """A body cannot be part of a tree; the message names it."""
+
+
+class DynamicsError(SomersaultError):
+    """The dynamics of a tree have no solution: some motion of a joint moves no mass."""
+
+
+class DynamicsInputError(DynamicsError, InputError):
+    """A tree has no such body, or a quaternion is no rotation."""
+
+
+class PostureError(InputError):
+    """A diver has no such posture."""
+
+
+class UrdfError(InputError):
+    """A document is not a tree in URDF, or a tree cannot be written as one; the message names the element."""

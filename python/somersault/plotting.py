@@ -20,6 +20,7 @@ try:
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Ellipse
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 except ImportError as error:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from error
@@ -32,11 +33,13 @@ Array = NDArray[Any]
 __all__ = [
     "abbreviation",
     "energy_ratios",
+    "gaps",
     "motion",
     "observed_orders",
     "polhode",
     "stability_regions",
     "style",
+    "tree",
     "work_precision",
 ]
 
@@ -252,6 +255,8 @@ def observed_orders(
 
 
 _ERROR_LABELS = {
+    "position": "position error, m",
+    "velocity": "velocity error, m/s",
     "orientation": "orientation error, rad",
     "angular_velocity": "angular velocity error, rad/s",
 }
@@ -266,7 +271,7 @@ def work_precision(
     ----------
     runs : mapping of str to WorkPrecision
         Results by method, as `somersault.studies.work_precision` makes them.
-    error : {"orientation", "angular_velocity"}
+    error : {"position", "orientation", "velocity", "angular_velocity"}
         Which error to draw.
     against : {"seconds", "evaluations", "steps"}
         What to draw it against.
@@ -337,6 +342,112 @@ def motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None = None
         ax.margins(x=0)
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return axes
+
+
+def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """Gaps and forces of contacts of one body over time, and the events of the motion.
+
+    Parameters
+    ----------
+    motion : Trajectory or Solution
+        Of one body.
+    contacts : Contact or sequence of Contact
+        Its contacts.
+    axes : sequence of two matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    sequence of two matplotlib.axes.Axes
+    """
+    if axes is None:
+        axes = plt.figure(figsize=(9.0, 5.2), layout="constrained").subplots(2, 1, sharex=True)
+    contacts = [contacts] if isinstance(contacts, somersault.contact.Contact) else list(contacts)
+    events = motion.events if isinstance(motion, somersault.Solution) else ()
+    for i, contact in enumerate(contacts):
+        colour = _COLOURS[i % len(_COLOURS)]
+        seen = np.array([contact.gap(motion[n]) for n in range(len(motion))])
+        axes[0].plot(motion.t, 1e3 * seen[:, 0], color=colour, lw=1.2, label=f"contact {i}")
+        axes[1].plot(motion.t, [contact.law.force(*pair) for pair in seen], color=colour, lw=1.2)
+        for kind, marker in (("touch_down", "v"), ("release", "^"), ("re_engagement", "D")):
+            there = [event for event in events if event.contact == i and event.kind == kind]
+            axes[0].plot(
+                [event.t for event in there],
+                [1e3 * contact.gap(event.state)[0] for event in there],
+                marker,
+                color=colour,
+                ms=4,
+                mfc="white",
+                label=kind.replace("_", "-") if there and i == 0 else None,
+            )
+    axes[0].axhline(0.0, color="0.6", lw=0.8, zorder=0)
+    axes[0].set_ylabel("gap, mm")
+    axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    axes[1].set_ylabel("normal force, N")
+    axes[1].set_xlabel("time, s")
+    for ax in axes:
+        ax.grid(color="0.92")
+        ax.margins(x=0)
+    return axes
+
+
+def tree(
+    model: somersault.Model, q: Any, view: str = "xz", ax: Axes | None = None, colour: str = _COLOURS[3]
+) -> Axes:
+    """A tree of bodies in a configuration, seen along an axis of the world.
+
+    Each body is drawn as the solid ellipsoid that has its mass and inertia; dots are joints, the cross is
+    the centre of mass.
+
+    Parameters
+    ----------
+    model : Model
+        The tree.
+    q : array_like, shape (n_positions,)
+        Its configuration.
+    view : str, optional
+        The two axes of the page, such as ``"xz"`` or ``"yz"``.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into.
+    colour : str, optional
+        Colour of the bodies.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = ax or plt.figure(figsize=(4.0, 6.0), layout="constrained").add_subplot()
+    right, up = ("xyz".index(axis) for axis in view)
+    page = np.eye(3)[[right, up]]
+    towards = np.cross(*page)
+    poses = model.poses(q)
+    shapes = []
+    for link, pose in zip(model.links, poses, strict=True):
+        if link.mass == 0.0 or not link.inertia.any():
+            continue
+        moments, axes = np.linalg.eigh(link.inertia)
+        # I = m (b² + c²)/5 and its permutations; rounding may leave a square below zero.
+        squares = np.maximum(2.5 / link.mass * (moments.sum() - 2 * moments), 0.0)
+        rotation = pose[:3, :3] @ axes
+        shape = page @ (rotation * squares) @ rotation.T @ page.T
+        centre = pose[:3, :3] @ link.center + pose[:3, 3]
+        shapes.append((float(towards @ centre), page @ centre, shape))
+    for _, centre, shape in sorted(shapes, key=lambda entry: entry[0]):
+        squares, axes = np.linalg.eigh(shape)
+        width, height = 2 * np.sqrt(np.maximum(squares, 0.0))
+        angle = float(np.degrees(np.arctan2(axes[1, 0], axes[0, 0])))
+        ax.add_patch(
+            Ellipse(
+                (centre[0], centre[1]), width, height, angle=angle, fc=colour, ec="0.25", lw=0.7, alpha=0.85
+            )
+        )
+    ax.plot(*(page @ poses[:, :3, 3].T), "o", color="0.25", ms=2.2)
+    ax.plot(*(page @ model.center_of_mass(q)), "P", color=_COLOURS[1], ms=7, mec="white")
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    ax.set_xlabel(f"{view[0]}, m")
+    ax.set_ylabel(f"{view[1]}, m")
+    return ax
 
 
 def polhode(

@@ -17,6 +17,9 @@ body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
 start = somersault.State(angular_velocity=(1.0, 2.0, 3.0))
 def force(t, state):
     return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+ground = somersault.contact.Contact(
+    (0.0, 0.0, 0.0), somersault.contact.HalfSpace((0.0, 0.0, -1.0)), somersault.contact.CompliantLaw(1.0)
+)
 print("ready", flush=True)
 try:
     motion = somersault.integrate(body, start, (0.0, 1e9), dt=1e-3, every=1000, {options})
@@ -43,9 +46,9 @@ def interrupted(options: str) -> tuple[list[str], float]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
-@pytest.mark.parametrize("more", ["", "forces=force", "observer=lambda t, state: None"])
+@pytest.mark.parametrize("more", ["", "forces=force", "observer=lambda t, state: None", "contacts=ground"])
 class TestInterrupts:
-    """With and without Python code in play."""
+    """With and without Python code in play, and with contacts."""
 
     def test_raise_keyboard_interrupt(self, more: str) -> None:
         fields, seconds = interrupted(more)

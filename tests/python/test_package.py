@@ -19,7 +19,18 @@ MODULES = [
     "somersault",
     *(
         f"somersault.{name}"
-        for name in ("batch", "errors", "exact", "forces", "integrators", "plotting", "studies", "tour")
+        for name in (
+            "batch",
+            "contact",
+            "errors",
+            "exact",
+            "forces",
+            "integrators",
+            "multibody",
+            "plotting",
+            "studies",
+            "tour",
+        )
     ),
 ]
 

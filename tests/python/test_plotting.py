@@ -114,3 +114,34 @@ def test_without_matplotlib_the_extra_is_named() -> None:
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert run.returncode != 0
     assert "pip install 'somersault[plot]'" in run.stderr
+
+
+def test_gaps_show_the_events() -> None:
+    ball = somersault.contact.bouncing_ball(1.0, 0.1, somersault.contact.CompliantLaw(1e4), height=0.1)
+    run = somersault.integrate(
+        ball.body, ball.state, (0.0, 0.5), dt=1e-3, forces=ball.forces, contacts=ball.contacts
+    )
+    gap, force = plotting.gaps(run, ball.contacts)
+    labels = [text.get_text() for text in gap.get_legend().get_texts()]  # type: ignore[union-attr]
+    assert labels == ["contact 0", "touch-down", "release"]
+    touching = [event for event in run.events if event.kind == "touch_down"]
+    drawn = {line.get_label(): line for line in gap.get_lines()}
+    np.testing.assert_array_equal(drawn["touch-down"].get_xdata(), [event.t for event in touching])
+    heights = np.asarray(drawn["contact 0"].get_ydata())
+    np.testing.assert_allclose(heights, 1e3 * (run.position[:, 2] - 0.1), atol=1e-9)
+    assert np.asarray(force.get_lines()[0].get_ydata()).max() > 100.0
+
+
+def test_a_tree_is_drawn_as_ellipsoids_of_its_inertia() -> None:
+    box = somersault.RigidBody.ellipsoid(2.0, (0.3, 0.2, 0.1))
+    link = somersault.multibody.Link("body", "free", body=box, center=(0.0, 0.0, 0.5))
+    model = somersault.Model([link])
+    ax = plotting.tree(model, model.neutral())
+    (ellipse,) = ax.patches
+    # Full axes of the ellipsoid, as x and z see it.
+    assert sorted((ellipse.width, ellipse.height)) == pytest.approx([0.2, 0.6])
+    assert tuple(ellipse.center) == pytest.approx((0.0, 0.5))
+    diver = somersault.multibody.diver_spatial()
+    ax = plotting.tree(diver.model, diver.configuration("F"), "yz")
+    assert len(ax.patches) == sum(body.mass > 0 for body in diver.model.links)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("y, m", "z, m")

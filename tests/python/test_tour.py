@@ -1,17 +1,20 @@
 """The tour, made once in its reduced setting."""
 
+import json
 import re
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 
 import somersault
-from somersault import tour
+from somersault import multibody, tour
 from somersault.__main__ import main
-from somersault.tour import chapters, comparison, mujoco_scene, page, thesis
+from somersault.tour import animation, chapters, comparison, mujoco_scene, page, thesis
+from somersault.tour.chapters import divers
 
 mpl.use("Agg")
 
@@ -19,7 +22,7 @@ mpl.use("Agg")
 class Reader(HTMLParser):
     """Collects links, images and cells, and checks that elements are closed."""
 
-    VOID = frozenset({"meta", "img"})
+    VOID = frozenset({"meta", "img", "input"})
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,7 +74,9 @@ def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> Non
 def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     for path in folder.glob("*.html"):
         text = path.read_text(encoding="utf-8")
-        assert "<script" not in text and "@import" not in text and "url(" not in text
+        assert ("<script" in text) == (path.name == "top.html")
+        assert "<script src" not in text and "@import" not in text and "url(" not in text
+        assert "fetch(" not in text and "import(" not in text and "XMLHttpRequest" not in text
         for link in read(path).links:
             if link.startswith("https://"):
                 assert link == thesis.URL
@@ -90,6 +95,8 @@ def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
     cases = {
         f"{error}-case-{case}.png" for error in ("orientation", "angular-velocity") for case in (1, 2, 3)
     }
+    contact = {f"top-{name}.png" for name in ("section", "rendered", "gap", "thesis", "located")}
+    assert contact | {"diver-spatial.png", "diver-planar.png"} < set(used)
     assert cases | {"stability-regions.png", "energy-ratios.png", "twist.png", "polhode.png"} < set(used)
     for picture in pictures:
         content = picture.read_bytes()
@@ -157,6 +164,38 @@ def test_agreement_is_to_the_last_digit_printed() -> None:
 )
 def test_numbers_are_set_as_in_print(value: float, text: str) -> None:
     assert page.number(value) == text
+
+
+def test_the_animation_of_the_top_is_whole(folder: Path) -> None:
+    text = (folder / "top.html").read_text(encoding="utf-8")
+    found = re.search(r"const MOTION = (\{.*?\});\n", text)
+    assert found is not None
+    motion = json.loads(found[1])
+    frames = np.array(motion["frames"])
+    assert frames.shape == (animation.FRAMES, 7)
+    assert motion["dt"] * (animation.FRAMES - 1) == pytest.approx(1.0)
+    np.testing.assert_allclose(np.linalg.norm(frames[:, 3:], axis=1), 1.0, atol=2e-5)
+    # Without friction the centre stays above one point.
+    np.testing.assert_allclose(frames[:, :2], 0.0, atol=1e-5)
+    assert len(motion["contacts"]) == 7
+    assert 'src="top.html"' in (folder / "contact.html").read_text(encoding="utf-8")
+
+
+def test_located_events_keep_the_orders_of_the_top(measurements: tour.Measurements) -> None:
+    located, switched = measurements.top_orders[True], measurements.top_orders[False]
+    for name, stated in {"sie": 1, "sv": 1, "mp": 2, "heun": 2, "rk4": 2, "rkmk": 4, "rkmk5": 5}.items():
+        assert located[name]["angular_velocity"] == pytest.approx(stated, abs=0.25), name
+    assert located["rkmk8"]["angular_velocity"] == pytest.approx(8, abs=0.6)
+    orders = [found["angular_velocity"] for found in switched.values()]
+    assert np.median([order for order in orders if order is not None]) == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_inertia_of_a_tree_is_that_of_its_momentum() -> None:
+    diver = multibody.diver_spatial()
+    q = diver.configuration("I")
+    # The torso stands upright, so that its axes are those of the world.
+    spin = diver.model.centroidal_matrix(q)[3:, 3:6]
+    np.testing.assert_allclose(divers.inertia(diver.model, q), spin, atol=1e-12)
 
 
 def test_mujoco_is_asked_for_where_it_is_missing(folder: Path) -> None:

@@ -1,9 +1,12 @@
-//! Contact points of a body against surfaces, as a force and as a system with modes.
+//! Contacts of a body with surfaces, as a force and as a system with modes.
 
-use crate::error::{ContactError, finite};
+use crate::error::{ContactError, direction, finite, positive};
+use crate::event::EventKind;
+use crate::friction::Friction;
 use crate::hybrid::{Guard, Hybrid, HybridBodies};
-use crate::law::CompliantLaw;
-use crate::surface::Surface;
+use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::shape::Shape;
+use crate::surface::{HalfSpace, Surface};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::{ForceModel, Wrench};
@@ -11,94 +14,155 @@ use somersault_integrators::state::{RigidBodyState, Twist};
 use somersault_integrators::system::{RigidBodySystem, world_acceleration};
 use std::sync::Arc;
 
-/// A point fixed on the body that touches a surface under a law.
+/// A part of a body that touches a surface under some laws.
+///
+/// Lengths are in the body frame, from the centre of mass, in m. Contacts may share a surface: clone the
+/// `Arc`.
 #[derive(Debug, Clone)]
 pub struct Contact {
-    point: Vector3<f64>,
+    shape: Shape,
     surface: Arc<dyn Surface>,
-    law: CompliantLaw,
-}
-
-/// Gap, its rate, the lever arm and the normal of a contact in some state.
-struct Touch {
-    guard: Guard,
-    arm: Vector3<f64>,
-    normal: Vector3<f64>,
+    law: ContactLaw,
 }
 
 impl Contact {
-    /// A point of the body (body frame, from the centre of mass, m), a surface and a law.
-    ///
-    /// Points may share a surface: clone the `Arc`.
+    /// A point of the body, a surface and a law.
     pub fn try_new(
         point: Vector3<f64>,
         surface: Arc<dyn Surface>,
-        law: CompliantLaw,
+        law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
-        Ok(Self { point: finite("point", point)?, surface, law })
+        Ok(Self { shape: Shape::Point(finite("point", point)?), surface, law: law.into() })
     }
 
-    /// The point, body frame, m.
-    pub fn point(&self) -> &Vector3<f64> {
-        &self.point
+    /// A ball of some centre and radius, against any surface.
+    ///
+    /// It rolls, so its friction may not be [`Friction::Coulomb`].
+    pub fn try_ball(
+        centre: Vector3<f64>,
+        radius: f64,
+        surface: Arc<dyn Surface>,
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        let shape = Shape::Ball { centre: finite("centre", centre)?, radius: positive("radius", radius)? };
+        Ok(Self { shape, surface, law: rolling(law.into())? })
     }
 
-    /// The law.
-    pub fn law(&self) -> &CompliantLaw {
+    /// The rim of a disk of some centre, axis (of any length but zero) and radius, against a plane.
+    ///
+    /// It rolls, so its friction may not be [`Friction::Coulomb`].
+    pub fn try_rim(
+        centre: Vector3<f64>,
+        axis: Vector3<f64>,
+        radius: f64,
+        plane: HalfSpace,
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        let (centre, axis) = (finite("centre", centre)?, direction("axis", axis)?);
+        let shape = Shape::Rim { centre, axis, radius: positive("radius", radius)? };
+        Ok(Self { shape, surface: Arc::new(plane), law: rolling(law.into())? })
+    }
+
+    /// What touches.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// The surface.
+    pub fn surface(&self) -> &Arc<dyn Surface> {
+        &self.surface
+    }
+
+    /// The same against another surface, which for a rim must be a plane.
+    #[must_use]
+    pub fn against(self, surface: Arc<dyn Surface>) -> Self {
+        Self { surface, ..self }
+    }
+
+    /// The laws.
+    pub fn law(&self) -> &ContactLaw {
         &self.law
     }
 
+    /// What the laws see in a state of a body.
     #[inline(always)]
-    fn touch(&self, x: &RigidBodyState) -> Touch {
-        let arm = x.orientation() * self.point;
-        let at = self.surface.signed_distance(&(x.position() + arm));
-        let velocity = x.velocity() + x.angular_velocity().cross(&arm);
-        Touch { guard: self.law.guard(at.distance, at.gradient.dot(&velocity)), arm, normal: at.gradient }
+    pub fn encounter(&self, body: &RigidBody, x: &RigidBodyState) -> Encounter {
+        self.meet(body, x).0
     }
 
-    /// Gap and rate of the gap in a state.
-    #[inline]
-    pub fn guard(&self, x: &RigidBodyState) -> Guard {
-        self.touch(x).guard
+    /// The encounter and the lever arm of the point of contact.
+    #[inline(always)]
+    pub(crate) fn meet(&self, body: &RigidBody, x: &RigidBodyState) -> (Encounter, Vector3<f64>) {
+        let place = self.shape.place(&*self.surface, x);
+        let velocity = x.velocity() + x.angular_velocity().cross(&place.arm);
+        let rate = place.normal.dot(&velocity);
+        let encounter = Encounter {
+            gap: place.gap,
+            rate,
+            normal: place.normal,
+            point: x.position() + place.arm,
+            sliding: velocity - place.normal * rate,
+            turning: *x.angular_velocity(),
+            mass: body.mass(),
+        };
+        (encounter, place.arm)
     }
 
+    /// Force and torque about the centre of mass, frozen in a mode.
     #[inline(always)]
-    fn wrench_in_contact(&self, touch: &Touch) -> Wrench {
-        let force = touch.normal * self.law.force_in_contact(touch.guard.gap, touch.guard.rate);
-        Wrench { force, torque: touch.arm.cross(&force) }
+    pub(crate) fn wrench_in(&self, mode: &ContactMode, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        if matches!(mode, ContactMode::Open) {
+            return Wrench::default();
+        }
+        let (at, arm) = self.meet(body, x);
+        let effort = self.law.effort_in(mode, &at);
+        Wrench { force: effort.force, torque: arm.cross(&effort.force) + effort.torque }
+    }
+}
+
+/// The law, if it suits a body that rolls.
+pub(crate) fn rolling(law: ContactLaw) -> Result<ContactLaw, ContactError> {
+    match law.friction {
+        Friction::Coulomb(_) => Err(ContactError::AnchorOnRolling),
+        _ => Ok(law),
     }
 }
 
 /// The contacts of a body.
 ///
 /// As a [`ForceModel`] it switches each contact by its state, as the thesis does: that costs any method
-/// its order. As part of a [`BodyInContact`] it has modes, one bit a contact, for
-/// [`integrate_located`](crate::driver::integrate_located).
+/// its order. As part of a [`BodyInContact`] it has modes, one a contact, for
+/// [`integrate_located`](crate::driver::integrate_located). By its state alone a contact that sticks has its
+/// spring unstretched: it holds by its damper.
+///
+/// With n contacts, guard i is that of contact i and, where some friction has modes, guard n + i that of its
+/// friction.
 #[derive(Debug, Clone, Default)]
 pub struct Contacts {
     contacts: Vec<Contact>,
+    friction_has_modes: bool,
 }
 
 impl Contacts {
     /// The contacts in the order that events count them.
     pub fn new(contacts: Vec<Contact>) -> Self {
-        Self { contacts }
+        let friction_has_modes = contacts.iter().any(|c| c.law.friction.has_modes());
+        Self { contacts, friction_has_modes }
     }
 
-    /// Energy of the springs, Σ ½ k min(Δx, 0)², J.
+    /// The contact that a guard belongs to.
+    pub fn of_guard(&self, guard: usize) -> usize {
+        guard % self.contacts.len().max(1)
+    }
+
+    /// Energy of the springs of the normal laws, J; Σ ½ k min(Δx, 0)² for compliant ones.
     pub fn energy(&self, x: &RigidBodyState) -> f64 {
-        self.contacts.iter().map(|c| c.law.energy(c.guard(x).gap)).sum()
+        self.contacts.iter().map(|c| c.law.normal.energy(c.shape.place(&*c.surface, x).gap)).sum()
     }
 
-    #[inline(always)]
-    fn wrench_in(&self, mode: &[bool], x: &RigidBodyState) -> Wrench {
-        let mut sum = Wrench::default();
-        for (contact, &acts) in self.contacts.iter().zip(mode) {
-            if acts {
-                sum = sum + contact.wrench_in_contact(&contact.touch(x));
-            }
-        }
-        sum
+    /// The same and the energy of the springs that hold sticking contacts, J.
+    pub fn energy_in(&self, mode: &[ContactMode], body: &RigidBody, x: &RigidBodyState) -> f64 {
+        self.contacts.iter().zip(mode).map(|(c, mode)| c.law.energy_in(mode, &c.encounter(body, x))).sum()
     }
 }
 
@@ -111,13 +175,11 @@ impl std::ops::Deref for Contacts {
 
 impl ForceModel for Contacts {
     #[inline]
-    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+    fn wrench(&self, _: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         let mut sum = Wrench::default();
         for contact in &self.contacts {
-            let touch = contact.touch(x);
-            if touch.guard.is_inside() {
-                sum = sum + contact.wrench_in_contact(&touch);
-            }
+            let mode = contact.law.mode(&contact.encounter(body, x));
+            sum = sum + contact.wrench_in(&mode, body, x);
         }
         sum
     }
@@ -125,46 +187,99 @@ impl ForceModel for Contacts {
         self.contacts.is_empty()
     }
     fn is_torque_free(&self) -> bool {
-        self.contacts.iter().all(|c| c.point == Vector3::zeros())
+        let at_centre = |c: &Contact| c.shape == Shape::Point(Vector3::zeros());
+        self.contacts.iter().all(|c| at_centre(c) && c.law.resistance.is_none())
     }
     fn depends_on_velocity(&self) -> bool {
-        self.contacts.iter().any(|c| c.law.damping() != 0.0)
+        self.contacts.iter().any(|c| c.law.depends_on_velocity())
     }
 }
 
 /// A rigid body under forces `F`, smooth along a trajectory, and contacts.
 pub type BodyInContact<F> = RigidBodySystem<(F, Contacts)>;
 
-/// The mode says of each contact whether it acts.
-impl<F: ForceModel> Hybrid for BodyInContact<F> {
-    type Mode = Vec<bool>;
+/// What the change of a guard is called, where the guards of `contacts` contacts are followed by those of
+/// their friction.
+pub(crate) fn event_kind(
+    contacts: usize,
+    guard: usize,
+    before: &Guard,
+    after: &Guard,
+    modes: (&[ContactMode], &[ContactMode]),
+) -> EventKind {
+    if guard < contacts {
+        return EventKind::of_contact(before, after);
+    }
+    match (modes.0[guard - contacts], modes.1[guard - contacts]) {
+        (ContactMode::Slip { .. }, ContactMode::Slip { .. }) => EventKind::Turn,
+        (ContactMode::Slip { .. } | ContactMode::Slide, _) => EventKind::Stick,
+        _ => EventKind::Slip,
+    }
+}
 
-    fn mode(&self, _: f64, x: &RigidBodyState) -> Vec<bool> {
-        self.forces.1.iter().map(|c| c.guard(x).is_inside()).collect()
+impl<F: ForceModel> Hybrid for BodyInContact<F> {
+    type Mode = Vec<ContactMode>;
+
+    fn mode(&self, _: f64, x: &RigidBodyState) -> Vec<ContactMode> {
+        self.forces.1.iter().map(|c| c.law.mode(&c.encounter(&self.body, x))).collect()
+    }
+
+    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &RigidBodyState) -> Vec<ContactMode> {
+        let contacts = self.forces.1.iter().zip(before);
+        contacts.map(|(c, before)| c.law.next_mode(before, &c.encounter(&self.body, x))).collect()
+    }
+
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+    ) -> EventKind {
+        event_kind(self.forces.1.len(), guard, before, after, (modes.0, modes.1))
     }
 
     #[inline]
-    fn guards(&self, _: &Vec<bool>, _: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
-        out.extend(self.forces.1.iter().map(|c| c.guard(x)));
+    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
+        let contacts = &self.forces.1;
+        let n = contacts.len();
+        out.resize(if contacts.friction_has_modes { 2 * n } else { n }, Guard::default());
+        for (i, (contact, mode)) in contacts.iter().zip(mode).enumerate() {
+            let at = contact.encounter(&self.body, x);
+            out[i] = contact.law.guard(&at);
+            if contacts.friction_has_modes {
+                out[n + i] = contact.law.friction_guard(mode, &at);
+            }
+        }
     }
 
     #[inline(always)]
-    fn acceleration_in(&self, mode: &Vec<bool>, (): &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+    fn acceleration_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        (): &mut (),
+        t: f64,
+        x: &RigidBodyState,
+        out: &mut Twist,
+    ) {
         let mut wrench = Twist::default();
         self.wrenches_in(mode, t, x, &mut wrench);
         *out = world_acceleration(&self.body, x, &wrench);
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
-        self.forces.1.get(guard).map_or(0.0, |c| c.law.impulse(h, before, after))
+        self.forces.1.get(guard).map_or(0.0, |c| c.law.normal.impulse(h, before, after))
     }
 }
 
 impl<F: ForceModel> HybridBodies for BodyInContact<F> {
     #[inline(always)]
-    fn wrenches_in(&self, mode: &Vec<bool>, t: f64, x: &RigidBodyState, out: &mut Twist) {
+    fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState, out: &mut Twist) {
         let (smooth, contacts) = &self.forces;
-        let wrench = smooth.wrench(t, &self.body, x) + contacts.wrench_in(mode, x);
+        let mut wrench = smooth.wrench(t, &self.body, x);
+        for (contact, mode) in contacts.iter().zip(mode) {
+            wrench = wrench + contact.wrench_in(mode, &self.body, x);
+        }
         *out = Twist { linear: wrench.force, angular: wrench.torque };
     }
 }

@@ -26,6 +26,33 @@ pub enum ContactError {
         /// The value given.
         found: f64,
     },
+    /// A Poisson's ratio that no stable material has.
+    #[error("`poisson_ratio` must be above -1 and at most 0.5, found {found}")]
+    PoissonRatio {
+        /// The value given.
+        found: f64,
+    },
+    /// Friction that sticks by an anchored spring, on a shape whose point of contact wanders.
+    #[error(
+        "`law` has Coulomb friction, which anchors a point; a ball or a rim rolls: give it creep or regularised friction"
+    )]
+    AnchorOnRolling,
+    /// An index of a body that is not there.
+    #[error("`{argument}` must be below the number of bodies, {bodies}, found {found}")]
+    NoBody {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The index given.
+        found: usize,
+        /// Number of bodies.
+        bodies: usize,
+    },
+    /// A pair of spheres on one body.
+    #[error("a pair of spheres must be on two bodies, found body {body} twice")]
+    SameBody {
+        /// The body.
+        body: usize,
+    },
     /// A vector that is not finite.
     #[error("`{argument}` must be finite, found {found:?}")]
     NonFinite {

@@ -228,8 +228,8 @@ impl<H: Hybrid> System for Frozen<H> {
         self.system.workspace()
     }
     #[inline(always)]
-    fn velocity(&self, x: &StateOf<H>, out: &mut RateOf<H>) {
-        self.system.velocity(x, out);
+    fn velocity(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
+        self.system.velocity(w, t, x, out);
     }
     #[inline(always)]
     fn acceleration(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {

@@ -3,11 +3,13 @@
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and
 //! the step is cut where a guard says that the mode ends. That works for every method of the table.
+//! [`sensitivity`] differentiates such motions.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
 //! | Δx, Δẋ | gap, negative inside the surface, and its rate; m, m/s | [`Guard`](hybrid::Guard) |
 //! | k, c | stiffness, N/m; damping, N s/m | [`CompliantLaw`](law::CompliantLaw) |
+//! | μ, v | coefficient of friction; sliding velocity, m/s | [`Friction`](friction::Friction) |
 //! | ωₙ, ζ, e | natural frequency, damping ratio, coefficient of restitution | its constructors |
 //!
 //! ```
@@ -29,13 +31,20 @@
 //! Irvine 2017, section 7.3.
 #![forbid(unsafe_code)]
 
+pub mod bodies;
 pub mod contacts;
 pub mod driver;
 mod error;
 pub mod event;
+pub mod friction;
+pub mod hunt_crossley;
 pub mod hybrid;
+pub mod interface;
 pub mod law;
 pub mod models;
+pub mod normal;
+pub mod sensitivity;
+pub mod shape;
 mod step_curve;
 pub mod studies;
 pub mod surface;

@@ -39,8 +39,8 @@ impl<Q: Configuration> Segment<Q> {
         // σ(1) and the slopes σ'(0) = h v₀, σ'(1) = h dexp⁻¹_{σ(1)}(v₁).
         let (mut jump, mut first, mut last) = (zero(), zero(), zero());
         after.configuration.difference(&x.configuration, &mut jump);
-        system.velocity(x, &mut first);
-        system.velocity(after, &mut last);
+        system.velocity(&mut w, t, x, &mut first);
+        system.velocity(&mut w, t + h, after, &mut last);
         last.dexp_inv(&jump);
         let displacement = cubic(&jump, &first, &last, h);
         let mut jump = after.rate.clone();

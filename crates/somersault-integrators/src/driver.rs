@@ -60,6 +60,12 @@ pub enum IntegrateError {
         /// The method.
         method: &'static str,
     },
+    /// The method needs inertia and torque, which the system does not give.
+    #[error("method `{method}` is for rigid bodies only: take one whose scope is any system")]
+    RigidBodiesOnly {
+        /// The method.
+        method: &'static str,
+    },
     /// A step failed.
     #[error(transparent)]
     Step(#[from] StepError),

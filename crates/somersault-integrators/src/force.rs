@@ -1,9 +1,10 @@
 //! Forces and torques on rigid bodies.
 
 use crate::body::RigidBody;
-use crate::state::RigidBodyState;
+use crate::state::{RigidBodyState, Twist};
+use crate::variation::{Tangent, central_difference};
 use nalgebra::Vector3;
-use std::ops::Add;
+use std::ops::{Add, Mul, Sub};
 
 /// Force F (N) and torque M about the centre of mass (N m), world frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -26,6 +27,22 @@ impl Add for Wrench {
     #[inline]
     fn add(self, other: Self) -> Self {
         Self { force: self.force + other.force, torque: self.torque + other.torque }
+    }
+}
+
+impl Sub for Wrench {
+    type Output = Self;
+    #[inline]
+    fn sub(self, other: Self) -> Self {
+        Self { force: self.force - other.force, torque: self.torque - other.torque }
+    }
+}
+
+impl Mul<f64> for Wrench {
+    type Output = Self;
+    #[inline]
+    fn mul(self, a: f64) -> Self {
+        Self { force: self.force * a, torque: self.torque * a }
     }
 }
 
@@ -53,6 +70,33 @@ pub trait ForceModel {
     fn depends_on_velocity(&self) -> bool {
         !self.is_free()
     }
+
+    /// Derivative of the wrench along a tangent to the state.
+    ///
+    /// By default a central difference, good to about 1e-10 of the wrench where it is smooth on the scale of
+    /// the state; models of this module have it in closed form.
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        central_difference(x, along, |moved| self.wrench(t, body, moved))
+    }
+
+    /// Derivative of the wrench with respect to the mass of the body, 1/kg of a wrench.
+    ///
+    /// By default a central difference, exact but for rounding where the wrench is linear in the mass.
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let step = 6e-6 * body.mass();
+        let at = |mass: f64| {
+            RigidBody::try_new(mass, *body.inertia())
+                .map(|other| self.wrench(t, &other, x))
+                .unwrap_or_default()
+        };
+        (at(body.mass() + step) - at(body.mass() - step)) * (0.5 / step)
+    }
 }
 
 impl ForceModel for () {
@@ -63,6 +107,14 @@ impl ForceModel for () {
     #[inline]
     fn is_free(&self) -> bool {
         true
+    }
+    #[inline]
+    fn wrench_variation(&self, _: f64, _: &RigidBody, _: &RigidBodyState, _: &Tangent<Twist>) -> Wrench {
+        Wrench::default()
+    }
+    #[inline]
+    fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench::default()
     }
 }
 
@@ -93,6 +145,20 @@ impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
     fn depends_on_velocity(&self) -> bool {
         self.0.depends_on_velocity() || self.1.depends_on_velocity()
     }
+    #[inline]
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.0.wrench_variation(t, body, x, along) + self.1.wrench_variation(t, body, x, along)
+    }
+    #[inline]
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.mass_derivative(t, body, x) + self.1.mass_derivative(t, body, x)
+    }
 }
 
 /// A boxed model, for choices made at run time.
@@ -111,6 +177,18 @@ impl ForceModel for BoxedForce {
     fn depends_on_velocity(&self) -> bool {
         (**self).depends_on_velocity()
     }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        (**self).wrench_variation(t, body, x, along)
+    }
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        (**self).mass_derivative(t, body, x)
+    }
 }
 
 /// The sum of the models in the list; an empty list is the free body.
@@ -126,6 +204,18 @@ impl ForceModel for Vec<BoxedForce> {
     }
     fn depends_on_velocity(&self) -> bool {
         self.iter().any(ForceModel::depends_on_velocity)
+    }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.iter().fold(Wrench::default(), |sum, f| sum + f.wrench_variation(t, body, x, along))
+    }
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.iter().fold(Wrench::default(), |sum, f| sum + f.mass_derivative(t, body, x))
     }
 }
 
@@ -153,6 +243,14 @@ impl ForceModel for Gravity {
     }
     fn depends_on_velocity(&self) -> bool {
         false
+    }
+    #[inline]
+    fn wrench_variation(&self, _: f64, _: &RigidBody, _: &RigidBodyState, _: &Tangent<Twist>) -> Wrench {
+        Wrench::default()
+    }
+    #[inline]
+    fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench { force: self.acceleration, torque: Vector3::zeros() }
     }
 }
 
@@ -193,6 +291,31 @@ impl ForceModel for Spring {
     fn depends_on_velocity(&self) -> bool {
         self.damping != 0.0
     }
+    fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
+        let arm = x.orientation() * self.attachment;
+        let span = x.position() + arm - self.anchor;
+        let length = span.norm();
+        let velocity = x.velocity() + x.angular_velocity().cross(&arm);
+        let arm_change = along.displacement.angular.cross(&arm);
+        let span_change = along.displacement.linear + arm_change;
+        let velocity_change =
+            along.rate.linear + along.rate.angular.cross(&arm) + x.angular_velocity().cross(&arm_change);
+        let mut force = -self.stiffness * span;
+        let mut force_change = -self.stiffness * span_change;
+        if length > 0.0 {
+            let direction = span / length;
+            let turn = (span_change - direction * direction.dot(&span_change)) / length;
+            let along_spring = self.stiffness * self.rest_length - self.damping * direction.dot(&velocity);
+            force += direction * along_spring;
+            force_change += turn * along_spring
+                - direction * (self.damping * (turn.dot(&velocity) + direction.dot(&velocity_change)));
+        }
+        Wrench { force: force_change, torque: arm_change.cross(&force) + arm.cross(&force_change) }
+    }
+    #[inline]
+    fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench::default()
+    }
 }
 
 /// Drag linear and quadratic in the speed, and linear in the angular velocity:
@@ -219,6 +342,21 @@ impl ForceModel for Drag {
     fn is_torque_free(&self) -> bool {
         self.angular == 0.0
     }
+    fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
+        let (velocity, change) = (x.velocity(), &along.rate.linear);
+        let speed = velocity.norm();
+        // At rest the quadratic part has the derivative zero.
+        let speed_change = if speed > 0.0 { velocity.dot(change) / speed } else { 0.0 };
+        Wrench {
+            force: -change * (self.linear + self.quadratic * speed)
+                - velocity * (self.quadratic * speed_change),
+            torque: along.rate.angular * -self.angular,
+        }
+    }
+    #[inline]
+    fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench::default()
+    }
 }
 
 /// A constant torque fixed in the world or in the body.
@@ -242,6 +380,18 @@ impl ForceModel for ConstantTorque {
     fn depends_on_velocity(&self) -> bool {
         false
     }
+    #[inline]
+    fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
+        let torque = match self {
+            Self::World(_) => Vector3::zeros(),
+            Self::Body(torque) => along.displacement.angular.cross(&(x.orientation() * torque)),
+        };
+        Wrench { force: Vector3::zeros(), torque }
+    }
+    #[inline]
+    fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench::default()
+    }
 }
 
 /// A constant force, fixed in the world, at a point of the body: a thruster held in space, or the
@@ -264,5 +414,14 @@ impl ForceModel for ConstantForce {
     }
     fn depends_on_velocity(&self) -> bool {
         false
+    }
+    #[inline]
+    fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
+        let arm_change = along.displacement.angular.cross(&(x.orientation() * self.point));
+        Wrench { force: Vector3::zeros(), torque: arm_change.cross(&self.force) }
+    }
+    #[inline]
+    fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench::default()
     }
 }

@@ -21,4 +21,5 @@ pub mod stepper;
 pub mod studies;
 pub mod system;
 pub mod tableau;
+pub mod variation;
 pub mod variational_cayley;

@@ -173,7 +173,7 @@ fn first_step<S: System>(system: &S, t: f64, x: &StateOf<S>, order: f64, toleran
         sum.root_mean_square()
     };
     let (mut velocity, mut acceleration) = (x.rate.clone(), x.rate.clone());
-    system.velocity(x, &mut velocity);
+    system.velocity(&mut w, t, x, &mut velocity);
     system.acceleration(&mut w, t, x, &mut acceleration);
     let first = size(&velocity, &acceleration);
     // The weighed size of a unit: one radian, one metre, one metre per second.
@@ -183,7 +183,7 @@ fn first_step<S: System>(system: &S, t: f64, x: &StateOf<S>, order: f64, toleran
     ahead.drift(&velocity, trial);
     ahead.kick(&acceleration, trial);
     let (mut velocity_ahead, mut acceleration_ahead) = (x.rate.clone(), x.rate.clone());
-    system.velocity(&ahead, &mut velocity_ahead);
+    system.velocity(&mut w, t + trial, &ahead, &mut velocity_ahead);
     system.acceleration(&mut w, t + trial, &ahead, &mut acceleration_ahead);
     velocity_ahead.axpy(-1.0, &velocity);
     acceleration_ahead.axpy(-1.0, &acceleration);

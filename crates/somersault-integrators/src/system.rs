@@ -1,6 +1,6 @@
 //! Equations of motion: what a method integrates.
 //!
-//! A system is q̇ = velocity(q, p), ṗ = acceleration(t, q, p) with q on ℝᵐ × SO(3)ᵏ. For most systems p
+//! A system is q̇ = velocity(t, q, p), ṗ = acceleration(t, q, p) with q on ℝᵐ × SO(3)ᵏ. For most systems p
 //! is the velocity itself. The same bodies can be written in three forms, and every general method
 //! integrates each of them:
 //!
@@ -29,9 +29,9 @@ pub trait System {
     type Workspace;
     /// A workspace of the right size.
     fn workspace(&self) -> Self::Workspace;
-    /// q̇ as a function of the state; the rate itself unless the system says otherwise.
+    /// q̇ as a function of time and state; the rate itself unless the system says otherwise.
     #[inline]
-    fn velocity(&self, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+    fn velocity(&self, _w: &mut Self::Workspace, _t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         out.assign(&x.rate);
     }
     /// Time derivative of the rate.
@@ -45,8 +45,8 @@ impl<S: System + ?Sized> System for &S {
         (**self).workspace()
     }
     #[inline(always)]
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        (**self).velocity(x, out);
+    fn velocity(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        (**self).velocity(w, t, x, out);
     }
     #[inline(always)]
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
@@ -190,6 +190,10 @@ impl<F: ForceModel> RigidSystem for RigidBodySystem<F> {
 pub trait Interaction {
     /// Adds force and torque on every body, world frame.
     fn add_wrenches(&self, t: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]);
+    /// The number of bodies it is made for; `None` if it takes any.
+    fn bodies(&self) -> Option<usize> {
+        None
+    }
     /// Whether no body feels a torque about its centre of mass.
     fn is_torque_free(&self) -> bool {
         false
@@ -262,16 +266,29 @@ pub struct CountMismatch {
 impl<F: ForceModel, I: Interaction> RigidBodiesSystem<F, I> {
     /// Bodies, the force model of each, and what acts between them.
     pub fn try_new(bodies: Vec<RigidBody>, forces: Vec<F>, interaction: I) -> Result<Self, CountMismatch> {
-        if forces.len() == bodies.len() {
-            Ok(Self { bodies, forces, interaction })
-        } else {
-            Err(CountMismatch { argument: "forces", bodies: bodies.len(), found: forces.len() })
+        let count = bodies.len();
+        let taken = interaction.bodies().unwrap_or(count);
+        for (argument, found) in [("forces", forces.len()), ("interaction", taken)] {
+            if found != count {
+                return Err(CountMismatch { argument, bodies: count, found });
+            }
         }
+        Ok(Self { bodies, forces, interaction })
     }
 
     /// The bodies.
     pub fn bodies(&self) -> &[RigidBody] {
         &self.bodies
+    }
+
+    /// The force model of each.
+    pub fn forces(&self) -> &[F] {
+        &self.forces
+    }
+
+    /// What acts between them.
+    pub fn interaction(&self) -> &I {
+        &self.interaction
     }
 }
 
@@ -382,6 +399,13 @@ impl<S: RigidSystem> MomentumForm<'_, S> {
         let (pose, rate) = (x.configuration.pose(i), <S::Configuration as Poses>::twist(&x.rate, i));
         Twist { linear: rate.linear, angular: angular_velocity(self.0.body(i), &pose, &rate.angular) }
     }
+
+    #[inline(always)]
+    fn twists(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
+        for i in 0..x.configuration.count() {
+            S::Configuration::set_twist(out, i, self.twist(x, i));
+        }
+    }
 }
 
 impl<S: RigidSystem> System for MomentumForm<'_, S> {
@@ -391,10 +415,8 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
         self.0.rest()
     }
     #[inline(always)]
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        for i in 0..x.configuration.count() {
-            S::Configuration::set_twist(out, i, self.twist(x, i));
-        }
+    fn velocity(&self, _: &mut StateOf<S>, _: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.twists(x, out);
     }
     #[inline(always)]
     fn acceleration(&self, world: &mut StateOf<S>, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
@@ -403,7 +425,7 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
             return;
         }
         world.configuration.assign(&x.configuration);
-        self.velocity(x, &mut world.rate);
+        self.twists(x, &mut world.rate);
         self.0.wrenches(t, world, out);
         for i in 0..x.configuration.count() {
             let wrench = S::Configuration::twist(out, i);

@@ -25,12 +25,12 @@ use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion};
 
 /// Which degrees of freedom have a prescribed acceleration.
-trait Roles {
+pub(crate) trait Roles {
     fn is_active(&self, k: usize) -> bool;
 }
 
 /// Forward dynamics.
-struct AllPassive;
+pub(crate) struct AllPassive;
 
 impl Roles for AllPassive {
     #[inline(always)]

@@ -7,6 +7,7 @@ use crate::model::Model;
 use crate::spatial::Transform;
 use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 use somersault_core::Inertia;
+use std::collections::HashSet;
 
 /// Why a body cannot be part of a model. Every variant names the body.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -49,6 +50,16 @@ pub enum ModelError {
     #[error("`{argument}` of `{name}` must not be negative, found {found}")]
     Negative {
         /// The body.
+        name: String,
+        /// Name of the quantity.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The size of a named model is zero or negative.
+    #[error("`{argument}` of `{name}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// The model.
         name: String,
         /// Name of the quantity.
         argument: &'static str,
@@ -180,7 +191,13 @@ impl Link {
         joint: Joint,
         mass: MassProperties,
     ) -> Self {
-        Self { parent: Some(parent.into()), ..Self::root(name, joint, mass) }
+        Self::root(name, joint, mass).carried_by(parent)
+    }
+
+    /// The same body on a joint that is fixed in the body `parent`.
+    pub fn carried_by(mut self, parent: impl Into<String>) -> Self {
+        self.parent = Some(parent.into());
+        self
     }
 
     /// Where the joint frame is in the parent, m. The frame of the child coincides with it at q = 0.
@@ -205,6 +222,46 @@ impl Link {
     pub fn with_limits(mut self, lower: f64, upper: f64) -> Self {
         self.limits = Some([lower, upper]);
         self
+    }
+
+    /// Name of the body.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Name of the parent; the root has none.
+    pub fn parent(&self) -> Option<&str> {
+        self.parent.as_deref()
+    }
+
+    /// Mass, centre of mass and inertia, body frame.
+    pub fn mass_properties(&self) -> &MassProperties {
+        &self.mass
+    }
+
+    /// The joint.
+    pub fn joint(&self) -> &Joint {
+        &self.joint
+    }
+
+    /// Where the joint frame is in the parent, m.
+    pub fn origin(&self) -> &Vector3<f64> {
+        &self.origin
+    }
+
+    /// Rotation of the joint frame: its axes → the parent's axes.
+    pub fn orientation(&self) -> &UnitQuaternion<f64> {
+        &self.orientation
+    }
+
+    /// Viscous friction, N s/m or N m s.
+    pub fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// Lower and upper limit, if it was given any.
+    pub fn limits(&self) -> Option<[f64; 2]> {
+        self.limits
     }
 
     pub(crate) fn placement(&self) -> Transform<f64> {
@@ -255,15 +312,23 @@ impl Link {
                 return Err(ModelError::ZeroAxis { name: name() });
             }
             // scaled first, so that no length over- or underflows
-            let unit = (axis / largest).normalize();
+            let unit = if is_unit(axis.norm_squared()) { axis } else { (axis / largest).normalize() };
             self.joint = match self.joint {
                 Joint::Prismatic { .. } => Joint::Prismatic { axis: unit },
                 _ => Joint::Revolute { axis: unit },
             };
         }
-        self.orientation = UnitQuaternion::new_normalize(self.orientation.into_inner());
+        if !is_unit(self.orientation.norm_squared()) {
+            self.orientation = UnitQuaternion::new_normalize(self.orientation.into_inner());
+        }
         Ok(self)
     }
+}
+
+/// Whether something of this squared norm is of unit length to rounding: then it keeps its bits, and a link
+/// of a model builds the same model again.
+fn is_unit(norm_squared: f64) -> bool {
+    (norm_squared - 1.0).abs() <= 4.0 * f64::EPSILON
 }
 
 /// Symmetric, no negative principal moment, the triangle inequality; zero if there is no mass. Compared
@@ -289,12 +354,13 @@ fn physical_inertia(name: &str, body: &MassProperties) -> Result<(), ModelError>
 #[derive(Debug, Clone)]
 pub struct ModelBuilder {
     links: Vec<Link>,
+    names: HashSet<String>,
     gravity: Vector3<f64>,
 }
 
 impl Default for ModelBuilder {
     fn default() -> Self {
-        Self { links: Vec::new(), gravity: Vector3::new(0.0, 0.0, -9.81) }
+        Self { links: Vec::new(), names: HashSet::new(), gravity: Vector3::new(0.0, 0.0, -9.81) }
     }
 }
 
@@ -312,19 +378,21 @@ impl ModelBuilder {
 
     /// Adds a body. The root comes first; every other body after its parent.
     pub fn add(&mut self, link: Link) -> Result<&mut Self, ModelError> {
-        if self.links.iter().any(|l| l.name == link.name) {
+        if self.names.contains(&link.name) {
             return Err(ModelError::DuplicateName { name: link.name });
         }
         match (&link.parent, self.links.first()) {
             (None, Some(root)) => {
                 return Err(ModelError::SecondRoot { name: link.name, root: root.name.clone() });
             }
-            (Some(parent), _) if self.links.iter().all(|l| l.name != *parent) => {
+            (Some(parent), _) if !self.names.contains(parent) => {
                 return Err(ModelError::UnknownParent { parent: parent.clone(), name: link.name });
             }
             _ => {}
         }
-        self.links.push(link.validate()?);
+        let link = link.validate()?;
+        self.names.insert(link.name.clone());
+        self.links.push(link);
         Ok(self)
     }
 

@@ -17,13 +17,14 @@ impl<T: Scalar> Model<T> {
         expect_length("q", q, self.n_positions())?;
         self.place(data, q);
         self.gather_composites(data);
-        for k in (0..self.n_velocities()).rev() {
-            let momentum = data.momenta[k];
+        let n = self.n_velocities();
+        let entries = data.mass_matrix.as_mut_slice();
+        for (k, momentum) in data.momenta.iter().enumerate() {
             let mut ancestor = Some(k);
             while let Some(j) = ancestor {
-                let entry = data.columns[j].dot(&momentum);
-                data.mass_matrix[(j, k)] = entry;
-                data.mass_matrix[(k, j)] = entry;
+                let entry = data.columns[j].dot(momentum);
+                entries[k * n + j] = entry;
+                entries[j * n + k] = entry;
                 ancestor = self.dof_parent[j];
             }
         }

@@ -1,8 +1,8 @@
 //! Dynamics of articulated rigid bodies.
 //!
 //! A [`Model`] is a tree of bodies, immutable; a [`Data`] is the workspace in which the algorithms
-//! leave their results. All are O(n) or O(n × depth), allocate nothing, and are generic over the scalar,
-//! so that dual numbers go through them.
+//! leave their results. They cost O(n) or O(n × depth), the partials of forward dynamics O(n² × depth); they
+//! allocate nothing and are generic over the scalar, so that dual numbers go through them.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -29,6 +29,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`), or have a name in the
+//! literature ([`models`]).
+//! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
+//! short way for a tree in the air whose joints move as prescribed.
+//!
 //! Not meant for closed loops of joints, and not for contact.
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.
@@ -38,23 +43,30 @@ mod articulated;
 mod builder;
 mod centroidal;
 mod configuration;
+mod coordinates;
 mod crba;
 mod data;
+mod derivatives;
 mod error;
+pub mod flight;
 mod inertia;
 pub mod joint;
 mod kinematics;
 mod lie;
 mod model;
 pub mod models;
+pub mod motion;
 mod rnea;
 mod scalar;
 mod spatial;
+#[cfg(feature = "urdf")]
+pub mod urdf;
 
 pub use articulated::Split;
 pub use builder::{Link, MassProperties, ModelBuilder, ModelError};
 pub use centroidal::Centroidal;
 pub use data::Data;
+pub use derivatives::{DerivativeData, MomentumPartials, Partials};
 pub use error::DynamicsError;
 pub use inertia::SpatialInertia;
 pub use joint::Joint;

@@ -7,6 +7,7 @@ use crate::joint::{Joint, Mechanism};
 use crate::scalar::Scalar;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -58,9 +59,11 @@ impl<T: Scalar> Model<T> {
         let (mut directions, mut damping, mut dof_parent) = (Vec::new(), Vec::new(), Vec::new());
         // the last degree of freedom on the way from the root to each body
         let mut last_dof: Vec<Option<usize>> = Vec::with_capacity(links.len());
+        let numbers: HashMap<&str, usize> =
+            links.iter().enumerate().map(|(i, link)| (link.name.as_str(), i)).collect();
         let mut q = 0;
         for link in links.iter() {
-            let parent = link.parent.as_ref().and_then(|p| links.iter().position(|l| l.name == *p));
+            let parent = link.parent.as_deref().and_then(|p| numbers.get(p).copied());
             let first = directions.len();
             directions.extend(link.joint.directions::<T>());
             let dofs = first..directions.len();
@@ -106,7 +109,9 @@ impl<T: Scalar> Model<T> {
         Model::compile(self.links.clone(), self.standard_gravity)
     }
 
-    pub(crate) fn links(&self) -> &[Link] {
+    /// The bodies with their joints as they were given, in the order of their numbers; axes and rotations of
+    /// unit length.
+    pub fn links(&self) -> &[Link] {
         &self.links
     }
 

@@ -5,7 +5,7 @@
 
 use crate::error::Error;
 use numpy::prelude::*;
-use numpy::{PyArrayDyn, PyUntypedArray};
+use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
@@ -22,16 +22,27 @@ struct Numbers {
 }
 
 fn numbers(argument: &str, expected: &str, value: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
-    let found = |what: String| Error::input(format!("`{argument}` must be {expected}, found {what}"));
-    let read = |array: &Bound<'_, PyArrayDyn<f64>>| -> Result<Numbers, Error> {
-        let array = array.try_readonly().map_err(PyErr::from)?;
-        Ok(Numbers { shape: array.shape().to_vec(), values: array.as_array().iter().copied().collect() })
-    };
+    let array = contiguous(argument, expected, value)?;
+    let values = array.as_slice().map_err(PyErr::from)?.to_vec();
+    Ok(Numbers { shape: array.shape().to_vec(), values })
+}
+
+/// Real numbers as an array in the order of C: the one given where it is such an array of float64, else a
+/// copy.
+pub(crate) fn contiguous<'py>(
+    argument: &str,
+    expected: &str,
+    value: &Bound<'py, PyAny>,
+) -> Result<PyReadonlyArrayDyn<'py, f64>, Error> {
     if let Ok(array) = value.cast::<PyArrayDyn<f64>>() {
-        return read(array);
+        let array = array.try_readonly().map_err(PyErr::from)?;
+        if array.is_c_contiguous() && array.as_slice().is_ok() {
+            return Ok(array);
+        }
     }
-    let py = value.py();
-    let array = py
+    let found = |what: String| Error::input(format!("`{argument}` must be {expected}, found {what}"));
+    let array = value
+        .py()
         .import("numpy")?
         .call_method1("asarray", (value,))
         .map_err(|_| found(format!("{} that is no array", a_type(value))))?;
@@ -39,8 +50,8 @@ fn numbers(argument: &str, expected: &str, value: &Bound<'_, PyAny>) -> Result<N
     if !matches!(dtype.kind(), b'f' | b'i' | b'u') {
         return Err(found(format!("{} of dtype {dtype}", a_type(value))));
     }
-    let array = array.call_method1("astype", ("float64",))?;
-    read(array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?)
+    let array = array.call_method1("astype", ("float64", "C"))?;
+    Ok(array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?.try_readonly().map_err(PyErr::from)?)
 }
 
 /// The type of an object in a message: a list, an int.
@@ -57,7 +68,8 @@ fn check_finite(argument: &str, values: &[f64]) -> Result<(), Error> {
     }
 }
 
-fn shape_text(shape: &[usize]) -> String {
+/// A shape in a message.
+pub(crate) fn shape_text(shape: &[usize]) -> String {
     match shape {
         [n] => format!("({n},)"),
         [] => "()".to_owned(),
@@ -65,7 +77,12 @@ fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-fn with_shape(argument: &str, shape: &[usize], value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+/// Numbers of the given shape, which may be NaN or infinite.
+pub(crate) fn with_shape(
+    argument: &str,
+    shape: &[usize],
+    value: &Bound<'_, PyAny>,
+) -> Result<Vec<f64>, Error> {
     let expected = format!("real numbers of shape {}", shape_text(shape));
     let found = numbers(argument, &expected, value)?;
     if found.shape != shape {

@@ -5,6 +5,9 @@
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
+use somersault::contact::ContactError;
+use somersault::contact::event::Interruption;
+use somersault::contact::models::ModelError as ContactModelError;
 use somersault::core::InertiaError;
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
@@ -14,6 +17,10 @@ use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
+use somersault::multibody::models::PostureError;
+use somersault::multibody::motion::MotionError;
+use somersault::multibody::urdf::UrdfError;
+use somersault::multibody::{DynamicsError, ModelError};
 
 /// What a function of this module fails with.
 pub(crate) enum Error {
@@ -27,6 +34,19 @@ impl Error {
     /// An argument that is not allowed.
     pub(crate) fn input(message: impl Into<String>) -> Self {
         Self::Own { class: "InputError", message: message.into() }
+    }
+
+    /// A surface that is no surface.
+    pub(crate) fn surface(message: String) -> Self {
+        Self::Own { class: "SurfaceError", message }
+    }
+
+    /// The error of one of many rows.
+    pub(crate) fn in_row(self, row: usize) -> Self {
+        match self {
+            Self::Own { class, message } => Self::Own { class, message: format!("row {row}: {message}") },
+            raised => raised,
+        }
     }
 
     fn own(class: &'static str, error: &impl ToString) -> Self {
@@ -103,7 +123,8 @@ impl From<IntegrateError> for Error {
             | IntegrateError::NotPositive { .. }
             | IntegrateError::TooManySteps { .. }
             | IntegrateError::InitialState { .. }
-            | IntegrateError::NoErrorEstimate { .. } => Self::own("IntegrateInputError", &error),
+            | IntegrateError::NoErrorEstimate { .. }
+            | IntegrateError::RigidBodiesOnly { .. } => Self::own("IntegrateInputError", &error),
             error => Self::own("IntegrateError", &error),
         }
     }
@@ -138,6 +159,71 @@ impl From<StudyError> for Error {
             | StudyError::NotFinite { .. }
             | StudyError::NotIncreasing { .. } => Self::own("StudyInputError", &error),
             error => Self::own("StudyError", &error),
+        }
+    }
+}
+
+impl From<ModelError> for Error {
+    fn from(error: ModelError) -> Self {
+        Self::own("ModelError", &error)
+    }
+}
+
+impl From<DynamicsError> for Error {
+    fn from(error: DynamicsError) -> Self {
+        match error {
+            DynamicsError::Singular { .. } => Self::own("DynamicsError", &error),
+            error => Self::own("DynamicsInputError", &error),
+        }
+    }
+}
+
+impl From<ContactError> for Error {
+    fn from(error: ContactError) -> Self {
+        Self::own("ContactError", &error)
+    }
+}
+
+impl From<ContactModelError> for Error {
+    fn from(error: ContactModelError) -> Self {
+        match error {
+            ContactModelError::Body(error) => error.into(),
+            ContactModelError::Contact(error) => error.into(),
+            error => Self::own("ContactError", &error),
+        }
+    }
+}
+
+impl From<Interruption> for Error {
+    fn from(reason: Interruption) -> Self {
+        match reason {
+            Interruption::Integrate(error) => error.into(),
+            Interruption::Chattering { .. } => Self::own("ChatteringError", &reason),
+            Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::surface(format!(
+                "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
+            )),
+            reason => Self::own("IntegrateError", &reason),
+        }
+    }
+}
+
+impl From<PostureError> for Error {
+    fn from(error: PostureError) -> Self {
+        Self::own("PostureError", &error)
+    }
+}
+
+impl From<UrdfError> for Error {
+    fn from(error: UrdfError) -> Self {
+        Self::own("UrdfError", &error)
+    }
+}
+
+impl From<MotionError> for Error {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Integrate(error) => error.into(),
+            error => Self::own("DynamicsError", &error),
         }
     }
 }

@@ -81,6 +81,13 @@ where
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Gravity(force::Gravity);
 
+impl Gravity {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, gravity: force::Gravity) -> PyResult<Py<Self>> {
+        Py::new(py, build(gravity, Self))
+    }
+}
+
 #[pymethods]
 impl Gravity {
     #[new]
@@ -373,7 +380,7 @@ impl Failure {
 }
 
 /// What a Python callable gives that stands for a force model: NaN once anything has been raised.
-fn call<T>(failure: &Failure, nan: T, f: impl FnOnce(Python<'_>) -> Result<T, Error>) -> T {
+pub(crate) fn call<T>(failure: &Failure, nan: T, f: impl FnOnce(Python<'_>) -> Result<T, Error>) -> T {
     if failure.get().is_some() {
         return nan;
     }
@@ -429,7 +436,7 @@ fn pair<'py>(
 }
 
 /// What a callable calls itself, for messages.
-fn callable_name(callable: &Bound<'_, PyAny>) -> String {
+pub(crate) fn callable_name(callable: &Bound<'_, PyAny>) -> String {
     let name = callable.getattr("__qualname__").and_then(|name| name.extract::<String>());
     name.or_else(|_| callable.get_type().name().map(|name| name.to_string())).unwrap_or_default()
 }

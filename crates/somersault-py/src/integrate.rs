@@ -1,142 +1,51 @@
 //! The front door: integration of one body or of several.
 
 use crate::error::Error;
+use crate::event::Events;
 use crate::forces::{Failure, Reader};
+use crate::located::{CountedForces, InContact};
 use crate::methods;
+use crate::monitor::{Finish, Monitor, ProgressBar, Watch};
+use crate::plan::{self, Plan, StepArguments, Steps, start_up_of};
 use crate::trajectory::{Cast, Report, Seen, Solution};
-use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use somersault::integrators::driver::{
-    Adaptive, Flow, IntegrateError, Observer, Outcome, Status, Step, TimeGrid,
-};
-use somersault::integrators::methods::{Method, Options, StartUp};
-use somersault::integrators::solution::Recorder;
-use somersault::integrators::state::{Pose, State, Tolerances};
+use somersault::contact::bodies::BodiesInContact;
+use somersault::contact::contacts::BodyInContact;
+use somersault::contact::event::Location;
+use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::state::{Pose, State};
 use somersault::integrators::studies::work_precision::Counted;
 use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
-use std::time::{Duration, Instant};
 
-/// How often a run looks whether it is to stop.
-const ATTENTION: Duration = Duration::from_millis(50);
-
-/// How many steps lie between two looks at the clock.
-const STEPS_PER_LOOK: u64 = 64;
-
-/// How the steps are chosen.
-#[derive(Clone, Copy)]
-enum Steps {
-    Fixed(TimeGrid),
-    Adapted((f64, f64), Adaptive),
+/// How a run ended and what it took.
+pub(crate) struct Ended<Q: Seen> {
+    pub(crate) status: Result<Status, Error>,
+    pub(crate) rejected: u64,
+    pub(crate) nfev: u64,
+    pub(crate) events: Events<Q>,
 }
 
-/// A run, as asked for.
-struct Plan {
-    method: Method,
-    options: Options,
-    steps: Steps,
-    start: f64,
-    every: u64,
-    dense: bool,
-    calls_python: bool,
-    return_interrupted: bool,
-}
-
-/// A bar that shows how far a run has come.
-struct ProgressBar {
-    bar: Py<PyAny>,
-    shown: f64,
-}
-
-impl ProgressBar {
-    fn open(py: Python<'_>, start: f64, end: f64) -> PyResult<Self> {
-        let tqdm = py.import("tqdm.auto").map_err(|error| {
-            if error.is_instance_of::<PyModuleNotFoundError>(py) {
-                PyModuleNotFoundError::new_err(
-                    "`progress` needs tqdm, which the extra `somersault[progress]` installs",
-                )
-            } else {
-                error
-            }
-        })?;
-        let options = PyDict::new(py);
-        options.set_item("total", end - start)?;
-        options
-            .set_item("bar_format", "{l_bar}{bar}| t = {n:.4g} of {total:.4g} s [{elapsed}<{remaining}]")?;
-        let bar = tqdm.getattr("tqdm")?.call((), Some(&options))?.unbind();
-        Ok(Self { bar, shown: start })
-    }
-
-    fn show(&mut self, py: Python<'_>, t: f64) -> PyResult<()> {
-        self.bar.call_method1(py, "update", (t - self.shown,))?;
-        self.shown = t;
-        Ok(())
-    }
-}
-
-/// Records a run, shows it to Python, and stops it where Python says so.
-struct Monitor<Q: Seen> {
-    recorder: Recorder<Q>,
-    observer: Option<Py<PyAny>>,
-    progress: Option<ProgressBar>,
-    failure: Failure,
-    last_look: Instant,
-    /// Steps made, and the time they reached.
-    steps: u64,
-    t: f64,
-}
-
-impl<Q: Seen> Monitor<Q> {
-    /// Runs handlers of signals and moves the bar.
-    fn look(&mut self, t: f64) -> PyResult<()> {
-        self.last_look = Instant::now();
-        let progress = &mut self.progress;
-        Python::attach(|py| {
-            py.check_signals()?;
-            progress.as_mut().map_or(Ok(()), |bar| bar.show(py, t))
-        })
-    }
-}
-
-impl<Q: Seen> Observer<Q> for Monitor<Q> {
-    fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
-        if self.failure.get().is_some() {
-            return Flow::Stop;
-        }
-        let _ = self.recorder.observe(step);
-        (self.steps, self.t) = (step.index, step.t_after);
-        let mut flow = Flow::Continue;
-        if let Some(observer) = &self.observer {
-            let stop = Python::attach(|py| {
-                let answer = observer.call1(py, (step.t_after, Q::to_python(py, step.after)?))?;
-                answer.bind(py).is_truthy()
-            });
-            match stop {
-                Ok(true) => flow = Flow::Stop,
-                Ok(false) => {}
-                Err(error) => self.failure.set(error),
-            }
-        }
-        if step.index.is_multiple_of(STEPS_PER_LOOK)
-            && self.last_look.elapsed() >= ATTENTION
-            && let Err(error) = self.look(step.t_after)
-        {
-            self.failure.set(error);
-        }
-        if self.failure.get().is_some() { Flow::Stop } else { flow }
+impl<Q: Seen> Ended<Q> {
+    fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
+        Self { status, rejected, nfev, events: Events::none() }
     }
 }
 
 /// Bodies to be integrated, and a count of how often their equations are evaluated.
-trait Bodies: Sync {
+pub(crate) trait Bodies: Sync {
+    /// What moves.
     type Configuration: Seen;
 
+    /// Integrates as planned.
     fn solve(
         &self,
         initial: &State<Self::Configuration>,
         plan: &Plan,
         observer: &mut Monitor<Self::Configuration>,
-    ) -> (Result<Outcome<Self::Configuration>, IntegrateError>, u64);
+    ) -> Ended<Self::Configuration>;
 }
 
 /// A body without forces. Counting would hide from the methods that they can skip the forces.
@@ -145,15 +54,11 @@ struct Free(RigidBodySystem);
 impl Bodies for Free {
     type Configuration = Pose;
 
-    fn solve(
-        &self,
-        initial: &State<Pose>,
-        plan: &Plan,
-        observer: &mut Monitor<Pose>,
-    ) -> (Result<Outcome<Pose>, IntegrateError>, u64) {
+    fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
         let outcome = plan.solve(&self.0, initial, observer);
         let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
-        (outcome, (observer.steps + rejected) * u64::from(plan.method.info().evaluations))
+        let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
+        Ended::without_events(outcome, nfev)
     }
 }
 
@@ -168,9 +73,10 @@ impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
         initial: &StateOf<S>,
         plan: &Plan,
         observer: &mut Monitor<S::Configuration>,
-    ) -> (Result<Outcome<S::Configuration>, IntegrateError>, u64) {
+    ) -> Ended<S::Configuration> {
         let system = Counted::new(&&self.0);
-        (plan.solve(&system, initial, observer), system.calls())
+        let outcome = plan.solve(&system, initial, observer);
+        Ended::without_events(outcome, system.calls())
     }
 }
 
@@ -203,58 +109,19 @@ fn run<B: Bodies>(
     progress: Option<ProgressBar>,
     failure: Failure,
 ) -> Result<Py<Solution>, Error> {
-    let recorder = Recorder::new(plan.start, initial, plan.every);
-    let mut monitor = Monitor {
-        recorder: if plan.dense { recorder.with_dense_output() } else { recorder },
-        observer,
-        progress,
-        failure,
-        last_look: Instant::now(),
-        steps: 0,
-        t: plan.start,
-    };
-    let (outcome, nfev) = if plan.calls_python {
-        bodies.solve(initial, plan, &mut monitor)
-    } else {
-        let monitor = &mut monitor;
-        py.detach(|| bodies.solve(initial, plan, monitor))
-    };
-    if let Some(bar) = &mut monitor.progress {
-        bar.show(py, monitor.t)?;
-        bar.bar.call_method0(py, "close")?;
-    }
-    let report = |status, message: String, rejected| Report {
-        status,
-        message,
-        nfev,
-        n_steps: monitor.steps,
-        n_rejected: rejected,
-    };
-    // What Python raised comes before what the driver made of the numbers that followed.
-    let report = match (monitor.failure.get(), outcome) {
-        (Some(error), outcome) => {
-            if !(plan.return_interrupted && error.is_instance_of::<PyKeyboardInterrupt>(py)) {
-                return Err(error.clone_ref(py).into());
-            }
-            let rejected = outcome.map_or(0, |outcome| outcome.rejected);
-            report(-1, format!("interrupted at t = {}", monitor.t), rejected)
-        }
-        (None, Err(error)) => return Err(error.into()),
-        (None, Ok(outcome)) => match outcome.status {
-            Status::Finished => report(0, "reached the end of the interval".to_owned(), outcome.rejected),
-            Status::Stopped => {
-                report(1, format!("stopped by the observer at t = {}", outcome.t), outcome.rejected)
-            }
-        },
-    };
-    Ok(Solution::create(py, cast, monitor.recorder.into_solution(), plan.dense, report)?)
-}
-
-/// The adaptive methods, for a message.
-fn adaptive_names() -> String {
-    let names: Vec<_> =
-        Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
-    names.join(", ")
+    let watch = observer.map(|observer| -> Watch<B::Configuration> {
+        Box::new(move |py, t, x| {
+            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?))?;
+            answer.bind(py).is_truthy()
+        })
+    });
+    let mut monitor = Monitor::new(plan, initial, watch, progress, failure);
+    let Ended { status, rejected, nfev, events } =
+        monitor.supervise(py, plan, |monitor| bodies.solve(initial, plan, monitor))?;
+    let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);
+    let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
+    let solution = Solution::create(py, cast, recorded, plan.dense, report, events)?;
+    plan.deliver(py, failed, solution)
 }
 
 /// Motion of one rigid body, or of several, under forces.
@@ -282,6 +149,18 @@ fn adaptive_names() -> String {
 /// interaction : Gravitation or callable, optional
 ///     What acts between several bodies. A callable ``f(t, states)`` returns forces and torques, each of
 ///     shape (bodies, 3).
+/// contacts : Contact or sequence of Contact, optional
+///     Where the body touches surfaces. For several bodies a sequence has one entry for each of them,
+///     itself a contact, a sequence or None.
+/// pairs : SpherePair or sequence of SpherePair, optional
+///     Where several bodies touch each other.
+/// locate : bool, optional
+///     Whether to cut steps where a contact begins or ends, so that the method keeps its order, and to log
+///     these events. Otherwise the forces of contacts switch within steps.
+/// max_event_rate : float, optional
+///     Most events per second and contact, averaged over the last 64, 1e9 unless given; more are an error.
+/// keep_events : bool, optional
+///     Whether to keep the events; they are counted in any case.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
 ///     weighed by its length; an orientation counts as one radian.
@@ -312,15 +191,17 @@ fn adaptive_names() -> String {
 /// ------
 /// InputError
 ///     If an argument is not allowed. Subclasses: `UnknownMethodError`, `IntegrateInputError`,
-///     `TorqueError`, `CountMismatchError`.
+///     `TorqueError`, `CountMismatchError`, `SurfaceError`.
 /// IntegrateError
 ///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
-///     of an implicit step was not solved (`StepError`).
+///     of an implicit step was not solved (`StepError`), events follow each other too fast
+///     (`ChatteringError`).
 ///
 /// Notes
 /// -----
 /// Other Python threads run meanwhile unless a callable is given. What a callable raises stops the run
-/// and comes out as it is.
+/// and comes out as it is. Every exception that stops a run has what was recorded before in its attribute
+/// `solution`.
 ///
 /// Examples
 /// --------
@@ -335,8 +216,8 @@ fn adaptive_names() -> String {
 /// 0.095
 #[pyfunction]
 #[pyo3(signature = (
-    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, rtol=None, atol=None,
-    max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, locate=true,
+    max_event_rate=1e9, keep_events=true, rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
     observer=None, on_interrupt="raise", progress=false
 ))]
 pub(crate) fn integrate<'py>(
@@ -348,6 +229,11 @@ pub(crate) fn integrate<'py>(
     method: Option<&Bound<'py, PyAny>>,
     forces: Option<&Bound<'py, PyAny>>,
     interaction: Option<&Bound<'py, PyAny>>,
+    contacts: Option<&Bound<'py, PyAny>>,
+    pairs: Option<&Bound<'py, PyAny>>,
+    locate: bool,
+    max_event_rate: f64,
+    keep_events: bool,
     rtol: Option<f64>,
     atol: Option<f64>,
     max_step: Option<f64>,
@@ -366,64 +252,12 @@ pub(crate) fn integrate<'py>(
     let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8B };
     let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let options = Options { start_up: start_up_of(start_up)? };
-    let steps = match dt {
-        Some(dt) => {
-            let adaptive = [
-                ("rtol", rtol.is_some()),
-                ("atol", atol.is_some()),
-                ("max_step", max_step.is_some()),
-                ("first_step", first_step.is_some()),
-                ("max_steps", max_steps.is_some()),
-            ];
-            if let Some((name, _)) = adaptive.iter().find(|(_, given)| *given) {
-                return Err(Error::input(format!(
-                    "`{name}` is for adaptive steps; leave out `dt` to have them"
-                )));
-            }
-            Steps::Fixed(TimeGrid::try_new(interval.0, interval.1, dt)?)
-        }
-        None => {
-            if method.info().embedded.is_none() {
-                return Err(Error::input(format!(
-                    "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; those with one are {}",
-                    method.info().name,
-                    adaptive_names()
-                )));
-            }
-            let default = Adaptive::default();
-            Steps::Adapted(
-                interval,
-                Adaptive {
-                    tolerances: Tolerances {
-                        relative: positive("rtol", rtol.unwrap_or(default.tolerances.relative))?,
-                        absolute: positive("atol", atol.unwrap_or(default.tolerances.absolute))?,
-                    },
-                    first_step,
-                    max_step: max_step.unwrap_or(default.max_step),
-                    max_steps: max_steps.unwrap_or(default.max_steps),
-                },
-            )
-        }
-    };
-    let every = u64::try_from(every)
-        .ok()
-        .filter(|n| *n > 0)
-        .ok_or_else(|| Error::input(format!("`every` must be a positive number of steps, found {every}")))?;
-    let return_interrupted = match on_interrupt {
-        "raise" => false,
-        "return" => true,
-        _ => {
-            let message = format!("`on_interrupt` must be 'raise' or 'return', found '{on_interrupt}'");
-            return Err(Error::input(message));
-        }
-    };
-    if let Some(observer) = &observer
-        && !observer.is_callable()
-    {
-        return Err(Error::input(format!(
-            "`observer` must be a callable f(t, state), found {}",
-            crate::convert::a_type(observer)
-        )));
+    let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
+    let steps = arguments.steps(method, interval)?;
+    let every = plan::every_of(every)?;
+    let return_interrupted = plan::returns_interrupted(on_interrupt)?;
+    if let Some(observer) = &observer {
+        plan::check_callable("observer", "f(t, state)", observer)?;
     }
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };
@@ -440,13 +274,27 @@ pub(crate) fn integrate<'py>(
         calls_python,
         return_interrupted,
     };
+    let location = Location { max_event_rate, keep_events };
     let observer = observer.map(Bound::unbind);
     if cast.single {
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
         }
-        let (body, models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let (body, mut models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        if pairs.is_some() {
+            return Err(Error::input("`pairs` touch between several bodies, and there is one"));
+        }
+        let contacts = contacts.map(|contacts| reader.contacts("contacts", contacts)).transpose()?;
         let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        if let Some(contacts) = contacts {
+            if locate {
+                let count = contacts.len();
+                let system = BodyInContact::new(body, (CountedForces::new(models), contacts));
+                let bodies = InContact { system, contacts: count, location };
+                return run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure);
+            }
+            models.push(Box::new(contacts));
+        }
         if models.is_empty() {
             let bodies = Free(RigidBodySystem::free(body));
             run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
@@ -456,27 +304,28 @@ pub(crate) fn integrate<'py>(
         }
     } else {
         let each = reader.for_each("forces", cast.bodies.len(), forces)?;
+        let initial = State::from_bodies(&initial);
+        if contacts.is_some() || pairs.is_some() {
+            if interaction.is_some() {
+                return Err(Error::input(
+                    "`interaction` cannot be given together with `contacts` or `pairs`",
+                ));
+            }
+            let contacts = reader.body_contacts(cast.bodies.len(), contacts, pairs)?;
+            let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+            if !locate {
+                let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, contacts)?);
+                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+            }
+            let count = contacts.len();
+            let each = each.into_iter().map(CountedForces::new).collect();
+            let system = BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?;
+            let bodies = InContact { system, contacts: count, location };
+            return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+        }
         let between = reader.between(interaction)?;
         let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
-        let initial = State::from_bodies(&initial);
         let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
         run(py, cast, &bodies, &initial, &plan, observer, bar, failure)
-    }
-}
-
-/// How the Adams methods start, by its name.
-pub(crate) fn start_up_of(name: &str) -> Result<StartUp, Error> {
-    match name {
-        "one_step" => Ok(StartUp::OneStep),
-        "ladder" => Ok(StartUp::Ladder),
-        _ => Err(Error::input(format!("`start_up` must be 'one_step' or 'ladder', found '{name}'"))),
-    }
-}
-
-fn positive(argument: &str, value: f64) -> Result<f64, Error> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
     }
 }

@@ -5,14 +5,31 @@
 
 mod batch;
 mod bodies;
+mod contact;
+mod contact_law;
 mod convert;
+mod dynamics;
 mod error;
+mod event;
 mod exact;
 mod forces;
 mod integrate;
+mod kinematics;
+mod link;
+mod located;
 mod methods;
+mod model;
+mod monitor;
+mod named_models;
+mod partials;
+mod plan;
+mod rows;
+mod scene;
 mod studies;
+mod surface;
 mod trajectory;
+mod tree_motion;
+mod urdf;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
 #[pyo3::pymodule]
@@ -22,20 +39,43 @@ mod _somersault {
     #[pymodule_export]
     use crate::bodies::{RigidBody, State};
     #[pymodule_export]
+    use crate::contact::{Contact, SpherePair};
+    #[pymodule_export]
+    use crate::contact_law::{
+        CompliantLaw, CoulombFriction, CreepFriction, HuntCrossley, RegularisedFriction, Resistance,
+        damping_ratio, restitution,
+    };
+    #[pymodule_export]
+    use crate::event::Event;
+    #[pymodule_export]
     use crate::exact::FreeBody;
     #[pymodule_export]
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]
     use crate::integrate::integrate;
     #[pymodule_export]
+    use crate::link::Link;
+    #[pymodule_export]
     use crate::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::model::Model;
+    #[pymodule_export]
+    use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
+    #[pymodule_export]
+    use crate::scene::{
+        Scene, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
+    };
     #[pymodule_export]
     use crate::studies::{
         Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
         spectral_radii, stability_region, work_precision_study,
     };
     #[pymodule_export]
+    use crate::surface::{Cylinder, HalfSpace, Sphere, Surface};
+    #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
+    #[pymodule_export]
+    use crate::tree_motion::{TreeDenseOutput, TreeSolution, integrate_tree};
 
     /// The version of the package.
     #[pymodule_export]

@@ -3,6 +3,7 @@
 use crate::bodies::{RigidBody, State};
 use crate::convert::{a_type, any_vectors, array, components, quaternions, rotation, times};
 use crate::error::Error;
+use crate::event::{Event, Events};
 use crate::forces::sequence;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
@@ -384,10 +385,18 @@ pub(crate) struct Report {
     pub(crate) n_rejected: u64,
 }
 
+/// The events of a run as Python sees them.
+struct Log {
+    events: Py<PyTuple>,
+    count: u64,
+    trials: u64,
+}
+
 /// What an integration leaves: a `Trajectory`, how it ended and what it took.
 #[pyclass(frozen, extends = Trajectory, module = "somersault")]
 pub(crate) struct Solution {
     report: Report,
+    log: Log,
     dense: Option<Py<DenseOutput>>,
 }
 
@@ -440,7 +449,12 @@ impl Solution {
         mut recorded: solution::Solution<Q>,
         dense: bool,
         report: Report,
+        events: Events<Q>,
     ) -> PyResult<Py<Self>> {
+        let Events { trials, count, contacts, events } = events;
+        let events =
+            events.iter().map(|event| Event::of(py, contacts, event)).collect::<PyResult<Vec<_>>>()?;
+        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials };
         let times = std::mem::take(&mut recorded.times);
         let states = recorded.states.iter().flat_map(Q::split).collect();
         let dense = if dense {
@@ -453,14 +467,14 @@ impl Solution {
             None
         };
         let trajectory = Trajectory::new(cast, times, states);
-        Py::new(py, PyClassInitializer::from(trajectory).add_subclass(Self { report, dense }))
+        Py::new(py, PyClassInitializer::from(trajectory).add_subclass(Self { report, log, dense }))
     }
 }
 
 #[pymethods]
 impl Solution {
     /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
-    /// interrupted.
+    /// interrupted, -2 if it failed.
     #[getter]
     fn status(&self) -> i32 {
         self.report.status
@@ -499,6 +513,24 @@ impl Solution {
         self.report.n_rejected
     }
 
+    /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
+    #[getter]
+    fn events(&self, py: Python<'_>) -> Py<PyTuple> {
+        self.log.events.clone_ref(py)
+    }
+
+    /// int: Number of events located, kept or not.
+    #[getter]
+    fn n_events(&self) -> u64 {
+        self.log.count
+    }
+
+    /// int: Steps tried to locate events, in addition to those made.
+    #[getter]
+    fn n_trials(&self) -> u64 {
+        self.log.trials
+    }
+
     /// DenseOutput or None: The state at any time, where dense output was asked for.
     #[getter]
     fn sol(&self, py: Python<'_>) -> Option<Py<DenseOutput>> {
@@ -516,7 +548,9 @@ impl Solution {
         let py = slf.py();
         let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
         let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
-        let arguments = (base, (status, message, nfev, n_steps, n_rejected)).into_pyobject(py)?;
+        let Log { events, count, trials } = &slf.get().log;
+        let log = (events, *count, *trials);
+        let arguments = (base, (status, message, nfev, n_steps, n_rejected), log).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
 
@@ -527,11 +561,14 @@ impl Solution {
         py: Python<'_>,
         arrays: [Bound<'_, PyAny>; 6],
         report: (i32, String, u64, u64, u64),
+        log: (Py<PyTuple>, u64, u64),
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
         let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
-        Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, dense: None }))?)
+        let (events, count, trials) = log;
+        let log = Log { events, count, trials };
+        Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, log, dense: None }))?)
     }
 }

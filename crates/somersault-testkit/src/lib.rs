@@ -5,6 +5,7 @@
 
 pub mod bouncing_ball;
 pub mod order;
+pub mod planar_box;
 pub mod problems;
 pub mod spinning_top;
 pub mod trees;

@@ -1,6 +1,7 @@
 //! Seeded random trees with all kinds of joints, states for them, and a humanoid to time.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_multibody::models::Diver;
 use somersault_multibody::{
     DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError,
 };
@@ -100,6 +101,68 @@ pub fn random_configuration(random: &mut Random, model: &Model) -> Result<Vec<f6
 /// One wrench per body.
 pub fn random_wrenches(random: &mut Random, model: &Model) -> Vec<Force<f64>> {
     (0..model.n_bodies()).map(|_| Force::new(random.vector(5.0), random.vector(2.0))).collect()
+}
+
+/// A random tree with a state, accelerations and wrenches.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// The tree.
+    pub model: Model,
+    /// Configuration.
+    pub q: Vec<f64>,
+    /// Velocity.
+    pub v: Vec<f64>,
+    /// Acceleration.
+    pub a: Vec<f64>,
+    /// One wrench per body.
+    pub wrenches: Vec<Force<f64>>,
+    /// For what else a test needs.
+    pub random: Random,
+}
+
+/// The same trees in every test: up to 40 bodies with all kinds of joints, their seeds from 0.
+///
+/// # Panics
+/// If a tree is refused, which its construction rules out.
+pub fn cases(count: u64) -> impl Iterator<Item = Case> {
+    (0..count).map(|seed| {
+        let mut random = Random::new(seed);
+        let n = 1 + random.below(40);
+        let model = random_tree(&mut random, n, 0.5).expect("a tree");
+        let q = random_configuration(&mut random, &model).expect("lengths fit");
+        let n = model.n_velocities();
+        let (v, a) = (random.numbers(n, 2.0), random.numbers(n, 5.0));
+        let wrenches = random_wrenches(&mut random, &model);
+        Case { model, q, v, a, wrenches, random }
+    })
+}
+
+/// A tree in some state.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// The tree.
+    pub model: Model,
+    /// Configuration.
+    pub q: Vec<f64>,
+    /// Velocity.
+    pub v: Vec<f64>,
+    /// Acceleration.
+    pub a: Vec<f64>,
+    /// Joint forces.
+    pub torque: Vec<f64>,
+}
+
+/// The spatial diver in the state that all packages are timed in.
+///
+/// # Panics
+/// If the diver is refused, which its construction rules out.
+pub fn diver() -> State {
+    let model = Diver::spatial().model().expect("a tree");
+    let mut random = Random::new(27);
+    let q = random_configuration(&mut random, &model).expect("lengths fit");
+    let n = model.n_velocities();
+    let (v, a, torque) = (random.numbers(n, 2.0), random.numbers(n, 2.0), random.numbers(n, 2.0));
+    State { model, q, v, a, torque }
 }
 
 /// A humanoid with the 27 degrees of freedom of thesis Table 3.2 in 18 bodies: a free torso, waist and

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import somersault
-from somersault import forces, studies
+from somersault import contact, forces, studies
 from somersault.tour import thesis
+from somersault.tour.runs import Runs
+from somersault.tour.top import Top, distance, orders
 
 Array = NDArray[np.float64]
 
@@ -32,30 +34,12 @@ class Setting:
     long_steps: int
 
 
+#: Step of the reference motion of the spinning top, s.
+TOP_STEP = 2.5e-5
+
 FULL = Setting(inertias=100, finest=-5.0, repeats=7, bodies=10_000, long_steps=1_000_000)
 #: For tests: the same pages in less time.
 REDUCED = Setting(inertias=100, finest=-3.0, repeats=1, bodies=500, long_steps=2_000)
-
-
-@dataclass(frozen=True)
-class Runs:
-    """Runs of one method over the same interval with different steps."""
-
-    seconds: Array
-    errors: dict[str, Array]
-
-    @classmethod
-    def of(cls, *parts: studies.WorkPrecision) -> Runs:
-        """The runs of several studies, one after the other."""
-        return cls(
-            np.concatenate([part.seconds for part in parts]),
-            {name: np.concatenate([part.errors[name] for part in parts]) for name in parts[0].errors},
-        )
-
-    def seconds_to(self, orientation_error: float) -> float:
-        """Computation time of the quickest run that is at least so accurate; infinite if there is none."""
-        accurate = self.errors["orientation"] <= orientation_error
-        return float(np.min(self.seconds[accurate], initial=np.inf))
 
 
 @dataclass(frozen=True)
@@ -257,3 +241,96 @@ class Measurements:
             somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6)),
             somersault.State(angular_velocity=(1.0, 2.0, 3.0)),
         )
+
+    @cached_property
+    def top_motion(self) -> somersault.Solution:
+        """A second of the top, as accurate as it gets: at every step, and at all times between."""
+        top = self.top
+        return somersault.integrate(
+            top.body,
+            top.state,
+            (0.0, 1.0),
+            dt=TOP_STEP,
+            method="rkmk8",
+            forces=top.forces,
+            contacts=top.contacts,
+            dense_output=True,
+            every=4,
+        )
+
+    @cached_property
+    def top(self) -> contact.Scene:
+        """The spinning top."""
+        return contact.spinning_top()
+
+    @cached_property
+    def top_references(self) -> dict[float, tuple[somersault.State, dict[str, float]]]:
+        """The state of the top at two times, and how far it moves if steps are twice as long."""
+        found = {}
+        for end in (0.1, 1.0):
+            fine, coarse = (Top(end).run("rkmk8", dt, True)[-1] for dt in (TOP_STEP, 2 * TOP_STEP))
+            found[end] = fine, distance(fine, coarse)
+        return found
+
+    @cached_property
+    def top_shift(self) -> float:
+        """How far the events of the top move if steps are twice as long."""
+        coarse = Top(1.0).run("rkmk8", 2 * TOP_STEP, True).events
+        fine = self.top_motion.events
+        return max(abs(a.t - b.t) for a, b in zip(fine, coarse, strict=True))
+
+    @cached_property
+    def top_steps(self) -> Array:
+        """Steps of the runs of the top, from 1e-2 s down, three to a decade."""
+        return 10.0 ** np.arange(-2.0, self.setting.finest - 0.01, -1 / 3)
+
+    @cached_property
+    def top_runs(self) -> dict[bool, dict[str, Runs]]:
+        """Runs of the thesis' methods over a second, with and without events located."""
+        top, (reference, _) = Top(1.0), self.top_references[1.0]
+        return {
+            located: {
+                name: top.runs(name, self.top_steps, located, reference, self.setting.repeats)
+                for name in thesis.METHODS
+                if name in self.stated_with_torque
+            }
+            for located in (False, True)
+        }
+
+    @cached_property
+    def stated_with_torque(self) -> dict[str, int]:
+        """The order that each method states for forces and torques that depend on velocities."""
+        return {
+            info.name: min(
+                info.orders["translation_with_velocity"] or 0, info.orders["rotation_with_torque"] or 0
+            )
+            for info in self.methods
+            if info.scope != "torque-free"
+        }
+
+    @cached_property
+    def top_scattered_steps(self) -> Array:
+        """Steps for runs without location, whose errors depend on where the steps fall."""
+        return np.geomspace(1e-3, 3e-5, 60)
+
+    @cached_property
+    def top_orders(self) -> dict[bool, dict[str, dict[str, float | None]]]:
+        """Orders of the top after 0.1 s, with and without events located."""
+        top, (reference, shift) = Top(0.1), self.top_references[0.1]
+        # Twenty times what the reference itself may be off by.
+        floors = {name: max(20 * value, 1e-12) for name, value in shift.items()}
+        halved = 4e-3 * 0.5 ** (np.arange(15) / 2)
+        found: dict[bool, dict[str, dict[str, float | None]]] = {}
+        for located, steps, points in ((False, self.top_scattered_steps, None), (True, halved, 6)):
+            found[located] = {
+                name: orders(steps, top.runs(name, steps, located, reference, 1), floors, points)
+                for name in self.stated_with_torque
+            }
+        return found
+
+    @cached_property
+    def top_thesis_reference(self) -> dict[str, float] | None:
+        """How far the reference run of the thesis is off after 1 s; None where there is no time for it."""
+        if self.setting.finest > -5:
+            return None
+        return distance(Top(1.0).run("rkmk", 1e-6, False)[-1], self.top_references[1.0][0])

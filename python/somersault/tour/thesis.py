@@ -117,3 +117,6 @@ CASES = {
     3: ((5.0, 5.0, 1.0), (0.0, 4.442882938158366, 4.442882938158366)),
 }
 CASE_SECONDS = 10.0
+
+#: Section 7.3.2: radius and thickness of the disk of the top, m.
+TOP_DISK = (0.04, 0.01)

@@ -68,7 +68,7 @@ impl<S: System, const K: usize> AdamsMemory<S, K> {
     fn advance(&mut self, system: &S, t: f64, x: &StateOf<S>) -> usize {
         self.slopes.rotate_right(1);
         let (v, a) = &mut self.slopes[0];
-        system.velocity(x, v);
+        system.velocity(&mut self.workspace, t, x, v);
         system.acceleration(&mut self.workspace, t, x, a);
         self.known = (self.known + 1).min(K);
         self.known - 1
@@ -107,7 +107,7 @@ impl<S: System, const K: usize> AdamsMemory<S, K> {
         } else {
             let weights = &MOULTON[row];
             // The new velocity enters with the configuration it is about to leave.
-            system.velocity(out, &mut sum);
+            system.velocity(&mut self.workspace, t + h, out, &mut sum);
             sum.scale(weights[0]);
             for j in 0..row {
                 sum.axpy(weights[j + 1], &self.slopes[j].0);

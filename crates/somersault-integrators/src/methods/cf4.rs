@@ -55,17 +55,17 @@ impl<S: System> Stepper<S> for CommutatorFree4 {
         let (mut v1, mut v2, mut v3, mut v4) = (v1.lend(), v2.lend(), v3.lend(), v4.lend());
         let (mut a1, mut a2, mut a3, mut a4) = (a1.lend(), a2.lend(), a3.lend(), a4.lend());
         let (mut stage, mut sum) = (m.stage.lend(), sum.lend());
-        system.velocity(x, &mut v1);
+        system.velocity(&mut m.workspace, t, x, &mut v1);
         system.acceleration(&mut m.workspace, t, x, &mut a1);
         out.assign(x);
         out.drift(&v1, 0.5 * h);
         out.kick(&a1, 0.5 * h);
-        system.velocity(out, &mut v2);
+        system.velocity(&mut m.workspace, t + 0.5 * h, out, &mut v2);
         system.acceleration(&mut m.workspace, t + 0.5 * h, out, &mut a2);
         stage.assign(x);
         stage.drift(&v2, 0.5 * h);
         stage.kick(&a2, 0.5 * h);
-        system.velocity(&stage, &mut v3);
+        system.velocity(&mut m.workspace, t + 0.5 * h, &stage, &mut v3);
         system.acceleration(&mut m.workspace, t + 0.5 * h, &stage, &mut a3);
         // The fourth stage goes on from the second, which `out` holds.
         stage.configuration.assign(&out.configuration);
@@ -74,7 +74,7 @@ impl<S: System> Stepper<S> for CommutatorFree4 {
         stage.drift(&sum, h);
         stage.rate.assign(&x.rate);
         stage.kick(&a3, h);
-        system.velocity(&stage, &mut v4);
+        system.velocity(&mut m.workspace, t + h, &stage, &mut v4);
         system.acceleration(&mut m.workspace, t + h, &stage, &mut a4);
         out.assign(x);
         for (first, last) in [(3.0, -1.0), (-1.0, 3.0)] {

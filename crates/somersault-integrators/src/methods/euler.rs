@@ -40,7 +40,7 @@ impl<S: System> Stepper<S> for Euler {
     ) -> Result<(), StepError> {
         let ([v], [a]) = (m.velocities.each_mut(), m.accelerations.each_mut());
         let (mut v, mut a) = (v.lend(), a.lend());
-        system.velocity(x, &mut v);
+        system.velocity(&mut m.workspace, t, x, &mut v);
         system.acceleration(&mut m.workspace, t, x, &mut a);
         out.assign(x);
         out.drift(&v, h);

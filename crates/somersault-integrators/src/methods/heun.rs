@@ -42,12 +42,12 @@ impl<S: System> Stepper<S> for Heun {
         let ([v1, v2], [a1, a2]) = (m.velocities.each_mut(), m.accelerations.each_mut());
         let (mut v1, mut v2, mut a1, mut a2) = (v1.lend(), v2.lend(), a1.lend(), a2.lend());
         let mut ahead = m.stage.lend();
-        system.velocity(x, &mut v1);
+        system.velocity(&mut m.workspace, t, x, &mut v1);
         system.acceleration(&mut m.workspace, t, x, &mut a1);
         ahead.assign(x);
         ahead.drift(&v1, h);
         ahead.kick(&a1, h);
-        system.velocity(&ahead, &mut v2);
+        system.velocity(&mut m.workspace, t + h, &ahead, &mut v2);
         system.acceleration(&mut m.workspace, t + h, &ahead, &mut a2);
         v1.axpy(1.0, &v2);
         a1.axpy(1.0, &a2);

@@ -1,7 +1,7 @@
 //! Implicit midpoint method on the group.
 //!
 //! ```text
-//! q_m = exp(h v_m/2) qₙ,   p_m = pₙ + h a_m/2,   v_m = velocity(q_m, p_m),   a_m = acceleration(t + h/2, q_m, p_m),
+//! q_m = exp(h v_m/2) qₙ,   p_m = pₙ + h a_m/2,   v_m = velocity(t + h/2, q_m, p_m),   a_m = acceleration(t + h/2, q_m, p_m),
 //! q₊ = exp(h v_m) qₙ,      p₊ = pₙ + h a_m
 //! ```
 //! by fixed-point iteration to round-off, from an explicit half step.
@@ -68,7 +68,7 @@ impl<S: System> Stepper<S> for ImplicitMidpoint {
         let ([v, v_next], [a, a_next]) = (m.velocities.each_mut(), m.accelerations.each_mut());
         let (mut v, mut v_next, mut a, mut a_next) = (v.lend(), v_next.lend(), a.lend(), a_next.lend());
         let (mut middle, mut move_by, mut change_by) = (m.stage.lend(), first.lend(), second.lend());
-        system.velocity(x, &mut v);
+        system.velocity(&mut m.workspace, t, x, &mut v);
         system.acceleration(&mut m.workspace, t, x, &mut a);
         let (mut iterations, mut last) = (0, f64::INFINITY);
         loop {
@@ -76,7 +76,7 @@ impl<S: System> Stepper<S> for ImplicitMidpoint {
             middle.assign(x);
             middle.drift(&v, 0.5 * h);
             middle.kick(&a, 0.5 * h);
-            system.velocity(&middle, &mut v_next);
+            system.velocity(&mut m.workspace, t + 0.5 * h, &middle, &mut v_next);
             system.acceleration(&mut m.workspace, t + 0.5 * h, &middle, &mut a_next);
             move_by.assign(&v_next);
             move_by.axpy(-1.0, &v);

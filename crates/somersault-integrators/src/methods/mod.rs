@@ -35,7 +35,9 @@ pub mod sv;
 pub mod sv2;
 
 pub use adams::StartUp;
-pub use table::{EmbeddedVisitor, Method, Options, UnknownMethod, Visitor};
+pub use table::{
+    EmbeddedSystemVisitor, EmbeddedVisitor, Method, Options, SystemVisitor, UnknownMethod, Visitor,
+};
 
 pub use ab2::AdamsBashforth2;
 pub use ab4::AdamsBashforth4;

@@ -39,12 +39,12 @@ impl<S: System> Stepper<S> for Midpoint {
     ) -> Result<(), StepError> {
         let ([v], [a]) = (m.velocities.each_mut(), m.accelerations.each_mut());
         let (mut v, mut a, mut middle) = (v.lend(), a.lend(), m.stage.lend());
-        system.velocity(x, &mut v);
+        system.velocity(&mut m.workspace, t, x, &mut v);
         system.acceleration(&mut m.workspace, t, x, &mut a);
         middle.assign(x);
         middle.drift(&v, 0.5 * h);
         middle.kick(&a, 0.5 * h);
-        system.velocity(&middle, &mut v);
+        system.velocity(&mut m.workspace, t + 0.5 * h, &middle, &mut v);
         system.acceleration(&mut m.workspace, t + 0.5 * h, &middle, &mut a);
         out.assign(x);
         out.drift(&v, h);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! u_i = h Σ_{j<i} a_ij K_j,   q_i = exp(u_i) qₙ,   p_i = pₙ + h Σ_{j<i} a_ij A_j,
-//! K_i = dexp⁻¹_{u_i}(velocity(q_i, p_i)),          A_i = acceleration(tₙ + c_i h, q_i, p_i),
+//! K_i = dexp⁻¹_{u_i}(velocity(tₙ + c_i h, q_i, p_i)), A_i = acceleration(tₙ + c_i h, q_i, p_i),
 //! q₊ = exp(h Σ b_i K_i) qₙ,                        p₊ = pₙ + h Σ b_i A_i
 //! ```
 //! The order of the tableau, on ℝ³ and on SO(3): in the algebra it is an ordinary Runge–Kutta method,
@@ -190,7 +190,7 @@ fn evaluate<S: System>(
     u: &RateOf<S>,
     slope: &mut Slope<RateOf<S>>,
 ) {
-    system.velocity(stage, &mut slope.velocity);
+    system.velocity(workspace, t, stage, &mut slope.velocity);
     slope.velocity.dexp_inv(u);
     system.acceleration(workspace, t, stage, &mut slope.acceleration);
 }
@@ -233,7 +233,7 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
             Known::AtStart => {}
             Known::AtEnd => slopes.swap(0, end_of(tableau)),
         }
-        system.velocity(x, &mut slopes[0].velocity);
+        system.velocity(workspace, t, x, &mut slopes[0].velocity);
         for i in 1..tableau.stages() {
             let (known, rest) = slopes.split_at_mut(i);
             advance(tableau.row(i), known, x, h, &mut u, &mut stage);

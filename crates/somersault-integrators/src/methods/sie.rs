@@ -44,7 +44,7 @@ impl<S: System> Stepper<S> for SemiImplicitEuler {
         system.acceleration(&mut m.workspace, t, x, &mut a);
         out.assign(x);
         out.kick(&a, h);
-        system.velocity(out, &mut v);
+        system.velocity(&mut m.workspace, t + h, out, &mut v);
         out.drift(&v, h);
         Ok(())
     }

@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid, adapt_form, integrate_form};
+use crate::driver::{integrate, integrate_adaptive};
 use crate::state::State;
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Stepper, Variables};
-use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf};
+use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System};
 use std::fmt;
 use std::str::FromStr;
 
@@ -43,13 +44,29 @@ pub trait EmbeddedVisitor<S: RigidSystem> {
     fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output;
 }
 
+/// What to do with a method that takes any system, once its type is known.
+pub trait SystemVisitor<S: System> {
+    /// The result.
+    type Output;
+    /// Takes the method.
+    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output;
+}
+
+/// As [`SystemVisitor`], for methods that estimate their error.
+pub trait EmbeddedSystemVisitor<S: System> {
+    /// The result.
+    type Output;
+    /// Takes the method.
+    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output;
+}
+
 macro_rules! methods {
     (|$options:ident| $($variant:ident : $stepper:ty = $make:expr, $kind:ident $(($name:literal, $title:literal))? $(, $embedded:ident)?;)*) => {
         /// A method of the table.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum Method {
-            $(#[doc = concat!("[`", stringify!($stepper), "`], in ", stringify!($kind), " variables.")] $variant,)*
+            $(#[doc = concat!("[`", stringify!($stepper), "`], ", methods!(@scope $kind), ".")] $variant,)*
         }
 
         impl Method {
@@ -85,8 +102,34 @@ macro_rules! methods {
                     _ => None,
                 }
             }
+
+            /// As [`visit`](Self::visit) for any system; `None` for the methods that need rigid bodies.
+            pub fn visit_system<S: System, V: SystemVisitor<S>>(self, $options: Options, visitor: V) -> Option<V::Output> {
+                match self {
+                    $(Self::$variant => methods!(@system visitor, $make, $kind),)*
+                }
+            }
+
+            /// As [`visit_system`](Self::visit_system) for methods with an error estimate.
+            pub fn visit_embedded_system<S: System, V: EmbeddedSystemVisitor<S>>(
+                self,
+                $options: Options,
+                visitor: V,
+            ) -> Option<V::Output> {
+                let _ = $options;
+                match self {
+                    $($(Self::$variant => methods!(@system visitor, $make, $kind $embedded),)?)*
+                    #[allow(unreachable_patterns)]
+                    _ => None,
+                }
+            }
         }
     };
+    (@scope any) => { "any system" };
+    (@scope $kind:ident) => { concat!("rigid bodies in ", stringify!($kind), " variables") };
+    (@system $visitor:ident, $make:expr, any $($embedded:ident)?) => { Some($visitor.visit($make)) };
+    (@system $visitor:ident, $make:expr, $kind:ident $($embedded:ident)?) => { None };
+    (@info $stepper:ty, any) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, world) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, momentum($name:literal, $title:literal)) => {
         <$stepper as Scheme>::INFO.in_variables($name, $title, Variables::Momentum)
@@ -94,6 +137,7 @@ macro_rules! methods {
     (@info $stepper:ty, body($name:literal, $title:literal)) => {
         <$stepper as Scheme>::INFO.in_variables($name, $title, Variables::Body)
     };
+    (@form $system:ident, any) => { $system };
     (@form $system:ident, world) => { $system };
     (@form $system:ident, momentum) => { MomentumForm($system) };
     (@form $system:ident, body) => { BodyForm($system) };
@@ -102,21 +146,22 @@ macro_rules! methods {
     };
 }
 
+// `any` takes every system as it is, `world` rigid bodies as they are, the others their forms.
 methods! { |options|
     // Table 7.3 of the thesis, in its order.
-    Euler: Euler = Euler, world;
-    Sie: SemiImplicitEuler = SemiImplicitEuler, world;
+    Euler: Euler = Euler, any;
+    Sie: SemiImplicitEuler = SemiImplicitEuler, any;
     Sv: StormerVerlet = StormerVerlet, world;
-    Mp: Midpoint = Midpoint, world;
-    Heun: Heun = Heun, world;
-    Rk4: RungeKutta4 = RungeKutta4, world;
-    Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, world;
-    Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, world;
+    Mp: Midpoint = Midpoint, any;
+    Heun: Heun = Heun, any;
+    Rk4: RungeKutta4 = RungeKutta4, any;
+    Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, any;
+    Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, any;
     Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
     Dmv2: DiscreteMoserVeselov = DiscreteMoserVeselov, world;
-    Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, world;
-    Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, world;
-    Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, world;
+    Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, any;
+    Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, any;
+    Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, any;
     // Symplectic methods for rigid bodies.
     Dmv2s: SplitMoserVeselov = SplitMoserVeselov, world;
     Pmv4: PreprocessedMoserVeselov<4> = PreprocessedMoserVeselov::<4>, world;
@@ -141,9 +186,9 @@ methods! { |options|
     // Body-frame twins.
     RkmkB: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
     // Runge–Kutta–Munthe-Kaas from a tableau, with step size control.
-    Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), world, embedded;
-    Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), world, embedded;
-    Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), world, embedded;
+    Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), any, embedded;
+    Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), any, embedded;
+    Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), any, embedded;
     Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine),
         body("rkmk3_b", "Runge-Kutta-Munthe-Kaas 3(2), body frame"), embedded;
     Rkmk5B: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince),
@@ -151,9 +196,9 @@ methods! { |options|
     Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
         body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
     // Other ways to order 2 and 4.
-    Cf4: CommutatorFree4 = CommutatorFree4, world;
+    Cf4: CommutatorFree4 = CommutatorFree4, any;
     Cf4B: CommutatorFree4 = CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
-    Imid: ImplicitMidpoint = ImplicitMidpoint, world;
+    Imid: ImplicitMidpoint = ImplicitMidpoint, any;
     Split2: ExactSplitting2 = ExactSplitting2, world;
     Split4: ExactSplitting4 = ExactSplitting4, world;
 }
@@ -175,7 +220,7 @@ impl fmt::Display for Method {
     }
 }
 
-struct Fixed<'a, S: RigidSystem, O> {
+struct Fixed<'a, S: System, O> {
     initial: &'a StateOf<S>,
     grid: &'a TimeGrid,
     observer: &'a mut O,
@@ -189,7 +234,7 @@ impl<S: RigidSystem, O: Observer<S::Configuration>> Visitor<S> for Fixed<'_, S, 
     }
 }
 
-struct Adapted<'a, S: RigidSystem, O> {
+struct Adapted<'a, S: System, O> {
     initial: &'a StateOf<S>,
     interval: (f64, f64),
     control: &'a Adaptive,
@@ -229,5 +274,95 @@ impl Method {
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
         self.visit_embedded(options, system, Adapted { initial, interval, control, observer })
             .unwrap_or(Err(IntegrateError::NoErrorEstimate { method: self.info().name }))
+    }
+
+    /// As [`integrate`](Self::integrate) for any system, say a tree of bodies.
+    ///
+    /// Errors with [`IntegrateError::RigidBodiesOnly`] where the method needs rigid bodies.
+    pub fn integrate_system<S: System, O: Observer<S::Configuration>>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &StateOf<S>,
+        grid: &TimeGrid,
+        observer: &mut O,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
+        self.visit_system(options, General { system, run: Fixed { initial, grid, observer } })
+            .unwrap_or(Err(IntegrateError::RigidBodiesOnly { method: self.info().name }))
+    }
+
+    /// As [`integrate_adaptive`](Self::integrate_adaptive) for any system.
+    pub fn integrate_system_adaptive<S: System, O: Observer<S::Configuration>>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &StateOf<S>,
+        interval: (f64, f64),
+        control: &Adaptive,
+        observer: &mut O,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
+        let run = Adapted { initial, interval, control, observer };
+        self.visit_embedded_system(options, General { system, run }).unwrap_or_else(|| {
+            let MethodInfo { name: method, embedded, .. } = self.info();
+            Err(match embedded {
+                Some(_) => IntegrateError::RigidBodiesOnly { method },
+                None => IntegrateError::NoErrorEstimate { method },
+            })
+        })
+    }
+}
+
+/// A run of a system that a method takes as it is.
+struct General<'a, S, R> {
+    system: &'a S,
+    run: R,
+}
+
+impl<S: System, O: Observer<S::Configuration>> SystemVisitor<S> for General<'_, S, Fixed<'_, S, O>> {
+    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+
+    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output {
+        integrate(self.system, &stepper, self.run.initial, self.run.grid, self.run.observer)
+    }
+}
+
+impl<S: System, O: Observer<S::Configuration>> EmbeddedSystemVisitor<S>
+    for General<'_, S, Adapted<'_, S, O>>
+{
+    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+
+    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output {
+        let Adapted { initial, interval, control, observer } = self.run;
+        integrate_adaptive(self.system, &stepper, initial, interval, control, observer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::RigidBody;
+    use crate::stepper::Scope;
+    use crate::system::RigidBodySystem;
+
+    /// The name of the method it sees.
+    struct Name;
+
+    impl<S: System> SystemVisitor<S> for Name {
+        type Output = &'static str;
+        fn visit<M: Stepper<S>>(self, _: M) -> &'static str {
+            M::INFO.name
+        }
+    }
+
+    #[test]
+    fn methods_for_any_system_are_those_of_that_scope() {
+        type Free =
+            RigidBodySystem<fn(f64, &RigidBody, &crate::state::RigidBodyState) -> crate::force::Wrench>;
+        for method in Method::ALL {
+            let info = method.info();
+            let any = info.scope == Scope::AnySystem && info.variables == Variables::World;
+            let found = method.visit_system::<Free, _>(Options::default(), Name);
+            assert_eq!(found, any.then_some(info.name), "{method}");
+        }
     }
 }

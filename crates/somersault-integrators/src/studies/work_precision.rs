@@ -247,8 +247,8 @@ impl<S: RigidSystem> System for Counted<S> {
     fn workspace(&self) -> S::Workspace {
         self.system.workspace()
     }
-    fn velocity(&self, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.system.velocity(x, out);
+    fn velocity(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.system.velocity(w, t, x, out);
     }
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         self.calls.set(self.calls.get() + 1);

@@ -22,6 +22,8 @@ ORDER = (
     "box",
     "batch",
     "beyond",
+    "contact",
+    "divers",
     "deviations",
 )
 

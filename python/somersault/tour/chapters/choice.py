@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from somersault.tour.chapters.accuracy import milliseconds
-from somersault.tour.measurements import Measurements, Runs
+from somersault.tour.measurements import Measurements
 from somersault.tour.page import Page, power, words
+from somersault.tour.runs import Runs
 
 TARGETS = (1e-2, 1e-5, 1e-8)
 

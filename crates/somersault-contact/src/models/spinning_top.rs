@@ -1,45 +1,14 @@
-//! Model bodies with contacts.
+//! The spinning top of the thesis.
 
+use super::ModelError;
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::error::ContactError;
 use crate::law::CompliantLaw;
 use crate::surface::HalfSpace;
 use nalgebra::{UnitQuaternion, Vector3};
-use somersault_integrators::body::{BodyError, RigidBody};
+use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Gravity;
 use somersault_integrators::state::RigidBodyState;
 use std::sync::Arc;
-
-/// A ball on the ground z = 0, under weight, that touches with its lowest point.
-///
-/// The contact is frictionless and so exerts no torque: the point of contact is the centre against the
-/// ground raised by the radius.
-#[derive(Debug, Clone)]
-pub struct BouncingBall {
-    /// The ball, its weight and its contact.
-    pub system: BodyInContact<Gravity>,
-    radius: f64,
-}
-
-impl BouncingBall {
-    /// A solid ball of some mass (kg) and radius (m) with a contact law, under 9.81 m/s².
-    pub fn try_new(mass: f64, radius: f64, law: CompliantLaw) -> Result<Self, ModelError> {
-        let inertia = somersault_core::Inertia::try_sphere(mass, radius).map_err(BodyError::from)?;
-        let body = RigidBody::try_new(mass, inertia)?;
-        let ground = HalfSpace::try_new(Vector3::new(0.0, 0.0, radius), Vector3::z())?;
-        let contact = Contact::try_new(Vector3::zeros(), Arc::new(ground), law)?;
-        let system = BodyInContact::new(body, (Gravity::earth(), Contacts::new(vec![contact])));
-        Ok(Self { system, radius })
-    }
-
-    /// The ball with its lowest point at `height` (m), moving up with `velocity` (m/s).
-    pub fn at(&self, height: f64, velocity: f64) -> RigidBodyState {
-        let mut state = RigidBodyState::default();
-        state.configuration.position.z = self.radius + height;
-        state.rate.linear.z = velocity;
-        state
-    }
-}
 
 /// The spinning top of thesis 7.3.2: a disk with a tip, on frictionless ground.
 #[derive(Debug, Clone)]
@@ -70,16 +39,4 @@ impl SpinningTop {
         let centre = Vector3::new(0.0, 0.0, 0.05);
         Ok(Self { system, start: RigidBodyState::new(centre, orientation, Vector3::zeros(), spin) })
     }
-}
-
-/// Why a model body cannot be made.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ModelError {
-    /// Its body cannot.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// Its contact cannot.
-    #[error(transparent)]
-    Contact(#[from] ContactError),
 }

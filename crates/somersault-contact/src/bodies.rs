@@ -1,0 +1,258 @@
+//! Contacts of several bodies, with surfaces and with each other.
+
+use crate::contacts::{Contact, event_kind, rolling};
+use crate::error::{ContactError, finite, positive};
+use crate::event::EventKind;
+use crate::hybrid::{Guard, Hybrid, HybridBodies};
+use crate::interface::{ContactLaw, ContactMode, Encounter};
+use nalgebra::Vector3;
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::force::ForceModel;
+use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
+use somersault_integrators::system::{Interaction, RigidBodiesSystem, world_acceleration};
+
+/// A sphere fixed on a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodySphere {
+    body: usize,
+    centre: Vector3<f64>,
+    radius: f64,
+}
+
+impl BodySphere {
+    /// The body's index, and centre (body frame, from the centre of mass) and radius, m.
+    pub fn try_new(body: usize, centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
+        Ok(Self { body, centre: finite("centre", centre)?, radius: positive("radius", radius)? })
+    }
+
+    /// The lever arm of the centre, world frame.
+    fn arm(&self, x: &State<Vec<Pose>>) -> Vector3<f64> {
+        x.configuration[self.body].orientation * self.centre
+    }
+}
+
+/// Two spheres on two bodies that touch under some laws.
+///
+/// The force acts at one point, on the line of the centres where the radii divide it, on one body as on the
+/// other, so that neither momentum nor angular momentum arises from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpherePair {
+    spheres: [BodySphere; 2],
+    law: ContactLaw,
+}
+
+impl SpherePair {
+    /// Two spheres on different bodies and a law; its friction may not be
+    /// [`Friction::Coulomb`](crate::friction::Friction::Coulomb), as spheres roll.
+    pub fn try_new(
+        first: BodySphere,
+        second: BodySphere,
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        if first.body == second.body {
+            return Err(ContactError::SameBody { body: first.body });
+        }
+        Ok(Self { spheres: [first, second], law: rolling(law.into())? })
+    }
+
+    /// The encounter of the first sphere with the second, and the lever arms of the point of contact.
+    fn meet(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> (Encounter, [Vector3<f64>; 2]) {
+        let [a, b] = &self.spheres;
+        let (pose_a, pose_b) = (&x.configuration[a.body], &x.configuration[b.body]);
+        let (arm_a, arm_b) = (a.arm(x), b.arm(x));
+        let span = (pose_a.position - pose_b.position) + (arm_a - arm_b);
+        let distance = span.norm();
+        let total = a.radius + b.radius;
+        // Spheres with one centre have no normal; zero is harmless.
+        let normal = if distance > 0.0 { span / distance } else { Vector3::zeros() };
+        let arms = [arm_a - span * (a.radius / total), arm_b + span * (b.radius / total)];
+        let (rate_a, rate_b) = (&x.rate[a.body], &x.rate[b.body]);
+        let velocity = (rate_a.linear + rate_a.angular.cross(&arms[0]))
+            - (rate_b.linear + rate_b.angular.cross(&arms[1]));
+        let rate = normal.dot(&velocity);
+        let (m_a, m_b) = (bodies[a.body].mass(), bodies[b.body].mass());
+        let encounter = Encounter {
+            gap: distance - total,
+            rate,
+            normal,
+            point: pose_a.position + arms[0],
+            sliding: velocity - normal * rate,
+            turning: rate_a.angular - rate_b.angular,
+            mass: m_a / (1.0 + m_a / m_b),
+        };
+        (encounter, arms)
+    }
+}
+
+/// The contacts of several bodies: with surfaces, and of pairs of spheres.
+///
+/// Guards and modes count the contacts with surfaces first, then the pairs; as in
+/// [`Contacts`](crate::contacts::Contacts) the guards of friction follow where some friction has modes.
+#[derive(Debug, Clone)]
+pub struct BodyContacts {
+    bodies: usize,
+    on_surfaces: Vec<(usize, Contact)>,
+    pairs: Vec<SpherePair>,
+    friction_has_modes: bool,
+}
+
+impl BodyContacts {
+    /// Contacts of `bodies` bodies: with surfaces, each with the index of its body, and of pairs of spheres.
+    pub fn try_new(
+        bodies: usize,
+        on_surfaces: Vec<(usize, Contact)>,
+        pairs: Vec<SpherePair>,
+    ) -> Result<Self, ContactError> {
+        let of_surfaces = on_surfaces.iter().map(|(body, _)| ("on_surfaces", *body));
+        let of_pairs = pairs.iter().flat_map(|p| p.spheres.map(|s| ("pairs", s.body)));
+        if let Some((argument, found)) = of_surfaces.chain(of_pairs).find(|(_, body)| *body >= bodies) {
+            return Err(ContactError::NoBody { argument, found, bodies });
+        }
+        let friction_has_modes = on_surfaces.iter().any(|(_, c)| c.law().friction.has_modes())
+            || pairs.iter().any(|p| p.law.friction.has_modes());
+        Ok(Self { bodies, on_surfaces, pairs, friction_has_modes })
+    }
+
+    /// Number of contacts.
+    pub fn len(&self) -> usize {
+        self.on_surfaces.len() + self.pairs.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Law and encounter of each contact in a state.
+    fn encounters(
+        &self,
+        bodies: &[RigidBody],
+        x: &State<Vec<Pose>>,
+    ) -> impl Iterator<Item = (&ContactLaw, Encounter)> {
+        let of_surfaces = self
+            .on_surfaces
+            .iter()
+            .map(|(body, contact)| (contact.law(), contact.encounter(&bodies[*body], &state(x, *body))));
+        of_surfaces.chain(self.pairs.iter().map(|pair| (&pair.law, pair.meet(bodies, x).0)))
+    }
+
+    /// Energy of the springs of the normal laws, J.
+    pub fn energy(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> f64 {
+        self.encounters(bodies, x).map(|(law, at)| law.normal.energy(at.gap)).sum()
+    }
+
+    /// Adds the wrenches of all contacts, each in the mode that `mode` gives it by its number and encounter.
+    fn add_wrenches_by(
+        &self,
+        mode: impl Fn(usize, &ContactLaw, &Encounter) -> ContactMode,
+        bodies: &[RigidBody],
+        x: &State<Vec<Pose>>,
+        out: &mut [Twist],
+    ) {
+        let mut add = |body: usize, force: Vector3<f64>, torque: Vector3<f64>| {
+            out[body].linear += force;
+            out[body].angular += torque;
+        };
+        for (i, (body, contact)) in self.on_surfaces.iter().enumerate() {
+            let (at, arm) = contact.meet(&bodies[*body], &state(x, *body));
+            let effort = contact.law().effort_in(&mode(i, contact.law(), &at), &at);
+            add(*body, effort.force, arm.cross(&effort.force) + effort.torque);
+        }
+        for (i, pair) in self.pairs.iter().enumerate() {
+            let (at, [arm_a, arm_b]) = pair.meet(bodies, x);
+            let effort = pair.law.effort_in(&mode(self.on_surfaces.len() + i, &pair.law, &at), &at);
+            let [a, b] = &pair.spheres;
+            add(a.body, effort.force, arm_a.cross(&effort.force) + effort.torque);
+            add(b.body, -effort.force, -(arm_b.cross(&effort.force) + effort.torque));
+        }
+    }
+}
+
+fn state(x: &State<Vec<Pose>>, body: usize) -> RigidBodyState {
+    State { configuration: x.configuration[body], rate: x.rate[body] }
+}
+
+/// Without modes: each contact switches by its state, which costs any method its order.
+impl Interaction for BodyContacts {
+    fn add_wrenches(&self, _: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]) {
+        self.add_wrenches_by(|_, law, at| law.mode(at), bodies, x, out);
+    }
+    fn bodies(&self) -> Option<usize> {
+        Some(self.bodies)
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.on_surfaces.iter().any(|(_, c)| c.law().depends_on_velocity())
+            || self.pairs.iter().any(|p| p.law.depends_on_velocity())
+    }
+}
+
+/// Several rigid bodies, each under forces `F`, smooth along a trajectory, and their contacts.
+pub type BodiesInContact<F> = RigidBodiesSystem<F, BodyContacts>;
+
+impl<F: ForceModel> Hybrid for BodiesInContact<F> {
+    type Mode = Vec<ContactMode>;
+
+    fn mode(&self, _: f64, x: &State<Vec<Pose>>) -> Vec<ContactMode> {
+        self.interaction().encounters(self.bodies(), x).map(|(law, at)| law.mode(&at)).collect()
+    }
+
+    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &State<Vec<Pose>>) -> Vec<ContactMode> {
+        let encounters = self.interaction().encounters(self.bodies(), x).zip(before);
+        encounters.map(|((law, at), before)| law.next_mode(before, &at)).collect()
+    }
+
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+    ) -> EventKind {
+        event_kind(self.interaction().len(), guard, before, after, (modes.0, modes.1))
+    }
+
+    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &State<Vec<Pose>>, out: &mut Vec<Guard>) {
+        let contacts = self.interaction();
+        let n = contacts.len();
+        out.resize(if contacts.friction_has_modes { 2 * n } else { n }, Guard::default());
+        for (i, ((law, at), mode)) in contacts.encounters(self.bodies(), x).zip(mode).enumerate() {
+            out[i] = law.guard(&at);
+            if contacts.friction_has_modes {
+                out[n + i] = law.friction_guard(mode, &at);
+            }
+        }
+    }
+
+    fn acceleration_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        wrenches: &mut Vec<Twist>,
+        t: f64,
+        x: &State<Vec<Pose>>,
+        out: &mut Vec<Twist>,
+    ) {
+        self.wrenches_in(mode, t, x, wrenches);
+        for (i, body) in self.bodies().iter().enumerate() {
+            out[i] = world_acceleration(body, &state(x, i), &wrenches[i]);
+        }
+    }
+
+    fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
+        let contacts = self.interaction();
+        let on_surface = contacts.on_surfaces.get(guard).map(|(_, c)| c.law());
+        let law = on_surface.or_else(|| {
+            contacts.pairs.get(guard.wrapping_sub(contacts.on_surfaces.len())).map(|pair| &pair.law)
+        });
+        law.map_or(0.0, |law| law.normal.impulse(h, before, after))
+    }
+}
+
+impl<F: ForceModel> HybridBodies for BodiesInContact<F> {
+    fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
+        for (i, (body, force)) in self.bodies().iter().zip(self.forces()).enumerate() {
+            let wrench = force.wrench(t, body, &state(x, i));
+            out[i] = Twist { linear: wrench.force, angular: wrench.torque };
+        }
+        self.interaction().add_wrenches_by(|i, _, _| mode[i], self.bodies(), x, out);
+    }
+}

@@ -1,0 +1,201 @@
+//! Derivatives of the geometry of one contact along a tangent.
+//!
+//! With the lever arm r of the point of contact, its velocity u = v + ω × r, the centre C = x + R c of what
+//! touches, the normal n = ∇φ(C) and the Hessian H of the distance,
+//! ```text
+//! δC = δx + δφ × R c,   δn = H δC,   δu = δv + δω × r + ω × δr,
+//! δΔẋ = n · δu + u · δn,   δv_t = δu − n δΔẋ − δn Δẋ,
+//! ```
+//! and by the shape of what touches, with a the axis of a rim and d = a (a · n) − n,
+//!
+//! | | δΔx | δr |
+//! |---|---|---|
+//! | point | n · δC | δφ × R c |
+//! | ball | n · δC | δφ × R c − ρ δn |
+//! | rim | n · δC − ρ δ‖d‖ | δφ × R c + ρ δ(d/‖d‖) |
+
+use crate::contacts::Contact;
+use crate::interface::Encounter;
+use crate::shape::Shape;
+use nalgebra::{Matrix3, Vector3};
+use somersault_core::so3;
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::force::Wrench;
+use somersault_integrators::state::{RigidBodyState, Twist};
+use somersault_integrators::variation::Tangent;
+
+/// A contact in a state, with what its derivatives there need.
+pub(super) struct Linearization<'a> {
+    pub(super) contact: &'a Contact,
+    pub(super) at: Encounter,
+    arm: Vector3<f64>,
+    centre: Vector3<f64>,
+    axis: Vector3<f64>,
+    hessian: Matrix3<f64>,
+    velocity: Vector3<f64>,
+    angular_velocity: Vector3<f64>,
+}
+
+/// Derivative of an encounter, and of the lever arm.
+pub(super) struct Change {
+    pub(super) at: Encounter,
+    arm: Vector3<f64>,
+}
+
+impl<'a> Linearization<'a> {
+    #[inline]
+    pub(super) fn new(contact: &'a Contact, body: &RigidBody, x: &RigidBodyState) -> Self {
+        let (at, arm) = contact.meet(body, x);
+        let centre = x.orientation() * contact.shape().centre();
+        let axis = match contact.shape() {
+            Shape::Rim { axis, .. } => x.orientation() * axis.as_ref(),
+            _ => Vector3::zeros(),
+        };
+        Self {
+            contact,
+            at,
+            arm,
+            centre,
+            axis,
+            hessian: contact.surface().hessian(&(x.position() + centre)),
+            velocity: x.velocity() + x.angular_velocity().cross(&arm),
+            angular_velocity: *x.angular_velocity(),
+        }
+    }
+
+    /// The derivative along a tangent.
+    #[inline]
+    pub(super) fn along(&self, tangent: &Tangent<Twist>) -> Change {
+        let (turn, rate) = (&tangent.displacement.angular, &tangent.rate);
+        let normal = &self.at.normal;
+        let centre_change = turn.cross(&self.centre);
+        let way = tangent.displacement.linear + centre_change;
+        let normal_change = self.hessian * way;
+        let (gap, arm) = match self.contact.shape() {
+            Shape::Point(_) => (normal.dot(&way), centre_change),
+            Shape::Ball { radius, .. } => (normal.dot(&way), centre_change - normal_change * *radius),
+            Shape::Rim { radius, .. } => {
+                let axis_change = turn.cross(&self.axis);
+                let slant = self.axis.dot(normal);
+                let slant_change = axis_change.dot(normal) + self.axis.dot(&normal_change);
+                let down = self.axis * slant - normal;
+                let down_change = axis_change * slant + self.axis * slant_change - normal_change;
+                let slope = down.norm();
+                if slope > 0.0 {
+                    let slope_change = down.dot(&down_change) / slope;
+                    let reach_change = (down_change - down * (slope_change / slope)) * (radius / slope);
+                    (normal.dot(&way) - radius * slope_change, centre_change + reach_change)
+                } else {
+                    (normal.dot(&way), centre_change)
+                }
+            }
+        };
+        let velocity_change = rate.linear + rate.angular.cross(&self.arm) + self.angular_velocity.cross(&arm);
+        let rate_change = normal.dot(&velocity_change) + normal_change.dot(&self.velocity);
+        let at = Encounter {
+            gap,
+            rate: rate_change,
+            normal: normal_change,
+            point: tangent.displacement.linear + arm,
+            sliding: velocity_change - normal * rate_change - normal_change * self.at.rate,
+            turning: rate.angular,
+            mass: 0.0,
+        };
+        Change { at, arm }
+    }
+
+    /// The greatest acceleration of the point of contact by a force of 1 N there, at most 1/m + r²/I_min.
+    #[inline]
+    pub(super) fn mobility(&self, body: &RigidBody) -> f64 {
+        1.0 / body.mass() + self.arm.norm_squared() / body.inertia().principal_moments().min()
+    }
+
+    /// The acceleration by the tangential force at the contact that takes the sliding acceleration from
+    /// `sliding` to zero.
+    pub(super) fn holding(&self, body: &RigidBody, x: &RigidBodyState, sliding: &Vector3<f64>) -> Twist {
+        let r = x.orientation().to_rotation_matrix().into_inner();
+        let inverse_inertia = r * body.inertia().inverse() * r.transpose();
+        let lever = so3::hat(&self.arm);
+        let mobility = Matrix3::identity() / body.mass() - lever * inverse_inertia * lever;
+        let normal = self.at.normal * self.at.normal.transpose();
+        let tangential = Matrix3::identity() - normal;
+        // Along the normal, where no force is sought, the matrix is made that of a unit.
+        let matrix = tangential * mobility * tangential + normal;
+        let force = -matrix.try_inverse().unwrap_or_default() * (tangential * sliding);
+        Twist { linear: force / body.mass(), angular: inverse_inertia * self.arm.cross(&force) }
+    }
+
+    /// The wrench about the centre of mass of an effort at the point of contact.
+    #[inline]
+    pub(super) fn wrench(&self, effort: &Wrench) -> Twist {
+        Twist { linear: effort.force, angular: self.arm.cross(&effort.force) + effort.torque }
+    }
+
+    /// The derivative of that.
+    #[inline]
+    pub(super) fn wrench_change(&self, change: &Change, effort: &Wrench, effort_change: &Wrench) -> Twist {
+        let Twist { linear, angular } = self.wrench(effort_change);
+        Twist { linear, angular: angular + change.arm.cross(&effort.force) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::CompliantLaw;
+    use crate::surface::{Cylinder, HalfSpace, Solid, Sphere};
+    use std::sync::Arc;
+
+    #[test]
+    fn derivatives_of_encounters_are_their_differences() {
+        let law = CompliantLaw::try_new(100.0, 1.0).unwrap();
+        let plane = HalfSpace::try_new(Vector3::zeros(), Vector3::new(0.1, -0.2, 1.0)).unwrap();
+        let bowl = Arc::new(Sphere::try_new(Vector3::new(0.1, 0.0, 2.0), 2.0, Solid::Outside).unwrap());
+        let axis = Vector3::new(1.0, 0.2, 0.0);
+        let log = Cylinder::try_new(Vector3::new(0.0, 0.0, -1.0), axis, 1.0, Solid::Inside).unwrap();
+        let point = Vector3::new(0.1, -0.2, -0.3);
+        let contacts = [
+            Contact::try_new(point, bowl.clone(), law).unwrap(),
+            Contact::try_ball(point, 0.15, bowl, law).unwrap(),
+            Contact::try_ball(point, 0.15, Arc::new(log), law).unwrap(),
+            Contact::try_rim(point, Vector3::new(0.3, 1.0, 0.2), 0.25, plane, law).unwrap(),
+        ];
+        let x = RigidBodyState::new(
+            Vector3::new(0.2, 0.1, 0.3),
+            so3::exp(&Vector3::new(0.3, -0.6, 0.4)),
+            Vector3::new(0.5, -0.2, 0.7),
+            Vector3::new(1.1, 0.4, -0.9),
+        );
+        let body = RigidBody::try_box(1.0, Vector3::repeat(0.3)).unwrap();
+        let effort = Wrench { force: Vector3::new(1.0, 2.0, 3.0), torque: Vector3::new(0.1, 0.2, 0.3) };
+        let still = Wrench::default();
+        for contact in &contacts {
+            let at = Linearization::new(contact, &body, &x);
+            for i in 0..12 {
+                let tangent = Tangent::unit(i);
+                let change = at.along(&tangent);
+                let step = 1e-5;
+                let [a, b] = [step, -step].map(|e| Linearization::new(contact, &body, &tangent.moved(&x, e)));
+                let vectors = [
+                    (a.at.normal - b.at.normal, change.at.normal),
+                    (a.at.point - b.at.point, change.at.point),
+                    (a.at.sliding - b.at.sliding, change.at.sliding),
+                    (a.at.turning - b.at.turning, change.at.turning),
+                    (a.arm - b.arm, change.arm),
+                    (
+                        a.wrench(&effort).angular - b.wrench(&effort).angular,
+                        at.wrench_change(&change, &effort, &still).angular,
+                    ),
+                ];
+                for (difference, found) in vectors {
+                    assert!((difference / (2.0 * step) - found).norm() < 1e-8, "{:?} {i}", contact.shape());
+                }
+                for (difference, found) in
+                    [(a.at.gap - b.at.gap, change.at.gap), (a.at.rate - b.at.rate, change.at.rate)]
+                {
+                    assert!((difference / (2.0 * step) - found).abs() < 1e-8, "{:?} {i}", contact.shape());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Sensitivities: the derivative of a motion through its events.
+//!
+//! Between events the columns of the derivative obey the variational equations; see
+//! [`somersault_integrators::variation`] for the frames. At an event where a guard g ends mode − and mode +
+//! begins, the time of the event moves with the motion and the columns jump by the *saltation matrix*:
+//! ```text
+//! δt = −(∇g · δ + ∂g/∂p)/ġ,      δ⁺ = δ⁻ − (f⁺ − f⁻) δt,      ġ = ∇g · f⁻ + ∂g/∂t,
+//! ```
+//! with the equations of motion f before and after at the state of the event, which is itself continuous.
+//! Under the law (7.10) the force jumps at a touch-down by −c Δẋ along the normal, and since position and
+//! orientation do not jump, only δv and δω do. At a release and a re-engagement the force is continuous:
+//! there the columns do not jump. Points that touch down at once jump one after the other; their guards'
+//! rates are continuous, so that the order does not matter. Where sliding ends in sticking the force of
+//! friction jumps. What a mode remembers, the anchor of sticking and the direction of sliding, has columns of
+//! its own, ∂m · (δ⁻ + f⁻ δt) from the event at which it is set.
+//!
+//! The columns are integrated beside the state by the same method in the same steps, cut at the same events:
+//! they have the method's own order, and the motion is to the bit what it is without them.
+//!
+//! **Stops.** Where sliding under Coulomb's law stops, the direction of its velocity is lost. Columns across it
+//! obey δv' = −(μ Fₙ/m) δv/‖v‖, stiff without bound; nearer than a step to the stop the speed is held, and the
+//! stop takes away what is left. Their way has order 2 then, less under a load along the surface, where they
+//! fall like a power of the time that is left; the other columns keep the method's order. The stop is taken to
+//! be straight, in the direction that the mode remembers; of one that is not, the columns after it are wrong
+//! in proportion to the angle, at most 60°.
+//!
+//! **Where there is no derivative.** A point that touches its surface with no speed is touched or missed by
+//! motions next to it: the derivative from one side differs from that from the other unless c = 0. Such a
+//! run ends in [`SensitivityError::Grazing`], which keeps what was integrated; the columns are then those of
+//! the side on which it touches. A graze that just misses is no event and is not seen. Nor is there one where
+//! contacts stick or slip at the very instant at which others touch down.
+//!
+//! ```
+//! use somersault_contact::event::Location;
+//! use somersault_contact::models::SpinningTop;
+//! use somersault_contact::sensitivity::{Differentiation, Parameter, differentiate_located};
+//! use somersault_integrators::driver::TimeGrid;
+//! use somersault_integrators::methods::{Method, Options};
+//!
+//! let top = SpinningTop::thesis()?;
+//! let by = Differentiation::by([Parameter::Stiffness(0), Parameter::Mass]);
+//! let (grid, location) = (TimeGrid::try_new(0.0, 0.1, 1e-4)?, Location::default());
+//! let (method, options) = (Method::Rkmk, Options::default());
+//! let found =
+//!     differentiate_located(method, options, &top.system, &top.start, &by, &grid, &location, &mut ())?;
+//! // A top that starts higher touches down later, by δz/ż.
+//! assert!(found.event_times[(2, 0)] > 0.0);
+//! // The height reached by the height of the start, and by the mass.
+//! let (by_height, by_mass) = (found.state[(2, 2)], found.parameters[(2, 1)]);
+//! # assert!(by_height.is_finite() && by_mass != 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! M. A. Aizerman and F. R. Gantmakher, *On the stability of periodic motions*, J. Appl. Math. Mech. 22
+//! (1958) 1065; I. A. Hiskens and M. A. Pai, *Trajectory sensitivity analysis of hybrid systems*, IEEE Trans.
+//! Circuits Syst. I 47 (2000) 204; M. di Bernardo, C. Budd, A. Champneys and P. Kowalczyk,
+//! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
+
+mod contact;
+mod law;
+mod outcome;
+mod parameter;
+mod run;
+mod system;
+
+pub use outcome::{Grazing, Sensitivities, SensitivityError, Undifferentiated};
+pub use parameter::{Differentiation, Parameter, WrenchDerivative};
+pub use run::{
+    FrozenVariational, SensitivityResult, differentiate_hybrid, differentiate_hybrid_adaptive,
+    differentiate_located,
+};
+pub use system::{Variational, VariedState};

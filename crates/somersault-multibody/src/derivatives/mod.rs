@@ -1,0 +1,279 @@
+//! Derivatives of inverse, forward and hybrid dynamics on the configuration manifold.
+//!
+//! With all vectors in one inertial frame, S_k the column of degree of freedom k of joint i, λ the parent
+//! of i, and a containing −g,
+//!
+//! ψ̇_k = v_λ × S_k,  ψ̈_k = a_λ × S_k + v_λ × ψ̇_k,  Ṡ_k = v_i × S_k,
+//!
+//! a small motion of joint i along k changes the force on every body further out by
+//! δf = S_k ×* f + I ψ̈_k + 2B ψ̇_k, and a change of its rate by δf = I (ψ̇_k + Ṡ_k) + 2B S_k, where
+//! 2B x = v ×* I x − I (v × x) + x ×* I v. For a rigid body 2B has only the blocks −2 l̂ (linear from
+//! angular, l the linear momentum) and C = ω̂ I − I ω̂ − v̂ ĥ − ĥ v̂ − n̂ (angular from angular): twelve
+//! numbers that add up over a subtree. Summed over subtrees (superscript C), for j on the way from k to
+//! the root:
+//!
+//! ∂τ_k/∂q_j = S_k·(2B^C_i ψ̇_j + I^C_i ψ̈_j),  ∂τ_j/∂q_k = S_j·(2B^C_i ψ̇_k + I^C_i ψ̈_k + S_k ×* f^C_i) for j
+//! in another joint, and likewise with Ṡ + ψ̇ and S for the rates. Within a joint the first form holds
+//! for both. Forward and hybrid dynamics follow by elimination, see [`Model::hybrid_dynamics_partials`].
+//!
+//! Derivatives with respect to q are along q ⊕ ε e_k; wrenches are held fixed in their bodies.
+//!
+//! Sources: Carpentier and Mansard, *Analytical derivatives of rigid body dynamics algorithms*, RSS 2018;
+//! Singh, Russell and Wensing, *Efficient analytical derivatives of rigid-body dynamics using spatial
+//! vector algebra*, IEEE RA-L 7 (2022). The compact 2B is this crate's.
+
+mod elimination;
+mod momentum;
+
+pub use momentum::MomentumPartials;
+
+use crate::data::Data;
+use crate::error::{DynamicsError, expect_length};
+use crate::inertia::{SpatialInertia, hat};
+use crate::model::Model;
+use crate::scalar::Scalar;
+use crate::spatial::{Force, Motion};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use std::ops::AddAssign;
+
+/// A result of dynamics with its partial derivatives, each [`n_velocities`](Model::n_velocities) squared.
+#[derive(Debug, Clone, Copy)]
+pub struct Partials<'a, T: Scalar = f64> {
+    /// The joint forces of inverse dynamics, the accelerations of forward dynamics, or of each degree of
+    /// freedom what hybrid dynamics finds.
+    pub value: &'a [T],
+    /// With respect to q along q ⊕ ε e_k: one column for each k.
+    pub q: &'a DMatrix<T>,
+    /// With respect to v.
+    pub v: &'a DMatrix<T>,
+    /// With respect to what was given: M for the acceleration given to inverse dynamics, M⁻¹ for the joint
+    /// forces given to forward dynamics.
+    pub input: &'a DMatrix<T>,
+}
+
+/// Workspace of the derivatives, apart from [`Data`] because few need it.
+#[derive(Debug, Clone)]
+pub struct DerivativeData<T: Scalar = f64> {
+    data: Data<T>,
+    bodies: Vec<Outward<T>>,
+    columns: Vec<Column<T>>,
+    inverse: Tables<T>,
+    torque: Vec<T>,
+    acceleration: Vec<T>,
+    /// Of each degree of freedom those on one way to the root with it, itself among them.
+    relatives: Vec<Vec<usize>>,
+    /// The nearest passive degree of freedom on the way to the root.
+    above: Vec<Option<usize>>,
+    /// L by rows, LᵀL the passive part of M; a row holds the entries on the way to the root, from the diagonal.
+    factor: DMatrix<T>,
+    /// What a unit passive joint force does to the result.
+    response: DMatrix<T>,
+    forward: Tables<T>,
+    input: DMatrix<T>,
+    center: DMatrix<T>,
+    momentum: DMatrix<T>,
+}
+
+/// A result and its partials with respect to q and v.
+#[derive(Debug, Clone)]
+struct Tables<T: Scalar> {
+    value: Vec<T>,
+    q: DMatrix<T>,
+    v: DMatrix<T>,
+}
+
+/// State of a body in the common frame, then sums over its subtree.
+#[derive(Debug, Clone, Copy)]
+struct Outward<T> {
+    velocity: Motion<T>,
+    acceleration: Motion<T>,
+    force: Force<T>,
+    coriolis: Coriolis<T>,
+}
+
+/// 2B as its twelve numbers.
+#[derive(Debug, Clone, Copy)]
+struct Coriolis<T> {
+    momentum: Vector3<T>,
+    angular: Matrix3<T>,
+}
+
+/// ψ̇, ψ̈ and ψ̇ + Ṡ of one degree of freedom.
+#[derive(Debug, Clone, Copy)]
+struct Column<T> {
+    first: Motion<T>,
+    second: Motion<T>,
+    rate: Motion<T>,
+}
+
+impl<T: Scalar> Coriolis<T> {
+    fn new(inertia: &SpatialInertia<T>, velocity: &Motion<T>, momentum: &Force<T>) -> Self {
+        let (omega, h) = (hat(&velocity.angular), hat(&inertia.first_moment));
+        let v = hat(&velocity.linear);
+        let rotational = inertia.rotational();
+        let angular = omega * rotational - rotational * omega - v * h - h * v - hat(&momentum.angular);
+        Self { momentum: momentum.linear, angular }
+    }
+
+    #[inline(always)]
+    fn times(&self, x: &Motion<T>) -> Force<T> {
+        let half = x.angular.cross(&self.momentum);
+        Force::new(half + half, self.angular * x.angular)
+    }
+
+    /// The row xᵀ 2B, whose linear part is zero.
+    #[inline(always)]
+    fn transposed(&self, x: &Motion<T>) -> Vector3<T> {
+        let half = self.momentum.cross(&x.linear);
+        half + half + self.angular.tr_mul(&x.angular)
+    }
+}
+
+impl<T: Scalar> AddAssign for Coriolis<T> {
+    fn add_assign(&mut self, other: Self) {
+        self.momentum += other.momentum;
+        self.angular += other.angular;
+    }
+}
+
+impl<T: Scalar> DerivativeData<T> {
+    /// A workspace for `model`.
+    pub fn new(model: &Model<T>) -> Self {
+        let n = model.n_velocities();
+        let mut relatives: Vec<Vec<usize>> = vec![Vec::new(); n];
+        for k in 0..n {
+            let mut ancestor = model.dof_parent[k];
+            while let Some(j) = ancestor {
+                relatives[k].push(j);
+                relatives[j].push(k);
+                ancestor = model.dof_parent[j];
+            }
+            relatives[k].push(k);
+        }
+        let (motion, force) = (Motion::zero(), Force::zero());
+        let coriolis = Coriolis { momentum: Vector3::zeros(), angular: Matrix3::zeros() };
+        let body = Outward { velocity: motion, acceleration: motion, force, coriolis };
+        let (vector, square) = (vec![T::zero(); n], DMatrix::zeros(n, n));
+        let tables = Tables { value: vector.clone(), q: square.clone(), v: square.clone() };
+        Self {
+            data: Data::new(model),
+            bodies: vec![body; model.n_bodies()],
+            columns: vec![Column { first: motion, second: motion, rate: motion }; n],
+            inverse: tables.clone(),
+            torque: vector.clone(),
+            acceleration: vector,
+            relatives,
+            above: vec![None; n],
+            factor: square.clone(),
+            response: square.clone(),
+            forward: tables,
+            input: square,
+            center: DMatrix::zeros(3, n),
+            momentum: DMatrix::zeros(6, n),
+        }
+    }
+}
+
+impl<T: Scalar> Model<T> {
+    /// [`inverse_dynamics`](Self::inverse_dynamics) and its partials. Cost O(n × depth).
+    pub fn inverse_dynamics_partials<'d>(
+        &self,
+        work: &'d mut DerivativeData<T>,
+        q: &[T],
+        v: &[T],
+        a: &[T],
+        wrenches: &[Force<T>],
+    ) -> Result<Partials<'d, T>, DynamicsError> {
+        self.expect_state(&work.data, q, v)?;
+        expect_length("a", a, self.n_velocities())?;
+        self.expect_wrenches(wrenches)?;
+        self.place(&mut work.data, q);
+        self.spread(work, v, a, wrenches);
+        self.collect(work, v);
+        let Tables { value, q, v } = &work.inverse;
+        Ok(Partials { value, q, v, input: &work.data.mass_matrix })
+    }
+
+    /// Outwards: velocities, accelerations, forces and columns in the common frame.
+    fn spread(&self, work: &mut DerivativeData<T>, v: &[T], a: &[T], wrenches: &[Force<T>]) {
+        let DerivativeData { data, bodies, columns, .. } = work;
+        let world = Motion::new(-self.gravity, Vector3::zeros());
+        for (i, body) in self.bodies.iter().enumerate() {
+            let (outer_velocity, outer_acceleration) =
+                body.parent.map_or((Motion::zero(), world), |p| (bodies[p].velocity, bodies[p].acceleration));
+            let (mut relative, mut pushed) = (Motion::zero(), Motion::zero());
+            for k in body.dofs.clone() {
+                relative += data.columns[k] * v[k];
+                pushed += data.columns[k] * a[k];
+            }
+            let velocity = outer_velocity + relative;
+            let acceleration = outer_acceleration + pushed + velocity.cross(&relative);
+            let node = &mut data.nodes[i];
+            let inertia = body.inertia.seen_from(&node.pose);
+            node.composite = inertia;
+            let momentum = inertia.times(&velocity);
+            let mut force = inertia.times(&acceleration) + velocity.cross_force(&momentum);
+            if let Some(wrench) = wrenches.get(i) {
+                force -= node.pose.force(wrench);
+            }
+            let coriolis = Coriolis::new(&inertia, &velocity, &momentum);
+            bodies[i] = Outward { velocity, acceleration, force, coriolis };
+            for k in body.dofs.clone() {
+                let column = &data.columns[k];
+                let first = outer_velocity.cross(column);
+                let second = outer_acceleration.cross(column) + outer_velocity.cross(&first);
+                columns[k] = Column { first, second, rate: first + velocity.cross(column) };
+            }
+        }
+    }
+
+    /// Inwards: sums over subtrees, and all entries of a joint with its ancestors.
+    fn collect(&self, work: &mut DerivativeData<T>, v: &[T]) {
+        let n = self.n_velocities();
+        let DerivativeData { data, bodies, columns, inverse: Tables { value, q: by_q, v: by_v }, .. } = work;
+        let (by_q, by_v) = (by_q.as_mut_slice(), by_v.as_mut_slice());
+        let mass = data.mass_matrix.as_mut_slice();
+        for (i, body) in self.bodies.iter().enumerate().rev() {
+            let Outward { force, coriolis, .. } = bodies[i];
+            let composite = data.nodes[i].composite;
+            let further_in = body.dofs.clone().next().and_then(|k| self.dof_parent[k]);
+            for k in body.dofs.clone() {
+                let column = data.columns[k];
+                let momentum = composite.times(&column);
+                let Column { first, second, rate } = columns[k];
+                value[k] = column.dot(&force) + self.damping[k] * v[k];
+                let row = coriolis.transposed(&column);
+                let mut pair = |j: usize| {
+                    let other = &columns[j];
+                    by_q[j * n + k] = row.dot(&other.first.angular) + other.second.dot(&momentum);
+                    by_v[j * n + k] = row.dot(&data.columns[j].angular) + other.rate.dot(&momentum);
+                    let entry = data.columns[j].dot(&momentum);
+                    mass[j * n + k] = entry;
+                    mass[k * n + j] = entry;
+                };
+                for j in body.dofs.clone() {
+                    pair(j);
+                }
+                let mut ancestor = further_in;
+                while let Some(j) = ancestor {
+                    pair(j);
+                    ancestor = self.dof_parent[j];
+                }
+                let change_q = coriolis.times(&first) + composite.times(&second) + column.cross_force(&force);
+                let change_v = coriolis.times(&column) + composite.times(&rate);
+                let mut ancestor = further_in;
+                while let Some(j) = ancestor {
+                    by_q[k * n + j] = data.columns[j].dot(&change_q);
+                    by_v[k * n + j] = data.columns[j].dot(&change_v);
+                    ancestor = self.dof_parent[j];
+                }
+                by_v[k * n + k] += self.damping[k];
+            }
+            if let Some(parent) = body.parent {
+                bodies[parent].force += force;
+                bodies[parent].coriolis += coriolis;
+                data.nodes[parent].composite += composite;
+            }
+        }
+    }
+}

@@ -1,0 +1,323 @@
+//! Momentum-reduced flight: a tree in the air whose joints move as prescribed.
+//!
+//! Uniform gravity leaves the centre of mass c on its parabola and the angular momentum L about it
+//! constant. With the shape s (all joints but the root's) given in time, only the orientation R of the
+//! root is left to find, and for that the momentum suffices:
+//!
+//! ```text
+//! c(t) = c₀ + ċ₀ (t − t₀) + ½ g (t − t₀)²,
+//! ω = I(s)⁻¹ (Rᵀ L − A(s) ṡ),   Ṙ = R ω̂
+//! ```
+//! I is the inertia of the tree with its joints locked, about c, and A ṡ the angular momentum of the
+//! joint motion, both in the axes of the root. Position and velocity of the root follow from c. No
+//! momentum is integrated, so none drifts: what a method gets wrong is the orientation alone.
+//!
+//! The root has a free joint, or a planar one for motion in a plane: then L counts along the normal of
+//! the plane only, c and g in the plane, and the angle of the root is a mere quadrature.
+//!
+//! One evaluation costs O(n), its derivatives by all of the shape as well. [`FlightSystem`] is the
+//! equation for R as the integrators take it, [`FlightSensitivities`] the same with the derivatives of R.
+//!
+//! Sources: T. R. Kane and M. P. Scher, Int. J. Solids Structures 5 (1969) 663; R. Montgomery, *Gauge
+//! theory of the falling cat*, Fields Institute Communications 1 (1993) 193.
+
+mod derivatives;
+mod sensitivity;
+mod system;
+
+pub use derivatives::FlightDerivatives;
+pub use sensitivity::{FlightSensitivities, SensitivityWorkspace, ShapeParameters};
+pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
+
+use crate::data::Data;
+use crate::error::{DynamicsError, expect_length};
+use crate::inertia::SpatialInertia;
+use crate::joint::{Joint, quaternion};
+use crate::model::Model;
+use crate::scalar::{Scalar, constant};
+use crate::spatial::{Force, Motion, Transform};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// Why a tree cannot be reduced by its momentum.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlightError {
+    /// The root is held.
+    #[error("the root `{root}` must have a free or a planar joint to fly, found {found:?}")]
+    Held {
+        /// Name of the root.
+        root: String,
+        /// Its joint.
+        found: Joint,
+    },
+    /// Friction on the joint of the root would change the momentum.
+    #[error("the joint of the root `{root}` must have no damping to fly")]
+    Damped {
+        /// Name of the root.
+        root: String,
+    },
+    /// An argument is NaN or infinite.
+    #[error("`{argument}` must be finite")]
+    NonFinite {
+        /// Name of the argument.
+        argument: &'static str,
+    },
+    /// An argument does not fit the tree.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+}
+
+/// Where a flight comes from: what it keeps, and its start on the parabola.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TakeOff<T = f64> {
+    /// t₀, s.
+    pub time: T,
+    /// c₀, centre of mass in the world, m.
+    pub center_of_mass: Vector3<T>,
+    /// ċ₀, its velocity, m/s.
+    pub velocity: Vector3<T>,
+    /// L, angular momentum about the centre of mass, world axes, kg m²/s.
+    pub angular_momentum: Vector3<T>,
+}
+
+/// A tree in flight.
+#[derive(Debug, Clone, Copy)]
+pub struct Flight<'m, T: Scalar = f64> {
+    model: &'m Model<T>,
+    take_off: TakeOff<T>,
+    is_planar: bool,
+    /// Of the joint frame of the root in the world.
+    placement: Transform<T>,
+}
+
+/// Room for the evaluations of a flight, made once for a model and used again and again.
+#[derive(Debug, Clone)]
+pub struct FlightData<T: Scalar = f64> {
+    nodes: Vec<Node<T>>,
+    by_shape: Vec<Vector3<T>>,
+    by_shape_velocity: Vec<Vector3<T>>,
+}
+
+/// One body, in the axes of the root about its origin, the root at rest.
+#[derive(Debug, Clone, Copy)]
+struct Node<T> {
+    pose: Transform<T>,
+    velocity: Motion<T>,
+    /// Of the body and all further out.
+    inertia: SpatialInertia<T>,
+    /// Of the body and all further out.
+    momentum: Force<T>,
+}
+
+/// The motion of the root that the momentum leaves, seen from the centre of mass, in axes of the root.
+struct Reduced<T> {
+    /// Orientation of the root, its axes → world.
+    turn: Matrix3<T>,
+    /// Centre of mass from the origin of the root.
+    center: Vector3<T>,
+    /// I⁻¹; of the normal component alone where the root is planar.
+    inverse_inertia: Matrix3<T>,
+    /// Rᵀ L.
+    momentum: Vector3<T>,
+    /// Of the root.
+    velocity: Motion<T>,
+}
+
+impl<T: Scalar> FlightData<T> {
+    /// A workspace for `model`.
+    pub fn new(model: &Model<T>) -> Self {
+        let node = Node {
+            pose: Transform::identity(),
+            velocity: Motion::zero(),
+            inertia: SpatialInertia::zero(),
+            momentum: Force::zero(),
+        };
+        let shape = vec![Vector3::zeros(); model.n_velocities() - model.velocities_of(0).len()];
+        Self { nodes: vec![node; model.n_bodies()], by_shape: shape.clone(), by_shape_velocity: shape }
+    }
+}
+
+impl<'m, T: Scalar> Flight<'m, T> {
+    /// The flight of `model` from its take-off.
+    pub fn try_new(model: &'m Model<T>, take_off: TakeOff<T>) -> Result<Self, FlightError> {
+        let link = &model.links()[0];
+        let root = || link.name.clone();
+        let is_planar = match link.joint {
+            Joint::Free => false,
+            Joint::Planar => true,
+            found => return Err(FlightError::Held { root: root(), found }),
+        };
+        if model.damping[model.velocities_of(0)].iter().any(|d| *d != T::zero()) {
+            return Err(FlightError::Damped { root: root() });
+        }
+        let TakeOff { time, center_of_mass, velocity, angular_momentum } = &take_off;
+        for (argument, numbers) in [
+            ("time", std::slice::from_ref(time)),
+            ("center_of_mass", center_of_mass.as_slice()),
+            ("velocity", velocity.as_slice()),
+            ("angular_momentum", angular_momentum.as_slice()),
+        ] {
+            if !numbers.iter().all(|x| x.is_finite()) {
+                return Err(FlightError::NonFinite { argument });
+            }
+        }
+        let placement = link.placement();
+        let placement =
+            Transform::new(nalgebra::convert(placement.rotation), nalgebra::convert(placement.translation));
+        Ok(Self { model, take_off, is_planar, placement })
+    }
+
+    /// The flight that passes through the positions `q` and velocities `v` at time `t`.
+    pub fn from_state(model: &'m Model<T>, t: T, q: &[T], v: &[T]) -> Result<Self, FlightError> {
+        let mut data = Data::new(model);
+        expect_length("v", v, model.n_velocities())?;
+        let centroidal = model.centroidal(&mut data, q)?;
+        let momentum = centroidal.momentum(v)?;
+        let take_off = TakeOff {
+            time: t,
+            center_of_mass: centroidal.center_of_mass,
+            velocity: momentum.linear / model.mass(),
+            angular_momentum: momentum.angular,
+        };
+        Self::try_new(model, take_off)
+    }
+
+    /// The tree.
+    pub fn model(&self) -> &'m Model<T> {
+        self.model
+    }
+
+    /// Where it comes from.
+    pub fn take_off(&self) -> &TakeOff<T> {
+        &self.take_off
+    }
+
+    /// c(t), m, in the world.
+    pub fn center_of_mass(&self, t: T) -> Vector3<T> {
+        let TakeOff { time, center_of_mass, velocity, .. } = &self.take_off;
+        let t = t - *time;
+        center_of_mass + (velocity + self.model.gravity * (t * constant(0.5))) * t
+    }
+
+    /// ċ(t), m/s, in the world.
+    pub fn center_of_mass_velocity(&self, t: T) -> Vector3<T> {
+        self.take_off.velocity + self.model.gravity * (t - self.take_off.time)
+    }
+
+    /// ω, the angular velocity of the root in its axes, rad/s.
+    ///
+    /// Of `q` the orientation of the root and the shape are read, of `v` the velocities of the shape.
+    /// Fails where the tree has no inertia about some axis.
+    pub fn angular_velocity(
+        &self,
+        data: &mut FlightData<T>,
+        q: &[T],
+        v: &[T],
+    ) -> Result<Vector3<T>, DynamicsError> {
+        Ok(self.reduce(data, q, v)?.velocity.angular)
+    }
+
+    /// Writes the position of the root to `q` and its velocity to `v`, at time `t`.
+    ///
+    /// What is read is as in [`angular_velocity`](Self::angular_velocity). After it `q` and `v` are the
+    /// whole state of the tree, with its centre of mass on the parabola and its momentum as at take-off.
+    /// Accelerations and joint forces are those of
+    /// [`hybrid_dynamics`](Model::hybrid_dynamics) with the root passive and all else active.
+    pub fn complete(
+        &self,
+        data: &mut FlightData<T>,
+        t: T,
+        q: &mut [T],
+        v: &mut [T],
+    ) -> Result<(), DynamicsError> {
+        let Reduced { turn, center, velocity, .. } = self.reduce(data, q, v)?;
+        let origin = self.center_of_mass(t) - turn * center - self.placement.translation;
+        let position = self.placement.rotation.tr_mul(&origin);
+        let linear = turn.tr_mul(&self.center_of_mass_velocity(t)) + velocity.linear;
+        let n = if self.is_planar { 2 } else { 3 };
+        q[..n].copy_from_slice(&position.as_slice()[..n]);
+        v[..n].copy_from_slice(&linear.as_slice()[..n]);
+        let angular = velocity.angular.as_slice();
+        v[n..self.n_root()].copy_from_slice(if self.is_planar { &angular[2..] } else { angular });
+        Ok(())
+    }
+
+    /// Degrees of freedom of the root.
+    fn n_root(&self) -> usize {
+        self.model.bodies[0].dofs.end
+    }
+
+    /// Where q has the orientation of the root: an angle, or a quaternion.
+    fn orientation(&self) -> std::ops::Range<usize> {
+        if self.is_planar { 2..3 } else { 3..7 }
+    }
+
+    fn reduce(&self, data: &mut FlightData<T>, q: &[T], v: &[T]) -> Result<Reduced<T>, DynamicsError> {
+        let model = self.model;
+        expect_length("q", q, model.n_positions())?;
+        expect_length("v", v, model.n_velocities())?;
+        if data.nodes.len() != model.n_bodies() || data.by_shape.len() + self.n_root() != v.len() {
+            return Err(DynamicsError::ForeignData);
+        }
+        self.gather(&mut data.nodes, q, v);
+        let Node { inertia, momentum: of_shape, .. } = &data.nodes[0];
+        let center = inertia.first_moment / inertia.mass;
+        let about_center = inertia.rotational.full()
+            - (Matrix3::from_diagonal_element(center.norm_squared()) - center * center.transpose())
+                * inertia.mass;
+        let turn = self.placement.rotation * self.turn(q);
+        let momentum = turn.tr_mul(&self.take_off.angular_momentum);
+        let inverse_inertia = self.invert(&about_center)?;
+        let angular = inverse_inertia * (momentum - of_shape.about(&center).angular);
+        let linear = center.cross(&angular) - of_shape.linear / inertia.mass;
+        Ok(Reduced { turn, center, inverse_inertia, momentum, velocity: Motion::new(linear, angular) })
+    }
+
+    /// Rotation of the root in its joint frame.
+    fn turn(&self, q: &[T]) -> Matrix3<T> {
+        let rotation = if self.is_planar {
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[2])
+        } else {
+            UnitQuaternion::new_unchecked(quaternion(&q[3..7]))
+        };
+        rotation.to_rotation_matrix().into_inner()
+    }
+
+    fn invert(&self, inertia: &Matrix3<T>) -> Result<Matrix3<T>, DynamicsError> {
+        let inverse = if self.is_planar {
+            let (o, normal) = (T::zero(), inertia.m33);
+            (normal > o).then(|| Matrix3::from_diagonal(&Vector3::new(o, o, T::one() / normal)))
+        } else {
+            inertia.cholesky().map(|factor| factor.inverse())
+        };
+        let singular = || DynamicsError::Singular { joint: self.model.links()[0].name.clone() };
+        // beyond a condition of 1/ε the inverse is rounding, or not finite
+        let is_sound = |m: &Matrix3<T>| m.norm() * inertia.norm() * constant(f64::EPSILON) < T::one();
+        inverse.filter(is_sound).ok_or_else(singular)
+    }
+
+    /// Poses, velocities and, gathered inwards, inertias and momenta.
+    fn gather(&self, nodes: &mut [Node<T>], q: &[T], v: &[T]) {
+        let bodies = &self.model.bodies;
+        nodes[0] = Node {
+            pose: Transform::identity(),
+            velocity: Motion::zero(),
+            inertia: bodies[0].inertia,
+            momentum: Force::zero(),
+        };
+        for (i, body) in bodies.iter().enumerate() {
+            let Some(parent) = body.parent else { continue };
+            let pose = nodes[parent].pose.compose(&body.mechanism.transform(&q[body.q..]));
+            let velocity = nodes[parent].velocity + pose.motion(&self.model.relative(body, v));
+            let inertia = body.inertia.seen_from(&pose);
+            nodes[i] = Node { pose, velocity, inertia, momentum: inertia.times(&velocity) };
+        }
+        for (i, body) in bodies.iter().enumerate().rev() {
+            if let Some(parent) = body.parent {
+                let Node { inertia, momentum, .. } = nodes[i];
+                nodes[parent].inertia += inertia;
+                nodes[parent].momentum += momentum;
+            }
+        }
+    }
+}

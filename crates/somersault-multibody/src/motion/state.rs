@@ -1,0 +1,88 @@
+//! States of a tree, and the rates of its coordinates for the velocities of its joints.
+//!
+//! The two differ in the linear part u of planar and free joints only: v = Rᵀu, with R the orientation
+//! of the child in the joint frame and ω its angular velocity in child axes, hence u̇ = R(v̇ + ω × v).
+
+use crate::coordinates::{Coordinates, Factor, Layout};
+use crate::error::{DynamicsError, expect_length};
+use crate::joint::{Joint, quaternion};
+use crate::model::Model;
+use nalgebra::{UnitQuaternion, Vector3};
+use somersault_integrators::state::State;
+
+/// Positions of a tree and their rates; see [`motion`](crate::motion).
+pub type TreeState = State<Coordinates>;
+
+impl Model {
+    /// The state with positions `q` and joint velocities `v`, ready to be integrated. Quaternions are
+    /// brought to unit norm.
+    pub fn state(&self, q: &[f64], v: &[f64]) -> Result<TreeState, DynamicsError> {
+        expect_length("v", v, self.n_velocities())?;
+        let mut q = q.to_vec();
+        self.normalize(&mut q)?;
+        let mut rates = v.to_vec();
+        self.turn_linear_parts(&q, &mut rates, |turn, part, _| turn * part);
+        let layout = Layout::new(self.links().iter().flat_map(|link| factors(&link.joint)).copied());
+        let (configuration, rate) = layout.state(q, rates);
+        Ok(State { configuration, rate })
+    }
+
+    /// out ← v, the joint velocities of a state.
+    pub fn joint_velocities(&self, x: &TreeState, out: &mut [f64]) -> Result<(), DynamicsError> {
+        let (q, rates) = (x.configuration.as_slice(), x.rate.as_slice());
+        expect_length("positions of x", q, self.n_positions())?;
+        expect_length("rates of x", rates, self.n_velocities())?;
+        expect_length("out", out, self.n_velocities())?;
+        out.copy_from_slice(rates);
+        self.turn_linear_parts(q, out, |turn, part, _| turn.inverse() * part);
+        Ok(())
+    }
+
+    /// out ← the rates of the rates for joint velocities `v` and accelerations `a`; lengths must fit.
+    pub(crate) fn second_rates(&self, q: &[f64], v: &[f64], a: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(a);
+        self.turn_linear_parts(q, out, |turn, part, dofs| {
+            let (linear, angular) = split(&v[dofs]);
+            turn * (part + angular.cross(&linear))
+        });
+    }
+
+    /// Replaces the linear part of every planar and free joint by `map`(R, part, degrees of freedom).
+    fn turn_linear_parts(
+        &self,
+        q: &[f64],
+        numbers: &mut [f64],
+        map: impl Fn(&UnitQuaternion<f64>, Vector3<f64>, std::ops::Range<usize>) -> Vector3<f64>,
+    ) {
+        for (body, link) in self.bodies.iter().zip(self.links()) {
+            let (turn, n_linear) = match link.joint {
+                Joint::Planar => (UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[body.q + 2]), 2),
+                Joint::Free => (UnitQuaternion::new_unchecked(quaternion(&q[body.q + 3..])), 3),
+                _ => continue,
+            };
+            let numbers = &mut numbers[body.dofs.clone()];
+            let mapped = map(&turn, split(numbers).0, body.dofs.clone());
+            numbers[..n_linear].copy_from_slice(&mapped.as_slice()[..n_linear]);
+        }
+    }
+}
+
+/// Linear and angular part of the velocity of a planar (three numbers) or free joint (six).
+fn split(v: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
+    match v {
+        [x, y, z] => (Vector3::new(*x, *y, 0.0), Vector3::new(0.0, 0.0, *z)),
+        _ => (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5])),
+    }
+}
+
+/// The factors of the group of a joint, in the order of its numbers.
+fn factors(joint: &Joint) -> &'static [Factor] {
+    match joint {
+        Joint::Fixed => &[],
+        Joint::Revolute { .. } => &[Factor::Angle],
+        Joint::Prismatic { .. } => &[Factor::Linear(1)],
+        Joint::Spherical => &[Factor::Rotation],
+        Joint::Planar => &[Factor::Linear(2), Factor::Angle],
+        Joint::Free => &[Factor::Linear(3), Factor::Rotation],
+    }
+}

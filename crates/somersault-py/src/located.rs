@@ -1,0 +1,117 @@
+//! Runs of bodies in contact, whose events are located.
+
+use crate::event::Events;
+use crate::integrate::{Bodies, Ended};
+use crate::monitor::Monitor;
+use crate::plan::{Plan, Steps};
+use crate::trajectory::Seen;
+use somersault::contact::bodies::BodiesInContact;
+use somersault::contact::contacts::BodyInContact;
+use somersault::contact::driver::{LocatedResult, integrate_located, integrate_located_adaptive};
+use somersault::contact::event::{Interrupted, Located, Location};
+use somersault::contact::hybrid::HybridBodies;
+use somersault::integrators::body::RigidBody;
+use somersault::integrators::force::{BoxedForce, ForceModel, Wrench};
+use somersault::integrators::state::RigidBodyState;
+use somersault::integrators::system::StateOf;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Models that add up and count how often they are evaluated.
+pub(crate) struct CountedForces {
+    models: Vec<BoxedForce>,
+    calls: AtomicU64,
+}
+
+impl CountedForces {
+    /// The sum of `models`.
+    pub(crate) fn new(models: Vec<BoxedForce>) -> Self {
+        Self { models, calls: AtomicU64::new(0) }
+    }
+}
+
+impl ForceModel for CountedForces {
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        self.models.wrench(t, body, x)
+    }
+    fn is_free(&self) -> bool {
+        self.models.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.models.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.models.depends_on_velocity()
+    }
+}
+
+/// Bodies with contacts whose events are located.
+pub(crate) struct InContact<S> {
+    /// Bodies, forces and contacts.
+    pub(crate) system: S,
+    /// Number of contacts.
+    pub(crate) contacts: usize,
+    /// How events are located.
+    pub(crate) location: Location,
+}
+
+/// A system whose forces count its evaluations.
+pub(crate) trait Evaluated {
+    /// How often.
+    fn evaluations(&self) -> u64;
+}
+
+impl Evaluated for BodyInContact<CountedForces> {
+    fn evaluations(&self) -> u64 {
+        self.forces.0.calls.load(Ordering::Relaxed)
+    }
+}
+
+impl Evaluated for BodiesInContact<CountedForces> {
+    fn evaluations(&self) -> u64 {
+        // Every evaluation asks for the forces on every body.
+        self.forces().first().map_or(0, |forces| forces.calls.load(Ordering::Relaxed))
+    }
+}
+
+impl<S: HybridBodies<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S> {
+    type Configuration = S::Configuration;
+
+    fn solve(
+        &self,
+        initial: &StateOf<S>,
+        plan: &Plan,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> Ended<S::Configuration> {
+        let (status, located) = match plan.locate(&self.system, initial, &self.location, observer) {
+            Ok(located) => (Ok(located.status), located),
+            Err(interrupted) => {
+                let Interrupted { reason, so_far } = *interrupted;
+                (Err(reason.into()), so_far)
+            }
+        };
+        let Located { rejected, trials, event_count, events, .. } = located;
+        let events = Events { trials, count: event_count, contacts: self.contacts, events };
+        Ended { status, rejected, nfev: self.system.evaluations(), events }
+    }
+}
+
+impl Plan {
+    fn locate<S: HybridBodies<Configuration: Seen>>(
+        &self,
+        system: &S,
+        initial: &StateOf<S>,
+        location: &Location,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> LocatedResult<S::Configuration> {
+        let Self { method, options, .. } = *self;
+        match &self.steps {
+            Steps::Fixed(grid) => {
+                integrate_located(method, options, system, initial, grid, location, observer)
+            }
+            Steps::Adapted(interval, control) => integrate_located_adaptive(
+                method, options, system, initial, *interval, control, location, observer,
+            ),
+        }
+    }
+}

@@ -1,0 +1,65 @@
+"""Compliant contact of bodies, with events located so that methods keep their order.
+
+`somersault.integrate` takes `Contact` objects, and `SpherePair` objects between several bodies. A step is
+cut where a contact begins or ends, and what happened is in the `events` of the solution.
+
+>>> import somersault
+>>> from somersault import contact
+>>> law = contact.CompliantLaw.from_restitution(1.0, 1e4, 0.5)
+>>> ball = contact.bouncing_ball(1.0, 0.1, law, height=1.0)
+>>> motion = somersault.integrate(
+...     ball.body, ball.state, (0.0, 0.6), dt=0.01, forces=ball.forces, contacts=ball.contacts
+... )
+>>> [event.kind for event in motion.events]
+['touch_down', 'release']
+"""
+
+from somersault._somersault import (
+    CompliantLaw,
+    Contact,
+    CoulombFriction,
+    CreepFriction,
+    Cylinder,
+    Event,
+    HalfSpace,
+    HuntCrossley,
+    RegularisedFriction,
+    Resistance,
+    Scene,
+    Sphere,
+    SpherePair,
+    Surface,
+    bouncing_ball,
+    damping_ratio,
+    falling_box,
+    restitution,
+    rolling_disk,
+    sliding_block,
+    spinning_top,
+    tippe_top,
+)
+
+__all__ = [
+    "CompliantLaw",
+    "Contact",
+    "CoulombFriction",
+    "CreepFriction",
+    "Cylinder",
+    "Event",
+    "HalfSpace",
+    "HuntCrossley",
+    "RegularisedFriction",
+    "Resistance",
+    "Scene",
+    "Sphere",
+    "SpherePair",
+    "Surface",
+    "bouncing_ball",
+    "damping_ratio",
+    "falling_box",
+    "restitution",
+    "rolling_disk",
+    "sliding_block",
+    "spinning_top",
+    "tippe_top",
+]

@@ -1,0 +1,39 @@
+"""Articulated bodies: trees and their dynamics, at one configuration or at many.
+
+M(q) a + h(q, v) = τ + Σ Jᵀ f, with the mass matrix M, the bias h, joint forces τ and external wrenches f.
+A `Model` is made of `Link` objects, or read from URDF; `cart_pendulum` and the like make those with a
+name. `integrate` moves a tree.
+
+>>> import numpy as np
+>>> from somersault import multibody
+>>> arm = multibody.two_link_arm()
+>>> q, v, torque = np.zeros((100, 2)), np.zeros(2), np.linspace((0, 0), (1, 0), 100)
+>>> arm.forward_dynamics(q, v, torque).shape
+(100, 2)
+"""
+
+from somersault._somersault import (
+    Diver,
+    Link,
+    Model,
+    TreeDenseOutput,
+    TreeSolution,
+    cart_pendulum,
+    diver_planar,
+    diver_spatial,
+    two_link_arm,
+)
+from somersault._somersault import integrate_tree as integrate
+
+__all__ = [
+    "Diver",
+    "Link",
+    "Model",
+    "TreeDenseOutput",
+    "TreeSolution",
+    "cart_pendulum",
+    "diver_planar",
+    "diver_spatial",
+    "integrate",
+    "two_link_arm",
+]

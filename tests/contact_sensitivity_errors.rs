@@ -1,0 +1,146 @@
+//! Where there is no derivative, and bad input.
+
+use nalgebra::Vector3;
+use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
+use somersault_contact::event::{Interruption, Location};
+use somersault_contact::friction::CoulombFriction;
+use somersault_contact::law::CompliantLaw;
+use somersault_contact::models::{BouncingBall, SlidingBlock};
+use somersault_contact::sensitivity::{
+    Differentiation, Parameter, SensitivityError, Undifferentiated, differentiate_hybrid,
+    differentiate_hybrid_adaptive, differentiate_located,
+};
+use somersault_contact::surface::HalfSpace;
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::driver::{Adaptive, IntegrateError, TimeGrid};
+use somersault_integrators::force::{Gravity, Wrench};
+use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
+use somersault_integrators::state::RigidBodyState;
+use std::sync::Arc;
+
+const RKMK8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853);
+
+fn ball() -> BouncingBall {
+    BouncingBall::try_new(1.0, 0.1, CompliantLaw::try_new(400.0, 4.0).unwrap()).unwrap()
+}
+
+fn at(z: f64, velocity: f64) -> RigidBodyState {
+    let mut state = RigidBodyState::default();
+    (state.configuration.position.z, state.rate.linear.z) = (z, velocity);
+    state
+}
+
+#[test]
+fn a_graze_is_an_error_that_keeps_the_solution() {
+    // Pushed up at 2 m/s², the body comes down to the ground and turns there.
+    let law = |damping| CompliantLaw::try_new(50.0, damping).unwrap();
+    let system = |damping| {
+        let contact =
+            Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law(damping)).unwrap();
+        let up = Gravity { acceleration: Vector3::new(0.0, 0.0, 2.0) };
+        let body = RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap();
+        BodyInContact::new(body, (up, Contacts::new(vec![contact])))
+    };
+    let dip = |depth: f64| at(0.25, -(4.0 * (0.25 + depth)).sqrt());
+    let by = Differentiation { grazing: 5e-4, ..Differentiation::default() };
+    let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
+    let run = |damping, depth| {
+        let location = Location::default();
+        differentiate_hybrid(&RKMK8, &system(damping), &dip(depth), &by, &grid, &location, &mut ())
+    };
+    let error = run(0.5, 1e-8).unwrap_err();
+    let SensitivityError::Grazing(grazing) = error.reason else { panic!("{error}") };
+    // It touches with 2 mm/s · √(depth/1 µm), and 5e-4 of a second at 2 m/s² is 1 mm/s.
+    assert!((grazing.rate + 2e-4).abs() < 1e-6 && (grazing.bound - 1e-3).abs() < 1e-15, "{grazing:?}");
+    assert!((grazing.t - 0.5).abs() < 1e-3 && error.to_string().starts_with("guard 0 is touched at t = 0.4"));
+    assert_eq!((error.so_far.run.t, error.so_far.run.events.len()), (1.0, 2));
+    assert!(error.so_far.state.iter().all(|d| d.is_finite()));
+    // Deeper, or without damping, it has one.
+    assert!(run(0.5, 1e-5).is_ok() && run(0.0, 1e-8).is_ok());
+}
+
+#[test]
+fn bad_input_is_refused_with_the_start_kept() {
+    let ball = ball();
+    let grid = TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap();
+    let attempt = |start: &RigidBodyState, by: Differentiation| {
+        let location = Location::default();
+        let error =
+            differentiate_hybrid(&RKMK8, &ball.system, start, &by, &grid, &location, &mut ()).unwrap_err();
+        assert_eq!((error.so_far.run.t, error.so_far.run.steps), (0.0, 0));
+        assert!(error.so_far.run.events.is_empty() && error.so_far.event_times.is_empty());
+        error.reason
+    };
+    let start = ball.at(0.5, 0.0);
+    for parameter in [Parameter::Stiffness(1), Parameter::Damping(7)] {
+        let error = attempt(&start, Differentiation::by([Parameter::Mass, parameter]));
+        assert!(matches!(error, SensitivityError::NoSuchContact { contacts: 1, .. }), "{error}");
+    }
+    for grazing in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let error = attempt(&start, Differentiation { grazing, ..Differentiation::default() });
+        assert!(error.to_string().starts_with("`grazing` must be positive and finite"), "{error}");
+    }
+    let error = attempt(&ball.at(f64::NAN, 0.0), Differentiation::default());
+    let expected = |e: &SensitivityError| {
+        matches!(e, SensitivityError::Run(Interruption::Integrate(IntegrateError::InitialState { .. })))
+    };
+    assert!(expected(&error), "{error}");
+    let mut on_surface = ball.at(0.0, -1.0);
+    on_surface.configuration.position.z = 0.1;
+    let error = attempt(&on_surface, Differentiation::default());
+    assert_eq!(error, SensitivityError::StartOnSurface { guard: 0 });
+}
+
+#[test]
+fn a_derivative_that_is_not_a_number_ends_the_run_and_keeps_it() {
+    let ball = ball();
+    let grid = TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap();
+    let force = Vector3::repeat(f64::NAN);
+    let by = Parameter::Force(Arc::new(move |t, _, _| Wrench {
+        force: if t > 0.2 { force } else { Vector3::zeros() },
+        torque: Vector3::zeros(),
+    }));
+    let (by, location) = (Differentiation::by([by]), Location::default());
+    let start = ball.at(0.5, 0.0);
+    let error =
+        differentiate_hybrid(&RKMK8, &ball.system, &start, &by, &grid, &location, &mut ()).unwrap_err();
+    let at = |e: &Undifferentiated| match e.reason {
+        SensitivityError::Run(Interruption::Integrate(IntegrateError::NonFinite { t })) => t,
+        _ => f64::NAN,
+    };
+    assert!((at(&error) - 0.21).abs() < 1e-12 && (error.so_far.run.t - 0.2).abs() < 1e-12, "{error}");
+    assert!(error.so_far.state.iter().all(|d| d.is_finite()));
+}
+
+#[test]
+fn methods_parameters_and_steps_that_cannot_be_are_refused() {
+    let ball = ball();
+    let (grid, location) = (TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap(), Location::default());
+    let attempt = |method: Method, by: &[Parameter]| {
+        let (start, by) = (ball.at(0.5, 0.0), Differentiation::by(by));
+        let options = Options::default();
+        differentiate_located(method, options, &ball.system, &start, &by, &grid, &location, &mut ())
+            .map_err(|error| error.reason)
+            .map(|found| found.run.t)
+    };
+    for method in [Method::Lgvi, Method::RkmkB, Method::Rk4L, Method::Split4] {
+        let error = attempt(method, &[]).unwrap_err();
+        assert_eq!(error, SensitivityError::Method { method: method.info().name });
+    }
+    assert_eq!(attempt(Method::Rkmk, &[]), Ok(0.5));
+    let error = attempt(Method::Rkmk, &[Parameter::Friction(0)]).unwrap_err();
+    assert_eq!(error, SensitivityError::NoFriction { contact: 0 });
+    let friction = CoulombFriction::try_new(0.4, 2e3, 5.0).unwrap();
+    let law = CompliantLaw::try_new(5e4, 50.0).unwrap();
+    let block = SlidingBlock::try_new(1.5, Vector3::new(0.2, 0.2, 0.1), law, friction).unwrap();
+    let attempt = |max_step: f64| {
+        let settings = Adaptive { max_step, ..Adaptive::default() };
+        let (start, by) = (block.sliding(2.0), Differentiation::by([Parameter::Friction(0)]));
+        let (system, interval) = (&block.system, (0.0, 0.3));
+        differentiate_hybrid_adaptive(&RKMK8, system, &start, &by, interval, &settings, &location, &mut ())
+            .map_err(|error| error.reason)
+            .map(|found| found.run.t)
+    };
+    assert_eq!(attempt(f64::INFINITY), Err(SensitivityError::UnboundedStep));
+    assert_eq!(attempt(1e-2), Ok(0.3));
+}

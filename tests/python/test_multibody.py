@@ -1,0 +1,544 @@
+"""Trees of bodies: closed forms, round trips, batches, bad input."""
+
+import copy
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from somersault import Model, RigidBody, errors, multibody
+from somersault.multibody import Link
+
+Array = NDArray[np.float64]
+
+
+def tree(seed: int = 1, bodies: int = 12) -> Model:
+    """A random tree with joints of all kinds; the root floats."""
+    random = np.random.default_rng(seed)
+    kinds = ["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
+    links = []
+    for i in range(bodies):
+        joint: Any = "free" if i == 0 else kinds[i % 6]
+        box = RigidBody.box(random.uniform(0.5, 2.0), random.uniform(0.1, 0.5, 3))
+        links.append(
+            Link(
+                f"b{i}",
+                joint,
+                parent=f"b{random.integers(i)}" if i else None,
+                axis=random.normal(size=3) if joint in ("revolute", "prismatic") else None,
+                body=box,
+                center=random.uniform(-0.2, 0.2, 3),
+                origin=random.uniform(-0.5, 0.5, 3),
+                orientation=Rotation.random(rng=random),
+                damping=random.uniform(0.0, 0.1),
+            )
+        )
+    return Model(links)
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return tree()
+
+
+@pytest.fixture
+def state(model: Model) -> tuple[Array, Array, Array]:
+    """q, v and a third vector of that length."""
+    random = np.random.default_rng(2)
+    return model.random(random), *random.normal(size=(2, model.n_velocities))
+
+
+def many(model: Model, n: int) -> tuple[Array, Array, Array]:
+    random = np.random.default_rng(3)
+    return np.array([model.random(random) for _ in range(n)]), *random.normal(size=(2, n, model.n_velocities))
+
+
+def raises(error: type[Exception], part: str, call: Callable[[], object]) -> None:
+    with pytest.raises(error) as caught:
+        call()
+    assert part in str(caught.value)
+    assert type(caught.value) is error
+
+
+def test_the_cart_pendulum_equals_the_equations_of_the_thesis() -> None:
+    # Appendix A, corrected: (m_c + m) r'' − m ℓ θ'' cos θ + m ℓ θ'² sin θ = F,
+    # m ℓ² θ'' − m ℓ r'' cos θ − m g ℓ sin θ = τ.
+    cart, m, length, g = 1.3, 0.4, 0.7, 9.81
+    pendulum = multibody.cart_pendulum(cart_mass=cart, mass=m, length=length, gravity=g)
+    random = np.random.default_rng(4)
+    for _ in range(20):
+        q, v, a = random.normal(size=(3, 2))
+        s, c = np.sin(q[1]), np.cos(q[1])
+        expected = [
+            (cart + m) * a[0] - m * length * a[1] * c + m * length * v[1] ** 2 * s,
+            m * length**2 * a[1] - m * length * a[0] * c - m * g * length * s,
+        ]
+        np.testing.assert_allclose(pendulum.inverse_dynamics(q, v, a), expected, atol=1e-13)
+        assert pendulum.kinetic_energy(q, v) == pytest.approx(
+            0.5 * (cart + m) * v[0] ** 2 - m * length * c * v[0] * v[1] + 0.5 * m * length**2 * v[1] ** 2,
+            abs=1e-13,
+        )
+        assert pendulum.potential_energy(q) == pytest.approx(m * g * length * c, abs=1e-13)
+
+
+def test_the_two_link_arm_equals_the_equations_of_the_thesis() -> None:
+    # Section 8.2 with M₁₂ corrected.
+    m, (l1, l2), damping = (0.5, 0.7), (2.0, 0.5), (0.2, 0.1)
+    arm = multibody.two_link_arm(masses=m, lengths=(l1, l2), damping=damping)
+    i1, i2 = m[0] * l1**2 / 12, m[1] * l2**2 / 12
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        q, v = random.normal(size=(2, 2))
+        c, s = np.cos(q[1]), np.sin(q[1])
+        m12 = m[1] * (l2**2 / 4 + 0.5 * l1 * l2 * c) + i2
+        m11 = m[0] * l1**2 / 4 + m[1] * (l1**2 + l1 * l2 * c + l2**2 / 4) + i1 + i2
+        mass_matrix = [[m11, m12], [m12, m[1] * l2**2 / 4 + i2]]
+        np.testing.assert_allclose(arm.mass_matrix(q), mass_matrix, atol=1e-13)
+        bias = [
+            -0.5 * l1 * l2 * m[1] * v[1] * (2 * v[0] + v[1]) * s + damping[0] * v[0],
+            0.5 * l1 * l2 * m[1] * v[0] ** 2 * s + damping[1] * v[1],
+        ]
+        np.testing.assert_allclose(arm.bias(q, v), bias, atol=1e-13)
+
+
+def test_a_single_free_body_obeys_newton_and_euler() -> None:
+    box = RigidBody.box(2.0, (0.2, 0.4, 0.6))
+    free = Model([Link("box", "free", body=box)], gravity=(0, 0, 0))
+    v, a = np.array([0.3, -0.1, 0.2, 1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3, -1.0, 0.5, 0.7])
+    omega, momentum = v[3:], box.inertia @ v[3:]
+    torque = free.inverse_dynamics(free.random(0), v, a)
+    np.testing.assert_allclose(torque[:3], 2.0 * (a[:3] + np.cross(omega, v[:3])), atol=1e-14)
+    np.testing.assert_allclose(torque[3:], box.inertia @ a[3:] + np.cross(omega, momentum), atol=1e-14)
+
+
+def test_the_algorithms_agree_with_each_other(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    random = np.random.default_rng(6)
+    wrenches = random.normal(size=(model.n_bodies, 6))
+    mass_matrix, bias = model.mass_matrix(q), model.bias(q, v)
+    np.testing.assert_array_equal(mass_matrix, mass_matrix.T)
+    # Wrenches are in body axes, as are the Jacobians in the axes of the frame.
+    outside = sum(model.jacobian(q, i, axes="frame").T @ wrenches[i] for i in range(model.n_bodies))
+    torque = model.inverse_dynamics(q, v, a, wrenches)
+    np.testing.assert_allclose(torque, mass_matrix @ a + bias - outside, atol=1e-11)
+    np.testing.assert_allclose(model.forward_dynamics(q, v, torque, wrenches), a, atol=1e-10)
+    np.testing.assert_allclose(bias, model.inverse_dynamics(q, v, np.zeros_like(v)), atol=1e-13)
+    at_rest = model.inverse_dynamics(q, np.zeros_like(v), np.zeros_like(v))
+    np.testing.assert_allclose(model.gravity_forces(q), at_rest, atol=1e-13)
+    assert model.kinetic_energy(q, v) == pytest.approx(0.5 * v @ mass_matrix @ v, rel=1e-12)
+    np.testing.assert_allclose(
+        model.centroidal_momentum(q, v), model.centroidal_matrix(q) @ v, rtol=1e-13, atol=1e-13
+    )
+
+
+def test_hybrid_dynamics_solve_any_split(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    torque = model.inverse_dynamics(q, v, a)
+    flags = np.random.default_rng(7).random(model.n_velocities) < 0.5
+    for active in (flags, flags.tolist(), ["b1", "b3"], []):
+        if isinstance(active, list) and (not active or isinstance(active[0], str)):
+            known = np.zeros(model.n_velocities, dtype=bool)
+            for name in active:
+                known[model.velocities_of(name)] = True
+        else:
+            known = flags
+        found_a, found_torque = model.hybrid_dynamics(
+            q, v, np.where(known, a, 99.0), np.where(known, 99.0, torque), active
+        )
+        np.testing.assert_allclose(found_a, a, atol=1e-10)
+        np.testing.assert_allclose(found_torque, torque, atol=1e-10)
+        np.testing.assert_array_equal(found_a[known], a[known])
+
+
+def test_kinematics_agree_with_differences(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    h = 1e-6
+    ahead, behind = model.integrate(q, h * v), model.integrate(q, -h * v)
+    poses, rates = model.poses(q), (model.poses(ahead) - model.poses(behind)) / (2 * h)
+    velocities = model.velocities(q, v)
+    for i in range(model.n_bodies):
+        rotation = poses[i, :3, :3]
+        np.testing.assert_allclose(rotation @ velocities[i, :3], rates[i, :3, 3], atol=1e-8)
+        spin = rotation.T @ rates[i, :3, :3]
+        np.testing.assert_allclose(velocities[i, 3:], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-8)
+        frame = Rotation.from_rotvec((0.1, 0.2, 0.3))
+        at = model.jacobian(q, model.names[i], point=(0.1, 0.2, 0.3), orientation=frame, axes="frame") @ v
+        linear = velocities[i, :3] + np.cross(velocities[i, 3:], (0.1, 0.2, 0.3))
+        np.testing.assert_allclose(at[:3], frame.inv().apply(linear), atol=1e-12)
+        np.testing.assert_allclose(at[3:], frame.inv().apply(velocities[i, 3:]), atol=1e-12)
+    centre = (model.center_of_mass(ahead) - model.center_of_mass(behind)) / (2 * h)
+    np.testing.assert_allclose(model.centroidal_momentum(q, v)[:3], model.mass * centre, atol=1e-7)
+    later = model.velocities(model.integrate(q, h * v), v + h * a)
+    sooner = model.velocities(model.integrate(q, -h * v), v - h * a)
+    np.testing.assert_allclose(model.accelerations(q, v, a), (later - sooner) / (2 * h), atol=1e-7)
+
+
+def differences(model: Model, q: Array, function: Callable[[Array], Array]) -> Array:
+    """∂f/∂q along q ⊕ ε e_k by central differences, with one column for each k."""
+    h = 1e-6
+    steps = h * np.eye(model.n_velocities)
+    columns = [function(model.integrate(q, e)) - function(model.integrate(q, -e)) for e in steps]
+    return np.stack(columns, axis=-1) / (2 * h)
+
+
+def test_partials_are_those_of_differences(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    wrenches = np.random.default_rng(10).normal(size=(model.n_bodies, 6))
+    near = {"rtol": 1e-6, "atol": 1e-6}
+    torque, torque_q, torque_v, torque_a = model.inverse_dynamics_partials(q, v, a, wrenches)
+    np.testing.assert_allclose(torque, model.inverse_dynamics(q, v, a, wrenches), atol=1e-12)
+    by_q = differences(model, q, lambda q: model.inverse_dynamics(q, v, a, wrenches))
+    np.testing.assert_allclose(torque_q, by_q, **near)
+    np.testing.assert_allclose(torque_a, model.mass_matrix(q), atol=1e-13)
+    # Bias is quadratic in v, so that central differences are exact.
+    shifts = np.eye(model.n_velocities)
+    ahead, behind = (model.inverse_dynamics(q, v + s * shifts, a, wrenches) for s in (1, -1))
+    np.testing.assert_allclose(torque_v, ((ahead - behind) / 2).T, atol=1e-11)
+
+    found, a_q, a_v, a_torque = model.forward_dynamics_partials(q, v, torque, wrenches)
+    np.testing.assert_allclose(found, a, atol=1e-10)
+    np.testing.assert_allclose(a_torque @ torque_a, np.eye(len(v)), atol=1e-9)
+    np.testing.assert_allclose(torque_a @ a_q, -torque_q, atol=1e-8)
+    np.testing.assert_allclose(torque_a @ a_v, -torque_v, atol=1e-9)
+
+    active = np.random.default_rng(11).random(len(v)) < 0.5
+    known = np.where(active, a, torque)
+    other, other_q, other_v, other_known = model.hybrid_dynamics_partials(q, v, known, active, wrenches)
+
+    def hybrid(q: Array, v: Array, known: Array) -> Array:
+        a, torque = model.hybrid_dynamics(q, v, known, known, active, wrenches)
+        return np.where(active, torque, a)
+
+    np.testing.assert_allclose(other, np.where(active, torque, a), atol=1e-10)
+    np.testing.assert_allclose(other_q, differences(model, q, lambda q: hybrid(q, v, known)), **near)
+    ahead, behind = (hybrid(q, v + s * shifts, known) for s in (1, -1))
+    np.testing.assert_allclose(other_v, ((ahead - behind) / 2).T, atol=1e-10)
+    # What is found is affine in what is known.
+    step = hybrid(q, v, known + shifts) - hybrid(q, v, known)
+    np.testing.assert_allclose(other_known, step.T, atol=1e-9)
+
+    center, center_q, momentum, momentum_q, momentum_v = model.momentum_partials(q, v)
+    np.testing.assert_allclose(center, model.center_of_mass(q), atol=1e-14)
+    np.testing.assert_allclose(center_q, differences(model, q, model.center_of_mass), **near)
+    np.testing.assert_allclose(momentum, model.centroidal_momentum(q, v), atol=1e-12)
+    by_q = differences(model, q, lambda q: model.centroidal_momentum(q, v))
+    np.testing.assert_allclose(momentum_q, by_q, **near)
+    np.testing.assert_allclose(momentum_v, model.centroidal_matrix(q), atol=1e-13)
+
+
+def test_configurations_are_a_manifold(model: Model) -> None:
+    random = np.random.default_rng(8)
+    start, end = model.random(random), model.random(random)
+    np.testing.assert_allclose(model.integrate(start, model.difference(start, end))[:3], end[:3], atol=1e-13)
+    back = model.difference(start, model.integrate(start, 0.1 * np.arange(model.n_velocities) / 10))
+    np.testing.assert_allclose(back, 0.01 * np.arange(model.n_velocities), atol=1e-13)
+    np.testing.assert_allclose(model.difference(start, start), np.zeros(model.n_velocities), atol=1e-15)
+    neutral = model.neutral()
+    np.testing.assert_array_equal(neutral[model.positions_of("b0")], [0, 0, 0, 0, 0, 0, 1])
+    stretched = neutral.copy()
+    stretched[6] = 3.0
+    np.testing.assert_array_equal(model.normalize(stretched), neutral)
+
+
+def test_random_configurations_keep_limits_and_seeds() -> None:
+    links = [
+        Link("a", "revolute", axis=(0, 0, 1), limits=(0.2, 0.3), mass=1.0, inertia=(1, 1, 1)),
+        Link("b", "prismatic", parent="a", axis=(0, 0, 1), limits=(-np.inf, -0.5), mass=1.0),
+        Link("c", "spherical", parent="b", mass=1.0, inertia=(1, 1, 1)),
+    ]
+    model = Model(links)
+    q = np.array([model.random(np.random.default_rng(i)) for i in range(200)])
+    assert q[:, 0].min() >= 0.2 and q[:, 0].max() <= 0.3
+    assert q[:, 1].min() >= -1.0 and q[:, 1].max() <= -0.5
+    np.testing.assert_allclose(np.linalg.norm(q[:, 2:], axis=1), 1.0, atol=1e-15)
+    np.testing.assert_array_equal(model.random(3), model.random(3))
+    assert (model.random(3) != model.random(4)).all()
+
+
+def joined(results: tuple[Array, ...]) -> Array:
+    """Results side by side; the first is a vector for each configuration."""
+    lead = results[0].shape[:-1]
+    sizes = [int(np.prod(result.shape[len(lead) :])) for result in results]
+    flat = [result.reshape((*lead, n)) for result, n in zip(results, sizes, strict=True)]
+    return np.concatenate(flat, axis=-1)
+
+
+FUNCTIONS: list[tuple[str, Callable[[Model, Array, Array, Array], Any]]] = [
+    ("inverse_dynamics", lambda m, q, v, a: m.inverse_dynamics(q, v, a)),
+    ("forward_dynamics", lambda m, q, v, a: m.forward_dynamics(q, v, a)),
+    ("hybrid_dynamics", lambda m, q, v, a: np.stack(m.hybrid_dynamics(q, v, a, v, ["b1"]), axis=-1)),
+    ("mass_matrix", lambda m, q, v, a: m.mass_matrix(q)),
+    ("bias", lambda m, q, v, a: m.bias(q, v)),
+    ("gravity_forces", lambda m, q, v, a: m.gravity_forces(q)),
+    ("jacobian", lambda m, q, v, a: m.jacobian(q, "b5", point=(1, 2, 3))),
+    ("poses", lambda m, q, v, a: m.poses(q)),
+    ("velocities", lambda m, q, v, a: m.velocities(q, v)),
+    ("accelerations", lambda m, q, v, a: m.accelerations(q, v, a)),
+    ("center_of_mass", lambda m, q, v, a: m.center_of_mass(q)),
+    ("centroidal_momentum", lambda m, q, v, a: m.centroidal_momentum(q, v)),
+    ("centroidal_matrix", lambda m, q, v, a: m.centroidal_matrix(q)),
+    ("kinetic_energy", lambda m, q, v, a: m.kinetic_energy(q, v)),
+    ("potential_energy", lambda m, q, v, a: m.potential_energy(q)),
+    ("integrate", lambda m, q, v, a: m.integrate(q, v)),
+    ("difference", lambda m, q, v, a: m.difference(q, m.integrate(q, 0.1 * v))),
+    ("normalize", lambda m, q, v, a: m.normalize(1.5 * q)),
+    ("inverse_dynamics_partials", lambda m, q, v, a: joined(m.inverse_dynamics_partials(q, v, a))),
+    ("forward_dynamics_partials", lambda m, q, v, a: joined(m.forward_dynamics_partials(q, v, a))),
+    ("hybrid_dynamics_partials", lambda m, q, v, a: joined(m.hybrid_dynamics_partials(q, v, a, ["b1"]))),
+    ("momentum_partials", lambda m, q, v, a: joined(m.momentum_partials(q, v))),
+]
+
+
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
+def test_batches_are_singles_to_the_last_bit(model: Model, name: str, function: Callable[..., Any]) -> None:
+    q, v, a = many(model, 150)
+    together = function(model, q, v, a)
+    singles = np.array([function(model, *row) for row in zip(q, v, a, strict=True)])
+    assert together.dtype == np.float64
+    np.testing.assert_array_equal(together, singles)
+    one = function(model, q, v[0], a[0])
+    assert one.shape == together.shape
+    np.testing.assert_array_equal(one[0], together[0])
+    assert function(model, q[:0], v[:0], a[:0]).shape == (0, *together.shape[1:])
+
+
+def test_wrenches_may_be_many(model: Model) -> None:
+    q, v, a = many(model, 10)
+    wrenches = np.random.default_rng(9).normal(size=(10, model.n_bodies, 6))
+    together = model.inverse_dynamics(q, v, a, wrenches)
+    for i in range(10):
+        np.testing.assert_array_equal(together[i], model.inverse_dynamics(q[i], v[i], a[i], wrenches[i]))
+
+
+def test_any_real_numbers_are_taken(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, _ = state
+    expected = model.bias(q, v)
+    frozen = q.copy()
+    frozen.flags.writeable = False
+    strided = np.repeat(v, 2)[::2]
+    assert not strided.flags.c_contiguous
+    for given in (frozen, q.tolist(), q.astype(">f8"), np.stack([q, q], axis=1)[:, 0]):
+        np.testing.assert_array_equal(model.bias(given, strided), expected)
+    whole = np.arange(model.n_velocities)
+    np.testing.assert_array_equal(model.bias(q, whole), model.bias(q, whole.astype(float)))
+    single = model.bias(q.astype(np.float32), v.astype(np.float32))
+    np.testing.assert_allclose(single, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_bad_arrays_are_named(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    n, m = model.n_positions, model.n_velocities
+    shape = f"`v` must be real numbers of shape ({m},) or (n, {m}), found shape ({m - 1},)"
+    raises(errors.InputError, shape, lambda: model.bias(q, v[:-1]))
+    raises(errors.InputError, f"`q` must be real numbers of shape ({n},)", lambda: model.bias(q[:, None], v))
+    raises(errors.InputError, "found a str of dtype", lambda: model.mass_matrix("abc"))
+    raises(errors.InputError, "of dtype complex128", lambda: model.mass_matrix(1j * q))
+    bad = v.copy()
+    bad[3] = np.nan
+    raises(errors.InputError, "`a` must be finite, found NaN", lambda: model.inverse_dynamics(q, v, bad))
+    rows = np.stack([v, v, bad])
+    raises(errors.InputError, "`v` must be finite, found NaN in row 2", lambda: model.bias(q, rows))
+    counts = "`v` must have one row or as many as `q`, 3, found 2"
+    raises(errors.InputError, counts, lambda: model.bias(np.stack([q] * 3), rows[:2]))
+    long = model.neutral()
+    long[3:7] *= 2.0
+    raises(errors.InputError, "unit quaternion at joint 'b0', found one of norm 2", lambda: model.poses(long))
+    raises(errors.InputError, "row 1: `q` must", lambda: model.poses(np.stack([q, long])))
+    zero = q.copy()
+    zero[3:7] = 0.0
+    raises(errors.DynamicsInputError, "quaternion of joint `b0` is zero", lambda: model.normalize(zero))
+    raises(errors.DynamicsInputError, "row 1: ", lambda: model.normalize(np.stack([q, zero])))
+    wrench = np.zeros((model.n_bodies, 3))
+    raises(errors.InputError, "`wrenches` must be", lambda: model.inverse_dynamics(q, v, a, wrench))
+
+
+def test_bad_bodies_and_splits_are_named(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    raises(errors.DynamicsInputError, "no body is named `nobody`", lambda: model.body("nobody"))
+    raises(errors.DynamicsInputError, "body number 99 does not exist", lambda: model.jacobian(q, 99))
+    raises(errors.InputError, "`axes` must be", lambda: model.jacobian(q, 0, axes="body"))  # type: ignore[arg-type]
+    hybrid = model.hybrid_dynamics
+    raises(errors.DynamicsInputError, "`nobody`", lambda: hybrid(q, v, a, v, ["nobody"]))
+    raises(errors.InputError, "`active` must hold", lambda: hybrid(q, v, a, v, [True]))
+    raises(errors.InputError, "`active` must hold", lambda: hybrid(q, v, a, v, 3))  # type: ignore[arg-type]
+
+
+def test_a_singular_mass_matrix_is_no_input_error() -> None:
+    # Two sliders on parallel axes: the inner one carries no mass of its own once the outer is active.
+    links = [
+        Link("first", "prismatic", axis=(1, 0, 0), mass=1.0),
+        Link("second", "revolute", parent="first", axis=(1, 0, 0), mass=1.0),
+    ]
+    model = Model(links)
+    raises(
+        errors.DynamicsError,
+        "singular, or not finite, at joint `second`",
+        lambda: model.forward_dynamics([0, 0], [0, 0], [0, 1]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"joint": "hinge"}, errors.InputError, "`joint` must be 'fixed', 'revolute'"),
+        ({"axis": None}, errors.InputError, "`axis` must be given for a revolute joint"),
+        ({"axis": (0, 0, 0)}, errors.ModelError, "the joint axis of `arm` is zero"),
+        ({"axis": (0, np.nan, 0)}, errors.ModelError, "`axis` of `arm` must be finite"),
+        ({"joint": "free"}, errors.InputError, "`axis` is for revolute and prismatic joints"),
+        ({"mass": -1.0}, errors.ModelError, "`mass` of `arm` must not be negative, found -1"),
+        ({"mass": np.nan}, errors.ModelError, "`mass` of `arm` must be finite"),
+        ({"inertia": (1, 1, 3)}, errors.ModelError, "`arm` of mass 1 cannot have the principal moments"),
+        ({"inertia": np.ones((2, 2))}, errors.InputError, "`inertia` must be real numbers of shape (3,)"),
+        ({"inertia": np.triu(np.ones((3, 3)))}, errors.ModelError, "inertia of `arm` is not symmetric"),
+        ({"damping": -1.0}, errors.ModelError, "`damping` of `arm` must not be negative"),
+        ({"limits": (1.0, -1.0)}, errors.ModelError, "limits of `arm` cross: lower 1, upper -1"),
+        ({"origin": (1, 2)}, errors.InputError, "`origin` must be real numbers of shape (3,)"),
+        ({"orientation": (0, 0, 0, 0)}, errors.InputError, "`orientation` must not be the quaternion zero"),
+        ({"body": RigidBody.box(1.0, (1, 1, 1))}, errors.InputError, "in the place of `mass`"),
+    ],
+)
+def test_bad_links_are_refused(arguments: dict[str, Any], error: type[Exception], message: str) -> None:
+    given = {"name": "arm", "joint": "revolute", "axis": (0, 0, 1), "mass": 1.0, "inertia": (1, 1, 1)}
+    raises(error, message, lambda: Link(**(given | arguments)))
+
+
+def test_bad_trees_are_refused() -> None:
+    root = Link("root", "free", mass=1.0, inertia=(1, 1, 1))
+    arm = Link("arm", "revolute", parent="root", axis=(1, 0, 0), mass=1.0, inertia=(1, 1, 1))
+    light = Link("light", "revolute", parent="root", axis=(1, 0, 0))
+    for links, message in [
+        ([], "the model has no body"),
+        ([root, arm, arm], "a body named `arm` was added before"),
+        ([arm, root], "the parent `root` of `arm` is not among the bodies added before it"),
+        ([root, Link("other", "free", mass=1.0)], "`other` has no parent, but `root` is the root already"),
+        ([root, light], "the joint of `light` carries no mass"),
+    ]:
+        raises(errors.ModelError, message, lambda links=links: Model(links))  # type: ignore[misc]
+    raises(errors.InputError, "`links` must be a sequence of Link", lambda: Model([root, 1]))  # type: ignore[list-item]
+    raises(errors.InputError, "`gravity` must be finite", lambda: Model([root], gravity=(0, 0, np.inf)))
+
+
+def test_models_survive_copies_to_the_last_bit(model: Model, state: tuple[Array, Array, Array]) -> None:
+    q, v, a = state
+    for again in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model), Model(model.links)):
+        assert again == model
+        np.testing.assert_array_equal(again.inverse_dynamics(q, v, a), model.inverse_dynamics(q, v, a))
+    assert Model(model.links, gravity=(0, 0, 0)) != model
+    link = model.links[1]
+    assert pickle.loads(pickle.dumps(link)) == link
+    assert (link.name, link.joint, link.parent) == ("b1", "revolute", "b0")
+    assert link.axis is not None and np.linalg.norm(link.axis) == pytest.approx(1.0, abs=1e-15)
+    assert model.links[0].axis is None and model.links[0].limits is None
+
+
+def test_what_a_model_is_made_of(model: Model) -> None:
+    assert model.n_bodies == len(model.names) == len(model.links) == 12
+    assert model.mass == pytest.approx(sum(link.mass for link in model.links))
+    assert [model.body(name) for name in model.names] == list(range(12))
+    assert model.velocities_of("b0") == model.velocities_of(0) == slice(0, 6, 1)
+    np.testing.assert_array_equal(model.gravity, (0, 0, -9.81))
+    assert repr(model).startswith("<Model: 12 bodies from 'b0'")
+
+
+def test_trees_come_from_urdf_and_go_there(tmp_path: Path) -> None:
+    folder = Path(__file__).parents[1] / "urdf"
+    humanoid = Model.read_urdf(folder / "humanoid.urdf", base="free")
+    text = (folder / "humanoid.urdf").read_text(encoding="utf-8")
+    assert Model.from_urdf(text, base="free") == humanoid
+    assert Model.from_urdf(text).n_velocities == humanoid.n_velocities - 6
+    still = Model.from_urdf(text, gravity=(0, 0, 0))
+    np.testing.assert_array_equal(still.gravity_forces(still.neutral()), 0.0)
+    path = tmp_path / "again.urdf"
+    path.write_text(humanoid.to_urdf("again"), encoding="utf-8")
+    again = Model.read_urdf(str(path), base="free")
+    q = humanoid.random(1)
+    np.testing.assert_allclose(again.mass_matrix(q), humanoid.mass_matrix(q), atol=1e-13)
+    with pytest.raises(FileNotFoundError):
+        Model.read_urdf(tmp_path / "nowhere.urdf")
+    for bad, message in [
+        ("<robot", "not a readable XML document"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"/>', "not a readable XML document"),
+        ('<robot name="r"/>', "the robot has no link"),
+        ("<scene/>", "the outermost element must be <robot>, found <scene>"),
+    ]:
+        raises(errors.UrdfError, message, lambda bad=bad: Model.from_urdf(bad))  # type: ignore[misc]
+    raises(errors.InputError, "`base` must be 'fixed'", lambda: Model.from_urdf(text, base="ship"))  # type: ignore[arg-type]
+    ball = Model([Link("ball", "spherical", mass=1.0, inertia=(1, 1, 1))])
+    raises(errors.UrdfError, "`ball` cannot be written", ball.to_urdf)
+
+
+def test_divers_have_their_tables_and_postures() -> None:
+    planar, spatial = multibody.diver_planar(), multibody.diver_spatial(mass=60.0, height=1.65)
+    assert (planar.model.n_velocities, spatial.model.n_velocities) == (12, 27)
+    assert (len(planar.dof_names), len(spatial.dof_names)) == (12, 27)
+    assert planar.model.mass == pytest.approx(65.0, rel=1e-3)
+    assert spatial.model.mass == pytest.approx(60.0, rel=1e-3)
+    assert (spatial.mass, spatial.height) == (60.0, 1.65)
+    assert planar.postures == ("A", "B", "F", "G", "H")
+    assert spatial.postures == tuple("ABCDEFGHI")
+    again = pickle.loads(pickle.dumps(spatial))
+    assert again.model == spatial.model
+    raises(errors.PostureError, "no posture is named `Z`", lambda: planar.configuration("Z"))
+    raises(errors.PostureError, "posture C is not planar", lambda: planar.configuration("C"))
+    raises(errors.ModelError, "`mass` of `diver` must be positive", lambda: multibody.diver_planar(mass=0.0))
+    for posture in planar.postures:
+        # The planar diver is the spatial one of the same size, seen from the side.
+        flat = planar.model.center_of_mass(planar.configuration(posture))
+        same = multibody.diver_spatial()
+        deep = same.model.center_of_mass(same.configuration(posture))
+        if posture != "G":  # arms sideways in space, forward in the plane
+            np.testing.assert_allclose(flat, deep, atol=1e-12)
+
+
+def test_other_threads_run_while_a_batch_is_computed(model: Model) -> None:
+    q, v, a = many(model, 50)
+    q, v, a = (np.tile(x, (1000, 1)) for x in (q, v, a))
+    worker = threading.Thread(target=model.forward_dynamics, args=(q, v, a))
+    worker.start()
+    turns = 0
+    while worker.is_alive():
+        turns += 1
+        time.sleep(0.001)
+    worker.join()
+    # Held, the interpreter would have let this thread run once or twice.
+    assert turns > 10
+
+
+SCRIPT = """
+import time
+import numpy as np
+from somersault.multibody import Link, Model
+links = [Link("b0", "free", mass=1.0, inertia=(1, 1, 1))]
+for i in range(1, 40):
+    links.append(Link(f"b{i}", "revolute", axis=(1, 0, 0), parent=f"b{i - 1}", mass=1.0, inertia=(1, 1, 1)))
+model = Model(links)
+q = np.tile(model.neutral(), (6 * 10**5, 1))
+print("ready", flush=True)
+try:
+    model.forward_dynamics(q, np.zeros(model.n_velocities), np.zeros(model.n_velocities))
+except KeyboardInterrupt:
+    print(time.monotonic())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
+def test_a_batch_can_be_interrupted() -> None:
+    process = subprocess.Popen([sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, text=True)
+    with process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.5)
+        sent = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        output = process.communicate(timeout=60)[0]
+    assert float(output) - sent < 2.0

@@ -1,0 +1,202 @@
+"""Motion of trees: closed forms, conservation, driven joints, bad input."""
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from somersault import Model, RigidBody, State, errors, exact, multibody
+from somersault.multibody import Link, TreeSolution, integrate
+
+Array = NDArray[np.float64]
+G = 9.81
+
+
+def raises(error: type[Exception], part: str, call: Callable[[], object]) -> Exception:
+    with pytest.raises(error) as caught:
+        call()
+    assert part in str(caught.value)
+    assert type(caught.value) is error
+    return caught.value
+
+
+def by_dop853(model: Model, q: list[float], v: list[float], torque: Any, end: float) -> Array:
+    """Positions and velocities of revolute and prismatic joints at the end, by an integrator not ours."""
+    n = model.n_velocities
+
+    def slope(t: float, y: Array) -> Array:
+        a = model.forward_dynamics(y[:n], y[n:], torque(t, y[:n], y[n:]))
+        return np.concatenate([y[n:], a])
+
+    solved = solve_ivp(slope, (0, end), [*q, *v], method="DOP853", rtol=1e-13, atol=1e-13)
+    return np.asarray(solved.y[:, -1])
+
+
+def spring(t: float, q: Array, v: Array) -> tuple[float, float]:
+    return -30.0 * q[0] + np.sin(3.0 * t), -0.1 * v[1]
+
+
+def test_a_cart_on_a_spring_agrees_with_dop853() -> None:
+    cart = multibody.cart_pendulum()
+    expected = by_dop853(cart, [0.0, 0.1], [0.3, 0.0], spring, 2.0)
+
+    def error(**options: Any) -> float:
+        motion = integrate(cart, [0.0, 0.1], [0.3, 0.0], (0.0, 2.0), torque=spring, **options)
+        return float(np.abs(np.concatenate([motion.q[-1], motion.v[-1]]) - expected).max())
+
+    coarse, fine = error(dt=0.01), error(dt=0.005)
+    assert fine < 1e-7
+    assert np.log2(coarse / fine) > 3.7
+    assert error(rtol=1e-11, atol=1e-12) < 1e-9
+    assert error(dt=0.01, method="rkmk8") < 1e-11
+
+
+def test_a_free_body_turns_as_the_exact_one_does() -> None:
+    box = RigidBody.box(1.0, (0.2, 0.4, 0.6))
+    model = Model([Link("box", "free", body=box)])
+    start = State((0, 0, 1), velocity=(1.0, 0, 2.0), angular_velocity=(1.0, 2.0, 3.0))
+    q = [*start.position, *start.quaternion]
+    # Joint velocities are in the axes of the body.
+    v = [*start.velocity, *start.angular_velocity_body]
+    motion = integrate(model, q, v, (0.0, 2.0), dt=0.01, method="rkmk8")
+    there = exact.FreeBody(box, start)(2.0)
+    np.testing.assert_allclose(motion.q[-1][:3], there.position - [0, 0, G * 2.0], atol=1e-12)
+    turned = State(orientation=motion.q[-1][3:]).orientation
+    assert (turned.inv() * there.orientation).magnitude() < 1e-11
+    np.testing.assert_allclose(motion.v[-1][3:], there.angular_velocity_body, atol=1e-11)
+
+
+def test_a_diver_in_the_air_keeps_momentum_and_energy() -> None:
+    diver = multibody.diver_planar()
+    model, q = diver.model, diver.configuration("B")
+    v = np.zeros(model.n_velocities)
+    v[:3] = 0.5, 3.0, -4.0
+    v[5:] = 0.3
+    motion = integrate(model, q, v, (0.0, 0.4), dt=1e-3, method="rkmk8")
+    momentum = model.centroidal_momentum(motion.q, motion.v)
+    np.testing.assert_allclose(momentum[:, 3:], momentum[:1, 3:].repeat(len(motion), 0), atol=1e-9)
+    fall = momentum[0, 2] - G * model.mass * motion.t
+    np.testing.assert_allclose(momentum[:, 2], fall, rtol=1e-10)
+    energy = model.kinetic_energy(motion.q, motion.v) + model.potential_energy(motion.q)
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-10)
+
+
+def test_driven_joints_follow_and_the_rest_obeys() -> None:
+    arm = multibody.two_link_arm()
+
+    def swing(t: float, q: Array, v: Array) -> tuple[float, float]:
+        return 99.0, -4.0 * np.sin(2.0 * t)  # the first is not read
+
+    motion = integrate(
+        arm, [0.1, 0.2], [0.0, 2.0], (0.0, 1.0), dt=0.01, method="rkmk8", active=["lower"], acceleration=swing
+    )
+    np.testing.assert_allclose(motion.q[:, 1], 0.2 + np.sin(2.0 * motion.t), atol=1e-12)
+    # The upper joint is free but for its damping: inverse dynamics of the whole motion says so.
+    a, _ = arm.hybrid_dynamics(
+        motion.q, motion.v, -4.0 * np.sin(2.0 * motion.t)[:, None] * [0, 1], [0, 0], ["lower"]
+    )
+    np.testing.assert_allclose(arm.inverse_dynamics(motion.q, motion.v, a)[:, 0], 0.0, atol=1e-12)
+    rate = np.gradient(motion.v[:, 0], motion.t)
+    np.testing.assert_allclose(rate[2:-2], a[2:-2, 0], atol=2e-3)
+    flags = integrate(
+        arm,
+        [0.1, 0.2],
+        [0.0, 2.0],
+        (0.0, 1.0),
+        dt=0.01,
+        method="rkmk8",
+        active=[False, True],
+        acceleration=swing,
+    )
+    np.testing.assert_array_equal(flags.q, motion.q)
+
+
+def test_constant_forces_dense_output_and_records() -> None:
+    slider = Model([Link("slider", "prismatic", axis=(1, 0, 0), mass=2.0)])
+    motion = integrate(slider, [1.0], [0.5], (0.0, 2.0), dt=0.1, torque=[4.0], dense_output=True, every=6)
+    np.testing.assert_allclose(motion.t, [0.0, 0.6, 1.2, 1.8, 2.0])
+    np.testing.assert_allclose(motion.q[:, 0], 1.0 + 0.5 * motion.t + motion.t**2, atol=1e-13)
+    assert (motion.status, motion.success, motion.n_steps, motion.nfev) == (0, True, 20, 80)
+    assert motion.sol is not None and motion.model == slider
+    q, v = motion.sol(0.77)
+    assert (q.shape, v.shape) == ((1,), (1,))
+    assert q[0] == pytest.approx(1.0 + 0.5 * 0.77 + 0.77**2, abs=1e-13)
+    q, v = motion.sol([0.1, 0.2])
+    np.testing.assert_allclose(v[:, 0], [0.7, 0.9], atol=1e-13)
+    raises(
+        errors.InputError,
+        "`t` must be within the times integrated, 0 to 2, found 2.1",
+        lambda: motion.sol(2.1),
+    )  # type: ignore[misc]
+    again = pickle.loads(pickle.dumps(motion))
+    assert isinstance(again, TreeSolution)
+    np.testing.assert_array_equal(again.q, motion.q)
+    assert (again.message, again.sol, len(again)) == (motion.message, None, 5)
+
+
+def test_an_observer_sees_every_step_and_can_stop() -> None:
+    seen = []
+
+    def observer(t: float, q: Array, v: Array) -> bool:
+        seen.append((t, q.shape, v.shape))
+        return t > 0.25
+
+    diver = multibody.diver_spatial()
+    q, v = diver.configuration("A"), np.zeros(27)
+    motion = integrate(diver.model, q, v, (0.0, 1.0), dt=0.1, observer=observer)
+    assert seen == [(pytest.approx(t), (28,), (27,)) for t in (0.1, 0.2, 0.3)]
+    assert motion.status == 1
+
+
+def test_what_fails_leaves_what_was_before() -> None:
+    cart = multibody.cart_pendulum()
+
+    def late(t: float, q: Array, v: Array) -> tuple[float, float]:
+        if t > 0.5:
+            raise LookupError("no force there")
+        return 0.0, 0.0
+
+    def run(torque: Any, **options: Any) -> Callable[[], object]:
+        given = {"dt": 0.1, "torque": torque} | options
+        return lambda: integrate(cart, [0, 0.1], [0, 0], (0, 1), **given)
+
+    caught = raises(LookupError, "no force there", run(late))
+    assert len(caught.solution) == 6  # type: ignore[attr-defined]
+    caught = raises(
+        errors.InputError, "(t, q, v)` must be finite, found NaN", run(lambda t, q, v: (0, np.nan))
+    )
+    assert caught.solution.status == -2  # type: ignore[attr-defined]
+    raises(errors.InputError, "(t, q, v)` must be real numbers of shape (2,)", run(lambda t, q, v: (0, 0, 0)))
+    # The second joint moves no mass about its own axis.
+    links = [
+        Link("first", "prismatic", axis=(1, 0, 0), mass=1.0),
+        Link("second", "revolute", parent="first", axis=(1, 0, 0), mass=1.0),
+    ]
+    singular = Model(links)
+    raises(
+        errors.DynamicsError,
+        "singular, or not finite, at joint `second`",
+        lambda: integrate(singular, [0, 0], [0, 0], (0, 1), dt=0.1),
+    )
+
+
+def test_bad_arguments_are_refused() -> None:
+    cart = multibody.cart_pendulum()
+
+    def run(q: Any = (0, 0), v: Any = (0, 0), **options: Any) -> Callable[[], object]:
+        given = {"dt": 0.1} | options
+        return lambda: integrate(cart, q, v, (0, 1), **given)
+
+    raises(errors.InputError, "`q` must be real numbers of shape (2,), found shape (1,)", run(q=[0]))
+    raises(errors.InputError, "`v` must be finite, found NaN", run(v=[0, np.nan]))
+    raises(errors.InputError, "`torque` must be real numbers of shape (2,)", run(torque=[1]))
+    raises(errors.InputError, "`acceleration` is that of `active`", run(acceleration=[1, 1]))
+    raises(errors.DynamicsInputError, "no body is named `lid`", run(active=["lid"]))
+    raises(errors.IntegrateInputError, "method `rkmk_b` is for rigid bodies only", run(method="rkmk_b"))
+    raises(errors.InputError, "`rkmk` has no error estimate", run(dt=None, method="rkmk"))
+    raises(errors.InputError, "`observer` must be a callable f(t, q, v)", run(observer=3))
+    raises(errors.InputError, "`every` must be a positive number", run(every=0))
