@@ -1,12 +1,14 @@
 //! Time per step of the spinning top of thesis 7.3.2: without contacts, with the guard of its tip watched in
-//! flight, and with the contact active; and the time of one second with its seven events.
+//! flight, and with the contact active; and the time of one second with its seven events, with fixed and with
+//! adapted steps.
 //!
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use somersault::contact::driver::integrate_located;
+use somersault::contact::driver::{integrate_located, integrate_located_adaptive};
 use somersault::contact::event::Location;
 use somersault::contact::models::SpinningTop;
+use somersault::integrators::driver::Adaptive;
 use somersault::integrators::stepper::Scope;
 use somersault::prelude::*;
 use std::hint::black_box;
@@ -51,6 +53,26 @@ fn one_second(c: &mut Criterion) {
             b.iter(|| {
                 let (start, location) = (black_box(&top.start), Location::default());
                 integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ())
+            })
+        });
+    }
+    for (method, tolerance) in [(Method::Rkmk5B, 1e-9), (Method::Rkmk8B, 1e-9), (Method::Rkmk8B, 1e-11)] {
+        let settings = Adaptive::with_tolerances(tolerance, tolerance);
+        let options = Options::default();
+        group.bench_function(format!("{method}_adaptive_{tolerance:e}"), |b| {
+            b.iter(|| {
+                let (start, location) = (black_box(&top.start), Location::default());
+                let (system, interval) = (&top.system, (0.0, 1.0));
+                integrate_located_adaptive(
+                    method,
+                    options,
+                    system,
+                    start,
+                    interval,
+                    &settings,
+                    &location,
+                    &mut (),
+                )
             })
         });
     }

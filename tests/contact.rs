@@ -266,9 +266,12 @@ fn every_method_keeps_its_order_on_the_top_with_location() {
 
 #[test]
 fn every_method_falls_to_first_order_on_the_top_without_location() {
-    let dts: Vec<f64> = (0..5).map(|k| 1.25e-4 * 0.5f64.powi(k)).collect();
     for method in methods() {
-        let study = top_convergence(method, Stepping::Straddling, &dts, 24);
+        // Errors of second order hide those of the first down to small steps; those of DOP853 scatter most.
+        let (first, count, sizes) =
+            if method.info().orders.rotation > 2 { (2.5e-4, 5, 48) } else { (3.125e-5, 3, 24) };
+        let dts: Vec<f64> = (0..count).map(|k| first * 0.5f64.powi(k)).collect();
+        let study = top_convergence(method, Stepping::Straddling, &dts, sizes);
         let ObservedOrders { position, orientation, velocity, angular_velocity } = study.orders;
         println!("{method:10} {:.2?}", study.orders);
         for found in [position, orientation, velocity, angular_velocity] {

@@ -5,7 +5,7 @@ use crate::event::EventKind;
 use crate::friction::Friction;
 use crate::hybrid::{Guard, Hybrid, HybridBodies};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
-use crate::shape::Shape;
+use crate::shape::{Place, Shape};
 use crate::surface::{HalfSpace, Surface};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
@@ -22,17 +22,24 @@ use std::sync::Arc;
 pub struct Contact {
     shape: Shape,
     surface: Arc<dyn Surface>,
+    /// The surface itself where it is a half-space, the most common one.
+    plane: Option<HalfSpace>,
     law: ContactLaw,
 }
 
 impl Contact {
+    fn new(shape: Shape, surface: Arc<dyn Surface>, law: ContactLaw) -> Self {
+        let plane = surface.as_half_space().copied();
+        Self { shape, surface, plane, law }
+    }
+
     /// A point of the body, a surface and a law.
     pub fn try_new(
         point: Vector3<f64>,
         surface: Arc<dyn Surface>,
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
-        Ok(Self { shape: Shape::Point(finite("point", point)?), surface, law: law.into() })
+        Ok(Self::new(Shape::Point(finite("point", point)?), surface, law.into()))
     }
 
     /// A ball of some centre and radius, against any surface.
@@ -45,7 +52,7 @@ impl Contact {
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
         let shape = Shape::Ball { centre: finite("centre", centre)?, radius: positive("radius", radius)? };
-        Ok(Self { shape, surface, law: rolling(law.into())? })
+        Ok(Self::new(shape, surface, rolling(law.into())?))
     }
 
     /// The rim of a disk of some centre, axis (of any length but zero) and radius, against a plane.
@@ -60,7 +67,7 @@ impl Contact {
     ) -> Result<Self, ContactError> {
         let (centre, axis) = (finite("centre", centre)?, direction("axis", axis)?);
         let shape = Shape::Rim { centre, axis, radius: positive("radius", radius)? };
-        Ok(Self { shape, surface: Arc::new(plane), law: rolling(law.into())? })
+        Ok(Self::new(shape, Arc::new(plane), rolling(law.into())?))
     }
 
     /// What touches.
@@ -76,12 +83,25 @@ impl Contact {
     /// The same against another surface, which for a rim must be a plane.
     #[must_use]
     pub fn against(self, surface: Arc<dyn Surface>) -> Self {
-        Self { surface, ..self }
+        Self::new(self.shape, surface, self.law)
     }
 
     /// The laws.
     pub fn law(&self) -> &ContactLaw {
         &self.law
+    }
+
+    #[inline(always)]
+    fn place(&self, x: &RigidBodyState) -> Place {
+        match &self.plane {
+            Some(plane) => self.shape.place(|point| plane.signed_distance(point), x),
+            None => self.place_on_surface(x),
+        }
+    }
+
+    #[inline(never)]
+    fn place_on_surface(&self, x: &RigidBodyState) -> Place {
+        self.shape.place(|point| self.surface.signed_distance(point), x)
     }
 
     /// What the laws see in a state of a body.
@@ -93,7 +113,7 @@ impl Contact {
     /// The encounter and the lever arm of the point of contact.
     #[inline(always)]
     pub(crate) fn meet(&self, body: &RigidBody, x: &RigidBodyState) -> (Encounter, Vector3<f64>) {
-        let place = self.shape.place(&*self.surface, x);
+        let place = self.place(x);
         let velocity = x.velocity() + x.angular_velocity().cross(&place.arm);
         let rate = place.normal.dot(&velocity);
         let encounter = Encounter {
@@ -180,7 +200,7 @@ impl Contacts {
 
     /// Energy of the springs of the normal laws, J; Σ ½ k min(Δx, 0)² for compliant ones.
     pub fn energy(&self, x: &RigidBodyState) -> f64 {
-        self.contacts.iter().map(|c| c.law.normal.energy(c.shape.place(&*c.surface, x).gap)).sum()
+        self.contacts.iter().map(|c| c.law.normal.energy(c.place(x).gap)).sum()
     }
 
     /// The same and the energy of the springs that hold sticking contacts, J.

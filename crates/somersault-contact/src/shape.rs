@@ -1,6 +1,6 @@
 //! What of a body touches a surface: a point, a ball, or the rim of a disk.
 
-use crate::surface::Surface;
+use crate::surface::SignedDistance;
 use nalgebra::{Unit, Vector3};
 use somersault_integrators::state::RigidBodyState;
 
@@ -43,9 +43,13 @@ impl Shape {
     }
 
     #[inline(always)]
-    pub(crate) fn place(&self, surface: &dyn Surface, x: &RigidBodyState) -> Place {
+    pub(crate) fn place(
+        &self,
+        distance: impl Fn(&Vector3<f64>) -> SignedDistance,
+        x: &RigidBodyState,
+    ) -> Place {
         let arm = x.orientation() * self.centre();
-        let at = surface.signed_distance(&(x.position() + arm));
+        let at = distance(&(x.position() + arm));
         let normal = at.gradient;
         match self {
             Self::Point(_) => Place { gap: at.distance, arm, normal },

@@ -108,8 +108,8 @@ pub fn errors<H: HybridBodies>(
     Ok(forgive(state)?.map_or(Errors::INFINITE, |state| problem.errors(&state)))
 }
 
-/// Runs a problem with each of the steps `dts`, each as the root mean square over `sizes` step sizes in
-/// even ratios from dt down to half of it, and takes the orders.
+/// Runs a problem with each of the steps `dts`, each as the geometric mean over `sizes` step sizes in even
+/// ratios from dt down to half of it, and takes the orders.
 ///
 /// Errors: an empty list, a step that is not positive or too small to advance the time, a method that does
 /// not apply, and a stop by `progress`, which is called after each entry of `dts`.
@@ -129,23 +129,16 @@ pub fn convergence<H: HybridBodies>(
     let mut measured = Vec::with_capacity(dts.len());
     for &dt in dts {
         check_positive("dts", dt)?;
-        let mut sum = Errors { position: 0.0, orientation: 0.0, velocity: 0.0, angular_velocity: 0.0 };
+        let mut logarithms = [0.0; 4];
         for i in 0..sizes {
             let dt = dt * 0.5f64.powf(f64::from(i) / f64::from(sizes));
             let steps = (problem.t_end() / dt).round().max(1.0) as u64;
             let found = errors(problem, method, options, stepping, steps)?;
-            let add = |sum: &mut f64, error: f64| *sum += error * error / f64::from(sizes);
-            add(&mut sum.position, found.position);
-            add(&mut sum.orientation, found.orientation);
-            add(&mut sum.velocity, found.velocity);
-            add(&mut sum.angular_velocity, found.angular_velocity);
+            let parts = [found.position, found.orientation, found.velocity, found.angular_velocity];
+            logarithms.iter_mut().zip(parts).for_each(|(sum, error)| *sum += error.ln() / f64::from(sizes));
         }
-        let errors = Errors {
-            position: sum.position.sqrt(),
-            orientation: sum.orientation.sqrt(),
-            velocity: sum.velocity.sqrt(),
-            angular_velocity: sum.angular_velocity.sqrt(),
-        };
+        let [position, orientation, velocity, angular_velocity] = logarithms.map(f64::exp);
+        let errors = Errors { position, orientation, velocity, angular_velocity };
         measured.push(Measured { dt, errors });
         if progress(measured.len(), dts.len()) == Flow::Stop && measured.len() < dts.len() {
             return Err(StudyError::Stopped { done: measured.len(), total: dts.len() });

@@ -21,6 +21,11 @@ pub trait Surface: std::fmt::Debug + Send + Sync {
     /// Signed distance and gradient at a point of the world, m.
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance;
 
+    /// The half-space, where the surface is one; contacts ask it without a call through the object.
+    fn as_half_space(&self) -> Option<&HalfSpace> {
+        None
+    }
+
     /// Second derivative of the distance, 1/m, symmetric; sensitivities ask for it.
     ///
     /// By default central differences of the gradient over 6e-6 of the larger of 1 m and the size of the
@@ -62,6 +67,9 @@ impl Surface for HalfSpace {
     #[inline]
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
         SignedDistance { distance: self.normal.dot(point) - self.offset, gradient: self.normal.into_inner() }
+    }
+    fn as_half_space(&self) -> Option<&HalfSpace> {
+        Some(self)
     }
     fn hessian(&self, _: &Vector3<f64>) -> Matrix3<f64> {
         Matrix3::zeros()
