@@ -140,8 +140,11 @@ impl Results {
             let length: usize = shape.iter().product();
             let at = start..start + length;
             start += length;
-            let rows = (0..self.count.unwrap_or(1)).map(|i| i * self.length);
-            let values = rows.flat_map(|row| &self.values[row + at.start..row + at.end]).copied().collect();
+            let mut values = Vec::with_capacity(self.count.unwrap_or(1) * length);
+            for i in 0..self.count.unwrap_or(1) {
+                let row = i * self.length;
+                values.extend_from_slice(&self.values[row + at.start..row + at.end]);
+            }
             Results { values, count: self.count, length }.array(py, shape)
         });
         let mut arrays = Vec::with_capacity(N);
