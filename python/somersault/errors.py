@@ -22,6 +22,7 @@ __all__ = [
     "CountMismatchError",
     "DynamicsError",
     "DynamicsInputError",
+    "FlightError",
     "FreeBodyError",
     "InertiaError",
     "InputError",
@@ -133,3 +134,7 @@ class PostureError(InputError):
 
 class UrdfError(InputError):
     """A document is not a tree in URDF, or a tree cannot be written as one; the message names the element."""
+
+
+class FlightError(InputError):
+    """A tree cannot fly: its root is held or damped."""

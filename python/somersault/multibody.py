@@ -2,7 +2,8 @@
 
 M(q) a + h(q, v) = τ + Σ Jᵀ f, with the mass matrix M, the bias h, joint forces τ and external wrenches f.
 A `Model` is made of `Link` objects, or read from URDF; `cart_pendulum` and the like make those with a
-name. `integrate` moves a tree.
+name. `integrate` moves a
+tree, and `fly` one in the air whose joints move as prescribed.
 
 >>> import numpy as np
 >>> from somersault import multibody
@@ -23,6 +24,7 @@ from somersault._somersault import (
     diver_spatial,
     two_link_arm,
 )
+from somersault._somersault import integrate_flight as fly
 from somersault._somersault import integrate_tree as integrate
 
 __all__ = [
@@ -34,6 +36,7 @@ __all__ = [
     "cart_pendulum",
     "diver_planar",
     "diver_spatial",
+    "fly",
     "integrate",
     "two_link_arm",
 ]

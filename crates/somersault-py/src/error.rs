@@ -17,6 +17,7 @@ use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
+use somersault::multibody::flight::FlightError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
@@ -224,6 +225,15 @@ impl From<MotionError> for Error {
         match error {
             MotionError::Integrate(error) => error.into(),
             error => Self::own("DynamicsError", &error),
+        }
+    }
+}
+
+impl From<FlightError> for Error {
+    fn from(error: FlightError) -> Self {
+        match error {
+            FlightError::Dynamics(error) => error.into(),
+            error => Self::own("FlightError", &error),
         }
     }
 }

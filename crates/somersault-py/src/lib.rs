@@ -28,6 +28,7 @@ mod scene;
 mod studies;
 mod surface;
 mod trajectory;
+mod tree_flight;
 mod tree_motion;
 mod urdf;
 
@@ -74,6 +75,8 @@ mod _somersault {
     use crate::surface::{Cylinder, HalfSpace, Sphere, Surface};
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
+    #[pymodule_export]
+    use crate::tree_flight::integrate_flight;
     #[pymodule_export]
     use crate::tree_motion::{TreeDenseOutput, TreeSolution, integrate_tree};
 

@@ -222,8 +222,8 @@ impl Link {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        body: (String, String, Option<String>, Option<Bound<'_, PyAny>>, f64, Bound<'_, PyAny>),
-        joint: (Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>, f64, Option<[f64; 2]>),
+        body: PickledBody<'_>,
+        joint: PickledJoint<'_>,
     ) -> Result<Self, Error> {
         let (name, kind, parent, axis, mass, center) = &body;
         let (inertia, origin, quaternion, damping, limits) = &joint;
@@ -243,6 +243,12 @@ impl Link {
         )
     }
 }
+
+/// Name, joint, parent, axis, mass and centre of mass.
+type PickledBody<'py> = (String, String, Option<String>, Option<Bound<'py, PyAny>>, f64, Bound<'py, PyAny>);
+
+/// Inertia, origin, quaternion, damping and limits.
+type PickledJoint<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, f64, Option<[f64; 2]>);
 
 fn joint_of(kind: &str, axis: Option<&Bound<'_, PyAny>>) -> Result<Joint, Error> {
     let given = axis.is_some();

@@ -141,10 +141,11 @@ impl Diver {
         format!("<Diver: {kind}, {} kg, {} m>", self.diver.mass, self.diver.height)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (bool, f64, f64, f64))> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let diver = &slf.get().diver;
         let planar = diver.dimension == Dimension::Planar;
-        Ok((slf.get_type().getattr("_restore")?, (planar, diver.mass, diver.height, diver.gravity)))
+        let arguments = (planar, diver.mass, diver.height, diver.gravity).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
     }
 
     /// A pickled diver.

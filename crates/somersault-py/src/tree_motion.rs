@@ -1,6 +1,6 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
-use crate::convert::{times, with_shape};
+use crate::convert::{array, times, with_shape};
 use crate::error::Error;
 use crate::forces::{Failure, call, callable_name};
 use crate::methods;
@@ -74,7 +74,8 @@ impl Given {
     }
 }
 
-fn finite(argument: &str, numbers: Vec<f64>) -> Result<Vec<f64>, Error> {
+/// The numbers, which must be finite.
+pub(crate) fn finite(argument: &str, numbers: Vec<f64>) -> Result<Vec<f64>, Error> {
     match numbers.iter().find(|x| !x.is_finite()) {
         None => Ok(numbers),
         Some(x) => Err(Error::input(format!("`{argument}` must be finite, found {x}"))),
@@ -94,20 +95,15 @@ fn coordinates(model: &multibody::Model, x: &TreeState) -> Result<(Vec<f64>, Vec
     Ok((x.configuration.as_slice().to_vec(), v))
 }
 
-fn rows<'py>(
-    py: Python<'py>,
-    model: &multibody::Model,
-    states: &[TreeState],
-) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+/// q and v of states, one after the other.
+fn rows(model: &multibody::Model, states: &[TreeState]) -> Result<(Vec<f64>, Vec<f64>), Error> {
     let (mut q, mut v) = (Vec::new(), Vec::new());
     for x in states {
         let (of_q, of_v) = coordinates(model, x)?;
         q.extend(of_q);
         v.extend(of_v);
     }
-    let q = crate::convert::array(py, q, &[states.len(), model.n_positions()])?;
-    let v = crate::convert::array(py, v, &[states.len(), model.n_velocities()])?;
-    Ok((q.into_any(), v.into_any()))
+    Ok((q, v))
 }
 
 /// Configuration and velocity of a tree at any time of an integration.
@@ -147,7 +143,10 @@ impl TreeDenseOutput {
                 Error::input(format!("`t` must be within the times integrated, {first} to {last}, found {t}"))
             })?);
         }
-        let (q, v) = rows(py, &self.model.get().model, &states)?;
+        let model = &self.model.get().model;
+        let (q, v) = rows(model, &states)?;
+        let q = array(py, q, &[states.len(), model.n_positions()])?.into_any();
+        let v = array(py, v, &[states.len(), model.n_velocities()])?.into_any();
         if scalar { Ok((q.get_item(0)?, v.get_item(0)?)) } else { Ok((q, v)) }
     }
 
@@ -168,6 +167,25 @@ pub(crate) struct TreeSolution {
     v: Py<PyAny>,
     report: Report,
     dense: Option<Py<TreeDenseOutput>>,
+}
+
+impl TreeSolution {
+    /// From times, and as many configurations and velocities, one after the other.
+    pub(crate) fn of(
+        py: Python<'_>,
+        model: &Bound<'_, Model>,
+        t: Vec<f64>,
+        q: Vec<f64>,
+        v: Vec<f64>,
+        report: Report,
+        dense: Option<Py<TreeDenseOutput>>,
+    ) -> PyResult<Py<Self>> {
+        let (n, tree) = (t.len(), &model.get().model);
+        let q = array(py, q, &[n, tree.n_positions()])?.into_any().unbind();
+        let v = array(py, v, &[n, tree.n_velocities()])?.into_any().unbind();
+        let t = PyArray1::from_vec(py, t).into_any().unbind();
+        Py::new(py, Self { model: model.clone().unbind(), t, q, v, report, dense })
+    }
 }
 
 #[pymethods]
@@ -269,7 +287,8 @@ impl TreeSolution {
     }
 }
 
-fn solve(
+/// Integrates as planned.
+pub(crate) fn solve(
     plan: &Plan,
     system: &impl TreeMotion,
     initial: &TreeState,
@@ -415,8 +434,8 @@ pub(crate) fn integrate_tree<'py>(
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
     let Finish { mut recorded, steps, status, message, failed } = monitor.finish(py, status);
     let nfev = torque.calls.load(Ordering::Relaxed);
-    let t = PyArray1::from_slice(py, &recorded.times).into_any().unbind();
-    let (q, v) = rows(py, tree, &recorded.states)?;
+    let report = Report { status, message, nfev, n_steps: steps, n_rejected };
+    let (t, (q, v)) = (recorded.times.clone(), rows(tree, &recorded.states)?);
     let dense = if dense_output {
         // The curves know their ends; of the states only a first is needed, to be written into.
         recorded.times.truncate(1);
@@ -425,8 +444,5 @@ pub(crate) fn integrate_tree<'py>(
     } else {
         None
     };
-    let report = Report { status, message, nfev, n_steps: steps, n_rejected };
-    let model = model.clone().unbind();
-    let solution = TreeSolution { model, t, q: q.unbind(), v: v.unbind(), report, dense };
-    plan.deliver(py, failed, Py::new(py, solution)?)
+    plan.deliver(py, failed, TreeSolution::of(py, model, t, q, v, report, dense)?)
 }
