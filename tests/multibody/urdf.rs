@@ -6,8 +6,8 @@ use somersault::multibody::urdf::{self, Base, UrdfError, UrdfOptions};
 use somersault::multibody::{Data, Joint, Link, Model, ModelBuilder, ModelError};
 use somersault_testkit::trees::{Random, random_configuration};
 
-const ARM: &str = include_str!("urdf/arm.urdf");
-const HUMANOID: &str = include_str!("urdf/humanoid.urdf");
+const ARM: &str = include_str!("../urdf/arm.urdf");
+const HUMANOID: &str = include_str!("../urdf/humanoid.urdf");
 
 fn read(text: &str) -> Result<Model, UrdfError> {
     urdf::read(text, &UrdfOptions::default())

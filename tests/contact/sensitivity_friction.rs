@@ -1,8 +1,6 @@
 //! The derivative of motions with friction: closed forms, differences of located runs.
 
-mod located_differences;
-
-use located_differences::{agrees_with_differences, differentiate};
+use crate::located_differences::{agrees_with_differences, differentiate};
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;

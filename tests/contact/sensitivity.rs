@@ -1,9 +1,9 @@
 //! The derivative of a motion through its events: closed forms, differences of located runs, order,
 //! symplecticity, composition, where there is none, bad input.
 
-mod located_differences;
-
-use located_differences::{RKMK8, agrees_with_differences, components, difference, differentiate, located};
+use crate::located_differences::{
+    RKMK8, agrees_with_differences, components, difference, differentiate, located,
+};
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::{EventKind, Location};

@@ -269,7 +269,7 @@ fn every_method_falls_to_first_order_on_the_top_without_location() {
     for method in methods() {
         // Errors of second order hide those of the first down to small steps; those of DOP853 scatter most.
         let (first, count, sizes) =
-            if method.info().orders.rotation > 2 { (2.5e-4, 5, 48) } else { (3.125e-5, 3, 24) };
+            if method.info().orders.rotation > 2 { (2.5e-4, 6, 48) } else { (3.125e-5, 4, 24) };
         let dts: Vec<f64> = (0..count).map(|k| first * 0.5f64.powi(k)).collect();
         let study = top_convergence(method, Stepping::Straddling, &dts, sizes);
         let ObservedOrders { position, orientation, velocity, angular_velocity } = study.orders;
