@@ -107,8 +107,10 @@ fn mass_and_inertia_scale_with_the_body() {
     }
 }
 
-/// I_y in lb in s², weight in lb and height in inches of three men, measured on a compound pendulum:
-/// Tözeren, *Human Body Dynamics*, Springer 2000, Table A.2.1, positions 1 (standing) and 2 (arms overhead).
+/// I_y in lb in s², weight in lb and height in inches of three living men, positions 1 (standing) and 2 (arms
+/// overhead) of Table A.2.1 at <https://www.guwsmedical.info/body-dynamics/body-coordinate-system-table-a21.html>.
+/// The page does not name its source, by its contents the appendix of A. Tözeren, *Human Body Dynamics*,
+/// Springer 2000; that copy was not at hand.
 const MEASURED: [([f64; 2], f64, f64); 3] =
     [([119.0, 159.0], 173.5, 72.2), ([81.9, 110.0], 147.3, 67.4), ([129.0, 172.0], 203.0, 73.3)];
 
