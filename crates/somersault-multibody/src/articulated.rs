@@ -21,7 +21,7 @@ use crate::data::{Data, Node, Pivot};
 use crate::error::{DynamicsError, expect_length};
 use crate::inertia::ArticulatedInertia;
 use crate::model::Model;
-use crate::scalar::Scalar;
+use crate::scalar::{Scalar, constant};
 use crate::spatial::{Force, Motion};
 
 /// Which degrees of freedom have a prescribed acceleration.
@@ -78,7 +78,7 @@ impl<T: Scalar> Model<T> {
     /// Accelerations under the joint forces `torque`: M(q) a = τ − h(q, v) + Σ Jᵀ f_ext.
     ///
     /// `wrenches` as in [`inverse_dynamics`](Self::inverse_dynamics). Fails where some motion of a joint
-    /// meets no inertia.
+    /// meets no inertia, or none beyond the rounding of that of other motions of its body.
     pub fn forward_dynamics<'d>(
         &self,
         data: &'d mut Data<T>,
@@ -153,6 +153,7 @@ impl<T: Scalar> Model<T> {
                 node.force -= *wrench;
             }
         }
+        let rounding = constant(4.0 * f64::EPSILON);
         for (i, body) in self.bodies.iter().enumerate().rev() {
             let (inner, outer) = nodes.split_at_mut(i);
             let node = &mut outer[0];
@@ -166,7 +167,7 @@ impl<T: Scalar> Model<T> {
                     continue;
                 }
                 let pivot = direction.dot(&momentum);
-                if !(pivot > T::zero() && pivot.is_finite()) {
+                if !(pivot > node.articulated.extent(direction) * rounding && pivot.is_finite()) {
                     return Err(DynamicsError::Singular { joint: self.links()[i].name.clone() });
                 }
                 let inverse = T::one() / pivot;

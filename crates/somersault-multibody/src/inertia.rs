@@ -215,6 +215,16 @@ impl<T: Scalar> ArticulatedInertia<T> {
         }
     }
 
+    /// The trace of the block of a direction: no inertia along it, but for rounding, is little beside this.
+    #[inline(always)]
+    pub(crate) fn extent(&self, direction: &Direction<T>) -> T {
+        let block = match direction {
+            Direction::Linear(_) => &self.linear,
+            Direction::Angular(_) => &self.rotational,
+        };
+        block.xx + block.yy + block.zz
+    }
+
     /// self − u uᵀ s
     #[inline(always)]
     pub(crate) fn subtract_square(&mut self, u: &Force<T>, s: T) {
