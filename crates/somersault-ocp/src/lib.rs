@@ -1,0 +1,10 @@
+//! Optimal motions of articulated bodies.
+//!
+//! A motion is sought that makes a cost small and keeps to constraints. What is unknown about it, the decision
+//! vector z, is a start and the parameters of the joint motion; a transcription makes nodes of it, terms
+//! make numbers of the nodes, and the result is a nonlinear program ([`nlp`]) for a solver.
+#![forbid(unsafe_code)]
+
+pub mod nlp;
+
+pub use nalgebra;

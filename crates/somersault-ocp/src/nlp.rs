@@ -1,0 +1,181 @@
+//! Nonlinear programs: what every transcription becomes and every solver takes.
+//!
+//! ```text
+//! minimise f(z)  subject to  l ≤ z ≤ u  and  l_c ≤ c(z) ≤ u_c
+//! ```
+//! An equality is a constraint whose bounds are equal; a bound that does not hold is infinite. The
+//! Lagrangian is L = f + yᵀ c + yᵀ_z z, with multipliers positive at upper bounds and negative at lower ones.
+
+use std::error::Error;
+
+/// Lower and upper bounds, one pair for each entry.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Bounds {
+    /// −∞ where there is none.
+    pub lower: Vec<f64>,
+    /// ∞ where there is none.
+    pub upper: Vec<f64>,
+}
+
+impl Bounds {
+    /// `n` entries without bounds.
+    pub fn free(n: usize) -> Self {
+        Self { lower: vec![f64::NEG_INFINITY; n], upper: vec![f64::INFINITY; n] }
+    }
+
+    /// Number of entries.
+    pub fn len(&self) -> usize {
+        self.lower.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.lower.is_empty()
+    }
+
+    /// Appends one entry.
+    pub fn push(&mut self, lower: f64, upper: f64) {
+        self.lower.push(lower);
+        self.upper.push(upper);
+    }
+}
+
+/// Where a sparse matrix may be other than zero: compressed columns, rows ascending in each.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pattern {
+    /// Number of rows.
+    pub n_rows: usize,
+    /// Start of each column in `rows`, and the end of the last one.
+    pub columns: Vec<usize>,
+    /// Row of each entry.
+    pub rows: Vec<usize>,
+}
+
+impl Pattern {
+    /// All entries: values are then the matrix column by column.
+    pub fn dense(n_rows: usize, n_columns: usize) -> Self {
+        Self {
+            n_rows,
+            columns: (0..=n_columns).map(|j| j * n_rows).collect(),
+            rows: (0..n_columns).flat_map(|_| 0..n_rows).collect(),
+        }
+    }
+
+    /// The upper triangle of a symmetric matrix, diagonal included.
+    pub fn upper_triangle(n: usize) -> Self {
+        Self {
+            n_rows: n,
+            columns: (0..=n).map(|j| j * (j + 1) / 2).collect(),
+            rows: (0..n).flat_map(|j| 0..=j).collect(),
+        }
+    }
+
+    /// The pattern that holds the given entries (row, column), in any order, repetitions allowed.
+    pub fn from_entries(
+        n_rows: usize,
+        n_columns: usize,
+        entries: impl IntoIterator<Item = (usize, usize)>,
+    ) -> Self {
+        let mut by_column = vec![Vec::new(); n_columns];
+        for (row, column) in entries {
+            by_column[column].push(row);
+        }
+        let (mut columns, mut rows) = (vec![0], Vec::new());
+        for mut column in by_column {
+            column.sort_unstable();
+            column.dedup();
+            rows.append(&mut column);
+            columns.push(rows.len());
+        }
+        Self { n_rows, columns, rows }
+    }
+
+    /// Number of columns.
+    pub fn n_columns(&self) -> usize {
+        self.columns.len() - 1
+    }
+
+    /// Number of entries.
+    pub fn n_entries(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Index of the value of an entry.
+    pub fn position(&self, row: usize, column: usize) -> Option<usize> {
+        let start = self.columns[column];
+        let rows = &self.rows[start..self.columns[column + 1]];
+        rows.binary_search(&row).ok().map(|k| start + k)
+    }
+}
+
+/// What a solver needs to know before it starts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Structure {
+    /// Of z.
+    pub variables: Bounds,
+    /// Of c.
+    pub constraints: Bounds,
+    /// ∂c/∂z.
+    pub jacobian: Pattern,
+    /// Upper triangle of the Hessian of the Lagrangian.
+    pub hessian: Pattern,
+}
+
+/// What a Hessian that a program offers is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Curvature {
+    /// None is offered: the solver builds its own from gradients.
+    None,
+    /// The second derivatives of σ f + yᵀ c, possibly indefinite.
+    Exact,
+    /// Positive semi-definite by construction, near the second derivatives where residuals are small.
+    GaussNewton,
+}
+
+/// Why a program has no value somewhere.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EvaluationError {
+    /// A number is not finite, or the motion cannot be made: a solver steps back.
+    #[error("{what} has no finite value")]
+    Undefined {
+        /// What has none.
+        what: String,
+    },
+    /// A user's function failed: a solver stops and hands it on.
+    #[error(transparent)]
+    Failed(Box<dyn Error + Send + Sync>),
+}
+
+/// A nonlinear program. Its methods write into slices that fit [`Structure`] and allocate nothing.
+pub trait Nlp {
+    /// Sizes, bounds and patterns, the same at all times.
+    fn structure(&self) -> &Structure;
+
+    /// f(z), and c(z) into `constraints`.
+    fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError>;
+
+    /// ∇f and the values of ∂c/∂z, at the z of the last [`evaluate`](Self::evaluate).
+    fn differentiate(
+        &mut self,
+        z: &[f64],
+        gradient: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError>;
+
+    /// What [`hessian`](Self::hessian) writes.
+    fn curvature(&self) -> Curvature {
+        Curvature::None
+    }
+
+    /// The values of the Hessian of σ f + yᵀ c, at the z of the last [`differentiate`](Self::differentiate).
+    fn hessian(
+        &mut self,
+        _z: &[f64],
+        _cost_factor: f64,
+        _multipliers: &[f64],
+        _hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        Ok(())
+    }
+}
