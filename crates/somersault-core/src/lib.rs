@@ -1,4 +1,4 @@
-//! Shared mathematics of the somersault crates: rotations, inertia, bracketed roots.
+//! Shared mathematics of the somersault crates: rotations, inertia, splines, bracketed roots.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -23,5 +23,6 @@ pub mod elliptic;
 mod inertia;
 pub mod roots;
 pub mod so3;
+pub mod spline;
 
 pub use inertia::{Inertia, InertiaError};

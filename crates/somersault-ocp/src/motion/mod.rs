@@ -1,0 +1,84 @@
+//! Joint motions with parameters.
+//!
+//! Channels c(t) are splines; joints follow them by a constant base: a channel for each joint (thesis
+//! appendix A), or the weights of eigenpostures (2.11):
+//!
+//! ```text
+//! q_a(t) = φ₀ + Σ_i c_i(t) (φ_i − φ₀),    c_i(t) = Σ_j C_ij b_j(t)
+//! ```
+//! Conditions at the ends are linear in the coefficients C and are imposed by elimination, which leaves
+//! C = C₀ + E p with the free parameters p. The same splines serve for joint torques (2.3).
+//!
+//! Sources: thesis, 2.4 and appendices A, B; H. Prautzsch, W. Boehm and M. Paluszny, *Bézier and B-Spline
+//! Techniques*, Springer 2002.
+
+mod base;
+mod elimination;
+mod spline;
+
+pub use base::EigenpostureBase;
+pub use elimination::{Condition, End};
+pub use spline::SplineMotion;
+
+use somersault_core::spline::SplineError;
+
+/// Why there is no such joint motion.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MotionError {
+    /// The basis of splines does not exist.
+    #[error(transparent)]
+    Spline(#[from] SplineError),
+    /// Something has the wrong number of entries.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries it should have.
+        expected: usize,
+        /// Entries it has.
+        found: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{argument}` must be finite")]
+    NonFinite {
+        /// Name of the argument.
+        argument: &'static str,
+    },
+    /// A base of eigenpostures needs a fundamental posture and one more.
+    #[error("`postures` must have at least 2 entries, found {found}")]
+    TooFewPostures {
+        /// Postures given.
+        found: usize,
+    },
+    /// Some weights would describe the same posture.
+    #[error("the differences of `postures` to the first have rank {rank}, not {expected}")]
+    DependentPostures {
+        /// Their rank.
+        rank: usize,
+        /// Their number.
+        expected: usize,
+    },
+    /// Conditions at the ends contradict or repeat each other, or are more than there are coefficients.
+    #[error(
+        "`conditions` of channel {channel} cannot all be met: number {condition} depends on those before it"
+    )]
+    DependentConditions {
+        /// The channel.
+        channel: usize,
+        /// The condition.
+        condition: usize,
+    },
+}
+
+pub(crate) fn expect_length(
+    argument: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), MotionError> {
+    if found == expected { Ok(()) } else { Err(MotionError::Length { argument, expected, found }) }
+}
+
+pub(crate) fn expect_finite(argument: &'static str, values: &[f64]) -> Result<(), MotionError> {
+    if values.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(MotionError::NonFinite { argument }) }
+}

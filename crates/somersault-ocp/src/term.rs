@@ -1,0 +1,85 @@
+//! Terms: numbers made of a motion at one time, of which costs and constraints are composed.
+
+use crate::nlp::EvaluationError;
+
+/// A motion at one time, all of it, as a transcription leaves it.
+#[derive(Debug, Clone, Copy)]
+pub struct Node<'a> {
+    /// t, s.
+    pub time: f64,
+    /// q, positions of the whole tree.
+    pub position: &'a [f64],
+    /// v.
+    pub velocity: &'a [f64],
+    /// a; empty where the transcription has none.
+    pub acceleration: &'a [f64],
+    /// τ, joint forces; empty where the transcription has none.
+    pub torque: &'a [f64],
+    /// Channels of the joint motion: weights of eigenpostures, or joints.
+    pub channel: &'a [f64],
+    /// Their rates, 1/s.
+    pub channel_rate: &'a [f64],
+    /// Their second rates, 1/s².
+    pub channel_second_rate: &'a [f64],
+}
+
+/// The gradient of a number by a node: entries as in [`Node`], by displacements of the positions.
+///
+/// A transcription sizes it; entries that it has no use for are empty.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct NodeGradient {
+    /// By time.
+    pub time: f64,
+    /// By a displacement q ⊕ δ, as long as the velocity.
+    pub position: Vec<f64>,
+    /// By velocity.
+    pub velocity: Vec<f64>,
+    /// By acceleration.
+    pub acceleration: Vec<f64>,
+    /// By joint forces.
+    pub torque: Vec<f64>,
+    /// By the channels.
+    pub channel: Vec<f64>,
+    /// By their rates.
+    pub channel_rate: Vec<f64>,
+    /// By their second rates.
+    pub channel_second_rate: Vec<f64>,
+}
+
+impl NodeGradient {
+    /// Zero in all entries.
+    pub fn clear(&mut self) {
+        self.time = 0.0;
+        for part in [
+            &mut self.position,
+            &mut self.velocity,
+            &mut self.acceleration,
+            &mut self.torque,
+            &mut self.channel,
+            &mut self.channel_rate,
+            &mut self.channel_second_rate,
+        ] {
+            part.fill(0.0);
+        }
+    }
+}
+
+/// Rows r(node) of numbers, differentiable.
+pub trait Term: Send {
+    /// What it is, for reports and errors.
+    fn name(&self) -> &str;
+
+    /// Number of rows.
+    fn n_rows(&self) -> usize;
+
+    /// Writes r.
+    fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError>;
+
+    /// Adds (∂r/∂node)ᵀ y to `gradient`, at the node of the last [`evaluate`](Self::evaluate).
+    fn pull_back(
+        &mut self,
+        node: &Node<'_>,
+        y: &[f64],
+        gradient: &mut NodeGradient,
+    ) -> Result<(), EvaluationError>;
+}
