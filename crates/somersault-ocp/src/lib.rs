@@ -6,5 +6,6 @@
 #![forbid(unsafe_code)]
 
 pub mod nlp;
+pub mod solver;
 
 pub use nalgebra;
