@@ -154,7 +154,9 @@ impl InteriorPoint {
         y: &mut [f64],
         active: &mut [Activity],
     ) -> Outcome {
-        self.fill(data, weight);
+        // Clarabel's tolerances are absolute: the largest weight is one.
+        let scale = 1.0 / weight.max(1.0);
+        self.fill(data, weight, scale);
         let mut outcome = self.run(true);
         if outcome == Outcome::Failed {
             // The scaling of the first data may have become useless.
@@ -172,23 +174,23 @@ impl InteriorPoint {
         y.fill(0.0);
         active.fill(Activity::Free);
         for (k, Row { row, side }) in self.rows.iter().enumerate() {
-            let multiplier = solution.z[k];
+            let multiplier = solution.z[k] / scale;
             y[*row] += if *side == Activity::Lower { -multiplier } else { multiplier };
-            if *side == Activity::Equal || multiplier > solution.s[k] {
+            if *side == Activity::Equal || solution.z[k] > solution.s[k] {
                 active[*row] = *side;
             }
         }
         if p.iter().chain(y.iter()).all(|x| x.is_finite()) { Outcome::Solved } else { Outcome::Failed }
     }
 
-    fn fill(&mut self, data: &Quadratic<'_>, weight: f64) {
+    fn fill(&mut self, data: &Quadratic<'_>, weight: f64, scale: f64) {
         let values = &mut self.p_matrix.nzval;
         values.fill(0.0);
         for (&k, &h) in self.hessian_at.iter().zip(data.hessian) {
-            values[k] += h;
+            values[k] += scale * h;
         }
         for &k in &self.diagonal_at {
-            values[k] += data.shift;
+            values[k] += scale * data.shift;
         }
         for (value, (source, sign)) in self.a_matrix.nzval.iter_mut().zip(&self.a_sources) {
             *value = match source {
@@ -196,8 +198,10 @@ impl InteriorPoint {
                 Source::One => *sign,
             };
         }
-        self.q.fill(weight);
-        self.q[..self.n].copy_from_slice(data.gradient);
+        self.q.fill(scale * weight);
+        for (q, g) in self.q.iter_mut().zip(data.gradient) {
+            *q = scale * g;
+        }
         self.b.fill(0.0);
         for (b, Row { row, side }) in self.b.iter_mut().zip(&self.rows) {
             *b = if *side == Activity::Lower { -data.lower[*row] } else { data.upper[*row] };

@@ -57,11 +57,13 @@ impl Default for Sqp {
 const ARMIJO: f64 = 1e-4;
 /// Share of the linearised decrease of the violation that the merit function must promise.
 const PROMISE: f64 = 0.3;
+/// Times that a penalty may be reduced which the multipliers no longer call for; a bound, so that it settles.
+const REDUCTIONS: usize = 10;
 /// Attempts to repair a step that the line search refuses.
 const REPAIRS: usize = 6;
 /// Steps without a decrease beyond rounding, of merit function and residuals, before giving up.
 const PATIENCE: usize = 10;
-/// ‖Jᵀ y‖ / ‖y‖ at which violations count as stationary.
+/// ‖Jᵀ y‖ / ‖y‖, and relative decrease, at which violations count as stationary.
 const INFEASIBLE: f64 = 1e-6;
 
 impl NlpSolver for Sqp {
@@ -96,6 +98,8 @@ struct Run<'a> {
     residuals: KktResiduals,
     gradient_scale: f64,
     penalty: f64,
+    /// How often the penalty was reduced.
+    reductions: usize,
     /// Least shift of the Hessian: Levenberg and Marquardt's term.
     floor: f64,
     iterations: usize,
@@ -131,6 +135,7 @@ impl<'a> Run<'a> {
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
             penalty: 0.0,
+            reductions: 0,
             floor: 0.0,
             iterations: 0,
             scratch: vec![0.0; n],
@@ -242,7 +247,7 @@ impl<'a> Run<'a> {
         let kept_floor = self.floor;
         for attempt in 0..REPAIRS {
             let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
-            if origin == Some(Origin::Elastic) && !self.is_feasible() && self.is_stuck() {
+            if origin == Some(Origin::Elastic) && !self.is_feasible() && self.is_stuck(violation) {
                 return Ok(Advance::Ended(Status::Infeasible));
             }
             if let Some(origin) = origin {
@@ -268,8 +273,11 @@ impl<'a> Run<'a> {
         Ok(Advance::Ended(Status::Stalled))
     }
 
-    fn is_stuck(&self) -> bool {
-        self.subproblem.infeasibility_stationarity(&self.program, &self.point) <= INFEASIBLE
+    /// Whether the violation is stationary: the elastic step neither reduces its linearisation, nor has it a slope.
+    fn is_stuck(&self, violation: f64) -> bool {
+        let gain = violation - self.subproblem.left_violation;
+        gain <= INFEASIBLE * violation
+            && self.subproblem.infeasibility_stationarity(&self.program, &self.point) <= INFEASIBLE
     }
 
     /// Levenberg and Marquardt's term for the next step.
@@ -290,11 +298,16 @@ impl<'a> Run<'a> {
         let slope: f64 = self.point.gradient.iter().zip(p).map(|(g, p)| g * p).sum();
         let curvature = (curvature + shift * p.iter().map(|p| p * p).sum::<f64>()).max(0.0);
         let gain = (violation - left_violation).max(0.0);
+        let exact = 2.0 * max_norm(&y[p.len()..]);
+        if origin != Origin::Elastic && self.penalty > 10.0 * exact && self.reductions < REDUCTIONS {
+            self.penalty = exact;
+            self.reductions += 1;
+        }
         if gain > 0.0 {
             let mut needed = (slope + 0.5 * curvature) / ((1.0 - PROMISE) * gain);
             if gain < self.options.feasibility_tol {
                 // Both are rounding then; what an exact penalty needs is enough.
-                needed = needed.min(2.0 * max_norm(&y[p.len()..]));
+                needed = needed.min(exact);
             }
             if self.penalty < needed {
                 self.penalty = 1.5 * needed;

@@ -17,9 +17,11 @@ use crate::nlp::{Pattern, Structure};
 
 /// Exchanges of working sets before the interior-point method is asked.
 const EXCHANGES: usize = 6;
+/// Multipliers that are not believed, relative to ‖∇f‖∞ (Gill, Murray & Saunders 2005 take the same).
+const HUGE_MULTIPLIER: f64 = 1e4;
 /// Elastic weight at first, relative to ‖∇f‖∞, and at last.
-const FIRST_WEIGHT: f64 = 1e4;
-const LAST_WEIGHT: f64 = 1e10;
+const FIRST_WEIGHT: f64 = 10.0;
+const LAST_WEIGHT: f64 = 1e8;
 
 /// Where a step comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -164,7 +166,8 @@ impl Subproblem {
         } else {
             self.convex(point, hessian, floor)
         };
-        let tolerable = origin.is_some() && (violation == 0.0 || max_norm(&self.y[n..]) <= self.weight);
+        let tolerable =
+            origin.is_some() && (violation == 0.0 || max_norm(&self.y[n..]) <= HUGE_MULTIPLIER * slope);
         let origin = if tolerable { origin } else { self.elastic(point, hessian, floor, violation) };
         self.measure(point, hessian);
         origin
@@ -376,7 +379,7 @@ impl Subproblem {
         let mut slope = vec![0.0; n];
         self.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut slope);
         let held =
-            |i: usize| (slope[i] > 0.0 && self.lower[i] == 0.0) || (slope[i] < 0.0 && self.upper[i] == 0.0);
+            |i: usize| (slope[i] > 0.0 && self.lower[i] > -1e-8) || (slope[i] < 0.0 && self.upper[i] < 1e-8);
         (0..n).filter(|&i| !held(i)).fold(0.0, |s: f64, i| s.max(slope[i].abs())) / size
     }
 }
