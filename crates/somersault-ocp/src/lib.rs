@@ -7,6 +7,7 @@
 
 pub mod motion;
 pub mod nlp;
+pub mod solver;
 pub mod term;
 
 pub use nalgebra;

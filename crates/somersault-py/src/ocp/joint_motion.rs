@@ -1,0 +1,270 @@
+//! Eigenpostures, and joint motions made of splines.
+
+use crate::convert::{array, real_numbers, times, with_shape};
+use crate::error::Error;
+use pyo3::prelude::*;
+use somersault::core::spline::UniformBasis;
+use somersault::ocp::motion::{self, Condition, End};
+
+/// A fundamental posture and the directions from it to others (thesis 2.11).
+///
+/// Joint positions are φ₀ + Σ wᵢ (φᵢ − φ₀) with a weight for each posture but the first. Weights that are not
+/// negative and add up to at most one give postures between the given ones.
+///
+/// Parameters
+/// ----------
+/// postures : array_like, shape (n + 1, n_joints)
+///     Joint positions, the fundamental posture first.
+///
+/// Raises
+/// ------
+/// OcpInputError
+///     If the differences to the first posture are linearly dependent, or a number is not finite.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> base = ocp.EigenpostureBase([[0.0, 0.0], [1.0, 2.0]])
+/// >>> base.positions([0.5])
+/// array([0.5, 1. ])
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct EigenpostureBase {
+    pub(crate) base: motion::EigenpostureBase,
+}
+
+#[pymethods]
+impl EigenpostureBase {
+    #[new]
+    fn new(postures: Vec<Vec<f64>>) -> Result<Self, Error> {
+        Ok(Self { base: motion::EigenpostureBase::try_new(&postures)? })
+    }
+
+    /// int: Number of joints.
+    #[getter]
+    fn n_joints(&self) -> usize {
+        self.base.n_joints()
+    }
+
+    /// int: Number of weights.
+    #[getter]
+    fn n_weights(&self) -> usize {
+        self.base.n_weights()
+    }
+
+    /// Joint positions for weights.
+    ///
+    /// Parameters
+    /// ----------
+    /// weights : array_like, shape (n_weights,)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_joints,)
+    fn positions<'py>(
+        &self,
+        py: Python<'py>,
+        weights: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let weights = with_shape("weights", &[self.base.n_weights()], weights)?;
+        let mut positions = vec![0.0; self.base.n_joints()];
+        self.base.positions_into(&weights, &mut positions);
+        Ok(numpy::PyArray1::from_vec(py, positions).into_any())
+    }
+
+    /// The weights whose posture is nearest to joint positions, by least squares.
+    ///
+    /// Parameters
+    /// ----------
+    /// positions : array_like, shape (n_joints,)
+    ///
+    /// Returns
+    /// -------
+    /// weights : ndarray, shape (n_weights,)
+    /// distance : float
+    ///     What remains, rad.
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        positions: &Bound<'py, PyAny>,
+    ) -> Result<(Bound<'py, PyAny>, f64), Error> {
+        let positions = with_shape("positions", &[self.base.n_joints()], positions)?;
+        let (weights, distance) = self.base.project(&positions)?;
+        Ok((numpy::PyArray1::from_slice(py, weights.as_slice()).into_any(), distance))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<EigenpostureBase: {} joints, {} weights>", self.base.n_joints(), self.base.n_weights())
+    }
+}
+
+/// A joint motion whose channels are uniform B-splines; conditions at its ends hold for all parameters.
+///
+/// Channels are the weights of a base of eigenpostures, or the joints themselves. Time is the share of the duration, in
+/// [0, 1]; rates are by the share.
+///
+/// Parameters
+/// ----------
+/// base : EigenpostureBase or int
+///     What the channels mean: weights of the base, or so many joints.
+/// n_coefficients : int
+///     Coefficients of each spline, of which more than the degree.
+/// conditions : sequence of tuple, optional
+///     ``(end, derivative, value)`` with end ``'start'`` or ``'finish'``, for each channel alike.
+/// degree : int, optional
+///     Degree of the splines.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> motion = ocp.SplineMotion(1, 10, [("start", 0, -1.0), ("start", 1, 0.0)])
+/// >>> motion.n_parameters
+/// 8
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct SplineMotion {
+    pub(crate) motion: motion::SplineMotion,
+}
+
+/// A base, or a number of joints.
+#[derive(FromPyObject)]
+enum BaseOrJoints<'py> {
+    Base(Bound<'py, EigenpostureBase>),
+    Joints(usize),
+}
+
+fn condition((end, derivative, value): (String, usize, f64)) -> Result<Condition, Error> {
+    let end = match end.as_str() {
+        "start" => End::Start,
+        "finish" => End::Finish,
+        _ => {
+            return Err(Error::input(format!(
+                "the end of a condition must be 'start' or 'finish', found '{end}'"
+            )));
+        }
+    };
+    Ok(Condition { end, derivative, value })
+}
+
+#[pymethods]
+impl SplineMotion {
+    #[new]
+    #[pyo3(signature = (base, n_coefficients, conditions=vec![], *, degree=5))]
+    fn new(
+        base: BaseOrJoints<'_>,
+        n_coefficients: usize,
+        conditions: Vec<(String, usize, f64)>,
+        degree: usize,
+    ) -> Result<Self, Error> {
+        let base = match base {
+            BaseOrJoints::Base(base) => base.get().base.clone(),
+            BaseOrJoints::Joints(n) => motion::EigenpostureBase::joints(n),
+        };
+        let basis = UniformBasis::try_new(degree, n_coefficients).map_err(motion::MotionError::from)?;
+        let conditions = conditions.into_iter().map(condition).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { motion: motion::SplineMotion::try_new(basis, base, &conditions)? })
+    }
+
+    /// int: Number of free parameters.
+    #[getter]
+    fn n_parameters(&self) -> usize {
+        self.motion.n_parameters()
+    }
+
+    /// int: Number of channels.
+    #[getter]
+    fn n_channels(&self) -> usize {
+        self.motion.n_channels()
+    }
+
+    /// Coefficients of the splines.
+    ///
+    /// Parameters
+    /// ----------
+    /// parameters : array_like, shape (n_parameters,)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_channels, n_coefficients)
+    fn coefficients<'py>(
+        &self,
+        py: Python<'py>,
+        parameters: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let coefficients = self.coefficients_of(parameters)?;
+        let shape = [self.motion.n_channels(), self.motion.basis().n_coefficients()];
+        Ok(array(py, coefficients, &shape)?.into_any())
+    }
+
+    /// The channels, or one of their rates.
+    ///
+    /// Parameters
+    /// ----------
+    /// parameters : array_like, shape (n_parameters,)
+    /// share : float or array_like, shape (n,)
+    ///     Share of the duration.
+    /// derivative : int, optional
+    ///     0 for the channels, r for their r-th derivative by the share.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_channels,) or (n, n_channels)
+    #[pyo3(signature = (parameters, share, derivative=0))]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        parameters: &Bound<'py, PyAny>,
+        share: &Bound<'py, PyAny>,
+        derivative: usize,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let coefficients = self.coefficients_of(parameters)?;
+        let (single, shares) = times("share", share)?;
+        let n = self.motion.n_channels();
+        let mut channels = vec![0.0; n * shares.len()];
+        for (share, out) in shares.iter().zip(channels.chunks_exact_mut(n)) {
+            self.motion.channels_into(&coefficients, *share, derivative, out);
+        }
+        let shape: &[usize] = if single { &[n] } else { &[shares.len(), n] };
+        Ok(array(py, channels, shape)?.into_any())
+    }
+
+    /// The parameters whose channels come nearest to samples, by least squares: a start for a solver.
+    ///
+    /// Parameters
+    /// ----------
+    /// share : array_like, shape (n,)
+    /// samples : array_like, shape (n, n_channels)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_parameters,)
+    fn fit<'py>(
+        &self,
+        py: Python<'py>,
+        share: &Bound<'py, PyAny>,
+        samples: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let shares = real_numbers("share", share)?;
+        let n = self.motion.n_channels();
+        let samples = with_shape("samples", &[shares.len(), n], samples)?;
+        let samples: Vec<&[f64]> = samples.chunks_exact(n).collect();
+        Ok(numpy::PyArray1::from_vec(py, self.motion.fit(&shares, &samples)?).into_any())
+    }
+
+    fn __repr__(&self) -> String {
+        let Self { motion } = self;
+        let (degree, n) = (motion.basis().degree(), motion.basis().n_coefficients());
+        format!(
+            "<SplineMotion: {} channels of degree {degree} with {n} coefficients, {} parameters>",
+            motion.n_channels(),
+            motion.n_parameters()
+        )
+    }
+}
+
+impl SplineMotion {
+    fn coefficients_of(&self, parameters: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+        let p = with_shape("parameters", &[self.motion.n_parameters()], parameters)?;
+        let mut coefficients = vec![0.0; self.motion.n_coefficients()];
+        self.motion.coefficients_into(&p, &mut coefficients);
+        Ok(coefficients)
+    }
+}
