@@ -6,10 +6,12 @@
 //! program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+pub mod dynamics;
 mod error;
 pub mod motion;
 pub mod nlp;
 pub mod problem;
+pub mod shooting;
 pub mod term;
 pub mod transcription;
 
