@@ -14,6 +14,7 @@ mod tree;
 pub use cart_pendulum::CartPendulumDynamics;
 pub(crate) use group::Carry;
 pub use tree::Tree;
+pub(crate) use tree::undefined;
 
 use crate::nlp::EvaluationError;
 use nalgebra::Matrix6;
@@ -57,13 +58,8 @@ pub trait HybridDynamics: Send {
     fn dofs(&self) -> &Dofs;
 
     /// Writes what is found for (q, v, known).
-    fn calc(
-        &mut self,
-        q: &[f64],
-        v: &[f64],
-        known: &[f64],
-        found: &mut [f64],
-    ) -> Result<(), EvaluationError>;
+    fn calc(&mut self, q: &[f64], v: &[f64], known: &[f64], found: &mut [f64])
+    -> Result<(), EvaluationError>;
 
     /// Writes the partials of what is found by displacements of q, by v and by what is known: three square matrices one
     /// after the other, by columns.

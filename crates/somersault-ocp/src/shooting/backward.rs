@@ -326,9 +326,7 @@ impl<D: HybridDynamics> Shooting<D> {
             prepared.base.pull_back(joints, channels);
         }
         if let Some(g) = of_node {
-            for (part, by) in
-                channels.iter_mut().zip([&g.channel, &g.channel_rate, &g.channel_second_rate])
-            {
+            for (part, by) in channels.iter_mut().zip([&g.channel, &g.channel_rate, &g.channel_second_rate]) {
                 part.iter_mut().zip(by).for_each(|(x, by)| *x += by);
             }
         }

@@ -185,8 +185,7 @@ impl<D: HybridDynamics> Shooting<D> {
         tangent.position.copy_from(&stage.position);
         tangent.velocity.copy_from(&stage.velocity);
         for (dof, active) in self.dynamics.dofs().active.iter().enumerate() {
-            let (a, tau) =
-                if *active { (&stage.known, &stage.found) } else { (&stage.found, &stage.known) };
+            let (a, tau) = if *active { (&stage.known, &stage.found) } else { (&stage.found, &stage.known) };
             tangent.acceleration.column_mut(dof).copy_from(&a.column(dof));
             tangent.torque.column_mut(dof).copy_from(&tau.column(dof));
         }

@@ -150,9 +150,8 @@ impl<D: HybridDynamics> Shooting<D> {
         let n_free = passive.iter().filter(|k| start.free_positions[**k]).count()
             + passive.iter().filter(|k| start.free_velocities[**k]).count();
         let n_segments: usize = phases.iter().map(|p| p.n_segments).sum();
-        let sizes = phases
-            .iter()
-            .map(|p| (p.motion.n_parameters(), matches!(p.duration, Duration::Free { .. })));
+        let sizes =
+            phases.iter().map(|p| (p.motion.n_parameters(), matches!(p.duration, Duration::Free { .. })));
         let layout = Layout::new(n_free, sizes, n_segments - 1, 2 * passive.len());
         let mut variables = Bounds::free(layout.n_variables);
         for (phase, variable) in phases.iter().zip(&layout.durations) {
@@ -226,11 +225,8 @@ impl<D: HybridDynamics> Shooting<D> {
         self.stages = Stages::new(&sizes, self.scheme, n_nodes, self.dynamics.dofs());
         self.nodes = trajectory::Nodes::new(&sizes, n_nodes);
         self.backward = backward::Work::new(&sizes, self.driven.len());
-        self.forward = self
-            .segments
-            .iter()
-            .map(|segment| forward::Work::new(&sizes, &segment.variables))
-            .collect();
+        self.forward =
+            self.segments.iter().map(|segment| forward::Work::new(&sizes, &segment.variables)).collect();
     }
 
     fn add_segment(&mut self, phase: usize, steps: std::ops::Range<usize>) {

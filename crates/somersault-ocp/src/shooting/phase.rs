@@ -107,7 +107,11 @@ impl Start {
     /// Any state, described from a given one.
     pub fn free(position: &[f64], velocity: &[f64]) -> Self {
         let n = velocity.len();
-        Self { free_positions: vec![true; n], free_velocities: vec![true; n], ..Self::fixed(position, velocity) }
+        Self {
+            free_positions: vec![true; n],
+            free_velocities: vec![true; n],
+            ..Self::fixed(position, velocity)
+        }
     }
 
     pub(super) fn expect_for(&self, n_positions: usize, n_velocities: usize) -> Result<(), OcpError> {
@@ -156,7 +160,14 @@ impl Scheme {
                     2 => &[1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0],
                     3 => &[3.0 / 8.0, 9.0 / 8.0, 9.0 / 8.0, 3.0 / 8.0],
                     4 => &[14.0 / 45.0, 64.0 / 45.0, 24.0 / 45.0, 64.0 / 45.0, 14.0 / 45.0],
-                    _ => &[95.0 / 288.0, 375.0 / 288.0, 250.0 / 288.0, 250.0 / 288.0, 375.0 / 288.0, 95.0 / 288.0],
+                    _ => &[
+                        95.0 / 288.0,
+                        375.0 / 288.0,
+                        250.0 / 288.0,
+                        250.0 / 288.0,
+                        375.0 / 288.0,
+                        95.0 / 288.0,
+                    ],
                 };
                 weights.copy_from_slice(formula);
             }

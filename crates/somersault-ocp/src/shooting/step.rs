@@ -31,7 +31,8 @@ pub(super) struct Inner {
     pub(super) velocity: Factors,
 }
 
-const EULER: Tableau = Tableau { stages: &[], end: &[[1.0, 0.0, 0.0, 0.0]], end_velocity: [1.0, 0.0, 0.0, 0.0] };
+const EULER: Tableau =
+    Tableau { stages: &[], end: &[[1.0, 0.0, 0.0, 0.0]], end_velocity: [1.0, 0.0, 0.0, 0.0] };
 
 const COMMUTATOR_FREE: Tableau = Tableau {
     stages: &[

@@ -8,7 +8,6 @@ use somersault_core::spline::MAX_DEGREE;
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     n_channels: usize,
-    n_parameters: usize,
     starts: Vec<usize>,
     entries: Vec<Entry>,
     /// What the channels are where all parameters vanish.
@@ -32,7 +31,6 @@ impl Table {
         }
         let mut table = Self {
             n_channels: motion.n_channels(),
-            n_parameters: motion.n_parameters(),
             starts: vec![0],
             entries: Vec::new(),
             offsets: Vec::new(),
@@ -66,10 +64,6 @@ impl Table {
 
     pub(super) fn n_channels(&self) -> usize {
         self.n_channels
-    }
-
-    pub(super) fn n_parameters(&self) -> usize {
-        self.n_parameters
     }
 
     pub(super) fn entries(&self, point: usize, channel: usize) -> &[Entry] {
