@@ -12,6 +12,7 @@ pub mod motion;
 pub mod nlp;
 pub mod problem;
 pub mod shooting;
+pub mod solver;
 pub mod term;
 pub mod transcription;
 
