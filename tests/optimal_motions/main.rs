@@ -1,1 +1,4 @@
-//! Optimal motions.
+//! Optimal motions: shooting, problems and their gradients.
+
+mod gradients;
+mod systems;
