@@ -6,11 +6,14 @@
 //! program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+pub mod dynamics;
 mod error;
 pub mod motion;
 pub mod nlp;
 pub mod solver;
 pub mod problem;
+pub mod shooting;
+pub mod solver;
 pub mod term;
 pub mod transcription;
 
