@@ -1,4 +1,5 @@
 //! Solvers of nonlinear programs.
 
+mod large;
 mod problems;
 mod sqp;
