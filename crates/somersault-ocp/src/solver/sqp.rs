@@ -48,7 +48,7 @@ impl Default for Sqp {
             complementarity_tol: 1e-8,
             max_iterations: 500,
             max_time: None,
-            cost_floor: -1e20,
+            cost_floor: -1e15,
         }
     }
 }
@@ -245,6 +245,9 @@ impl<'a> Run<'a> {
         let violation = self.program.violation(&self.point.constraints);
         let size = max_norm(&self.hessian.values).max(f64::MIN_POSITIVE);
         let kept_floor = self.floor;
+        if self.point.z.is_empty() {
+            return Ok(Advance::Ended(Status::Infeasible));
+        }
         for attempt in 0..REPAIRS {
             let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
             if origin == Some(Origin::Elastic) && !self.is_feasible() && self.is_stuck(violation) {

@@ -218,7 +218,7 @@ impl Subproblem {
                 if self.last_shift == 0.0 {
                     1e-4 * size
                 } else {
-                    (self.last_shift / 3.0).max(1e-12 * size).max(2.0 * floor)
+                    (self.last_shift / 3.0).max(1e-20 * size).max(2.0 * floor)
                 }
             } else {
                 let next = *shift * factor;
