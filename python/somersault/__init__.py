@@ -47,5 +47,6 @@ __all__ = [
     "integrators",
     "methods",
     "multibody",
+    "ocp",
     "studies",
 ]

@@ -29,6 +29,8 @@ __all__ = [
     "IntegrateError",
     "IntegrateInputError",
     "ModelError",
+    "OcpError",
+    "OcpInputError",
     "PostureError",
     "SomersaultError",
     "StepError",
@@ -138,3 +140,11 @@ class UrdfError(InputError):
 
 class FlightError(InputError):
     """A tree cannot fly: its root is held or damped."""
+
+
+class OcpError(SomersaultError):
+    """A motion has no value: a number on the way to it is not finite."""
+
+
+class OcpInputError(OcpError, InputError):
+    """A motion problem or a solver is given what does not fit or is not allowed."""

@@ -10,7 +10,6 @@ pub mod dynamics;
 mod error;
 pub mod motion;
 pub mod nlp;
-pub mod solver;
 pub mod problem;
 pub mod shooting;
 pub mod solver;

@@ -22,6 +22,9 @@ use somersault::multibody::models::PostureError;
 use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
+use somersault::ocp::OcpError;
+use somersault::ocp::motion::MotionError as JointMotionError;
+use somersault::ocp::solver::SolverError;
 
 /// What a function of this module fails with.
 pub(crate) enum Error {
@@ -40,6 +43,11 @@ impl Error {
     /// A surface that is no surface.
     pub(crate) fn surface(message: String) -> Self {
         Self::Own { class: "SurfaceError", message }
+    }
+
+    /// A problem that could not be solved for a reason of its own.
+    pub(crate) fn ocp(error: &impl ToString) -> Self {
+        Self::own("OcpError", error)
     }
 
     /// The error of one of many rows.
@@ -234,6 +242,31 @@ impl From<FlightError> for Error {
         match error {
             FlightError::Dynamics(error) => error.into(),
             error => Self::own("FlightError", &error),
+        }
+    }
+}
+
+impl From<JointMotionError> for Error {
+    fn from(error: JointMotionError) -> Self {
+        Self::own("OcpInputError", &error)
+    }
+}
+
+impl From<OcpError> for Error {
+    fn from(error: OcpError) -> Self {
+        match error {
+            OcpError::Dynamics(error) => error.into(),
+            OcpError::Model(error) => error.into(),
+            error => Self::own("OcpInputError", &error),
+        }
+    }
+}
+
+impl From<SolverError> for Error {
+    fn from(error: SolverError) -> Self {
+        match error {
+            SolverError::Failed { source, .. } => Self::ocp(&source),
+            error => Self::own("OcpInputError", &error),
         }
     }
 }

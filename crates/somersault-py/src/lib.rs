@@ -21,6 +21,7 @@ mod methods;
 mod model;
 mod monitor;
 mod named_models;
+mod ocp;
 mod partials;
 mod plan;
 mod rows;
@@ -62,6 +63,11 @@ mod _somersault {
     use crate::model::Model;
     #[pymodule_export]
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
+    #[pymodule_export]
+    use crate::ocp::{
+        Constraint, Cost, EigenpostureBase, Motion, MotionProblem, Phase, Report, SplineMotion, Term,
+        axis_direction, body_orientation, displacement, entries, function, momentum, point_position,
+    };
     #[pymodule_export]
     use crate::scene::{
         Scene, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,

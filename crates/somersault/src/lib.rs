@@ -18,6 +18,7 @@ pub use somersault_contact as contact;
 pub use somersault_core as core;
 pub use somersault_integrators as integrators;
 pub use somersault_multibody as multibody;
+pub use somersault_ocp as ocp;
 
 /// What most programs need.
 pub mod prelude {

@@ -103,3 +103,26 @@ pub trait Term: Send {
         gradient: &mut NodeGradient,
     ) -> Result<(), EvaluationError>;
 }
+
+impl<T: Term + ?Sized> Term for Box<T> {
+    fn name(&self) -> &str {
+        (**self).name()
+    }
+
+    fn n_rows(&self) -> usize {
+        (**self).n_rows()
+    }
+
+    fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
+        (**self).evaluate(node, rows)
+    }
+
+    fn pull_back(
+        &mut self,
+        node: &Node<'_>,
+        y: &[f64],
+        gradient: &mut NodeGradient,
+    ) -> Result<(), EvaluationError> {
+        (**self).pull_back(node, y, gradient)
+    }
+}

@@ -1,0 +1,13 @@
+//! Optimal motions.
+
+mod joint_motion;
+mod problem;
+mod solver;
+mod term;
+
+pub(crate) use joint_motion::{EigenpostureBase, SplineMotion};
+pub(crate) use problem::{Constraint, Cost, Motion, MotionProblem, Phase};
+pub(crate) use solver::Report;
+pub(crate) use term::{
+    Term, axis_direction, body_orientation, displacement, entries, function, momentum, point_position,
+};

@@ -1,0 +1,58 @@
+"""Optimal motions: splines, eigenpostures, shooting and solvers.
+
+A `MotionProblem` is a tree whose driven joints follow splines and whose passive ones follow the equations of
+motion. Costs and constraints are made of terms: `entries` of the motion, `displacement` from a configuration,
+`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own.
+
+>>> import numpy as np
+>>> from somersault import multibody, ocp
+>>> conditions = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
+>>> cart = ocp.SplineMotion(1, 10, conditions)
+>>> problem = ocp.MotionProblem(
+...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [ocp.Phase(cart, 1.0, 50)], active=["cart"],
+...     costs=[ocp.Cost(ocp.entries("torque", [0])),
+...            ocp.Cost(ocp.displacement([0.0, np.pi - 0.3], [1]), 1e4, at="finish")])
+>>> report = problem.solve(np.zeros(problem.n_variables) + 0.1)
+>>> report.status
+'converged'
+>>> float(problem.motion(report.z).q[-1, 1]).__round__(2)
+2.84
+"""
+
+from somersault._somersault import (
+    Constraint,
+    Cost,
+    EigenpostureBase,
+    Motion,
+    MotionProblem,
+    Phase,
+    Report,
+    SplineMotion,
+    Term,
+    axis_direction,
+    body_orientation,
+    displacement,
+    entries,
+    function,
+    momentum,
+    point_position,
+)
+
+__all__ = [
+    "Constraint",
+    "Cost",
+    "EigenpostureBase",
+    "Motion",
+    "MotionProblem",
+    "Phase",
+    "Report",
+    "SplineMotion",
+    "Term",
+    "axis_direction",
+    "body_orientation",
+    "displacement",
+    "entries",
+    "function",
+    "momentum",
+    "point_position",
+]
