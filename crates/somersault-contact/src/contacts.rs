@@ -7,11 +7,12 @@ use crate::hybrid::{Guard, Hybrid, HybridBodies};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
 use crate::shape::{Place, Shape};
 use crate::surface::{HalfSpace, Surface};
+use crate::touch::{Motion, Touch};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::{ForceModel, Wrench};
-use somersault_integrators::state::{RigidBodyState, Twist};
-use somersault_integrators::system::{RigidBodySystem, world_acceleration};
+use somersault_integrators::state::{InBody, Pose, RigidBodyState, State, Twist};
+use somersault_integrators::system::{Decoder, FromBody, RigidBodySystem, euler};
 use std::sync::Arc;
 
 /// A part of a body that touches a surface under some laws.
@@ -128,15 +129,30 @@ impl Contact {
         (encounter, place.arm)
     }
 
-    /// Force and torque about the centre of mass, frozen in a mode.
+    /// Force, and torque about the centre of mass in the axes of the motion, frozen in a mode.
     #[inline(always)]
-    pub(crate) fn wrench_in(&self, mode: &ContactMode, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+    fn wrench_in(&self, mode: &ContactMode, body: &RigidBody, motion: Motion<'_>) -> Wrench {
         if matches!(mode, ContactMode::Open) {
             return Wrench::default();
         }
-        let (at, arm) = self.meet(body, x);
+        if let Some((point, plane)) = self.bare_point() {
+            let touch = Touch::new(point, plane, motion);
+            let push = self.law.normal.force_in_contact(touch.gap, touch.rate);
+            return Wrench { force: plane.normal() * push, torque: touch.lever * push };
+        }
+        let (at, arm) = self.meet(body, motion.x);
         let effort = self.law.effort_in(mode, &at);
-        Wrench { force: effort.force, torque: arm.cross(&effort.force) + effort.torque }
+        let torque = arm.cross(&effort.force) + effort.torque;
+        Wrench { force: effort.force, torque: motion.of_world(&torque) }
+    }
+
+    /// Point and plane where a point meets a plane and there is nothing but the push along the normal.
+    #[inline(always)]
+    fn bare_point(&self) -> Option<(&Vector3<f64>, &HalfSpace)> {
+        match (&self.shape, &self.plane) {
+            (Shape::Point(point), Some(plane)) if self.law.is_only_normal() => Some((point, plane)),
+            _ => None,
+        }
     }
 }
 
@@ -222,7 +238,7 @@ impl ForceModel for Contacts {
         let mut sum = Wrench::default();
         for contact in &self.contacts {
             let mode = contact.law.mode(&contact.encounter(body, x));
-            sum = sum + contact.wrench_in(&mode, body, x);
+            sum = sum + contact.wrench_in(&mode, body, Motion::in_world(x));
         }
         sum
     }
@@ -258,6 +274,25 @@ pub(crate) fn event_kind(
         (ContactMode::Slip { .. } | ContactMode::Slide, _) => EventKind::Stick,
         _ => EventKind::Slip,
     }
+}
+
+/// Force, and torque about the centre of mass in the axes of the motion, with contacts frozen in their modes.
+#[inline(always)]
+fn wrench_in<F: ForceModel>(
+    system: &BodyInContact<F>,
+    modes: &[ContactMode],
+    t: f64,
+    motion: Motion<'_>,
+) -> Wrench {
+    let (smooth, contacts) = &system.forces;
+    let mut sum = smooth.wrench(t, &system.body, motion.x);
+    if !smooth.is_torque_free() {
+        sum.torque = motion.of_world(&sum.torque);
+    }
+    for (contact, mode) in contacts.iter().zip(modes) {
+        sum = sum + contact.wrench_in(mode, &system.body, motion);
+    }
+    sum
 }
 
 impl<F: ForceModel> Hybrid for BodyInContact<F> {
@@ -305,9 +340,11 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
         x: &RigidBodyState,
         out: &mut Twist,
     ) {
-        let mut wrench = Twist::default();
-        self.wrenches_in(mode, t, x, &mut wrench);
-        *out = world_acceleration(&self.body, x, &wrench);
+        let r = x.orientation().to_rotation_matrix().into_inner();
+        let omega = r.tr_mul(x.angular_velocity());
+        let wrench = wrench_in(self, mode, t, Motion::in_body(x, &omega));
+        let angular = euler(&self.body, &omega, &wrench.torque);
+        *out = Twist { linear: wrench.force / self.body.mass(), angular: r * angular };
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
@@ -318,11 +355,22 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
 impl<F: ForceModel> HybridBodies for BodyInContact<F> {
     #[inline(always)]
     fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState, out: &mut Twist) {
-        let (smooth, contacts) = &self.forces;
-        let mut wrench = smooth.wrench(t, &self.body, x);
-        for (contact, mode) in contacts.iter().zip(mode) {
-            wrench = wrench + contact.wrench_in(mode, &self.body, x);
-        }
+        let wrench = wrench_in(self, mode, t, Motion::in_world(x));
         *out = Twist { linear: wrench.force, angular: wrench.torque };
+    }
+
+    #[inline(always)]
+    fn body_wrenches_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        x: &State<InBody<Pose>>,
+        _: &mut (RigidBodyState, Twist),
+        out: &mut InBody<Twist>,
+    ) {
+        let mut world = RigidBodyState::default();
+        FromBody.decode(x, &mut world);
+        let wrench = wrench_in(self, mode, t, Motion::in_body(&world, &x.rate.0.angular));
+        *out = InBody(Twist { linear: wrench.force, angular: wrench.torque });
     }
 }

@@ -2,7 +2,10 @@
 
 use crate::event::EventKind;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System};
+use somersault_integrators::state::State;
+use somersault_integrators::system::{
+    BodyPoses, BodyRate, Decoder, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
+};
 use std::cell::RefCell;
 
 /// A function of the state whose sign changes where a mode ends.
@@ -116,6 +119,20 @@ pub trait Hybrid: System {
 pub trait HybridBodies: Hybrid + RigidSystem {
     /// Force and torque about the centre of mass on every body by the equations of a mode.
     fn wrenches_in(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+    /// The same with angular velocities and torques in body axes; by default by way of `world`, in world axes.
+    #[inline(always)]
+    fn body_wrenches_in(
+        &self,
+        mode: &Self::Mode,
+        t: f64,
+        x: &State<BodyPoses<Self>>,
+        (world, wrenches): &mut (StateOf<Self>, RateOf<Self>),
+        out: &mut BodyRate<Self>,
+    ) {
+        FromBody.decode(x, world);
+        self.wrenches_in(mode, t, world, wrenches);
+        torques_in_body_axes::<Self::Configuration>(x, wrenches, out);
+    }
 }
 
 impl<S: Hybrid + ?Sized> Hybrid for &S {
@@ -164,6 +181,17 @@ impl<S: HybridBodies + ?Sized> HybridBodies for &S {
     #[inline(always)]
     fn wrenches_in(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).wrenches_in(mode, t, x, out);
+    }
+    #[inline(always)]
+    fn body_wrenches_in(
+        &self,
+        mode: &S::Mode,
+        t: f64,
+        x: &State<BodyPoses<S>>,
+        world: &mut (StateOf<S>, RateOf<S>),
+        out: &mut BodyRate<S>,
+    ) {
+        (**self).body_wrenches_in(mode, t, x, world, out);
     }
 }
 
@@ -248,6 +276,16 @@ impl<H: HybridBodies> RigidSystem for Frozen<H> {
     #[inline(always)]
     fn wrenches(&self, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
         self.system.wrenches_in(&self.mode.borrow(), t, x, out);
+    }
+    #[inline(always)]
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<BodyPoses<H>>,
+        world: &mut (StateOf<H>, RateOf<H>),
+        out: &mut BodyRate<H>,
+    ) {
+        self.system.body_wrenches_in(&self.mode.borrow(), t, x, world, out);
     }
     #[inline(always)]
     fn is_free(&self) -> bool {

@@ -84,6 +84,12 @@ impl ContactLaw {
         self.normal.is_damped() || self.friction != Friction::None || !self.resistance.is_none()
     }
 
+    /// Whether there is neither friction nor resistance.
+    #[inline(always)]
+    pub(crate) fn is_only_normal(&self) -> bool {
+        self.friction == Friction::None && self.resistance.is_none()
+    }
+
     /// The guard of the contact itself: inside where it pushes.
     #[inline(always)]
     pub fn guard(&self, at: &Encounter) -> Guard {

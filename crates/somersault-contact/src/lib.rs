@@ -48,5 +48,6 @@ pub mod shape;
 mod step_curve;
 pub mod studies;
 pub mod surface;
+mod touch;
 
 pub use error::ContactError;

@@ -63,10 +63,24 @@ impl HalfSpace {
     }
 }
 
+impl HalfSpace {
+    /// The outward normal.
+    #[inline]
+    pub(crate) fn normal(&self) -> &Vector3<f64> {
+        &self.normal
+    }
+
+    /// Distance of a point, negative inside, m.
+    #[inline]
+    pub(crate) fn distance(&self, point: &Vector3<f64>) -> f64 {
+        self.normal.dot(point) - self.offset
+    }
+}
+
 impl Surface for HalfSpace {
     #[inline]
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
-        SignedDistance { distance: self.normal.dot(point) - self.offset, gradient: self.normal.into_inner() }
+        SignedDistance { distance: self.distance(point), gradient: self.normal.into_inner() }
     }
     fn as_half_space(&self) -> Option<&HalfSpace> {
         Some(self)

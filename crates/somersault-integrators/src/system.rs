@@ -62,12 +62,44 @@ pub trait RigidSystem: System<Configuration: Poses> {
     fn rest(&self) -> StateOf<Self>;
     /// Force (linear part) and torque about the centre of mass (angular part) on every body, world frame.
     fn wrenches(&self, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+    /// The same with angular velocities and torques in body axes; by default by way of `world`, in world axes.
+    #[inline(always)]
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<BodyPoses<Self>>,
+        (world, wrenches): &mut (StateOf<Self>, RateOf<Self>),
+        out: &mut BodyRate<Self>,
+    ) {
+        FromBody.decode(x, world);
+        self.wrenches(t, world, wrenches);
+        torques_in_body_axes::<Self::Configuration>(x, wrenches, out);
+    }
     /// Whether all wrenches are always zero.
     fn is_free(&self) -> bool;
     /// Whether all torques are always zero.
     fn is_torque_free(&self) -> bool;
     /// Whether wrenches may depend on the rates.
     fn depends_on_velocity(&self) -> bool;
+}
+
+/// Configuration of a rigid system in the body frame.
+pub type BodyPoses<S> = <<S as System>::Configuration as Poses>::InBodyFrame;
+/// Rate of a rigid system in the body frame.
+pub type BodyRate<S> = <BodyPoses<S> as Configuration>::Rate;
+
+/// Turns the torques on bodies in the poses of `x` from world axes into body axes.
+#[inline(always)]
+pub fn torques_in_body_axes<Q: Poses>(
+    x: &State<Q::InBodyFrame>,
+    wrenches: &Q::Rate,
+    out: &mut <Q::InBodyFrame as Configuration>::Rate,
+) {
+    for i in 0..x.configuration.count() {
+        let wrench = Q::twist(wrenches, i);
+        let angular = x.configuration.pose(i).orientation.inverse_transform_vector(&wrench.angular);
+        Q::InBodyFrame::set_twist(out, i, Twist { linear: wrench.linear, angular });
+    }
 }
 
 impl<S: RigidSystem + ?Sized> RigidSystem for &S {
@@ -81,6 +113,16 @@ impl<S: RigidSystem + ?Sized> RigidSystem for &S {
     #[inline(always)]
     fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).wrenches(t, x, out);
+    }
+    #[inline(always)]
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<BodyPoses<S>>,
+        world: &mut (StateOf<S>, RateOf<S>),
+        out: &mut BodyRate<S>,
+    ) {
+        (**self).body_wrenches(t, x, world, out);
     }
     #[inline(always)]
     fn is_free(&self) -> bool {
@@ -116,7 +158,7 @@ fn free_acceleration(body: &RigidBody, x: &RigidBodyState) -> Twist {
 
 /// Euler's equations: I⁻¹(M − ω × Iω), all in the body frame.
 #[inline(always)]
-pub(crate) fn euler(body: &RigidBody, omega: &Vector3<f64>, torque: &Vector3<f64>) -> Vector3<f64> {
+pub fn euler(body: &RigidBody, omega: &Vector3<f64>, torque: &Vector3<f64>) -> Vector3<f64> {
     let inertia = body.inertia();
     inertia.velocity(&(torque - omega.cross(&inertia.momentum(omega))))
 }
@@ -473,8 +515,6 @@ impl<S: RigidSystem> Form<S::Configuration> for MomentumForm<'_, S> {
 #[derive(Debug, Clone, Copy)]
 pub struct BodyForm<'a, S>(pub &'a S);
 
-type BodyPoses<S> = <<S as System>::Configuration as Poses>::InBodyFrame;
-
 impl<S: RigidSystem> System for BodyForm<'_, S> {
     type Configuration = BodyPoses<S>;
     type Workspace = (StateOf<S>, RateOf<S>);
@@ -484,30 +524,18 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
         (rest, wrenches)
     }
     #[inline(always)]
-    fn acceleration(
-        &self,
-        (world, wrenches): &mut Self::Workspace,
-        t: f64,
-        x: &StateOf<Self>,
-        out: &mut RateOf<Self>,
-    ) {
-        let free = self.0.is_free();
-        if !free {
-            FromBody.decode(x, world);
-            self.0.wrenches(t, world, wrenches);
+    fn acceleration(&self, world: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+        if self.0.is_free() {
+            out.set_zero();
+        } else {
+            self.0.body_wrenches(t, x, world, out);
         }
         for i in 0..x.configuration.count() {
             let body = self.0.body(i);
             let omega = BodyPoses::<S>::twist(&x.rate, i).angular;
-            let (linear, torque) = if free {
-                (Vector3::zeros(), Vector3::zeros())
-            } else {
-                let wrench = S::Configuration::twist(wrenches, i);
-                let orientation = x.configuration.pose(i).orientation;
-                (wrench.linear / body.mass(), orientation.inverse_transform_vector(&wrench.angular))
-            };
-            let angular = euler(body, &omega, &torque);
-            BodyPoses::<S>::set_twist(out, i, Twist { linear, angular });
+            let wrench = BodyPoses::<S>::twist(out, i);
+            let angular = euler(body, &omega, &wrench.angular);
+            BodyPoses::<S>::set_twist(out, i, Twist { linear: wrench.linear / body.mass(), angular });
         }
     }
 }

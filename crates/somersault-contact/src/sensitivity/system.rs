@@ -12,7 +12,7 @@ use crate::interface::{ContactLaw, ContactMode, Encounter};
 use nalgebra::Vector3;
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
-use somersault_integrators::system::{System, world_acceleration};
+use somersault_integrators::system::System;
 use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
 use std::cell::RefCell;
 
@@ -209,7 +209,7 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
     ) {
         let (base, body, (smooth, contacts)) = (x.base(), &self.system.body, &self.system.forces);
         let wrench = self.wrench(mode, t, &base);
-        out.base = world_acceleration(body, &base, &wrench);
+        self.system.acceleration_in(mode, &mut (), t, &base, &mut out.base);
         for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
             let mut sum = smooth.wrench_variation(t, body, &base, &column);
             match parameter {
@@ -249,7 +249,8 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
     fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut VariedState) {
         let base = x.base();
         let wrench = self.wrench(before, t, &base);
-        let acceleration = world_acceleration(&self.system.body, &base, &wrench);
+        let mut acceleration = Twist::default();
+        self.system.acceleration_in(before, &mut (), t, &base, &mut acceleration);
         let derivative = AccelerationDerivative::new(&self.system.body, &base, &wrench, &acceleration);
         for (contact, modes) in before.iter().zip(after).enumerate() {
             if modes.0 != modes.1 {
