@@ -22,6 +22,7 @@ __all__ = [
     "CountMismatchError",
     "DynamicsError",
     "DynamicsInputError",
+    "ExportError",
     "FlightError",
     "FreeBodyError",
     "InertiaError",
@@ -38,6 +39,7 @@ __all__ = [
     "TorqueError",
     "UnknownMethodError",
     "UrdfError",
+    "ViewerError",
 ]
 
 
@@ -138,3 +140,11 @@ class UrdfError(InputError):
 
 class FlightError(InputError):
     """A tree cannot fly: its root is held or damped."""
+
+
+class ViewerError(InputError):
+    """A shape cannot be made of these numbers, or a motion and a scene do not fit together."""
+
+
+class ExportError(SomersaultError):
+    """A film cannot be made here: the message names what is missing, or what went wrong."""
