@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -48,8 +49,8 @@ def browser() -> str | None:
     return next((path for path in (*found, *filter(shutil.which, _ELSEWHERE)) if path), None)
 
 
-def headless(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    """Runs the browser on a page without a window, drawing in software."""
+def headless(page: str, *options: str) -> subprocess.CompletedProcess[str]:
+    """Runs the browser on the page at an address, without a window, drawing in software."""
     path = browser()
     if path is None:
         raise ExportError(f"a film needs Chromium or Chrome, found none of {', '.join(BROWSERS)}")
@@ -65,9 +66,9 @@ def headless(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
             "--enable-logging=stderr",
             f"--user-data-dir={profile}",
             *options,
-            page.resolve().as_uri(),
+            page,
         ]
-        if sys.platform == "linux" and _is_root():
+        if sys.platform == "linux" and os.geteuid() == 0:
             # Chromium has no sandbox for root.
             command.insert(1, "--no-sandbox")
         try:
@@ -85,12 +86,6 @@ def headless(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
             raise ExportError(f"the browser {path} could not be started: {error}") from error
 
 
-def _is_root() -> bool:
-    import os
-
-    return os.geteuid() == 0
-
-
 def pictures(scene: Scene, times: list[float], size: tuple[int, int]) -> list[bytes]:
     """PNG files of the scene at times since its start."""
     found = []
@@ -101,7 +96,7 @@ def pictures(scene: Scene, times: list[float], size: tuple[int, int]) -> list[by
             record = _RECORD.replace("TIMES", json.dumps(times[k : k + _BATCH]))
             record = record.replace("WIDTH", str(size[0])).replace("HEIGHT", str(size[1]))
             page.write_text(html.replace("</body>", f"{record}</body>"), encoding="utf-8")
-            ran = headless(page, "--dump-dom", "--window-size=800,600")
+            ran = headless(page.as_uri(), "--dump-dom", "--window-size=800,600")
             drawn = re.findall(r"data:image/png;base64,([A-Za-z0-9+/=]+)", ran.stdout)
             found += [base64.b64decode(picture) for picture in drawn]
             if len(found) != min(k + _BATCH, len(times)):

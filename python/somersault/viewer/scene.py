@@ -77,7 +77,8 @@ class _Actor:
     @property
     def view(self) -> View:
         """From the side or from the top for what moves in such a plane."""
-        spans = np.ptp(self.track.poses[:, :, :3].reshape(-1, 3), axis=0)
+        places = np.concatenate([self.track.poses[:, :, :3].reshape(-1, 3), self.track.center])
+        spans = np.ptp(places, axis=0)
         flat = spans < 1e-9 * self.radius
         planes: dict[tuple[bool, ...], View] = {
             (False, True, False): "side",
