@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from os import PathLike
@@ -16,136 +14,33 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from somersault._somersault import Model, Trajectory, TreeSolution
+from somersault._somersault import Model, TreeSolution
 from somersault.errors import ViewerError
-from somersault.viewer.figures import equivalent_ellipsoid, figure, is_cart_pendulum, rail
-from somersault.viewer.shapes import Box, Ellipsoid, Shape, numbers, positive, rgb
-from somersault.viewer.tracks import Moving, Track, track
+from somersault.viewer.actors import (
+    COLORS,
+    Actor,
+    Shapes,
+    View,
+    body_index,
+    default_shapes,
+    named_shapes,
+    shape_data,
+)
+from somersault.viewer.figures import is_cart_pendulum, rail
+from somersault.viewer.shapes import Box, Shape, numbers, positive, rgb
+from somersault.viewer.tracks import Moving, track
 
 __all__ = ["Scene", "animate"]
 
 Array = NDArray[np.float64]
-View: TypeAlias = Literal["corner", "side", "front", "top"]
 Arrow: TypeAlias = Literal["angular_momentum", "angular_velocity"]
 Trail: TypeAlias = str | tuple[str, ArrayLike]
-Shapes: TypeAlias = Shape | Sequence[Shape] | Mapping[str, Shape | Sequence[Shape]]
 
 _VIEWS = ("corner", "side", "front", "top")
 _SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
 _ARROWS = {"angular_momentum": "momentum", "angular_velocity": "rate"}
-#: Paul Tol's *bright* colours, distinct for the colour-blind.
-_COLORS = ("#4477aa", "#cc3311", "#228833", "#aa3377", "#ccbb44", "#66ccee")
 _SCRIPTS = ("linear", "meshes", "motion", "shaders", "stage", "camera", "player")
 _CENTER = "center_of_mass"
-
-
-@dataclass(frozen=True)
-class _Actor:
-    """A motion with its looks."""
-
-    track: Track
-    shapes: Mapping[str, Sequence[Shape]]
-    color: str
-    label: str
-    panel: int
-    trails: Sequence[tuple[int | None, Array]]
-
-    @property
-    def reaches(self) -> dict[int, float]:
-        """The radii of the balls about the bodies' origins that hold their shapes."""
-        return {
-            i: max(shape.reach for shape in self.shapes[name])
-            for i, name in enumerate(self.track.names)
-            if name in self.shapes
-        }
-
-    @property
-    def radius(self) -> float:
-        """Of the ball about the centre of mass that holds all shapes at all times."""
-        away = [
-            np.linalg.norm(self.track.poses[:, i, :3] - self.track.center, axis=1).max() + reach
-            for i, reach in self.reaches.items()
-        ]
-        return float(max(away))
-
-    @property
-    def region(self) -> tuple[Array, Array]:
-        """The corners of the box that holds the origins of all bodies at all times."""
-        places = self.track.poses[:, list(self.reaches), :3].reshape(-1, 3)
-        return places.min(axis=0), places.max(axis=0)
-
-    @property
-    def view(self) -> View:
-        """From the side or from the top for what moves in such a plane."""
-        places = np.concatenate([self.track.poses[:, :, :3].reshape(-1, 3), self.track.center])
-        spans = np.ptp(places, axis=0)
-        flat = spans < 1e-9 * self.radius
-        planes: dict[tuple[bool, ...], View] = {
-            (False, True, False): "side",
-            (False, False, True): "top",
-        }
-        return planes.get(tuple(flat.tolist()), "corner")
-
-
-def _packed(values: ArrayLike) -> str:
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
-
-
-def _shape(shape: Shape, color: str) -> dict[str, Any]:
-    """What the page needs of a shape."""
-    form = (
-        {"lengths": np.asarray(shape.lengths, dtype=np.float64).tolist()}
-        if isinstance(shape, Box)
-        else {"rings": _packed(shape.rings)}
-    )
-    return {
-        **form,
-        "position": np.round(shape.position, 7).tolist(),
-        "quaternion": np.round(shape.rotation.as_quat(), 8).tolist(),
-        "colour": np.round(rgb("color", shape.color or color), 3).tolist(),
-        "checkered": int(shape.checkered),
-    }
-
-
-def _default_shapes(moving: Moving) -> dict[str, list[Shape]]:
-    """The shapes of a motion that came without."""
-    if isinstance(moving, Model | TreeSolution):
-        return figure(moving.model if isinstance(moving, TreeSolution) else moving)
-    owner = moving.body if isinstance(moving, Trajectory) else moving
-    bodies = owner if isinstance(owner, list) else [owner]
-    found: dict[str, list[Shape]] = {}
-    for k, body in enumerate(bodies):
-        radii, turn = equivalent_ellipsoid(body.mass, body.inertia)
-        radii = np.maximum(radii, 0.02 * radii.max())
-        name = "body" if len(bodies) == 1 else f"body_{k}"
-        found[name] = [Ellipsoid(radii, orientation=turn, checkered=True)]
-    return found
-
-
-def _named_shapes(shapes: Shapes, names: tuple[str, ...]) -> dict[str, list[Shape]]:
-    """The shapes given, by body."""
-    if not isinstance(shapes, Mapping):
-        if len(names) != 1:
-            raise ViewerError("`shapes` must be a mapping from the names of bodies where there are several")
-        shapes = {names[0]: shapes}
-    found = {}
-    for name, value in shapes.items():
-        _body("shapes", name, names)
-        several = [value] if isinstance(value, Shape) else list(value)
-        for shape in several:
-            if not isinstance(shape, Shape):
-                raise ViewerError(f"`shapes` must be shapes, found a {type(shape).__name__} for '{name}'")
-        if several:
-            found[name] = several
-    if not found:
-        raise ViewerError("`shapes` must have a shape for a body at least, found none")
-    return found
-
-
-def _body(argument: str, name: object, names: tuple[str, ...]) -> int:
-    if name not in names:
-        raise ViewerError(f"`{argument}` names no body '{name}'; there are {', '.join(names)}")
-    return names.index(str(name))
 
 
 def _choice(argument: str, value: object, allowed: Sequence[object]) -> None:
@@ -175,7 +70,7 @@ class Scene:
 
     def __init__(self, title: str = "Motion") -> None:
         self.title = title
-        self._actors: list[_Actor] = []
+        self._actors: list[Actor] = []
         self._fixed: list[tuple[Shape, str]] = []
         self._ground: float | None = None
         self._water: float | None = None
@@ -234,17 +129,17 @@ class Scene:
             Lengths do not match, a number is not finite, times do not rise, or a name is unknown.
         """
         found = track(moving, t, q, v)
-        looks = _default_shapes(moving) if shapes is None else _named_shapes(shapes, found.names)
+        looks = default_shapes(moving) if shapes is None else named_shapes(shapes, found.names)
         if not isinstance(panel, int) or not 0 <= panel <= len({actor.panel for actor in self._actors}):
             raise ViewerError(f"`panel` must be that of another motion or the next one, found {panel!r}")
-        paint = color or _COLORS[len(self._actors) % len(_COLORS)]
+        paint = color or COLORS[len(self._actors) % len(COLORS)]
         rgb("color", paint)
         points: list[tuple[int | None, Array]] = []
         for trail in trails:
             name, point = (trail, np.zeros(3)) if isinstance(trail, str) else trail
-            body = None if name == _CENTER else _body("trails", name, found.names)
+            body = None if name == _CENTER else body_index("trails", name, found.names)
             points.append((body, numbers("trails", point, (3,))))
-        self._actors.append(_Actor(found, looks, paint, label, panel, points))
+        self._actors.append(Actor(found, looks, paint, label, panel, points))
         model = moving.model if isinstance(moving, TreeSolution) else moving
         if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):
             way = found.poses[:, 0, 0]
@@ -318,39 +213,6 @@ class Scene:
         ends = [(actor.track.t[0], actor.track.t[-1]) for actor in self._actors]
         return float(min(start for start, _ in ends)), float(max(end for _, end in ends))
 
-    def _motion(self, actor: _Actor, start: float) -> dict[str, Any]:
-        moving = actor.track
-        drawn = [i for i, name in enumerate(moving.names) if name in actor.shapes]
-        # Trails may belong to bodies without a shape.
-        drawn += sorted({body for body, _ in actor.trails if body is not None} - set(drawn))
-        data: dict[str, Any] = {
-            "label": actor.label,
-            "colour": np.round(rgb("color", actor.color), 3).tolist(),
-            "panel": actor.panel,
-            "bodies": len(drawn),
-            "times": _packed(moving.t - start),
-            "poses": _packed(moving.poses[:, drawn]),
-            "center": _packed(moving.center),
-            "shapes": [
-                {"body": k, **_shape(shape, actor.color)}
-                for k, i in enumerate(drawn)
-                for shape in actor.shapes.get(moving.names[i], ())
-            ],
-            "trails": [
-                {
-                    "body": None if body is None else drawn.index(body),
-                    "point": point.tolist(),
-                    "colour": np.round(rgb("color", _COLORS[(4 + k) % 6] if k else actor.color), 3).tolist(),
-                }
-                for k, (body, point) in enumerate(actor.trails)
-            ],
-        }
-        for name in ("momentum", "rate"):
-            values: Array | None = getattr(moving, name)
-            if values is not None:
-                data[name] = _packed(values)
-        return data
-
     def _data(self) -> dict[str, Any]:
         start, end = self.interval
         radius = max(actor.radius for actor in self._actors)
@@ -375,10 +237,10 @@ class Scene:
             "camera": {"view": self._view or self._actors[0].view, "follow": bool(follow)},
             "ground": self._ground,
             "water": self._water,
-            "fixed": [_shape(shape, color) for shape, color in self._fixed],
+            "fixed": [shape_data(shape, color) for shape, color in self._fixed],
             "captions": [[t - start, text] for t, text in sorted(self._captions)],
             "panels": sorted({actor.panel for actor in self._actors}),
-            "motions": [self._motion(actor, start) for actor in self._actors],
+            "motions": [actor.data(start) for actor in self._actors],
         }
 
     def html(self) -> str:
