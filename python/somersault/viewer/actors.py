@@ -5,10 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from somersault._somersault import Model, Trajectory, TreeSolution
 from somersault.errors import ViewerError
@@ -37,29 +39,31 @@ class Actor:
     panel: int
     trails: Sequence[tuple[int | None, Array]]
 
-    @property
-    def reaches(self) -> dict[int, float]:
-        """The radii of the balls about the bodies' origins that hold their shapes."""
-        return {
-            i: max(shape.reach for shape in self.shapes[name])
-            for i, name in enumerate(self.track.names)
-            if name in self.shapes
-        }
+    @cached_property
+    def _skin(self) -> tuple[Array, NDArray[np.intp]]:
+        """Points of all shapes in the world at some of the times, and which these are."""
+        at = np.unique(np.linspace(0, len(self.track.t) - 1, 120).astype(np.intp))
+        found = []
+        for i, name in enumerate(self.track.names):
+            if name not in self.shapes:
+                continue
+            points = np.concatenate([shape.points for shape in self.shapes[name]])
+            poses = self.track.poses[at, i]
+            turns = Rotation.from_quat(poses[:, 3:]).as_matrix()
+            found.append(points @ turns.transpose(0, 2, 1) + poses[:, None, :3])
+        return np.concatenate(found, axis=1), at
 
     @property
     def radius(self) -> float:
-        """Of the ball about the centre of mass that holds all shapes at all times."""
-        away = [
-            np.linalg.norm(self.track.poses[:, i, :3] - self.track.center, axis=1).max() + reach
-            for i, reach in self.reaches.items()
-        ]
-        return float(max(away))
+        """Of the ball about the centre of mass that holds all shapes."""
+        points, at = self._skin
+        return float(np.linalg.norm(points - self.track.center[at, None], axis=-1).max())
 
     @property
     def region(self) -> tuple[Array, Array]:
-        """The corners of the box that holds the origins of all bodies at all times."""
-        places = self.track.poses[:, list(self.reaches), :3].reshape(-1, 3)
-        return places.min(axis=0), places.max(axis=0)
+        """The corners of the box that holds all shapes at all times."""
+        points = self._skin[0].reshape(-1, 3)
+        return points.min(axis=0), points.max(axis=0)
 
     @property
     def view(self) -> View:

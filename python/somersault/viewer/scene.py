@@ -233,7 +233,6 @@ class Scene:
             "speed": self._speed,
             "arrows": [_ARROWS[arrow] for arrow in self._arrows],
             "region": [np.min(low, axis=0).tolist(), np.max(high, axis=0).tolist()],
-            "margin": max(reach for actor in self._actors for reach in actor.reaches.values()),
             "camera": {"view": self._view or self._actors[0].view, "follow": bool(follow)},
             "ground": self._ground,
             "water": self._water,

@@ -94,11 +94,12 @@ class Shape:
         raise NotImplementedError
 
     @property
-    def reach(self) -> float:
-        """The radius about the body's origin that holds all of it."""
-        z, x, y, a, b = self.rings.T
-        across = np.hypot(x, y) + np.maximum(a, b)
-        return float(np.linalg.norm(self.position) + np.hypot(z, across).max())
+    def points(self) -> Array:
+        """Points of the skin in the axes of the body, enough to say how far it reaches."""
+        z, x, y, a, b = self.rings.T[:, :, None]
+        angle = np.arange(8) * (np.pi / 4)
+        skin = np.stack([x + a * np.cos(angle), y + b * np.sin(angle), z + 0.0 * angle], axis=-1)
+        return np.asarray(self.rotation.apply(skin.reshape(-1, 3))) + self.position
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -167,9 +168,10 @@ class Box(_Placed):
         positive("lengths", self.lengths, (3,))
 
     @property
-    def reach(self) -> float:
-        half = np.asarray(self.lengths, dtype=np.float64) / 2
-        return float(np.linalg.norm(self.position) + np.linalg.norm(half))
+    def points(self) -> Array:
+        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+        corners = signs * np.asarray(self.lengths, dtype=np.float64)
+        return np.asarray(self.rotation.apply(corners)) + self.position
 
 
 @dataclass(frozen=True, eq=False)

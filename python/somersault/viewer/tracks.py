@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Moving: TypeAlias = Model | RigidBody | Trajectory | TreeSolution
 
 #: Samples are made or left out to be about this far apart, s, and not farther than this turn, rad.
-_INTERVAL, _TURN = 1 / 90, 0.3
+_INTERVAL, _TURN = 1 / 60, 0.3
 #: More samples than this are not transmitted, however long the motion is.
 _LARGEST = 6000
 

@@ -52,14 +52,14 @@ class Camera {
 
   /** The distance from which all is in sight in the view taken last, whichever way the camera turned since. */
   fit(aspect) {
-    const { radius, region, margin } = this.scene, tangent = Math.tan(OPENING / 2);
+    const { radius, region } = this.scene, tangent = Math.tan(OPENING / 2);
     if (this.follow) return radius * (1.05 / tangent * Math.max(1, 1 / aspect) + 0.3);
+    // The half widths, across, up and away, of the ellipsoid with those of the region.
     const [x, y, z] = scale(subtract(region[1], region[0]), 0.5);
     const [a, e] = [this.framed.azimuth * Math.PI / 180, this.framed.elevation * Math.PI / 180];
-    const wide = Math.abs(x * Math.sin(a)) + Math.abs(y * Math.cos(a));
-    const deep = Math.abs(x * Math.cos(a)) + Math.abs(y * Math.sin(a));
-    const tall = z * Math.cos(e) + deep * Math.sin(e) + margin, near = deep * Math.cos(e) + z * Math.sin(e);
-    return 1.05 * Math.max(tall, (wide + margin) / aspect) / tangent + near + 0.3 * margin;
+    const wide = Math.hypot(x * Math.sin(a), y * Math.cos(a)), deep = Math.hypot(x * Math.cos(a), y * Math.sin(a));
+    const tall = Math.hypot(z * Math.cos(e), deep * Math.sin(e)), near = Math.hypot(deep * Math.cos(e), z * Math.sin(e));
+    return 1.08 * Math.max(tall, wide / aspect) / tangent + near;
   }
 
   /** The box about the centers of mass at a time. */

@@ -20,7 +20,7 @@ class Player {
   /** Controls for what the scene has. */
   arrange() {
     const { scene, controls } = this;
-    document.getElementById("timing").hidden = scene.end === 0;
+    document.getElementById("timing").hidden = controls.speed.parentElement.hidden = scene.end === 0;
     controls.time.max = scene.end;
     controls.speed.value = scene.speed;
     controls.follow.checked = this.camera.follow;
@@ -178,9 +178,11 @@ class Player {
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     const shown = {};
     for (const name of ["trails", ...Object.keys(ARROWS)]) shown[name] = controls[name].checked;
-    const n = scene.panels.length, beside = width > height;
+    const n = scene.panels.length, beside = width > height, gap = Math.ceil(height / 400);
+    this.stage.begin(width, height);
     scene.panels.forEach((_, panel) => {
-      const [from, to] = [panel, panel + 1].map(k => Math.round((beside ? width : height) * k / n));
+      const whole = (beside ? width : height) + gap;
+      const [from, to] = [Math.round(whole * panel / n), Math.round(whole * (panel + 1) / n) - gap];
       const area = beside ? [from, 0, to - from, height] : [0, height - to, width, to - from];
       const motions = scene.motions.filter(motion => motion.panel === panel);
       const seen = camera.seen(area[2] / area[3], motions, this.t);

@@ -1,12 +1,12 @@
 // The stage: bodies, what stands around them, trails and arrows, drawn by WebGL 2.
 
-const SUN = unit([0.45, -0.55, 1.35]);
+const SUN = unit([0.55, -0.62, 1.15]);
 const SHADOW_TEXELS = 2048;
 const OPENING = 30 * Math.PI / 180;
-// The longest of all times is so many radii of the figure long; along each other the thinner one stands out.
+// The longest of all times is so many radii of the figure long; along each other the thin one sticks out.
 const ARROWS = {
-  momentum: { colour: [0.80, 0.20, 0.24], longest: 1.2, thickness: 0.022 },
-  rate: { colour: [0.16, 0.22, 0.62], longest: 1.5, thickness: 0.013 },
+  momentum: { colour: [0.80, 0.20, 0.24], longest: 1.4, thickness: 0.016 },
+  rate: { colour: [0.16, 0.22, 0.62], longest: 1.0, thickness: 0.026 },
 };
 
 class Stage {
@@ -130,6 +130,14 @@ class Stage {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
+  /** Wipes the canvas. */
+  begin(width, height) {
+    const { gl } = this;
+    gl.scissor(0, 0, width, height);
+    gl.clearColor(1, 1, 1, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+  }
+
   /** Draws the motions of one panel into a rectangle of the canvas. */
   draw(panel, [left, bottom, width, height], t, camera, shown) {
     const { gl, scene } = this;
@@ -191,7 +199,7 @@ class Stage {
     const from = motion.vector("center", where), vector = motion.vector(name, where);
     const along = this.arrowScale[name] * length(vector), { colour, thickness } = ARROWS[name];
     const thick = thickness * this.scene.radius;
-    const head = Math.min(6 * thick, 0.6 * along);
+    const head = Math.min(5.5 * thick, 0.6 * along);
     if (along < 1e-3 * this.scene.radius) return [];
     const way = unit(vector), neck = add(from, scale(way, along - head));
     const look = { colour, checkered: 0, reach: along };
