@@ -80,6 +80,15 @@ def test_momentum_and_rate_are_those_of_the_solution(
     np.testing.assert_allclose(unpacked(motion["momentum"], 3)[-1], tumble.angular_momentum[-1], rtol=1e-6)
 
 
+def test_arrays_of_a_body_give_what_its_solution_gives(tumble: somersault.Solution) -> None:
+    q = np.column_stack([tumble.position, tumble.quaternion])
+    v = np.column_stack([tumble.velocity, tumble.angular_velocity])
+    (given,) = data(viewer.Scene().add(BODY, tumble.t, q, v))["motions"]
+    (solved,) = data(viewer.Scene().add(tumble))["motions"]
+    for name in ("times", "poses", "center", "momentum", "rate"):
+        np.testing.assert_allclose(unpacked(given[name]), unpacked(solved[name]), rtol=1e-6, atol=1e-6)
+
+
 def test_the_rate_of_a_tree_of_one_body_is_its_angular_velocity() -> None:
     tree = multibody.Model([multibody.Link("it", "free", body=BODY, center=(0.3, 0.0, 0.1))])
     q, v = np.array([0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.9]), np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
@@ -294,6 +303,10 @@ PAIR = {"torso": viewer.Sphere(0.1), "limb": viewer.Sphere(0.1)}
         (add(color="red"), "`color` must be a color like '#cc6677', found 'red'"),
         (add(panel=1), "`panel` must be that of another motion or the next one, found 1"),
         (add(trails=("foot",)), "`trails` names no body 'foot'; there are body"),
+        (
+            add(trails=((1.0, 2.0, 3.0),)),
+            "`trails` must be names, or names and points, found (1.0, 2.0, 3.0)",
+        ),
         (add(trails=(("body", (1.0, 2.0)),)), "`trails` must be of shape (3,), found (2,)"),
         (lambda: viewer.Scene().html(), "the scene must have a motion"),
         (lambda: viewer.Scene().ground(np.nan), "`height` must be finite, found nan"),

@@ -136,8 +136,13 @@ def _gif_writer() -> Callable[[list[bytes], Path, float], None]:
 
     def write(frames: list[bytes], path: Path, frame_rate: float) -> None:
         opened = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in frames]
-        # One palette for all, so that still parts do not flicker; the middle has everything in it.
-        palette = opened[len(opened) // 2].quantize(255)
+        # One palette for all, so that still parts do not flicker.
+        some = opened[:: max(1, len(opened) // 8)]
+        width, height = opened[0].size
+        mosaic = Image.new("RGB", (width, height * len(some)))
+        for k, image in enumerate(some):
+            mosaic.paste(image, (0, k * height))
+        palette = mosaic.quantize(255)
         reduced = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in opened]
         options: dict[str, Any] = {"duration": round(1000 / frame_rate), "loop": 0, "optimize": True}
         reduced[0].save(path, "GIF", save_all=True, append_images=reduced[1:], **options)

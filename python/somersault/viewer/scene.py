@@ -48,6 +48,17 @@ def _choice(argument: str, value: object, allowed: Sequence[object]) -> None:
         raise ViewerError(f"`{argument}` must be one of {', '.join(map(repr, allowed))}, found {value!r}")
 
 
+def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
+    """The body, None for the centre of mass, and the point in its axes."""
+    if trail == _CENTER:
+        return None, np.zeros(3)
+    if isinstance(trail, str):
+        return body_index("trails", trail, names), np.zeros(3)
+    if not (isinstance(trail, tuple) and len(trail) == 2):
+        raise ViewerError(f"`trails` must be names, or names and points, found {trail!r}")
+    return body_index("trails", trail[0], names), numbers("trails", trail[1], (3,))
+
+
 class Scene:
     """Motions, and what stands around them.
 
@@ -132,13 +143,9 @@ class Scene:
         looks = default_shapes(moving) if shapes is None else named_shapes(shapes, found.names)
         if not isinstance(panel, int) or not 0 <= panel <= len({actor.panel for actor in self._actors}):
             raise ViewerError(f"`panel` must be that of another motion or the next one, found {panel!r}")
-        paint = color or COLORS[len(self._actors) % len(COLORS)]
+        paint = COLORS[len(self._actors) % len(COLORS)] if color is None else color
         rgb("color", paint)
-        points: list[tuple[int | None, Array]] = []
-        for trail in trails:
-            name, point = (trail, np.zeros(3)) if isinstance(trail, str) else trail
-            body = None if name == _CENTER else body_index("trails", name, found.names)
-            points.append((body, numbers("trails", point, (3,))))
+        points = [_trail(trail, found.names) for trail in trails]
         self._actors.append(Actor(found, looks, paint, label, panel, points))
         model = moving.model if isinstance(moving, TreeSolution) else moving
         if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):
