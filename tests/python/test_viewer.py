@@ -139,6 +139,13 @@ def test_dense_samples_are_thinned_by_time_and_turn() -> None:
     assert 2 * samples(10.0) < samples(500.0) < 6000
 
 
+def test_a_motion_that_would_fill_a_page_is_refused() -> None:
+    angle = np.arange(200_000) * 0.1
+    q = np.column_stack([np.zeros((len(angle), 5)), np.sin(angle / 2), np.cos(angle / 2)])
+    with pytest.raises(ViewerError, match=r"would need 7.* samples of it and has at most 50000"):
+        viewer.Scene().add(BODY, angle, q)
+
+
 def test_text_cannot_leave_its_place() -> None:
     evil = "</script><script>alert(1)</script>{{script}}"
     scene = viewer.Scene(evil).add(BODY, TIMES, STILL, label=evil).caption(0.0, evil)

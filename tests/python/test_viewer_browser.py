@@ -32,21 +32,18 @@ def dive_scene(dive: multibody.TreeSolution) -> viewer.Scene:
     return viewer.Scene("Dive").add(dive, label="a pike").water().platform(10.0).caption(0.4, "folding")
 
 
-def run(scene: viewer.Scene, folder: Path, script: str, *options: str) -> dict[str, Any]:
-    """What a script in the page returns, after the page is drawn; the page must not have complained."""
+def run(scene: viewer.Scene, folder: Path, script: str) -> dict[str, Any]:
+    """What a script in the page returns while it loads; the page must not have complained."""
     page = folder / "page.html"
     wrapped = f"""<script>
-    requestAnimationFrame(() => requestAnimationFrame(() => {{
-      const found = (() => {{ {script} }})();
-      const said = document.createElement("pre");
-      said.id = "found";
-      said.textContent = JSON.stringify(found);
-      document.body.append(said);
-    }}));</script>"""
+    const found = (() => {{ {script} }})();
+    const said = document.createElement("pre");
+    said.id = "found";
+    said.textContent = JSON.stringify(found);
+    document.body.append(said);
+    </script>"""
     page.write_text(scene.html().replace("</body>", wrapped + "</body>"), encoding="utf-8")
-    ran = film.headless(
-        page.as_uri(), "--dump-dom", "--virtual-time-budget=2000", "--window-size=640,480", *options
-    )
+    ran = film.headless(page.as_uri(), "--dump-dom", "--window-size=640,480")
     assert "CONSOLE" not in ran.stderr, ran.stderr
     found = re.search(r'<pre id="found">(.*?)</pre>', ran.stdout, re.DOTALL)
     assert found is not None, ran.stderr
@@ -92,7 +89,7 @@ def test_a_screenshot_shows_the_diver_between_sky_and_water(
 def test_slider_buttons_and_gestures_change_the_picture(dive: multibody.TreeSolution, tmp_path: Path) -> None:
     script = """
     const canvas = document.getElementById("stage"), form = document.getElementById("controls").elements;
-    const picture = () => { player.asked = null; player.tick(0); return canvas.toDataURL(); };
+    const picture = () => { player.render(); return canvas.toDataURL(); };
     const time = t => { form.time.value = t; form.time.dispatchEvent(new Event("input")); };
     const pointer = (kind, x, id = 1) => canvas.dispatchEvent(
       new PointerEvent(kind, { pointerId: id, clientX: x, clientY: 100, bubbles: true }));

@@ -20,8 +20,8 @@ Moving: TypeAlias = Model | RigidBody | Trajectory | TreeSolution
 
 #: Samples are made or left out to be about this far apart, s, and not farther than this turn, rad.
 _INTERVAL, _TURN = 1 / 60, 0.3
-#: More samples than this are not transmitted, however long the motion is.
-_LARGEST = 6000
+#: Samples of a motion that turns little, at most, and of any.
+_LARGEST, _LIMIT = 6000, 50_000
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,11 @@ def _thinned(t: Array, poses: Array) -> NDArray[np.intp]:
     turned = 2.0 * np.arccos(np.minimum(cosine, 1.0)).max(axis=1)
     interval = max((t[-1] - t[0]) / _LARGEST, min(_INTERVAL, (t[-1] - t[0]) / 200))
     measure = np.floor(np.concatenate([[0.0], np.cumsum(np.diff(t) / interval + turned / _TURN)]))
+    if measure[-1] > _LIMIT:
+        raise ViewerError(
+            f"the motion turns too often for a page, which would need {measure[-1]:.0f} samples of it and"
+            f" has at most {_LIMIT}; add a part of it"
+        )
     kept = np.concatenate([[True], np.diff(measure) > 0.0])
     kept[-1] = True
     return np.flatnonzero(kept)

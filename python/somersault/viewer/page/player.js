@@ -14,7 +14,7 @@ class Player {
     this.listen();
     this.listenToGestures();
     this.obey(new URLSearchParams(location.hash.slice(1)));
-    this.refresh();
+    this.render();
   }
 
   /** Controls for what the scene has. */
@@ -158,14 +158,14 @@ class Player {
       this.t = t > this.scene.end ? 0 : t;
     }
     this.before = clock;
-    const pixels = Math.min(window.devicePixelRatio || 1, 2);
-    this.draw(Math.round(this.canvas.clientWidth * pixels), Math.round(this.canvas.clientHeight * pixels));
-    this.report();
+    this.render();
     if (this.playing) this.refresh();
   }
 
-  report() {
-    const { controls, scene, t } = this;
+  /** Draws the picture for the window, and says what time it is. */
+  render() {
+    const { canvas, controls, scene, t } = this, pixels = Math.min(window.devicePixelRatio || 1, 2);
+    this.draw(Math.round(canvas.clientWidth * pixels), Math.round(canvas.clientHeight * pixels));
     controls.time.value = t;
     controls.shown.value = `${(scene.start + t).toFixed(scene.digits)} s`;
     const said = scene.captions.filter(([from]) => from <= t);
