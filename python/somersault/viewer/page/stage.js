@@ -142,7 +142,7 @@ class Stage {
   draw(panel, [left, bottom, width, height], t, camera, shown) {
     const { gl, scene } = this;
     const solids = this.fixed.map(shape => ({ ...shape, model: shape.own }));
-    const lines = [];
+    const lines = [], arrows = [];
     scene.motions.forEach((motion, m) => {
       if (motion.panel !== panel) return;
       const where = motion.locate(t), bodies = new Map();
@@ -154,7 +154,7 @@ class Stage {
         solids.push({ ...shape, model: product(bodies.get(shape.body), shape.own) });
       }
       for (const name of Object.keys(ARROWS)) {
-        if (shown[name] && motion[name]) solids.push(...this.arrow(motion, name, where));
+        if (shown[name] && motion[name]) arrows.push(...this.arrow(motion, name, where));
       }
       if (shown.trails) lines.push(...this.trails[m].map(trail => ({ trail, where })));
     });
@@ -169,7 +169,7 @@ class Stage {
     );
     const common = { view, light: light.matrix, sun: SUN, eye: camera.eye, shadowed: light.texel };
     this.backdrop(camera, width / height);
-    this.drawSolids(this.programs.solid, solids, common);
+    this.drawSolids(this.programs.solid, [...solids, ...arrows], common);
     const planes = { ...common, reach: 10 * camera.distance + 30 * scene.radius, spacing: scene.spacing, time: 0.8 * t };
     if (scene.ground !== null) this.drawPlane("ground", scene.ground, planes, camera);
     this.drawLines(lines, view, [width, height], t);
@@ -202,7 +202,7 @@ class Stage {
     const head = Math.min(5.5 * thick, 0.6 * along);
     if (along < 1e-3 * this.scene.radius) return [];
     const way = unit(vector), neck = add(from, scale(way, along - head));
-    const look = { colour, checkered: 0, reach: along };
+    const look = { colour, checkered: 0 };
     return [
       { ...this.shaft, ...look, model: aligned(way, from, along - head, thick) },
       { ...this.head, ...look, model: aligned(way, neck, head, 0.43 * head) },
