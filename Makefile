@@ -1,4 +1,5 @@
-# One target per chore. Needs Rust, Python >= 3.10 with venv, a C compiler and make.
+# One target per chore. Needs Rust, Python >= 3.10 with venv, a C compiler and make; with Chromium or Chrome the pages of
+# the viewer are tested too.
 
 PYTHON ?= python3
 VENV := .venv

@@ -22,6 +22,7 @@ __all__ = [
     "CountMismatchError",
     "DynamicsError",
     "DynamicsInputError",
+    "ExportError",
     "FlightError",
     "FreeBodyError",
     "InertiaError",
@@ -40,6 +41,7 @@ __all__ = [
     "TorqueError",
     "UnknownMethodError",
     "UrdfError",
+    "ViewerError",
 ]
 
 
@@ -148,3 +150,11 @@ class OcpError(SomersaultError):
 
 class OcpInputError(OcpError, InputError):
     """A motion problem or a solver is given what does not fit or is not allowed."""
+
+
+class ViewerError(InputError):
+    """A shape cannot be made of these numbers, or a motion and a scene do not fit together."""
+
+
+class ExportError(SomersaultError):
+    """A film cannot be made here: the message names what is missing, or what went wrong."""

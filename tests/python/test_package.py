@@ -30,6 +30,7 @@ MODULES = [
             "plotting",
             "studies",
             "tour",
+            "viewer",
         )
     ),
 ]

@@ -1,5 +1,6 @@
 """The tour, made once in its reduced setting."""
 
+import base64
 import json
 import re
 import sys
@@ -13,7 +14,7 @@ import pytest
 import somersault
 from somersault import multibody, tour
 from somersault.__main__ import main
-from somersault.tour import animation, chapters, comparison, mujoco_scene, page, thesis
+from somersault.tour import chapters, comparison, mujoco_scene, page, thesis
 from somersault.tour.chapters import divers
 
 mpl.use("Agg")
@@ -74,7 +75,7 @@ def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> Non
 def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     for path in folder.glob("*.html"):
         text = path.read_text(encoding="utf-8")
-        assert ("<script" in text) == (path.name == "top.html")
+        assert ("<script" in text) == (path.name in ("top.html", "postures.html"))
         assert "<script src" not in text and "@import" not in text and "url(" not in text
         assert "fetch(" not in text and "import(" not in text and "XMLHttpRequest" not in text
         for link in read(path).links:
@@ -166,19 +167,29 @@ def test_numbers_are_set_as_in_print(value: float, text: str) -> None:
     assert page.number(value) == text
 
 
-def test_the_animation_of_the_top_is_whole(folder: Path) -> None:
+def test_the_animation_of_the_top_is_whole(folder: Path, measurements: tour.Measurements) -> None:
     text = (folder / "top.html").read_text(encoding="utf-8")
-    found = re.search(r"const MOTION = (\{.*?\});\n", text)
+    found = re.search(r"const SCENE = (\{.*\});\n", text)
     assert found is not None
-    motion = json.loads(found[1])
-    frames = np.array(motion["frames"])
-    assert frames.shape == (animation.FRAMES, 7)
-    assert motion["dt"] * (animation.FRAMES - 1) == pytest.approx(1.0)
-    np.testing.assert_allclose(np.linalg.norm(frames[:, 3:], axis=1), 1.0, atol=2e-5)
+    scene = json.loads(found[1])
+    assert scene["end"] == pytest.approx(1.0)
+    (motion,) = scene["motions"]
+    frames = np.frombuffer(base64.b64decode(motion["poses"]), "<f4").reshape(-1, 7)
+    np.testing.assert_allclose(np.linalg.norm(frames[:, 3:], axis=1), 1.0, atol=1e-6)
     # Without friction the centre stays above one point.
-    np.testing.assert_allclose(frames[:, :2], 0.0, atol=1e-5)
-    assert len(motion["contacts"]) == 7
+    np.testing.assert_allclose(frames[:, :2], 0.0, atol=1e-6)
+    # In the air at first, and then seven events.
+    assert [round(t, 6) for t, _ in scene["captions"][1:]] == [
+        round(event.t, 6) for event in measurements.top_motion.events
+    ]
+    assert len(scene["captions"]) == 8
     assert 'src="top.html"' in (folder / "contact.html").read_text(encoding="utf-8")
+
+
+def test_the_diver_takes_every_posture(folder: Path) -> None:
+    text = (folder / "postures.html").read_text(encoding="utf-8")
+    assert all(f'"{letter}: ' in text for letter in "ABCDEFGHI")
+    assert 'src="postures.html"' in (folder / "divers.html").read_text(encoding="utf-8")
 
 
 def test_located_events_keep_the_orders_of_the_top(measurements: tour.Measurements) -> None:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from somersault import plotting
-from somersault.tour import animation, thesis
+from somersault import plotting, viewer
+from somersault.tour import thesis
 from somersault.tour.measurements import TOP_STEP, Measurements
 from somersault.tour.page import Cell, Page, error_size, power, words
 from somersault.tour.top import QUANTITIES
@@ -72,6 +72,23 @@ def _section(measurements: Measurements) -> Axes:
     ax.set(xlim=(-85, 75), ylim=(-12, 115), xlabel="y, mm", ylabel="z, mm")
     drawn: Axes = ax
     return drawn
+
+
+def _scene(measurements: Measurements) -> viewer.Scene:
+    """The top as it moves, with the way of its tip, and whether it touches the ground."""
+    top, motion = measurements.top, measurements.top_motion
+    radius, thickness = thesis.TOP_DISK
+    tip, half = top.contacts[0].point, thickness / 2
+    shapes = (
+        viewer.Cylinder((0.0, 0.0, -half), (0.0, 0.0, half), radius, color="#44aa99", checkered=True),
+        viewer.Cylinder(tip, (0.0, 0.0, -half), 0.0, 0.004, color="#777777"),
+        viewer.Cylinder((0.0, 0.0, half), (0.0, 0.0, 0.03), 0.003, color="#777777"),
+    )
+    scene = viewer.Scene("The spinning top").ground().play(0.05)
+    scene.add(motion, shapes=shapes, color="#cc6677", trails=(("body", tip),)).caption(0.0, "in the air")
+    for event in motion.events:
+        scene.caption(event.t, "in the air" if event.kind == "release" else "in contact")
+    return scene
 
 
 def _rendered(measurements: Measurements) -> Axes:
@@ -157,7 +174,7 @@ def write(page: Page, measurements: Measurements) -> None:
         "Figure 7.3: the top cut along its axis at the start, to scale.",
         "A disk on a leaning axle whose lower end is just above the ground",
     )
-    animation.write(page.folder / "top.html", top, measurements.top_motion, thesis.TOP_DISK)
+    _scene(measurements).write(page.folder / "top.html")
     page.figure(
         "top-rendered",
         _rendered(measurements),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import somersault
-from somersault import multibody, plotting
+from somersault import multibody, plotting, viewer
 from somersault.tour.measurements import Measurements
 from somersault.tour.page import Cell, Page, words
 
@@ -64,6 +64,23 @@ def _drawn(diver: multibody.Diver, views: tuple[str, ...]) -> Axes:
         ax.set_title(posture)
     drawn: Axes = axes[0, 0]
     return drawn
+
+
+def _scene(diver: multibody.Diver) -> viewer.Scene:
+    """A second for each posture: half of it to get there, half to stay."""
+    s = np.linspace(0.0, 1.0, 16)
+    blend = (s**3 * (10.0 - 15.0 * s + 6.0 * s**2))[:, None]
+    scene = viewer.Scene("A diver in all postures")
+    before = diver.configuration(diver.postures[0])
+    q = []
+    for k, posture in enumerate(diver.postures):
+        after = diver.configuration(posture)
+        q += [before + blend * (after - before), np.tile(after, (14, 1))]
+        scene.caption(k, f"{posture}: {_POSTURES[posture]}")
+        before = after
+    rows = np.concatenate(q)
+    t = np.arange(len(rows)) * (len(diver.postures) / len(rows))
+    return scene.add(diver.model, t, rows, trails=()).camera("corner")
 
 
 def _table(page: Page, diver: multibody.Diver, caption: str) -> dict[str, Array]:
@@ -129,6 +146,13 @@ def write(page: Page, measurements: Measurements) -> None:
         "diver.model.center_of_mass(q), diver.model.mass_matrix(q)\n"
     )
     page.section("In space")
+    _scene(spatial).write(page.folder / "postures.html")
+    page.add(
+        '<iframe src="postures.html" title="A diver in all postures" loading="lazy" '
+        'style="width:100%;height:30em;border:1px solid #ddd"></iframe>'
+        '<p class="caption">From posture to posture, as <code>somersault.viewer</code> shows it: drag to'
+        ' turn, scroll or pinch to come closer; <a href="postures.html">on a page of its own</a>.</p>'
+    )
     page.figure(
         "diver-spatial",
         _drawn(spatial, ("xz", "yz")),

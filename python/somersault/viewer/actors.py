@@ -1,0 +1,173 @@
+"""Motions with their looks, in the form in which the page has them."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from somersault._somersault import Model, Trajectory, TreeSolution
+from somersault.errors import ViewerError
+from somersault.viewer.figures import equivalent_ellipsoid, figure
+from somersault.viewer.shapes import Box, Ellipsoid, Shape, rgb
+from somersault.viewer.tracks import Moving, Track
+
+__all__ = ["Actor", "Shapes", "View", "body_index", "default_shapes", "named_shapes", "shape_data"]
+
+Array = NDArray[np.float64]
+View: TypeAlias = Literal["corner", "side", "front", "top"]
+Shapes: TypeAlias = Shape | Sequence[Shape] | Mapping[str, Shape | Sequence[Shape]]
+
+#: Paul Tol's *bright* colours, distinct for the colour-blind.
+COLORS = ("#4477aa", "#cc3311", "#228833", "#aa3377", "#ccbb44", "#66ccee")
+
+
+@dataclass(frozen=True)
+class Actor:
+    """A motion with its looks."""
+
+    track: Track
+    shapes: Mapping[str, Sequence[Shape]]
+    color: str
+    label: str
+    panel: int
+    trails: Sequence[tuple[int | None, Array]]
+
+    @cached_property
+    def _skin(self) -> tuple[Array, NDArray[np.intp]]:
+        """Points of all shapes in the world at some of the times, and which these are."""
+        at = np.unique(np.linspace(0, len(self.track.t) - 1, 120).astype(np.intp))
+        found = []
+        for i, name in enumerate(self.track.names):
+            if name not in self.shapes:
+                continue
+            points = np.concatenate([shape.points for shape in self.shapes[name]])
+            poses = self.track.poses[at, i]
+            turns = Rotation.from_quat(poses[:, 3:]).as_matrix()
+            found.append(points @ turns.transpose(0, 2, 1) + poses[:, None, :3])
+        return np.concatenate(found, axis=1), at
+
+    @property
+    def radius(self) -> float:
+        """Of the ball about the centre of mass that holds all shapes."""
+        points, at = self._skin
+        return float(np.linalg.norm(points - self.track.center[at, None], axis=-1).max())
+
+    @property
+    def region(self) -> tuple[Array, Array]:
+        """The corners of the box that holds all shapes at all times."""
+        points = self._skin[0].reshape(-1, 3)
+        return points.min(axis=0), points.max(axis=0)
+
+    @property
+    def view(self) -> View:
+        """From the side or from the top for what moves in such a plane."""
+        places = np.concatenate([self.track.poses[:, :, :3].reshape(-1, 3), self.track.center])
+        spans = np.ptp(places, axis=0)
+        flat = spans < 1e-9 * self.radius
+        planes: dict[tuple[bool, ...], View] = {
+            (False, True, False): "side",
+            (False, False, True): "top",
+        }
+        return planes.get(tuple(flat.tolist()), "corner")
+
+    def data(self, start: float) -> dict[str, Any]:
+        """What the page needs of the motion, times from `start` on."""
+        moving = self.track
+        drawn = [i for i, name in enumerate(moving.names) if name in self.shapes]
+        # Trails may belong to bodies without a shape.
+        drawn += sorted({body for body, _ in self.trails if body is not None} - set(drawn))
+        data: dict[str, Any] = {
+            "label": self.label,
+            "colour": np.round(rgb("color", self.color), 3).tolist(),
+            "panel": self.panel,
+            "bodies": len(drawn),
+            "times": packed(moving.t - start),
+            "poses": packed(moving.poses[:, drawn]),
+            "center": packed(moving.center),
+            "shapes": [
+                {"body": k, **shape_data(shape, self.color)}
+                for k, i in enumerate(drawn)
+                for shape in self.shapes.get(moving.names[i], ())
+            ],
+            "trails": [
+                {
+                    "body": None if body is None else drawn.index(body),
+                    "point": point.tolist(),
+                    "colour": np.round(rgb("color", COLORS[(4 + k) % 6] if k else self.color), 3).tolist(),
+                }
+                for k, (body, point) in enumerate(self.trails)
+            ],
+        }
+        for name in ("momentum", "rate"):
+            values: Array | None = getattr(moving, name)
+            if values is not None:
+                data[name] = packed(values)
+        return data
+
+
+def packed(values: ArrayLike) -> str:
+    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def shape_data(shape: Shape, color: str) -> dict[str, Any]:
+    """What the page needs of a shape."""
+    form = (
+        {"lengths": np.asarray(shape.lengths, dtype=np.float64).tolist()}
+        if isinstance(shape, Box)
+        else {"rings": packed(shape.rings)}
+    )
+    return {
+        **form,
+        "position": np.round(shape.position, 7).tolist(),
+        "quaternion": np.round(shape.rotation.as_quat(), 8).tolist(),
+        "colour": np.round(rgb("color", shape.color or color), 3).tolist(),
+        "checkered": int(shape.checkered),
+    }
+
+
+def default_shapes(moving: Moving) -> dict[str, list[Shape]]:
+    """The shapes of a motion that came without."""
+    if isinstance(moving, Model | TreeSolution):
+        return figure(moving.model if isinstance(moving, TreeSolution) else moving)
+    owner = moving.body if isinstance(moving, Trajectory) else moving
+    bodies = owner if isinstance(owner, list) else [owner]
+    found: dict[str, list[Shape]] = {}
+    for k, body in enumerate(bodies):
+        radii, turn = equivalent_ellipsoid(body.mass, body.inertia)
+        radii = np.maximum(radii, 0.02 * radii.max())
+        name = "body" if len(bodies) == 1 else f"body_{k}"
+        found[name] = [Ellipsoid(radii, orientation=turn, checkered=True)]
+    return found
+
+
+def named_shapes(shapes: Shapes, names: tuple[str, ...]) -> dict[str, list[Shape]]:
+    """The shapes given, by body."""
+    if not isinstance(shapes, Mapping):
+        if len(names) != 1:
+            raise ViewerError("`shapes` must be a mapping from the names of bodies where there are several")
+        shapes = {names[0]: shapes}
+    found = {}
+    for name, value in shapes.items():
+        body_index("shapes", name, names)
+        several = [value] if isinstance(value, Shape) else list(value)
+        for shape in several:
+            if not isinstance(shape, Shape):
+                raise ViewerError(f"`shapes` must be shapes, found a {type(shape).__name__} for '{name}'")
+        if several:
+            found[name] = several
+    if not found:
+        raise ViewerError("`shapes` must have a shape for a body at least, found none")
+    return found
+
+
+def body_index(argument: str, name: object, names: tuple[str, ...]) -> int:
+    if name not in names:
+        raise ViewerError(f"`{argument}` names no body '{name}'; there are {', '.join(names)}")
+    return names.index(str(name))

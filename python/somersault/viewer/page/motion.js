@@ -1,0 +1,57 @@
+// A motion: poses at times, and between them on the group.
+
+class Motion {
+  constructor(data) {
+    Object.assign(this, data);
+    this.times = floats(data.times);
+    this.poses = floats(data.poses);
+    this.center = floats(data.center);
+    for (const name of ["momentum", "rate"]) this[name] = data[name] && floats(data[name]);
+  }
+
+  /** The sample before t and how far t is on the way to the next; the ends hold. */
+  locate(t) {
+    const { times } = this, last = times.length - 1;
+    if (last === 0 || t <= times[0]) return [0, 0];
+    if (t >= times[last]) return [last - 1, 1];
+    let low = 0, high = last;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (times[middle] <= t) low = middle; else high = middle;
+    }
+    return [low, (t - times[low]) / (times[high] - times[low])];
+  }
+
+  /** Position and quaternion of a body. */
+  pose(body, [k, s]) {
+    const at = i => 7 * (i * this.bodies + body);
+    const from = this.poses.subarray(at(k), at(k) + 7);
+    if (s === 0) return [Array.from(from.subarray(0, 3)), Array.from(from.subarray(3))];
+    const to = this.poses.subarray(at(k + 1), at(k + 1) + 7);
+    return [
+      mix(Array.from(from.subarray(0, 3)), to, s),
+      slerp(Array.from(from.subarray(3)), Array.from(to.subarray(3)), s),
+    ];
+  }
+
+  /** A vector that goes with the samples: center, momentum or rate. */
+  vector(name, [k, s]) {
+    const from = Array.from(this[name].subarray(3 * k, 3 * k + 3));
+    return s === 0 ? from : mix(from, this[name].subarray(3 * k + 3, 3 * k + 6), s);
+  }
+
+  /** Where a point of a body, or without a body the center of mass, is. */
+  point({ body, point }, where) {
+    if (body === null) return this.vector("center", where);
+    const [position, quaternion] = this.pose(body, where);
+    return add(position, rotate(quaternion, point));
+  }
+
+  largest(name) {
+    let largest = 0;
+    if (this[name]) {
+      for (let k = 0; k < this.times.length; k++) largest = Math.max(largest, length(this.vector(name, [k, 0])));
+    }
+    return largest;
+  }
+}

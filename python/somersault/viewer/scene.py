@@ -1,0 +1,339 @@
+"""A scene: motions and what stands around them, as one page of HTML."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from somersault._somersault import Model, TreeSolution
+from somersault.errors import ViewerError
+from somersault.viewer.actors import (
+    COLORS,
+    Actor,
+    Shapes,
+    View,
+    body_index,
+    default_shapes,
+    named_shapes,
+    shape_data,
+)
+from somersault.viewer.figures import is_cart_pendulum, rail
+from somersault.viewer.shapes import Box, Shape, numbers, positive, rgb
+from somersault.viewer.tracks import Moving, track
+
+__all__ = ["Scene", "animate"]
+
+Array = NDArray[np.float64]
+Arrow: TypeAlias = Literal["angular_momentum", "angular_velocity"]
+Trail: TypeAlias = str | tuple[str, ArrayLike]
+
+_VIEWS = ("corner", "side", "front", "top")
+_SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
+_ARROWS = {"angular_momentum": "momentum", "angular_velocity": "rate"}
+_SCRIPTS = ("linear", "meshes", "motion", "shaders", "stage", "camera", "player")
+_CENTER = "center_of_mass"
+
+
+def _choice(argument: str, value: object, allowed: Sequence[object]) -> None:
+    if value not in allowed:
+        raise ViewerError(f"`{argument}` must be one of {', '.join(map(repr, allowed))}, found {value!r}")
+
+
+def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
+    """The body, None for the centre of mass, and the point in its axes."""
+    if trail == _CENTER:
+        return None, np.zeros(3)
+    if isinstance(trail, str):
+        return body_index("trails", trail, names), np.zeros(3)
+    if not (isinstance(trail, tuple) and len(trail) == 2):
+        raise ViewerError(f"`trails` must be names, or names and points, found {trail!r}")
+    return body_index("trails", trail[0], names), numbers("trails", trail[1], (3,))
+
+
+class Scene:
+    """Motions, and what stands around them.
+
+    Parameters
+    ----------
+    title : str
+        Of the page.
+
+    Methods return the scene, so that calls can be chained. In a notebook a scene shows itself.
+
+    Examples
+    --------
+    >>> from somersault import multibody, viewer
+    >>> pendulum = multibody.cart_pendulum()
+    >>> motion = multibody.integrate(pendulum, (0.0, 0.1), (0.0, 0.0), (0.0, 2.0), dt=0.01)
+    >>> scene = viewer.Scene("Falling over").add(motion, label="no force").camera("side")
+    >>> len(scene.html()) < 100_000
+    True
+    """
+
+    def __init__(self, title: str = "Motion") -> None:
+        self.title = title
+        self._actors: list[Actor] = []
+        self._fixed: list[tuple[Shape, str]] = []
+        self._ground: float | None = None
+        self._water: float | None = None
+        self._captions: list[tuple[float, str]] = []
+        self._view: View | None = None
+        self._follow: bool | None = None
+        self._speed = 1.0
+        self._arrows: tuple[Arrow, ...] = ()
+
+    def add(
+        self,
+        moving: Moving,
+        t: ArrayLike | None = None,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        *,
+        shapes: Shapes | None = None,
+        color: str | None = None,
+        label: str = "",
+        panel: int = 0,
+        trails: Sequence[Trail] = (_CENTER,),
+    ) -> Scene:
+        """Adds a motion.
+
+        Parameters
+        ----------
+        moving : Model, RigidBody, TreeSolution, Solution or Trajectory
+            What moves; a solution has its times with it.
+        t : array_like, shape (n,)
+            Times, s, rising. Those of several motions are on one clock.
+        q : array_like, shape (n, n_positions), or (n, 7) for a rigid body
+            Configurations; for a body its position and quaternion (x, y, z, w). Between samples joints move
+            at constant rates and bodies turn the shortest way, so a turn from one sample to the next must
+            be less than half of one.
+        v : array_like, shape (n, n_velocities), or (n, 6) for a rigid body
+            Velocities, for the arrows of angular momentum about the centre of mass and of angular velocity
+            (for a tree that of its momentum, joints locked); none are drawn without. For a body linear
+            and angular velocity in world axes.
+        shapes : Shape, or sequence of these, or mapping of str to these
+            Looks of the body, or of bodies by their names: `body` for one, `body_0`, `body_1` and so on for
+            several, and those of the model for trees. People for divers, and else the solid ellipsoids
+            of the same inertia, unless given.
+        color : str
+            `#rrggbb` of shapes without one of their own, of the swimsuit for divers.
+        label : str
+            Name shown.
+        panel : int
+            Motions with the same number are drawn together, those with others side by side.
+        trails : sequence of str or (str, array_like)
+            Points that leave a trail: `"center_of_mass"`, the name of a body for its origin, or a name
+            and a point in the axes of that body.
+
+        Raises
+        ------
+        ViewerError
+            Lengths do not match, a number is not finite, times do not rise, or a name is unknown.
+        """
+        found = track(moving, t, q, v)
+        looks = default_shapes(moving) if shapes is None else named_shapes(shapes, found.names)
+        if not isinstance(panel, int) or not 0 <= panel <= len({actor.panel for actor in self._actors}):
+            raise ViewerError(f"`panel` must be that of another motion or the next one, found {panel!r}")
+        paint = COLORS[len(self._actors) % len(COLORS)] if color is None else color
+        rgb("color", paint)
+        points = [_trail(trail, found.names) for trail in trails]
+        self._actors.append(Actor(found, looks, paint, label, panel, points))
+        model = moving.model if isinstance(moving, TreeSolution) else moving
+        if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):
+            way = found.poses[:, 0, 0]
+            self._fixed += [(shape, "#9aa3af") for shape in rail(model, way.min(), way.max())]
+        return self
+
+    def ground(self, height: float = 0.0) -> Scene:
+        """Adds level ground."""
+        self._ground = float(numbers("height", height, ()))
+        return self
+
+    def water(self, height: float = 0.0) -> Scene:
+        """Adds a level surface of water, through which one sees."""
+        self._water = float(numbers("height", height, ()))
+        return self
+
+    def fixed(self, shape: Shape, color: str = "#a9b0bb") -> Scene:
+        """Adds a solid that stays where it is, in world axes."""
+        if not isinstance(shape, Shape):
+            raise ViewerError(f"`shape` must be a shape, found a {type(shape).__name__}")
+        rgb("color", color)
+        self._fixed.append((shape, color))
+        return self
+
+    def box(self, center: ArrayLike, lengths: ArrayLike, color: str = "#a9b0bb") -> Scene:
+        """Adds a cuboid with its edges along the axes of the world."""
+        return self.fixed(Box(lengths, center=center), color)
+
+    def platform(
+        self, height: float = 10.0, *, edge: float = 0.0, length: float = 6.0, width: float = 3.0
+    ) -> Scene:
+        """Adds a diving platform: a slab whose top is at a height, and whose front edge is at x = `edge`."""
+        positive("length", length)
+        positive("width", width)
+        x, z = (float(numbers(name, value, ())) for name, value in (("edge", edge), ("height", height)))
+        return self.box((x - length / 2, 0.0, z - 0.1), (length, width, 0.2), "#c3c7ce")
+
+    def caption(self, t: float, text: str) -> Scene:
+        """Shows a text from a time on, and marks the time on the slider."""
+        self._captions.append((float(numbers("t", t, ())), text))
+        return self
+
+    def camera(self, view: View | None = None, *, follow: bool | None = None) -> Scene:
+        """Sets the view that the page begins with.
+
+        Parameters
+        ----------
+        view : {"corner", "side", "front", "top"}
+            From the side x is to the right and z up, from the front x points to the eye, from the top x is to
+            the right and y up. From the corner unless all moves in the plane of one of these.
+        follow : bool
+            Whether the camera goes with the centre of mass; where that moves far unless given.
+        """
+        _choice("view", view, (*_VIEWS, None))
+        self._view, self._follow = view, follow
+        return self
+
+    def play(self, speed: float = 1.0, *, arrows: Sequence[Arrow] = ()) -> Scene:
+        """Sets the speed that the page begins with, 1 for that of the motion, and the arrows it shows."""
+        _choice("speed", speed, _SPEEDS)
+        for arrow in arrows:
+            _choice("arrows", arrow, tuple(_ARROWS))
+        self._speed, self._arrows = speed, tuple(arrows)
+        return self
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """From the first to the last time of all motions, s."""
+        if not self._actors:
+            raise ViewerError("the scene must have a motion; `add` one")
+        ends = [(actor.track.t[0], actor.track.t[-1]) for actor in self._actors]
+        return float(min(start for start, _ in ends)), float(max(end for _, end in ends))
+
+    def _data(self) -> dict[str, Any]:
+        start, end = self.interval
+        radius = max(actor.radius for actor in self._actors)
+        # Lines on the ground, at 1, 2 or 5 times a power of ten.
+        power = 10.0 ** np.floor(np.log10(radius / 2))
+        spacing = power * max(n for n in (1, 2, 5) if n * power <= radius / 2)
+        follow = self._follow
+        if follow is None:
+            span = max(float(np.ptp(actor.track.center, axis=0).max()) for actor in self._actors)
+            follow = span > 2.5 * radius
+        low, high = zip(*(actor.region for actor in self._actors), strict=True)
+        return {
+            "start": start,
+            "end": end - start,
+            "digits": int(np.clip(3 - np.floor(np.log10((end - start) or 1.0)), 2, 6)),
+            "radius": radius,
+            "spacing": float(spacing),
+            "speed": self._speed,
+            "arrows": [_ARROWS[arrow] for arrow in self._arrows],
+            "region": [np.min(low, axis=0).tolist(), np.max(high, axis=0).tolist()],
+            "camera": {"view": self._view or self._actors[0].view, "follow": bool(follow)},
+            "ground": self._ground,
+            "water": self._water,
+            "fixed": [shape_data(shape, color) for shape, color in self._fixed],
+            "captions": [[t - start, text] for t, text in sorted(self._captions)],
+            "panels": sorted({actor.panel for actor in self._actors}),
+            "motions": [actor.data(start) for actor in self._actors],
+        }
+
+    def html(self) -> str:
+        """The page: it loads nothing, and needs no server."""
+        page = files(__package__) / "page"
+
+        def read(name: str) -> str:
+            return (page / name).read_text(encoding="utf-8")
+
+        speeds = "".join(f'<option value="{speed:g}">{speed:g}×</option>' for speed in _SPEEDS)
+        data = json.dumps(self._data(), separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+        parts = {
+            "title": escape(self.title),
+            "style": read("viewer.css"),
+            "speeds": speeds,
+            "scene": data,
+            "script": "\n".join(read(f"{name}.js") for name in _SCRIPTS),
+        }
+        return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read("viewer.html"))
+
+    def write(self, path: str | PathLike[str]) -> Path:
+        """Writes the page to a file and returns its path."""
+        target = Path(path)
+        target.write_text(self.html(), encoding="utf-8")
+        return target
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe srcdoc="{escape(self.html())}" title="{escape(self.title)}" allow="fullscreen"'
+            ' style="width:100%;height:480px;border:1px solid #d9dde5"></iframe>'
+        )
+
+    def export(
+        self,
+        path: str | PathLike[str],
+        *,
+        size: tuple[int, int] = (640, 480),
+        frame_rate: float = 25.0,
+        speed: float | None = None,
+    ) -> Path:
+        """Writes a film: a GIF or an MP4, after the ending of the path.
+
+        Pictures are drawn by Chromium or Chrome without a window, which must be installed; Pillow makes
+        the GIF, and FFmpeg, installed or from the package `imageio-ffmpeg`, the MP4. Texts are not part
+        of the pictures.
+
+        Parameters
+        ----------
+        path : path
+            File to write, `*.gif` or `*.mp4`.
+        size : tuple of int
+            Width and height, pixels.
+        frame_rate : float
+            Pictures a second; those of a GIF are a whole number of hundredths of a second apart.
+        speed : float
+            1 for that of the motion; that of `play` unless given.
+
+        Raises
+        ------
+        ExportError
+            Browser, Pillow or FFmpeg are missing or failed.
+        ViewerError
+            The ending, the size or a rate is not allowed.
+        """
+        from somersault.viewer.film import export
+
+        return export(self, Path(path), size, frame_rate, self._speed if speed is None else speed)
+
+
+def animate(
+    moving: Moving,
+    t: ArrayLike | None = None,
+    q: ArrayLike | None = None,
+    path: str | PathLike[str] = "motion.html",
+    **options: Any,
+) -> Path:
+    """Writes a page that plays one motion; `options` are those of `Scene.add`.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from somersault import multibody, viewer
+    >>> diver = multibody.diver_spatial()
+    >>> postures = [diver.configuration("A"), diver.configuration("F")]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = viewer.animate(diver.model, (0.0, 0.5), postures, Path(folder) / "tuck.html")
+    ...     page.stat().st_size < 200_000
+    True
+    """
+    target = Path(path)
+    return Scene(options.get("label") or target.stem).add(moving, t, q, **options).write(target)

@@ -1,0 +1,351 @@
+"""The viewer: what its pages hold, what its figures look like, and what it refuses."""
+
+import base64
+import json
+import re
+from collections.abc import Callable, Sequence
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import somersault
+from somersault import RigidBody, multibody, viewer
+from somersault.errors import InputError, ViewerError
+from somersault.viewer import figures
+
+Array = NDArray[np.float64]
+
+BODY = RigidBody.box(1.0, (0.2, 0.4, 0.6))
+DIVER = multibody.diver_spatial()
+STILL = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (3, 1))
+TIMES = (0.0, 0.5, 1.0)
+
+
+def data(scene: viewer.Scene) -> dict[str, Any]:
+    """What the page has of the scene."""
+    found = re.search(r"const SCENE = (\{.*\});\n", scene.html())
+    assert found is not None
+    return json.loads(found[1])  # type: ignore[no-any-return]
+
+
+def unpacked(text: str, *shape: int) -> NDArray[np.float32]:
+    return np.frombuffer(base64.b64decode(text), "<f4").reshape(-1, *shape)
+
+
+def dive_scene(dive: multibody.TreeSolution) -> viewer.Scene:
+    return viewer.Scene("Dive").add(dive, label="a pike").water().platform(10.0).caption(0.4, "folding")
+
+
+# Pages
+
+
+def test_a_dive_is_one_small_page_that_loads_nothing(dive: multibody.TreeSolution, tmp_path: Path) -> None:
+    text = dive_scene(dive).write(tmp_path / "dive.html").read_text(encoding="utf-8")
+    assert len(text.encode()) < 250_000
+    assert not re.search(r"\b(src|href)=|@import|url\(|fetch\(|import\(|XMLHttpRequest|WebSocket", text)
+    assert "{{" not in text
+
+
+def test_poses_go_to_the_page_as_they_are(dive: multibody.TreeSolution) -> None:
+    (motion,) = data(viewer.Scene().add(dive))["motions"]
+    t = unpacked(motion["times"])
+    poses = unpacked(motion["poses"], motion["bodies"], 7)
+    assert len(t) == len(poses) >= 115
+    drawn = [name for name in DIVER.model.names if name in viewer.figure(DIVER.model)]
+    assert motion["bodies"] == len(drawn) == 17
+    for k in (0, len(dive) // 2, len(dive) - 1):
+        sent = poses[np.argmin(np.abs(t - dive.t[k]))]
+        assert np.abs(t - dive.t[k]).min() < 1e-6
+        for name, pose in zip(drawn, sent, strict=True):
+            expected = DIVER.model.poses(dive.q[k])[DIVER.model.body(name)]
+            np.testing.assert_allclose(pose[:3], expected[:3, 3], atol=2e-6)
+            np.testing.assert_allclose(Rotation.from_quat(pose[3:]).as_matrix(), expected[:3, :3], atol=1e-6)
+
+
+def test_momentum_and_rate_are_those_of_the_solution(
+    dive: multibody.TreeSolution, tumble: somersault.Solution
+) -> None:
+    (motion,) = data(viewer.Scene().add(dive))["motions"]
+    # It is conserved in flight.
+    expected = DIVER.model.centroidal_momentum(dive.q[0], dive.v[0])[3:]
+    momenta = unpacked(motion["momentum"], 3)
+    np.testing.assert_allclose(momenta, np.tile(expected, (len(momenta), 1)), atol=2e-3)
+    (motion,) = data(viewer.Scene().add(tumble))["motions"]
+    np.testing.assert_allclose(unpacked(motion["rate"], 3)[-1], tumble.angular_velocity[-1], rtol=1e-6)
+    np.testing.assert_allclose(unpacked(motion["momentum"], 3)[-1], tumble.angular_momentum[-1], rtol=1e-6)
+
+
+def test_arrays_of_a_body_give_what_its_solution_gives(tumble: somersault.Solution) -> None:
+    q = np.column_stack([tumble.position, tumble.quaternion])
+    v = np.column_stack([tumble.velocity, tumble.angular_velocity])
+    (given,) = data(viewer.Scene().add(BODY, tumble.t, q, v))["motions"]
+    (solved,) = data(viewer.Scene().add(tumble))["motions"]
+    for name in ("times", "poses", "center", "momentum", "rate"):
+        np.testing.assert_allclose(unpacked(given[name]), unpacked(solved[name]), rtol=1e-6, atol=1e-6)
+
+
+def test_the_rate_of_a_tree_of_one_body_is_its_angular_velocity() -> None:
+    tree = multibody.Model([multibody.Link("it", "free", body=BODY, center=(0.3, 0.0, 0.1))])
+    q, v = np.array([0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.9]), np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    q[3:] /= np.linalg.norm(q[3:])
+    (motion,) = data(viewer.Scene().add(tree, [0.0], [q], [v]))["motions"]
+    expected = tree.velocities(q, v)[0]
+    assert any(
+        np.allclose(unpacked(motion["rate"], 3)[0], part, rtol=1e-5) for part in (expected[:3], expected[3:])
+    )
+
+
+def test_momentum_of_several_bodies_is_about_their_common_centre() -> None:
+    turn = np.tile([0.0, 0.0, 0.0, 1.0], (2, 2, 1))
+    position = np.array([[[1.0, 0, 0], [-1.0, 0, 0]]] * 2)
+    velocity = np.array([[[5.0, 2.0, 0], [5.0, -2.0, 0]]] * 2)
+    pair = somersault.Trajectory([BODY, BODY], [0.0, 1.0], position, turn, velocity, np.zeros((2, 2, 3)))
+    (motion,) = data(viewer.Scene().add(pair))["motions"]
+    np.testing.assert_allclose(unpacked(motion["momentum"], 3), [[0, 0, 4.0]] * 2)
+    assert "rate" not in motion and motion["bodies"] == 2
+
+
+def test_sparse_samples_of_a_tree_are_joined_without_tearing_it() -> None:
+    q = [DIVER.configuration("A"), DIVER.configuration("F")]
+    (motion,) = data(viewer.Scene().add(DIVER.model, (0.0, 1.0), q))["motions"]
+    poses = unpacked(motion["poses"], motion["bodies"], 7).astype(float)
+    assert len(poses) >= 60
+    drawn = [name for name in DIVER.model.names if name in viewer.figure(DIVER.model)]
+    thigh, shank = drawn.index("right_thigh"), drawn.index("right_shank")
+    knee = poses[:, thigh, :3] + Rotation.from_quat(poses[:, thigh, 3:]).apply(
+        DIVER.model.links[DIVER.model.body("right_shank")].origin
+    )
+    np.testing.assert_allclose(poses[:, shank, :3], knee, atol=1e-6)
+
+
+def test_dense_samples_are_thinned_by_time_and_turn() -> None:
+    def samples(rate: float) -> int:
+        t = np.linspace(0.0, 2.0, 50_001)
+        angle = 0.5 * rate * t
+        q = np.column_stack([np.zeros((len(t), 5)), np.sin(angle), np.cos(angle)])
+        (motion,) = data(viewer.Scene().add(BODY, t, q))["motions"]
+        turned = np.diff(
+            np.unwrap(2 * np.arctan2(*unpacked(motion["poses"], 7).astype(float)[:, 5:].T), period=4 * np.pi)
+        )
+        assert np.abs(turned).max() < 0.32
+        return len(turned)
+
+    assert samples(0.0) <= 202
+    assert 2 * samples(10.0) < samples(500.0) < 6000
+
+
+def test_a_motion_that_would_fill_a_page_is_refused() -> None:
+    angle = np.arange(200_000) * 0.1
+    q = np.column_stack([np.zeros((len(angle), 5)), np.sin(angle / 2), np.cos(angle / 2)])
+    with pytest.raises(ViewerError, match=r"would need 7.* samples of it and has at most 50000"):
+        viewer.Scene().add(BODY, angle, q)
+
+
+def test_text_cannot_leave_its_place() -> None:
+    evil = "</script><script>alert(1)</script>{{script}}"
+    scene = viewer.Scene(evil).add(BODY, TIMES, STILL, label=evil).caption(0.0, evil)
+    text = scene.html()
+    assert text.count("<script") == text.count("</script") == 1
+    assert data(scene)["motions"][0]["label"] == evil
+
+
+def test_a_notebook_shows_the_page_in_a_frame() -> None:
+    scene = viewer.Scene().add(BODY, TIMES, STILL)
+    found = re.fullmatch(r'<iframe srcdoc="([^"]*)"[^>]*></iframe>', scene._repr_html_())
+    assert found is not None and unescape(found[1]) == scene.html()
+
+
+def test_animate_writes_a_page_in_one_line(tmp_path: Path, tumble: somersault.Solution) -> None:
+    assert viewer.animate(tumble, path=tmp_path / "box.html", label="a box").stat().st_size < 100_000
+
+
+@pytest.mark.parametrize(
+    ("model", "view"),
+    [
+        (multibody.cart_pendulum(), "side"),
+        (multibody.two_link_arm(), "top"),
+        (multibody.diver_planar().model, "side"),
+        (DIVER.model, "corner"),
+    ],
+)
+def test_a_plane_motion_is_seen_from_across(model: multibody.Model, view: str) -> None:
+    q = np.array([model.neutral(), model.neutral() + 0.1])
+    assert data(viewer.Scene().add(model, (0.0, 1.0), model.normalize(q)))["camera"]["view"] == view
+
+
+def test_the_camera_follows_what_goes_far(dive: multibody.TreeSolution) -> None:
+    assert data(viewer.Scene().add(dive))["camera"]["follow"]
+    assert not data(viewer.Scene().add(BODY, TIMES, STILL))["camera"]["follow"]
+    assert not data(viewer.Scene().add(dive).camera(follow=False))["camera"]["follow"]
+
+
+# Figures
+
+
+def between(rows: Sequence[Sequence[float]], low: float, high: float) -> float:
+    """The volume of a loft between two heights, by sums over 2000 slices."""
+    z, _, _, a, b = viewer.Loft(rows).rings[1:-1].T
+    at = np.linspace(max(low, z[0]), min(high, z[-1]), 2001)
+    sections = np.pi * np.interp(at, z, a) * np.interp(at, z, b)
+    return float(np.sum(0.5 * (sections[1:] + sections[:-1]) * np.diff(at)))
+
+
+# Densities, kg/l: Dempster (1955) in Winter (2009), Table 4.1. Ends without a joint are those of the form.
+@pytest.mark.parametrize(
+    ("name", "rows", "low", "high", "density"),
+    [
+        ("torso", figures._TORSO, 0.0, 0.44682, 1.03),
+        ("pelvis", figures._PELVIS, -0.14227, 0.0, 1.03),
+        ("right_thigh", figures._THIGH, -0.41226, 1.0, 1.05),
+        ("right_shank", figures._SHANK, -0.42993, 0.0, 1.09),
+        ("right_foot", figures._FOOT, -1.0, 0.12287, 1.10),
+        ("right_upper_arm", figures._UPPER_ARM, -0.27507, 1.0, 1.07),
+        ("right_forearm", figures._FOREARM, -0.26257, 0.0, 1.13),
+        ("right_hand", figures._HAND, -1.0, 1.0, 1.16),
+    ],
+)
+def test_segments_drawn_have_the_mass_of_the_model(
+    name: str, rows: Sequence[Sequence[float]], low: float, high: float, density: float
+) -> None:
+    mass = DIVER.model.links[DIVER.model.body(name)].mass
+    assert 1000.0 * density * between(rows, low, high) == pytest.approx(mass, rel=0.15)
+
+
+def placed(model: multibody.Model, q: Array) -> list[tuple[float, ...]]:
+    """Where the shapes of a figure are in the world, in order."""
+    found = []
+    for name, shapes in viewer.figure(model).items():
+        pose = model.poses(q)[model.body(name)]
+        for shape in shapes:
+            rings = shape.rings
+            points = shape.rotation.apply(rings[:, [1, 2, 0]]) + shape.position
+            found += [tuple(np.round(pose[:3, :3] @ p + pose[:3, 3], 6) + 0.0) for p in points]
+    return sorted(found)
+
+
+@pytest.mark.parametrize("posture", ["A", "B", "F", "H"])
+def test_the_planar_diver_looks_like_the_spatial_one(posture: str) -> None:
+    planar = multibody.diver_planar()
+    flat = placed(planar.model, planar.configuration(posture))
+    np.testing.assert_allclose(flat, placed(DIVER.model, DIVER.configuration(posture)), atol=2e-6)
+
+
+def test_a_larger_diver_is_longer_and_a_heavier_one_wider() -> None:
+    tall = viewer.figure(multibody.diver_spatial(mass=65.0, height=1.87).model)["right_thigh"][0].rings
+    heavy = viewer.figure(multibody.diver_spatial(mass=78.65, height=1.7).model)["right_thigh"][0].rings
+    plain = viewer.figure(DIVER.model)["right_thigh"][0].rings
+    np.testing.assert_allclose(tall[:, 0], 1.1 * plain[:, 0], rtol=1e-9)
+    np.testing.assert_allclose(tall[:, 3:], plain[:, 3:] / np.sqrt(1.1), rtol=1e-3)
+    np.testing.assert_allclose(heavy[:, 3:], 1.1 * plain[:, 3:], rtol=1e-3)
+
+
+def test_the_equivalent_ellipsoid_of_an_ellipsoid_is_itself() -> None:
+    body = RigidBody.ellipsoid(3.0, (0.1, 0.3, 0.2))
+    radii, axes = viewer.equivalent_ellipsoid(body.mass, body.inertia)
+    order = np.abs(axes.as_matrix()).argmax(axis=0)
+    np.testing.assert_allclose(radii, np.array([0.1, 0.3, 0.2])[order])
+    assert np.linalg.det(axes.as_matrix()) == pytest.approx(1.0)
+
+
+def test_any_tree_has_a_figure() -> None:
+    model = multibody.Model(
+        [
+            multibody.Link("base", "free", body=BODY),
+            multibody.Link("bare", "revolute", parent="base", axis=(0, 1, 0), origin=(0.0, 0.0, 0.5)),
+            multibody.Link(
+                "bob", "spherical", parent="bare", origin=(0.0, 0.0, 0.4), mass=1.0, center=(0, 0, 0.3)
+            ),
+        ]
+    )
+    shapes = viewer.figure(model)
+    assert set(shapes) == {"base", "bare", "bob"}
+    assert data(viewer.Scene().add(model, [0.0], [model.neutral()]))["motions"][0]["bodies"] == 3
+
+
+def test_rings_of_capsules_are_tangent_to_both_balls() -> None:
+    z, _, _, a, _ = viewer.Capsule((0, 0, 0), (0, 0, 0.5), 0.1, 0.05).rings.T
+    on_first = np.isclose(np.hypot(z, a), 0.1)
+    on_last = np.isclose(np.hypot(z - 0.5, a), 0.05)
+    assert (on_first | on_last).all() and on_first.sum() == on_last.sum() == len(z) // 2
+    # The slope of the cone is that of both circles where it meets them.
+    k = len(z) // 2
+    slope = (a[k] - a[k - 1]) / (z[k] - z[k - 1])
+    assert slope == pytest.approx(-z[k - 1] / a[k - 1]) == pytest.approx(-(z[k] - 0.5) / a[k])
+
+
+# Errors
+
+
+def add(**arguments: Any) -> Callable[[], object]:
+    given: dict[str, Any] = {"moving": BODY, "t": TIMES, "q": STILL} | arguments
+    return lambda: viewer.Scene().add(**given)
+
+
+PAIR = {"torso": viewer.Sphere(0.1), "limb": viewer.Sphere(0.1)}
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (add(moving="diver"), "`moving` must be a Model, a RigidBody, or a solution"),
+        (add(t=None), "`t` and `q` must be given"),
+        (add(t=()), "`t` must have a time at least"),
+        (add(t=(0.0, 0.5, 0.5)), "`t` must rise from one to the next, found 0.5 and then 0.5"),
+        (add(t=(0.0, np.nan, 1.0)), "`t` must be finite, found nan"),
+        (add(t=(0.0, 1.0)), "`q` must have a row for each of the 2 times, found 3"),
+        (add(t="now"), "`t` must be real numbers, found 'now'"),
+        (add(q=STILL[:, :6]), "`q` must be of shape (n, 7), found (3, 6)"),
+        (add(q=np.full((3, 7), np.inf)), "`q` must be finite, found inf"),
+        (add(q=np.zeros((3, 7))), "`q` must have quaternions in its columns 4 to 7"),
+        (add(v=np.zeros((2, 6))), "`v` must have a row for each of the 3 times, found 2"),
+        (add(moving=DIVER.model), "`q` must be of shape (n, 28), found (3, 7)"),
+        (add(shapes={"bodies": viewer.Sphere(0.1)}), "`shapes` names no body 'bodies'; there are body"),
+        (add(shapes={"body": [0.1]}), "`shapes` must be shapes, found a float for 'body'"),
+        (add(shapes={}), "`shapes` must have a shape for a body at least"),
+        (add(color="red"), "`color` must be a color like '#cc6677', found 'red'"),
+        (add(panel=1), "`panel` must be that of another motion or the next one, found 1"),
+        (add(trails=("foot",)), "`trails` names no body 'foot'; there are body"),
+        (
+            add(trails=((1.0, 2.0, 3.0),)),
+            "`trails` must be names, or names and points, found (1.0, 2.0, 3.0)",
+        ),
+        (add(trails=(("body", (1.0, 2.0)),)), "`trails` must be of shape (3,), found (2,)"),
+        (lambda: viewer.Scene().html(), "the scene must have a motion"),
+        (lambda: viewer.Scene().ground(np.nan), "`height` must be finite, found nan"),
+        (lambda: viewer.Scene().water("deep"), "`height` must be real numbers, found 'deep'"),  # type: ignore[arg-type]
+        (lambda: viewer.Scene().box((0, 0, 0), (1, -1, 1)), "`lengths` must be positive, found -1"),
+        (lambda: viewer.Scene().platform(width=0.0), "`width` must be positive, found 0"),
+        (lambda: viewer.Scene().fixed("box"), "`shape` must be a shape, found a str"),  # type: ignore[arg-type]
+        (lambda: viewer.Scene().camera("back"), "`view` must be one of 'corner', 'side'"),  # type: ignore[arg-type]
+        (lambda: viewer.Scene().play(3.0), "`speed` must be one of 0.01, "),
+        (lambda: viewer.Scene().play(arrows=("force",)), "`arrows` must be one of "),  # type: ignore[arg-type]
+        (lambda: viewer.Scene().caption(np.inf, "end"), "`t` must be finite, found inf"),
+        (lambda: viewer.Sphere(0.0), "`radius` must be positive, found 0"),
+        (lambda: viewer.Box((1, 2)), "`lengths` must be of shape (3,), found (2,)"),
+        (lambda: viewer.Capsule((0, 0, 0), (0, 0, 0), 0.1), "`start` and `end` must be apart"),
+        (lambda: viewer.Capsule((0, 0, 0), (0, 0, 1), 2.0, 0.5), "must differ by less than the length"),
+        (lambda: viewer.Cylinder((0, 0, 0), (0, 0, 1), -1.0), "`radius` must not be negative, found -1"),
+        (lambda: viewer.Ellipsoid((1, 1, 1), orientation=(0, 0, 0, 0)), "`orientation` must be a rotation"),
+        (lambda: viewer.Loft([(0, 0, 0, 1, 1)]), "`stations` must be two rows or more with z rising"),
+        (lambda: viewer.Loft([(0, 0, 0, 1, 1), (1, 0, 0, -1, 1)]), "`stations` must have half widths"),
+    ],
+)
+def test_what_does_not_fit_is_refused(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(ViewerError) as caught:
+        call()
+    assert message in str(caught.value)
+    assert isinstance(caught.value, InputError) and isinstance(caught.value, ValueError)
+
+
+def test_times_beside_a_solution_and_nameless_shapes_of_several_are_refused(
+    tumble: somersault.Solution,
+) -> None:
+    with pytest.raises(ViewerError, match="must not be given beside a solution"):
+        viewer.Scene().add(tumble, TIMES)
+    with pytest.raises(ViewerError, match="must be a mapping from the names of bodies"):
+        viewer.Scene().add(DIVER.model, [0.0], [DIVER.configuration("A")], shapes=viewer.Sphere(0.1))
