@@ -16,7 +16,7 @@ motion. Costs and constraints are made of terms: `entries` of the motion, `displ
 >>> report.status
 'converged'
 >>> float(problem.motion(report.z).q[-1, 1]).__round__(2)
-2.84
+2.85
 """
 
 from somersault._somersault import (
