@@ -1,7 +1,9 @@
 //! Solvers of nonlinear programs.
 
 mod behaviour;
+mod cart_pendulum;
 mod large;
+mod least_squares;
 mod multi_start;
 mod problems;
 mod sqp;
