@@ -4,19 +4,21 @@
 use crate::problems::D;
 use num_dual::DualNum;
 use somersault_ocp::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
-use somersault_ocp::solver::{Flow, NlpSolver, Sqp, Start, Status};
+use somersault_ocp::solver::{Flow, NlpSolver, Report, Sqp, Start, Status};
 
 const STEPS: usize = 200;
 const H: f64 = 0.01;
 
-/// Coefficients of the spline; and, if lifted, the terminal state's error as variables of its own, equal to it by four
-/// constraints. The penalty of 10⁵ then bends no valley into the cost.
+/// Coefficients of the spline; and, if lifted, the terminal state's error and angle and rate at nodes between as
+/// variables of their own, equal to what they are by constraints. The penalty of 10⁵ then bends no valley into the
+/// cost.
 pub(crate) struct CartPendulum {
     structure: Structure,
     /// Of each time and parameter: spline, its rate and its acceleration.
     basis: Vec<Vec<[f64; 3]>>,
     curvature: Curvature,
-    lifted: bool,
+    /// Nodes between, if lifted.
+    nodes: Option<usize>,
 }
 
 /// (2.14) and two derivatives.
@@ -35,66 +37,83 @@ fn spline(s: f64, j: f64) -> [f64; 3] {
 const PENALTY: f64 = 1e5;
 
 impl CartPendulum {
-    pub(crate) fn new(n: usize, curvature: Curvature, lifted: bool) -> Self {
+    pub(crate) fn new(n: usize, curvature: Curvature, nodes: Option<usize>) -> Self {
         let rate = (n - 5) as f64 / (STEPS as f64 * H);
         let at = |k: usize, j: usize| {
             let [b, db, ddb] = spline(rate * k as f64 * H + 3.0, (j + 1) as f64);
             [b, rate * db, rate * rate * ddb]
         };
         let basis: Vec<Vec<[f64; 3]>> = (0..=STEPS).map(|k| (0..n).map(|j| at(k, j)).collect()).collect();
-        let (width, mut bounds) = (if lifted { n + 4 } else { n }, vec![-1.0, 0.0]);
-        if lifted {
-            bounds.extend([0.0; 4]);
-        }
+        let lifted = nodes.map_or(0, |nodes| 4 + 2 * nodes);
+        let width = n + lifted;
+        let mut bounds = vec![-1.0, 0.0];
+        bounds.resize(2 + lifted, 0.0);
         let structure = Structure {
             variables: Bounds::free(width),
             jacobian: Pattern::dense(bounds.len(), width),
             hessian: Pattern::upper_triangle(width),
             constraints: Bounds { lower: bounds.clone(), upper: bounds },
         };
-        Self { structure, basis, curvature, lifted }
+        Self { structure, basis, curvature, nodes }
     }
 
-    /// A straight line for the cart.
+    /// A straight line for the cart, and for the angle at nodes.
     pub(crate) fn start(&self) -> Start {
         let n = self.basis[0].len();
         let mut z: Vec<f64> = (0..n).map(|k| -1.0 + k as f64 / (n - 1) as f64).collect();
         z.resize(self.structure.variables.len(), 0.0);
+        let nodes = self.nodes.unwrap_or(0);
+        for k in 0..nodes {
+            z[n + 4 + 2 * k] = std::f64::consts::PI * (1.0 - (k + 1) as f64 / (nodes + 1) as f64);
+        }
         Start::from(z)
     }
 
-    /// Cost, the sum of products of first derivatives of its residuals, and the terminal state.
-    fn roll(&self, z: &[f64], i: usize, j: usize) -> (D, f64, [D; 4]) {
+    /// Cost, the sum of products of first derivatives of its residuals, and the constraints.
+    fn roll(&self, z: &[f64], i: usize, j: usize) -> (D, f64, Vec<D>) {
         let (gravity, m_cart, m) = (9.81, 2.0, 1.0);
         let n = self.basis[0].len();
-        let mut q = D::from(std::f64::consts::PI);
-        let mut w = D::from(0.0);
-        let (mut cost, mut products) = (D::from(0.0), 0.0);
+        let variable = |k: usize| D::new(z[k], f64::from(i == k), f64::from(j == k), 0.0);
         let cart = |k: usize, order: usize| {
             let row = &self.basis[k];
             let value = row.iter().zip(z).map(|(b, z)| b[order] * z).sum();
             let slope = |i: usize| row.get(i).map_or(0.0, |b| b[order]);
             D::new(value, slope(i), slope(j), 0.0)
         };
+        let (mut cost, mut products) = (D::from(0.0), 0.0);
         let mut add = |r: D, weight: f64| {
             cost += r * r * (0.5 * weight);
             products += weight * r.eps1 * r.eps2;
         };
+        let mut constraints = vec![cart(0, 0), cart(0, 1)];
+        let mut gaps = Vec::new();
+        let length = STEPS / (self.nodes.unwrap_or(0) + 1);
+        let mut state = [D::from(std::f64::consts::PI), D::from(0.0)];
         for k in 0..STEPS {
+            if k > 0 && k % length == 0 {
+                let node = n + 2 + 2 * (k / length);
+                let next = [variable(node), variable(node + 1)];
+                gaps.extend([state[0] - next[0], state[1] - next[1]]);
+                state = next;
+            }
+            let [q, w] = state;
             let (s, c) = (q.sin(), q.cos());
             let a = cart(k, 2);
             let alpha = a * c + s * gravity;
             add(a * (m_cart + m) - alpha * c * m + w * w * s * m, H);
-            q += w * H;
-            w += alpha * H;
+            state = [q + w * H, w + alpha * H];
         }
-        let terminal = [q, w, cart(STEPS, 0), cart(STEPS, 1)];
-        for l in 0..4 {
-            let own = |i: usize| f64::from(i == n + l);
-            let error = if self.lifted { D::new(z[n + l], own(i), own(j), 0.0) } else { terminal[l] };
-            add(error, PENALTY);
+        let terminal = [state[0], state[1], cart(STEPS, 0), cart(STEPS, 1)];
+        for (l, error) in terminal.into_iter().enumerate() {
+            if self.nodes.is_some() {
+                add(variable(n + l), PENALTY);
+                constraints.push(error - variable(n + l));
+            } else {
+                add(error, PENALTY);
+            }
         }
-        (cost, products, terminal)
+        constraints.extend(gaps);
+        (cost, products, constraints)
     }
 }
 
@@ -106,13 +125,9 @@ impl Nlp for CartPendulum {
     }
 
     fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError> {
-        let n = self.basis[0].len();
-        let (cost, _, terminal) = self.roll(z, NONE, NONE);
-        for (l, c) in constraints.iter_mut().enumerate() {
-            *c = match l {
-                0 | 1 => self.basis[0].iter().zip(z).map(|(b, z)| b[l] * z).sum(),
-                _ => terminal[l - 2].re - z[n + l - 2],
-            };
+        let (cost, _, values) = self.roll(z, NONE, NONE);
+        for (c, value) in constraints.iter_mut().zip(values) {
+            *c = value.re;
         }
         Ok(cost.re)
     }
@@ -123,16 +138,12 @@ impl Nlp for CartPendulum {
         gradient: &mut [f64],
         jacobian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        let (n, m) = (self.basis[0].len(), self.structure.constraints.len());
+        let m = self.structure.constraints.len();
         for (i, slope) in gradient.iter_mut().enumerate() {
-            let (cost, _, terminal) = self.roll(z, i, NONE);
+            let (cost, _, values) = self.roll(z, i, NONE);
             *slope = cost.eps1;
-            let column = &mut jacobian[i * m..(i + 1) * m];
-            for (l, entry) in column.iter_mut().enumerate() {
-                *entry = match l {
-                    0 | 1 => self.basis[0].get(i).map_or(0.0, |b| b[l]),
-                    _ => terminal[l - 2].eps1 - f64::from(i == n + l - 2),
-                };
+            for (entry, value) in jacobian[i * m..].iter_mut().zip(values) {
+                *entry = value.eps1;
             }
         }
         Ok(())
@@ -152,13 +163,11 @@ impl Nlp for CartPendulum {
         let mut entry = 0;
         for j in 0..z.len() {
             for i in 0..=j {
-                let (cost, products, terminal) = self.roll(z, i, j);
+                let (cost, products, constraints) = self.roll(z, i, j);
                 hessian[entry] = products;
                 if self.curvature == Curvature::Exact {
-                    hessian[entry] = cost.eps1eps2;
-                    for (y, state) in multipliers[2..].iter().zip(&terminal) {
-                        hessian[entry] += y * state.eps1eps2;
-                    }
+                    let curved: f64 = multipliers.iter().zip(&constraints).map(|(y, c)| y * c.eps1eps2).sum();
+                    hessian[entry] = cost.eps1eps2 + curved;
                 }
                 entry += 1;
             }
@@ -167,22 +176,39 @@ impl Nlp for CartPendulum {
     }
 }
 
+fn solve(n_free: usize, curvature: Curvature, nodes: Option<usize>) -> Report {
+    let mut program = CartPendulum::new(n_free + 2, curvature, nodes);
+    let start = program.start();
+    let report = Sqp::default().solve(&mut program, &start, &mut |_| Flow::Continue).unwrap();
+    println!(
+        "{n_free} {curvature:?} nodes {nodes:?} {:?} {} {:.4} {:?}",
+        report.status, report.iterations, report.cost, report.counts
+    );
+    assert_eq!(report.status, Status::Converged);
+    report
+}
+
+/// Free parameters and cost of cases A, B, D, E and G as printed. C and F are no optima.
+const PRINTED: [(usize, f64); 5] = [(5, 478.39), (10, 392.94), (20, 358.14), (30, 355.00), (50, 345.02)];
+
 #[test]
-fn cases_of_table_a_1_are_reached_from_a_straight_line() {
-    // Cases A, B and D as printed.
-    for (n_free, printed) in [(5, 478.39), (10, 392.94), (20, 358.14)] {
-        for curvature in [Curvature::Exact, Curvature::GaussNewton] {
-            for lifted in [true, false] {
-                let mut program = CartPendulum::new(n_free + 2, curvature, lifted);
-                let start = program.start();
-                let report = Sqp::default().solve(&mut program, &start, &mut |_| Flow::Continue).unwrap();
-                println!(
-                    "{n_free} {curvature:?} lifted {lifted} {:?} {} {:.4} {:?}",
-                    report.status, report.iterations, report.cost, report.counts
-                );
-                assert_eq!(report.status, Status::Converged);
-                assert!((report.cost - printed).abs() < 0.005, "{n_free}: {}", report.cost);
-            }
-        }
+fn lifted_cases_of_table_a_1_take_few_steps_from_a_straight_line() {
+    for (n_free, printed) in PRINTED {
+        let report = solve(n_free, Curvature::Exact, Some(3));
+        assert!((report.cost - printed).abs() < 0.005, "{n_free}: {}", report.cost);
+        assert!(report.iterations <= 15, "{n_free}: {}", report.iterations);
+    }
+}
+
+#[test]
+fn lifting_changes_the_steps_and_not_the_minimum() {
+    for curvature in [Curvature::Exact, Curvature::GaussNewton] {
+        let (n_free, printed) = PRINTED[0];
+        let steps = [None, Some(0), Some(3)].map(|nodes| {
+            let report = solve(n_free, curvature, nodes);
+            assert!((report.cost - printed).abs() < 0.005, "{}", report.cost);
+            report.iterations
+        });
+        assert!(steps[0] > steps[1] && steps[1] > steps[2], "{steps:?}");
     }
 }

@@ -6,5 +6,6 @@ mod large;
 mod least_squares;
 mod multi_start;
 mod problems;
+mod random;
 mod sqp;
 mod unconstrained;

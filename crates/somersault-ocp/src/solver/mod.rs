@@ -28,8 +28,9 @@
 //! *sum* of violations is locally least, and a solve that is squeezed between nonlinear constraints may end there
 //! though there are feasible points elsewhere.
 //!
-//! **Advice.** A strong penalty on a nonlinear function bends a narrow valley, along which every method creeps. Make
-//! the function's value a variable, with an equality: the same minimum then takes a fraction of the steps.
+//! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
+//! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same
+//! minimum then takes a fraction of the steps (7 instead of 171 for case A of the thesis' Table A.1, 9 for case G).
 //!
 //! References: J. Nocedal & S. Wright, Numerical Optimization (2006). A. Wächter & L. Biegler, Math. Program. 106
 //! (2006) 25–57. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &
