@@ -134,12 +134,9 @@ fn solve_all(concave: f64, hessian: HessianSource) -> Vec<usize> {
 }
 
 #[test]
-fn convex_quadratic_programs_take_one_step() {
+fn convex_quadratic_programs_take_one_step_or_two() {
     let steps = solve_all(0.0, HessianSource::Offered);
-    println!("{steps:?}");
-    let one = steps.iter().filter(|s| **s <= 1).count();
-    assert!(one >= 190, "{one}");
-    assert!(steps.iter().all(|s| *s <= 4));
+    assert!(steps.iter().all(|s| *s <= 2), "{steps:?}");
 }
 
 #[test]
