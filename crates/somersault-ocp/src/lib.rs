@@ -5,6 +5,7 @@
 //! make numbers of the nodes, and the result is a nonlinear program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+pub mod collocation;
 pub mod nlp;
 
 pub use nalgebra;

@@ -1,0 +1,4 @@
+//! Direct collocation: points, derivatives, optima with closed forms, confirmation, and the arm of thesis 8.4.
+
+mod derivatives;
+mod radau;
