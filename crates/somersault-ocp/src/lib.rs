@@ -7,5 +7,6 @@
 
 pub mod collocation;
 pub mod nlp;
+pub mod solver;
 
 pub use nalgebra;
