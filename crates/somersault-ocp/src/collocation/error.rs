@@ -1,6 +1,7 @@
 //! What can be wrong with a problem or a mesh.
 
 use crate::nlp::EvaluationError;
+use crate::solver::SolverError;
 
 /// Why a problem cannot be transcribed.
 #[derive(Debug, thiserror::Error)]
@@ -116,6 +117,17 @@ pub enum CollocationError {
         /// What was found.
         found: usize,
     },
+    /// The fewest points of an interval exceed the most, or the most allowed at all.
+    #[error("`min_points` = {least} and `max_points` = {most} must be in this order and at most 500")]
+    PointRange {
+        /// Fewest points.
+        least: usize,
+        /// Most points.
+        most: usize,
+    },
+    /// The solver was misused, or a function of the user failed in it.
+    #[error(transparent)]
+    Solver(#[from] SolverError),
     /// A function of the user failed, or has no value at the guess.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),

@@ -55,6 +55,11 @@ impl Interval {
         x.max(self.lower).min(self.upper)
     }
 
+    /// How far `x` is outside.
+    pub(super) fn distance(&self, x: f64) -> f64 {
+        (self.lower - x).max(x - self.upper).max(0.0)
+    }
+
     pub(super) fn intersection(&self, other: &Self) -> Self {
         Self::new(self.lower.max(other.lower), self.upper.min(other.upper))
     }

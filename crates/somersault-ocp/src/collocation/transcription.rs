@@ -369,6 +369,16 @@ impl<'p> Transcription<'p> {
         finite(work.path_curvature.as_slice(), "a second derivative of a path constraint", k)
     }
 
+    /// Rows of c that belong to phase `k`.
+    pub(super) fn n_rows(&self, k: usize) -> usize {
+        view!(self, k, 0).n_rows()
+    }
+
+    /// f, and L with g, as last evaluated at the points of phase `k`.
+    pub(super) fn rates_and_costs(&self, k: usize) -> (&[f64], &[f64]) {
+        (&self.work[k].rates, &self.work[k].path)
+    }
+
     /// The decision vector of the guesses that the phases came with.
     pub fn decision_of_guess(&mut self) -> Vec<f64> {
         let guesses: Vec<Guess> =
