@@ -25,7 +25,8 @@ impl Terms for Effort {
 fn solve(fold: f64, turn: f64, tolerance: f64) -> Result<CollocationReport, Box<dyn Error>> {
     let dynamics = TreeDynamics::try_fully_actuated(&TwoLinkArm::default().model()?)?;
     let (first, last) = ([-FRAC_PI_2, 0.05, 0.0, 0.0], [FRAC_PI_2, 0.05 + turn, 0.0, 0.0]);
-    let mut phase = Phase::of_tree(dynamics, Effort).initial_state(first).final_state(last).horizon(0.0, 10.0);
+    let mut phase =
+        Phase::of_tree(dynamics, Effort).initial_state(first).final_state(last).horizon(0.0, 10.0);
     if fold != 0.0 {
         let row = |q: [f64; 2]| vec![q[0], q[1], PI / 10.0, 0.0];
         phase = phase.guess(Guess {
@@ -57,16 +58,29 @@ fn main() -> Result<(), Box<dyn Error>> {
             for mesh in &found.history {
                 println!(
                     "    {} intervals, {} points: {} in {} steps, {:?}, cost {:.9}, error {:.1e}",
-                    mesh.meshes[0].n_intervals(), mesh.meshes[0].n_points(), mesh.status, mesh.iterations,
-                    mesh.time, mesh.cost, mesh.error
+                    mesh.meshes[0].n_intervals(),
+                    mesh.meshes[0].n_points(),
+                    mesh.status,
+                    mesh.iterations,
+                    mesh.time,
+                    mesh.cost,
+                    mesh.error
                 );
             }
             println!(
                 "    cost {:.9}, integrated {:.9}, defect {:.1e}, end to end {:.1e}, spread of H {:.1e}",
-                found.cost, found.confirmation.cost, found.confirmation.max_defect(),
-                found.confirmation.end_to_end_error(), phase.hamiltonian_spread()
+                found.cost,
+                found.confirmation.cost,
+                found.confirmation.max_defect(),
+                found.confirmation.end_to_end_error(),
+                phase.hamiltonian_spread()
             );
-            println!("    x(5) {:?}\n    λ(5) {:?}\n    λ(0) {:?}", phase.state(5.0), phase.costate(5.0), phase.costates[0]);
+            println!(
+                "    x(5) {:?}\n    λ(5) {:?}\n    λ(0) {:?}",
+                phase.state(5.0),
+                phase.costate(5.0),
+                phase.costates[0]
+            );
         }
     }
     Ok(())

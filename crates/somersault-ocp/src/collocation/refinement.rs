@@ -30,7 +30,10 @@ pub(super) struct IntervalError {
 }
 
 /// The errors of all intervals.
-pub(super) fn errors(phase: &mut Phase, solution: &PhaseSolution) -> Result<Vec<IntervalError>, CollocationError> {
+pub(super) fn errors(
+    phase: &mut Phase,
+    solution: &PhaseSolution,
+) -> Result<Vec<IntervalError>, CollocationError> {
     let duration = solution.horizon.1 - solution.horizon.0;
     let n_states = phase.sizes.states;
     let mut arguments = vec![0.0; phase.sizes.point()];

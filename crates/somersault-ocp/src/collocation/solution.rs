@@ -5,9 +5,9 @@
 //! λ̇ = −∂H/∂x, and the cost is least along the motion where H is, over the controls.
 
 use super::error::CollocationError;
+use super::guess::Guess;
 use super::mesh::{Grid, GridInterval, Mesh};
 use super::transcription::Transcription;
-use super::guess::Guess;
 use crate::nlp::Nlp;
 
 /// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
@@ -45,8 +45,10 @@ impl PhaseSolution {
 
     /// Largest minus smallest Hamiltonian: zero for equations and costs that do not name the time.
     pub fn hamiltonian_spread(&self) -> f64 {
-        let (least, most) =
-            self.hamiltonian.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &h| (a.min(h), b.max(h)));
+        let (least, most) = self
+            .hamiltonian
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &h| (a.min(h), b.max(h)));
         most - least
     }
 
@@ -111,7 +113,11 @@ pub(super) fn combine(rows: &[Vec<f64>], basis: &[f64], out: &mut [f64]) {
 
 impl Transcription<'_> {
     /// What a decision vector and the multipliers of the constraints stand for.
-    pub fn solution(&mut self, z: &[f64], multipliers: &[f64]) -> Result<Vec<PhaseSolution>, CollocationError> {
+    pub fn solution(
+        &mut self,
+        z: &[f64],
+        multipliers: &[f64],
+    ) -> Result<Vec<PhaseSolution>, CollocationError> {
         let mut constraints = vec![0.0; self.row_scales.len()];
         self.evaluate(z, &mut constraints)?;
         let mut row = 0;
@@ -148,7 +154,9 @@ impl Transcription<'_> {
         }
         let last = &grid.intervals[grid.intervals.len() - 1];
         let end_column = last.radau.differentiation().column(last.radau.len());
-        let at_end = |s: usize| -> f64 { last.points().zip(end_column.iter()).map(|(i, d)| -d * covector(i, s)).sum() };
+        let at_end = |s: usize| -> f64 {
+            last.points().zip(end_column.iter()).map(|(i, d)| -d * covector(i, s)).sum()
+        };
         costates.push((0..sizes.states).map(at_end).collect());
         let (rates, costs) = self.rates_and_costs(k);
         let hamiltonian = (0..n)
@@ -174,7 +182,11 @@ impl Transcription<'_> {
 
     /// Decision vector and multipliers that go on from solutions on another mesh; `rest` are the multipliers of
     /// what does not depend on the mesh, the end constraints of each phase and the linkages.
-    pub(super) fn continued(&mut self, from: &[PhaseSolution], rest: &RestMultipliers) -> (Vec<f64>, Vec<f64>) {
+    pub(super) fn continued(
+        &mut self,
+        from: &[PhaseSolution],
+        rest: &RestMultipliers,
+    ) -> (Vec<f64>, Vec<f64>) {
         let mut multipliers = Vec::with_capacity(self.row_scales.len());
         for (k, solution) in from.iter().enumerate() {
             let (layout, n) = (self.variables.phases[k], self.grids[k].n_points());

@@ -4,8 +4,8 @@ use super::confirmation::{Confirmation, confirm};
 use super::error::CollocationError;
 use super::mesh::Mesh;
 use super::problem::Problem;
-use super::refinement::{self, IntervalError};
 use super::radau::MAX_POINTS;
+use super::refinement::{self, IntervalError};
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use crate::solver::{Flow, Iteration, NlpSolver, Report, Sqp, Start, Status};
@@ -121,7 +121,9 @@ impl<S: NlpSolver> Collocation<S> {
             let rest = transcription.rest(&program.constraint_multipliers);
             drop(transcription);
             let pairs = problem.phases.iter_mut().zip(&phases);
-            let errors = pairs.map(|(phase, solution)| refinement::errors(phase, solution)).collect::<Result<Vec<_>, _>>()?;
+            let errors = pairs
+                .map(|(phase, solution)| refinement::errors(phase, solution))
+                .collect::<Result<Vec<_>, _>>()?;
             let error = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
             history.push(MeshRecord {
                 meshes: meshes.clone(),
@@ -135,7 +137,11 @@ impl<S: NlpSolver> Collocation<S> {
             if is_met || !is_usable(&program) || history.len() >= self.max_meshes {
                 return self.report(problem, phases, history, program);
             }
-            meshes = meshes.iter().zip(&errors).map(|(mesh, errors)| self.refined(mesh, errors)).collect::<Result<_, _>>()?;
+            meshes = meshes
+                .iter()
+                .zip(&errors)
+                .map(|(mesh, errors)| self.refined(mesh, errors))
+                .collect::<Result<_, _>>()?;
             previous = Some((phases, rest));
         }
     }
