@@ -7,6 +7,7 @@ use super::report::{Flow, Iteration, KktResiduals, Report, Start, Status};
 use super::subproblem::{Origin, Subproblem};
 use super::{Best, NlpSolver, Outcome};
 use crate::nlp::{Curvature, EvaluationError, Nlp};
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// Whose Hessian the quadratic model has.
@@ -59,6 +60,9 @@ const ARMIJO: f64 = 1e-4;
 const PROMISE: f64 = 0.3;
 /// Times that a penalty may be reduced which the multipliers no longer call for; a bound, so that it settles.
 const REDUCTIONS: usize = 10;
+/// Points back to which the merit function may rise again (Grippo, Lampariello & Lucidi 1986): a full step that
+/// follows curved constraints need not reduce it at once (Maratos).
+const MEMORY: usize = 8;
 /// Attempts to repair a step that the line search refuses.
 const REPAIRS: usize = 6;
 /// Steps without a decrease beyond rounding, of merit function and residuals, before giving up.
@@ -98,6 +102,8 @@ struct Run<'a> {
     residuals: KktResiduals,
     gradient_scale: f64,
     penalty: f64,
+    /// Cost and violation of the last points.
+    recent: VecDeque<(f64, f64)>,
     /// How often the penalty was reduced.
     reductions: usize,
     /// Least shift of the Hessian: Levenberg and Marquardt's term.
@@ -135,6 +141,7 @@ impl<'a> Run<'a> {
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
             penalty: 0.0,
+            recent: VecDeque::with_capacity(MEMORY),
             reductions: 0,
             floor: 0.0,
             iterations: 0,
@@ -336,6 +343,8 @@ impl<'a> Run<'a> {
             return Ok(None);
         }
         let descent = descent.min(0.0);
+        let recent = self.recent.iter().map(|(cost, violation)| cost + self.penalty * violation);
+        let reference = recent.fold(merit, f64::max);
         self.step.copy_from_slice(&self.subproblem.p);
         let shortest =
             f64::EPSILON * max_norm(&self.point.z).max(1e-8) / max_norm(&self.step).max(f64::MIN_POSITIVE);
@@ -344,7 +353,7 @@ impl<'a> Run<'a> {
             let mut next = 0.5 * length;
             if self.try_step(length)? {
                 let trial = self.merit(&self.trial);
-                let enough = |trial: f64| trial <= merit + ARMIJO * length * descent + slack;
+                let enough = |trial: f64| trial <= reference + ARMIJO * length * descent + slack;
                 if enough(trial) && self.differentiate()? {
                     return Ok(Some(length));
                 }
@@ -397,6 +406,10 @@ impl<'a> Run<'a> {
         let n = self.point.z.len();
         let merit = self.merit(&self.point);
         let decreased = self.merit(&self.trial) < merit - 1e-13 * merit.abs();
+        if self.recent.len() == MEMORY {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((self.point.cost, self.program.violation(&self.point.constraints)));
         for (y, next) in self.y.iter_mut().zip(&self.subproblem.y[n..]) {
             *y += length * (next - *y);
         }
