@@ -1,9 +1,9 @@
 //! Optima with closed forms: states, controls, costates, free horizons, bounds that act, several phases.
 
-use somersault_multibody::Scalar;
+use somersault_multibody::{Scalar, models::CartPendulum};
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Dynamics, Ends, Guess, Interval, Linkage, Mesh, Phase,
-    Point, Problem, Terms,
+    Point, Problem, Terms, TreeDynamics,
 };
 use somersault_ocp::solver::Flow;
 
@@ -137,7 +137,13 @@ fn the_double_integrator_goes_from_rest_to_rest_in_least_time() {
         .initial_state([0.0, 0.0])
         .final_state([1.0, 0.0])
         .control_bounds([Interval::new(-1.0, 1.0)])
-        .horizon(0.0, Interval::new(0.5, 10.0));
+        .horizon(0.0, Interval::new(-5.0, 10.0))
+        .guess(Guess {
+            times: vec![0.0, 3.0],
+            states: vec![vec![0.0, 0.0], vec![1.0, 0.0]],
+            controls: vec![vec![0.0]; 2],
+            parameters: Vec::new(),
+        });
     let report = solve(phase, uniform(7, 3), 1e-6);
     let phase = &report.phases[0];
     assert!((report.cost - 2.0).abs() < 1e-4, "T = {}", report.cost);
@@ -289,4 +295,31 @@ fn parameters_and_free_starts_are_optimised() {
     let phase = &report.phases[0];
     assert!((phase.parameters[0] - 1.0).abs() < 1e-8 && (phase.states[0][0] - 1.0).abs() < 1e-8);
     assert!(phase.costates.iter().all(|l| (l[0] + 1.0).abs() < 1e-8), "{:?}", phase.costates);
+}
+
+/// ½ ∫ F² dt.
+struct Push;
+
+impl Terms for Push {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        at.control[0] * at.control[0] * half()
+    }
+}
+
+/// Only the cart of thesis appendix A is driven, and the pole hangs at first.
+#[test]
+fn a_cart_swings_its_pole_up_and_the_motion_holds_when_integrated_anew() {
+    let cart = TreeDynamics::try_new(&CartPendulum::default().model().unwrap(), &[0]).unwrap();
+    let phase = Phase::of_tree(cart, Push)
+        .initial_state([0.0, std::f64::consts::PI, 0.0, 0.0])
+        .final_state([0.0; 4])
+        .control_bounds([Interval::new(-30.0, 30.0)])
+        .horizon(0.0, 2.0);
+    let report = solve(phase, uniform(10, 5), 1e-7);
+    let confirmation = &report.confirmation;
+    assert!(confirmation.max_defect() < 1e-7 && confirmation.max_violation() < 1e-9);
+    assert!((confirmation.cost - report.cost).abs() < 1e-6 * report.cost);
+    assert!(confirmation.end_to_end_error() < 1e-5, "{}", confirmation.end_to_end_error());
+    // u is the effort that the momentum of the cart asks for: F = −∂(λᵀf)/∂F
+    assert!(report.phases[0].hamiltonian_spread() < 1e-3 * report.cost);
 }

@@ -51,6 +51,11 @@ impl Interval {
         self.lower == self.upper
     }
 
+    /// Whether there is a finite value within.
+    fn is_possible(&self) -> bool {
+        self.lower <= self.upper && self.lower < f64::INFINITY && self.upper > f64::NEG_INFINITY
+    }
+
     pub(super) fn clamp(&self, x: f64) -> f64 {
         x.max(self.lower).min(self.upper)
     }
@@ -244,6 +249,11 @@ impl Phase {
         self.sizes.parameters
     }
 
+    /// Whether the bounds of the horizon allow it.
+    fn may_run_backwards(&self) -> bool {
+        self.bounds.initial_time.upper > self.bounds.final_time.lower
+    }
+
     /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales.
     fn validate(&mut self, phase: usize) -> Result<(), CollocationError> {
         let Sizes { states, controls, parameters } = self.sizes;
@@ -259,19 +269,21 @@ impl Phase {
             ("end_bounds", &bounds.end, n_end),
         ] {
             expect_length(phase, argument, given.len(), expected)?;
-            for (entry, &Interval { lower, upper }) in given.iter().enumerate() {
-                if !(lower <= upper) || lower == f64::INFINITY || upper == f64::NEG_INFINITY {
+            for (entry, interval) in given.iter().enumerate() {
+                let Interval { lower, upper } = *interval;
+                if !interval.is_possible() {
                     return Err(CollocationError::Bounds { phase, argument, entry, lower, upper });
                 }
             }
         }
         let (start, end) = (bounds.initial_time, bounds.final_time);
-        for (entry, Interval { lower, upper }) in [start, end].into_iter().enumerate() {
-            if !(lower <= upper) {
+        for (entry, interval) in [start, end].into_iter().enumerate() {
+            let Interval { lower, upper } = interval;
+            if !interval.is_possible() {
                 return Err(CollocationError::Bounds { phase, argument: "horizon", entry, lower, upper });
             }
         }
-        if !(start.lower < end.upper) {
+        if start.lower >= end.upper {
             return Err(CollocationError::Horizon { phase, start: start.lower, end: end.upper });
         }
         for entry in 0..states {
@@ -364,6 +376,12 @@ pub struct Linkage {
 }
 
 impl Linkage {
+    /// A phase does not end before it begins.
+    fn forward(phase: usize) -> Self {
+        let time = |end| Place { phase, end, quantity: Quantity::Time };
+        Self { left: time(End::Start), right: time(End::Finish), difference: Interval::at_least(0.0) }
+    }
+
     /// Time and all `n_states` states go on from the end of one phase to the start of the other.
     pub fn continuous(from: usize, to: usize, n_states: usize) -> Vec<Self> {
         let quantities = (0..n_states).map(Quantity::State).chain([Quantity::Time]);
@@ -390,7 +408,10 @@ impl Problem {
     }
 
     /// A problem of several phases, whose costs are added.
-    pub fn try_of_phases(mut phases: Vec<Phase>, linkages: Vec<Linkage>) -> Result<Self, CollocationError> {
+    pub fn try_of_phases(
+        mut phases: Vec<Phase>,
+        mut linkages: Vec<Linkage>,
+    ) -> Result<Self, CollocationError> {
         if phases.is_empty() {
             return Err(CollocationError::NoPhase);
         }
@@ -408,13 +429,14 @@ impl Problem {
                     return Err(CollocationError::Linkage { linkage, what: format!("{place:?}") });
                 }
             }
-            if !(difference.lower <= difference.upper) {
+            if !difference.is_possible() {
                 return Err(CollocationError::Linkage {
                     linkage,
                     what: format!("the difference {difference:?}"),
                 });
             }
         }
+        linkages.extend((0..phases.len()).filter(|&k| phases[k].may_run_backwards()).map(Linkage::forward));
         Ok(Self { phases, linkages })
     }
 

@@ -1,8 +1,13 @@
 //! Trees of bodies as equations of motion.
 //!
-//! x = (q, v), u the joint forces of the actuated degrees of freedom: q̇ = v, v̇ from forward dynamics. Jacobians
-//! are the analytic partials of the tree, Hessians those partials over dual numbers: exact, one sweep for
-//! each argument.
+//! x = (q, v), u the joint forces of the actuated degrees of freedom: q̇ = v, v̇ = a from forward dynamics. Jacobians
+//! are the analytic partials of the tree. With inverse dynamics τ = ID(q, v, a) the Hessian of μᵀa is
+//!
+//! ```text
+//! −Sᵀ ∇²(wᵀ ID) S,   w = M⁻¹ μ,   S = ∂(q, v, a)/∂(q, v, u)
+//! ```
+//! whose inner part is the partials of inverse dynamics over dual numbers: exact, one sweep for each position
+//! and velocity.
 
 use super::error::CollocationError;
 use super::function::VectorFunction;
@@ -10,7 +15,6 @@ use crate::nlp::EvaluationError;
 use nalgebra::DMatrix;
 use num_dual::Dual64;
 use somersault_multibody::{Data, DerivativeData, Joint, Model, Partials, Scalar};
-use std::ops::AddAssign;
 
 /// Forward dynamics of a tree whose joints are revolute, prismatic or fixed.
 #[derive(Debug, Clone)]
@@ -22,8 +26,13 @@ pub struct TreeDynamics {
     torque: Vec<f64>,
     dual: Model<Dual64>,
     dual_derivatives: DerivativeData<Dual64>,
+    /// q, v, a.
     dual_arguments: Vec<Dual64>,
-    dual_torque: Vec<Dual64>,
+    /// ∂a by q, v, u.
+    slopes: DMatrix<f64>,
+    /// w.
+    lever: Vec<f64>,
+    pulls: Vec<f64>,
 }
 
 impl TreeDynamics {
@@ -47,8 +56,10 @@ impl TreeDynamics {
             derivatives: DerivativeData::new(model),
             torque: vec![0.0; n],
             dual_derivatives: DerivativeData::new(&dual),
-            dual_arguments: vec![Dual64::from_re(0.0); 2 * n + actuated.len()],
-            dual_torque: vec![Dual64::from_re(0.0); n],
+            dual_arguments: vec![Dual64::from_re(0.0); 3 * n],
+            slopes: DMatrix::zeros(n, 2 * n + actuated.len()),
+            lever: vec![0.0; n],
+            pulls: vec![0.0; n],
             dual,
             model: model.clone(),
         })
@@ -136,19 +147,48 @@ impl VectorFunction for TreeDynamics {
         hessian: &mut DMatrix<f64>,
     ) -> Result<(), EvaluationError> {
         let n = self.model.n_velocities();
-        let Self { actuated, dual, dual_derivatives, dual_arguments, dual_torque, .. } = self;
-        dual_arguments.iter_mut().zip(arguments).for_each(|(x, &re)| *x = Dual64::from_re(re));
-        for j in 0..dual_arguments.len() {
-            dual_arguments[j].eps = 1.0;
-            let (q, v) = split(n, dual_arguments, actuated, dual_torque);
-            let partials = dual
-                .forward_dynamics_partials(dual_derivatives, q, v, dual_torque, &[])
-                .map_err(undefined)?;
-            for i in 0..=j {
-                let curvature = (0..n).map(|k| weights[n + k] * partial(&partials, actuated, n, k, i).eps);
-                hessian[(i, j)].add_assign(curvature.sum::<f64>());
+        let (q, v) = split(n, arguments, &self.actuated, &mut self.torque);
+        let Self { actuated, slopes, lever, dual, dual_derivatives, .. } = self;
+        let partials = self
+            .model
+            .forward_dynamics_partials(&mut self.derivatives, q, v, &self.torque, &[])
+            .map_err(undefined)?;
+        let n_arguments = 2 * n + actuated.len();
+        for k in 0..n {
+            for j in 0..n_arguments {
+                slopes[(k, j)] = partial(&partials, actuated, n, k, j);
             }
-            dual_arguments[j].eps = 0.0;
+            lever[k] = (0..n).map(|i| partials.input[(i, k)] * weights[n + i]).sum();
+        }
+        let (dual_q, rest) = self.dual_arguments.split_at_mut(n);
+        let (dual_v, dual_a) = rest.split_at_mut(n);
+        let given = q.iter().chain(v).chain(partials.value);
+        dual_q.iter_mut().chain(&mut *dual_v).chain(&mut *dual_a).zip(given).for_each(|(x, &re)| x.re = re);
+        // accelerations are linear in the forces, so no force is moved
+        for j in 0..2 * n {
+            for k in 0..n {
+                dual_q[k].eps = f64::from(k == j);
+                dual_v[k].eps = f64::from(n + k == j);
+                dual_a[k].eps = slopes[(k, j)];
+            }
+            let bent = dual
+                .inverse_dynamics_partials(dual_derivatives, dual_q, dual_v, dual_a, &[])
+                .map_err(undefined)?;
+            let pull = |matrix: &DMatrix<Dual64>, i: usize| -> f64 {
+                lever.iter().zip(matrix.column(i).iter()).map(|(w, m)| w * m.eps).sum()
+            };
+            for k in 0..n {
+                self.pulls[k] = pull(bent.input, k);
+            }
+            for i in (0..=j).chain(2 * n..n_arguments) {
+                let direct = match i {
+                    _ if i < n => pull(bent.q, i),
+                    _ if i < 2 * n => pull(bent.v, i - n),
+                    _ => 0.0,
+                };
+                let through: f64 = self.pulls.iter().zip(slopes.column(i).iter()).map(|(p, s)| p * s).sum();
+                hessian[(i.min(j), i.max(j))] -= direct + through;
+            }
         }
         Ok(())
     }
