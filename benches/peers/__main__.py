@@ -9,6 +9,7 @@ import argparse
 import json
 from pathlib import Path
 
+import arm
 import batch
 import box
 import contact
@@ -16,7 +17,7 @@ import long_run
 import multibody
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody)
+COMPARISONS = (box, long_run, contact, batch, multibody, arm)
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import somersault
 
-PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco", "pin")
+PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco", "pin", "casadi")
 
 
 def machine() -> dict[str, str]:

@@ -9,6 +9,7 @@
 pub mod dynamics;
 mod error;
 pub mod motion;
+pub mod collocation;
 pub mod nlp;
 pub mod problem;
 pub mod shooting;

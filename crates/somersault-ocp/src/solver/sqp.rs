@@ -9,6 +9,7 @@ use super::report::{Flow, Iteration, KktResiduals, Report, Start, Status};
 use super::subproblem::{Origin, Subproblem};
 use super::{Best, NlpSolver, Outcome};
 use crate::nlp::{Curvature, EvaluationError, Nlp};
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// Whose Hessian the quadratic model has.
@@ -55,6 +56,9 @@ impl Default for Sqp {
     }
 }
 
+/// Points back to which the merit function may rise again (Grippo, Lampariello & Lucidi 1986): a full step that
+/// follows curved constraints need not reduce it at once (Maratos).
+const MEMORY: usize = 8;
 /// Attempts to repair a step that the line search refuses.
 const REPAIRS: usize = 6;
 /// Steps without a decrease beyond rounding, of merit function and residuals, before giving up.
@@ -95,6 +99,8 @@ struct Run<'a> {
     residuals: KktResiduals,
     gradient_scale: f64,
     penalty: f64,
+    /// Cost and violation of the last points.
+    recent: VecDeque<(f64, f64)>,
     /// How often the penalty was reduced.
     reductions: usize,
     /// Least shift of the Hessian: Levenberg and Marquardt's term.
@@ -135,6 +141,7 @@ impl<'a> Run<'a> {
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
             penalty: 0.0,
+            recent: VecDeque::with_capacity(MEMORY),
             reductions: 0,
             floor: 0.0,
             iterations: 0,
@@ -300,6 +307,10 @@ impl<'a> Run<'a> {
         let n = self.point.z.len();
         let merit = self.merit(&self.point);
         let decreased = self.merit(&self.trial) < merit - 1e-13 * merit.abs();
+        if self.recent.len() == MEMORY {
+            self.recent.pop_front();
+        }
+        self.recent.push_back((self.point.cost, self.program.violation(&self.point.constraints)));
         for (y, next) in self.y.iter_mut().zip(&self.subproblem.y[n..]) {
             *y += length * (next - *y);
         }

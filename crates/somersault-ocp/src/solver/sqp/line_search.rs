@@ -62,6 +62,8 @@ impl Run<'_> {
         // Where cost and constraints agree in all digits they have, residuals must tell which point is better.
         let rounding = ROUNDING * terms;
         let indistinct = -descent <= rounding;
+        let recent = self.recent.iter().map(|(cost, violation)| cost + self.penalty * violation);
+        let reference = recent.fold(merit, f64::max);
         self.step.copy_from_slice(&self.subproblem.p);
         let shortest =
             f64::EPSILON * max_norm(&self.point.z).max(1e-8) / max_norm(&self.step).max(f64::MIN_POSITIVE);
@@ -70,9 +72,9 @@ impl Run<'_> {
             let mut next = 0.5 * length;
             if self.try_step(length)? {
                 let trial = self.merit(&self.trial);
-                let enough = |trial: f64| trial <= merit + ARMIJO * length * descent + slack;
+                let enough = |trial: f64| trial <= reference + ARMIJO * length * descent + slack;
                 if indistinct {
-                    let less = trial <= merit + ARMIJO * length * descent;
+                    let less = trial <= reference + ARMIJO * length * descent;
                     if trial - merit <= rounding && self.differentiate()? && (less || self.is_nearer(length))
                     {
                         return Ok(Some(length));

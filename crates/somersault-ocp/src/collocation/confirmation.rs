@@ -1,0 +1,185 @@
+//! What an independent, accurate integration makes of a solution.
+//!
+//! A program may be solved to the last digit and the motion still be none: collocation asks for the equations at its
+//! points only, and a coarse mesh leaves room between them, at a cost far below the true one. So the
+//! controls found are integrated anew by DOP853: from the first node of each interval to its last (the
+//! defect), and once from start to end. The latter grows where the problem is hyper-sensitive, however good the
+//! solution is; it is reported, not required.
+
+use super::error::CollocationError;
+use super::problem::{Phase, Problem};
+use super::solution::{PhaseSolution, combine};
+use super::vector::{DrivenPhase, Vector};
+use crate::nlp::EvaluationError;
+use somersault_integrators::driver::{Adaptive, integrate_adaptive};
+use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
+use somersault_integrators::state::State;
+
+/// Relative and absolute tolerance of each step of the integration.
+const TOLERANCE: f64 = 1e-12;
+/// Steps after which an integration counts as impossible.
+const MAX_STEPS: usize = 20_000;
+/// Places within each interval, beside its points, where bounds and path constraints are looked at.
+const SAMPLES: usize = 8;
+
+/// One phase integrated anew. Errors are relative: |Δx|/(1 + max |x|), the largest of all states.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PhaseConfirmation {
+    /// At the end of each interval, integrated from its start. Infinite where the integration broke off.
+    pub defects: Vec<f64>,
+    /// At t_f, integrated from t₀ in one piece.
+    pub end_to_end_error: f64,
+    /// State at t_f of that integration; NaN where it broke off.
+    pub end_to_end_state: Vec<f64>,
+    /// Largest violation of bounds of states and controls and of path constraints, between the points too.
+    pub violation: f64,
+    /// ∫ L dt, accurate, of the motion from interval to interval.
+    pub running_cost: f64,
+}
+
+/// All phases integrated anew.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Confirmation {
+    /// One for each phase.
+    pub phases: Vec<PhaseConfirmation>,
+    /// Cost with accurate integrals of the running costs.
+    pub cost: f64,
+}
+
+impl Confirmation {
+    fn largest(&self, of: impl Fn(&PhaseConfirmation) -> f64) -> f64 {
+        self.phases.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// The largest defect.
+    pub fn max_defect(&self) -> f64 {
+        self.largest(|phase| phase.defects.iter().copied().fold(0.0, f64::max))
+    }
+
+    /// The largest violation of bounds and path constraints.
+    pub fn max_violation(&self) -> f64 {
+        self.largest(|phase| phase.violation)
+    }
+
+    /// The largest error of an integration from start to end.
+    pub fn end_to_end_error(&self) -> f64 {
+        self.largest(|phase| phase.end_to_end_error)
+    }
+}
+
+/// Integrates a solution anew.
+pub fn confirm(problem: &mut Problem, solution: &[PhaseSolution]) -> Result<Confirmation, CollocationError> {
+    let (expected, found) = (problem.phases.len(), solution.len());
+    if expected != found {
+        return Err(CollocationError::Length { phase: 0, argument: "solution", expected, found });
+    }
+    let (mut cost, mut phases) = (0.0, Vec::new());
+    for (phase, solution) in problem.phases.iter_mut().zip(solution) {
+        let confirmation = confirm_phase(phase, solution)?;
+        cost += confirmation.running_cost + end_cost(phase, solution)?;
+        phases.push(confirmation);
+    }
+    Ok(Confirmation { phases, cost })
+}
+
+fn confirm_phase(phase: &mut Phase, solution: &PhaseSolution) -> Result<PhaseConfirmation, CollocationError> {
+    let n_states = phase.sizes.states;
+    let largest = |s: usize| solution.states.iter().fold(0.0, |m: f64, x| m.max(x[s].abs()));
+    let sizes: Vec<f64> = (0..n_states).map(|s| 1.0 + largest(s)).collect();
+    let error = |found: &[f64], expected: &[f64]| {
+        let errors = found.iter().zip(expected).zip(&sizes).map(|((a, b), size)| (a - b).abs() / size);
+        // a NaN would be lost in the maximum
+        errors.fold(0.0, |m: f64, e| if e.is_nan() { f64::INFINITY } else { m.max(e) })
+    };
+    let (mut defects, mut running_cost) = (Vec::new(), 0.0);
+    let mut through = solution.states[0].clone();
+    for (k, interval) in solution.grid.intervals.iter().enumerate() {
+        let first = &solution.states[interval.first];
+        let last = &solution.states[interval.first + interval.radau.len()];
+        let (reached, cost) = integrate(phase, solution, k, first)?;
+        defects.push(error(&reached, last));
+        running_cost += cost;
+        (through, _) = integrate(phase, solution, k, &through)?;
+    }
+    let last = &solution.states[solution.states.len() - 1];
+    Ok(PhaseConfirmation {
+        defects,
+        end_to_end_error: error(&through, last),
+        end_to_end_state: through,
+        violation: violation(phase, solution)?,
+        running_cost,
+    })
+}
+
+/// State and running cost at the end of interval `k`, from `state` at its start; NaN where the motion cannot be
+/// integrated.
+fn integrate(
+    phase: &mut Phase,
+    solution: &PhaseSolution,
+    k: usize,
+    state: &[f64],
+) -> Result<(Vec<f64>, f64), CollocationError> {
+    let n = state.len();
+    let interval = &solution.grid.intervals[k];
+    let (start, end) = (solution.time(interval.start), solution.time(interval.start + interval.length));
+    let initial = State {
+        configuration: Vector(state.iter().copied().chain([0.0]).collect()),
+        rate: Vector(vec![0.0; n + 1]),
+    };
+    let control = Adaptive {
+        first_step: Some(0.1 * (end - start)),
+        max_steps: MAX_STEPS,
+        ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE)
+    };
+    let driven = DrivenPhase::new(phase, solution, k);
+    let stepper = RungeKuttaMuntheKaas::<Dop853>::default();
+    let outcome = integrate_adaptive(&driven, &stepper, &initial, (start, end), &control, &mut ());
+    if let Some(error @ EvaluationError::Failed(_)) = driven.into_failure() {
+        return Err(error.into());
+    }
+    let mut reached = outcome.map_or(vec![f64::NAN; n + 1], |outcome| outcome.state.configuration.0);
+    let cost = reached.split_off(n)[0];
+    Ok((reached, cost))
+}
+
+fn end_cost(phase: &mut Phase, solution: &PhaseSolution) -> Result<f64, CollocationError> {
+    let mut arguments = solution.states[0].clone();
+    arguments.extend(&solution.states[solution.states.len() - 1]);
+    arguments.extend(&solution.parameters);
+    arguments.extend([solution.horizon.0, solution.horizon.1]);
+    let mut values = vec![0.0; phase.ends.n_outputs()];
+    phase.ends.evaluate(&arguments, &mut values)?;
+    Ok(values[0])
+}
+
+/// Largest distance of states, controls and path constraints from their bounds.
+fn violation(phase: &mut Phase, solution: &PhaseSolution) -> Result<f64, CollocationError> {
+    let sizes = phase.sizes;
+    let mut arguments = vec![0.0; sizes.point()];
+    let mut path = vec![0.0; phase.path.n_outputs()];
+    let mut largest: f64 = 0.0;
+    for interval in &solution.grid.intervals {
+        let radau = &interval.radau;
+        let (mut state_basis, mut control_basis) = (vec![0.0; radau.len() + 1], vec![0.0; radau.len()]);
+        let between = (1..=SAMPLES).map(|i| 2.0 * i as f64 / (SAMPLES + 1) as f64 - 1.0);
+        for tau in radau.points().iter().copied().chain(between) {
+            radau.state_basis(tau, &mut state_basis);
+            radau.control_basis(tau, &mut control_basis);
+            let (state, rest) = arguments.split_at_mut(sizes.states);
+            let (control, rest) = rest.split_at_mut(sizes.controls);
+            let (parameters, time) = rest.split_at_mut(sizes.parameters);
+            combine(&solution.states[interval.first..], &state_basis, state);
+            combine(&solution.controls[interval.first..], &control_basis, control);
+            parameters.copy_from_slice(&solution.parameters);
+            time[0] = solution.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
+            let at_point = arguments.iter().zip(phase.bounds.state.iter().chain(&phase.bounds.control));
+            largest = at_point.fold(largest, |m, (&x, bounds)| m.max(bounds.distance(x)));
+            if path.len() > 1 {
+                phase.path.evaluate(&arguments, &mut path)?;
+                let constraints = path[1..].iter().zip(&phase.bounds.path);
+                largest = constraints.fold(largest, |m, (&g, bounds)| m.max(bounds.distance(g)));
+            }
+        }
+    }
+    Ok(largest)
+}

@@ -1,0 +1,134 @@
+//! What can be wrong with a problem or a mesh.
+
+use crate::nlp::EvaluationError;
+use crate::solver::SolverError;
+
+/// Why a problem cannot be transcribed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CollocationError {
+    /// An argument has the wrong number of entries.
+    #[error("`{argument}` of phase {phase} must have {expected} entries, found {found}")]
+    Length {
+        /// Number of the phase.
+        phase: usize,
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries asked for.
+        expected: usize,
+        /// Entries given.
+        found: usize,
+    },
+    /// A bound is NaN, or the lower exceeds the upper one.
+    #[error("bounds of `{argument}`, entry {entry} of phase {phase}, cross or are NaN: ({lower}, {upper})")]
+    Bounds {
+        /// Number of the phase.
+        phase: usize,
+        /// Name of the quantity.
+        argument: &'static str,
+        /// Its entry.
+        entry: usize,
+        /// Lower bound given.
+        lower: f64,
+        /// Upper bound given.
+        upper: f64,
+    },
+    /// A boundary condition lies outside of the bounds of the state.
+    #[error("`{argument}`, entry {entry} of phase {phase}, leaves no value within the bounds of the state")]
+    BoundaryOutside {
+        /// Number of the phase.
+        phase: usize,
+        /// Name of the condition.
+        argument: &'static str,
+        /// State concerned.
+        entry: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{argument}` of phase {phase} must be finite, found {found}")]
+    NonFinite {
+        /// Number of the phase.
+        phase: usize,
+        /// Name of the argument.
+        argument: &'static str,
+        /// What was found.
+        found: f64,
+    },
+    /// The horizon is empty or runs backwards for all times allowed.
+    #[error("the horizon of phase {phase} must run forward, found a start of {start} and an end of {end}")]
+    Horizon {
+        /// Number of the phase.
+        phase: usize,
+        /// Start, of the bounds or of the guess.
+        start: f64,
+        /// End.
+        end: f64,
+    },
+    /// Something that must be positive is not.
+    #[error("`{argument}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What was found.
+        found: f64,
+    },
+    /// A mesh has no interval, an interval no point or too many, or its bounds do not increase from 0 to 1.
+    #[error("the mesh of phase {phase} is none: {reason}")]
+    Mesh {
+        /// Number of the phase.
+        phase: usize,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// The times of a guess do not increase.
+    #[error("the times of the guess of phase {phase} must increase, entry {entry} does not")]
+    GuessTimes {
+        /// Number of the phase.
+        phase: usize,
+        /// First entry that does not.
+        entry: usize,
+    },
+    /// A linkage names a phase or a quantity that does not exist.
+    #[error("linkage {linkage} names {what}, which does not exist")]
+    Linkage {
+        /// Number of the linkage.
+        linkage: usize,
+        /// What it names.
+        what: String,
+    },
+    /// There is no phase.
+    #[error("the problem has no phase")]
+    NoPhase,
+    /// Nothing is left to be decided.
+    #[error("all variables of the problem are fixed")]
+    NothingFree,
+    /// A joint whose positions are no vector: its tree is not described by states in ℝⁿ.
+    #[error(
+        "joint `{joint}` has no single coordinate; states in ℝⁿ need revolute, prismatic or fixed joints"
+    )]
+    NotAVector {
+        /// Name of the body that the joint carries.
+        joint: String,
+    },
+    /// A degree of freedom that is actuated twice, or does not exist.
+    #[error("`actuated` must name each degree of freedom at most once and below {n}, found {found}")]
+    Actuated {
+        /// Degrees of freedom of the tree.
+        n: usize,
+        /// What was found.
+        found: usize,
+    },
+    /// The fewest points of an interval exceed the most, or the most allowed at all.
+    #[error("`min_points` = {least} and `max_points` = {most} must be in this order and at most 500")]
+    PointRange {
+        /// Fewest points.
+        least: usize,
+        /// Most points.
+        most: usize,
+    },
+    /// The solver was misused, or a function of the user failed in it.
+    #[error(transparent)]
+    Solver(#[from] SolverError),
+    /// A function of the user failed, or has no value at the guess.
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
+}

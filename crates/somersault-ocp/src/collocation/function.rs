@@ -1,0 +1,237 @@
+//! Functions with their first and second derivatives.
+//!
+//! What a user writes once over a generic scalar ([`Dynamics`], [`Terms`]) is differentiated by dual and hyper-dual
+//! numbers: exactly, in n evaluations for a Jacobian and n (n + 1)/2 for a Hessian. Derivatives that are at
+//! hand otherwise come in as a [`VectorFunction`].
+
+use crate::nlp::EvaluationError;
+use nalgebra::DMatrix;
+use num_dual::{Dual64, HyperDual64};
+use somersault_multibody::Scalar;
+use std::sync::Arc;
+
+/// Where the equations of motion, the running cost and the path constraints are asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Point<'a, T> {
+    /// x.
+    pub state: &'a [T],
+    /// u.
+    pub control: &'a [T],
+    /// p, constant in time.
+    pub parameters: &'a [T],
+    /// t.
+    pub time: T,
+}
+
+/// Both ends of a phase.
+#[derive(Debug, Clone, Copy)]
+pub struct Ends<'a, T> {
+    /// x(t₀).
+    pub initial_state: &'a [T],
+    /// x(t_f).
+    pub final_state: &'a [T],
+    /// p.
+    pub parameters: &'a [T],
+    /// t₀.
+    pub initial_time: T,
+    /// t_f.
+    pub final_time: T,
+}
+
+/// Equations of motion ẋ = f(x, u, p, t), written once for all scalars.
+pub trait Dynamics: Send + Sync {
+    /// Length of x.
+    fn n_states(&self) -> usize;
+    /// Length of u.
+    fn n_controls(&self) -> usize;
+    /// Length of p.
+    fn n_parameters(&self) -> usize {
+        0
+    }
+    /// ẋ.
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, rates: &mut [T]);
+}
+
+/// What is made small and what is kept to, written once for all scalars. The cost of a phase is the end cost and
+/// the integral of the running cost.
+pub trait Terms: Send + Sync {
+    /// Path constraints, at each collocation point.
+    fn n_path_constraints(&self) -> usize {
+        0
+    }
+    /// Constraints on both ends together.
+    fn n_end_constraints(&self) -> usize {
+        0
+    }
+    /// L(x, u, p, t) of Lagrange's form.
+    fn running_cost<T: Scalar>(&self, _at: &Point<'_, T>) -> T {
+        T::zero()
+    }
+    /// g(x, u, p, t).
+    fn path_constraints<T: Scalar>(&self, _at: &Point<'_, T>, _values: &mut [T]) {}
+    /// Φ of Mayer's form.
+    fn end_cost<T: Scalar>(&self, _ends: &Ends<'_, T>) -> T {
+        T::zero()
+    }
+    /// b(x(t₀), x(t_f), p, t₀, t_f).
+    fn end_constraints<T: Scalar>(&self, _ends: &Ends<'_, T>, _values: &mut [T]) {}
+}
+
+/// A function ℝⁿ → ℝᵐ with derivatives. Of a point the arguments are x, u, p, t; of ends x(t₀), x(t_f), p,
+/// t₀, t_f. Values need not be finite: where one is not, a solver steps back.
+pub trait VectorFunction: Send {
+    /// m.
+    fn n_outputs(&self) -> usize;
+    /// The values.
+    fn evaluate(&mut self, arguments: &[f64], values: &mut [f64]) -> Result<(), EvaluationError>;
+    /// All of the m × n Jacobian.
+    fn jacobian(&mut self, arguments: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), EvaluationError>;
+    /// Adds Σ wᵢ ∇²fᵢ to the n × n `hessian`, at least in its upper triangle.
+    fn add_hessian(
+        &mut self,
+        arguments: &[f64],
+        weights: &[f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> Result<(), EvaluationError>;
+}
+
+/// Sizes of a phase's arguments.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sizes {
+    pub(super) states: usize,
+    pub(super) controls: usize,
+    pub(super) parameters: usize,
+}
+
+impl Sizes {
+    /// Length of (x, u, p, t).
+    pub(super) fn point(&self) -> usize {
+        self.states + self.controls + self.parameters + 1
+    }
+
+    /// Length of (x(t₀), x(t_f), p, t₀, t_f).
+    pub(super) fn ends(&self) -> usize {
+        2 * self.states + self.parameters + 2
+    }
+
+    fn view<'a, T: Scalar>(&self, arguments: &'a [T]) -> Point<'a, T> {
+        let (state, rest) = arguments.split_at(self.states);
+        let (control, rest) = rest.split_at(self.controls);
+        let (parameters, time) = rest.split_at(self.parameters);
+        Point { state, control, parameters, time: time[0] }
+    }
+
+    fn view_ends<'a, T: Scalar>(&self, arguments: &'a [T]) -> Ends<'a, T> {
+        let (initial_state, rest) = arguments.split_at(self.states);
+        let (final_state, rest) = rest.split_at(self.states);
+        let (parameters, times) = rest.split_at(self.parameters);
+        Ends { initial_state, final_state, parameters, initial_time: times[0], final_time: times[1] }
+    }
+}
+
+/// What duals go through.
+pub(super) trait Formula: Send {
+    fn n_outputs(&self) -> usize;
+    fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]);
+}
+
+pub(super) struct DynamicsFormula<D>(pub(super) D, pub(super) Sizes);
+
+impl<D: Dynamics> Formula for DynamicsFormula<D> {
+    fn n_outputs(&self) -> usize {
+        self.1.states
+    }
+    fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]) {
+        self.0.rates(&self.1.view(arguments), values);
+    }
+}
+
+/// The running cost, then the path constraints.
+pub(super) struct PathFormula<C>(pub(super) Arc<C>, pub(super) Sizes);
+
+impl<C: Terms> Formula for PathFormula<C> {
+    fn n_outputs(&self) -> usize {
+        1 + self.0.n_path_constraints()
+    }
+    fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]) {
+        let at = self.1.view(arguments);
+        values[0] = self.0.running_cost(&at);
+        self.0.path_constraints(&at, &mut values[1..]);
+    }
+}
+
+/// The end cost, then the end constraints.
+pub(super) struct EndFormula<C>(pub(super) Arc<C>, pub(super) Sizes);
+
+impl<C: Terms> Formula for EndFormula<C> {
+    fn n_outputs(&self) -> usize {
+        1 + self.0.n_end_constraints()
+    }
+    fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]) {
+        let ends = self.1.view_ends(arguments);
+        values[0] = self.0.end_cost(&ends);
+        self.0.end_constraints(&ends, &mut values[1..]);
+    }
+}
+
+/// A formula with derivatives by dual and hyper-dual numbers.
+pub(super) struct ByDuals<F> {
+    formula: F,
+    first: (Vec<Dual64>, Vec<Dual64>),
+    second: (Vec<HyperDual64>, Vec<HyperDual64>),
+}
+
+impl<F: Formula> ByDuals<F> {
+    pub(super) fn new(formula: F, n_arguments: usize) -> Self {
+        let m = formula.n_outputs();
+        Self {
+            formula,
+            first: (vec![Dual64::from_re(0.0); n_arguments], vec![Dual64::from_re(0.0); m]),
+            second: (vec![HyperDual64::from_re(0.0); n_arguments], vec![HyperDual64::from_re(0.0); m]),
+        }
+    }
+}
+
+impl<F: Formula> VectorFunction for ByDuals<F> {
+    fn n_outputs(&self) -> usize {
+        self.formula.n_outputs()
+    }
+
+    fn evaluate(&mut self, arguments: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        self.formula.evaluate(arguments, values);
+        Ok(())
+    }
+
+    fn jacobian(&mut self, arguments: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), EvaluationError> {
+        let (inputs, outputs) = &mut self.first;
+        inputs.iter_mut().zip(arguments).for_each(|(x, &re)| *x = Dual64::from_re(re));
+        for j in 0..inputs.len() {
+            inputs[j].eps = 1.0;
+            self.formula.evaluate(inputs, outputs);
+            inputs[j].eps = 0.0;
+            jacobian.column_mut(j).iter_mut().zip(&*outputs).for_each(|(to, y)| *to = y.eps);
+        }
+        Ok(())
+    }
+
+    fn add_hessian(
+        &mut self,
+        arguments: &[f64],
+        weights: &[f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> Result<(), EvaluationError> {
+        let (inputs, outputs) = &mut self.second;
+        inputs.iter_mut().zip(arguments).for_each(|(x, &re)| *x = HyperDual64::from_re(re));
+        for j in 0..inputs.len() {
+            inputs[j].eps1 = 1.0;
+            for i in 0..=j {
+                inputs[i].eps2 = 1.0;
+                self.formula.evaluate(inputs, outputs);
+                inputs[i].eps2 = 0.0;
+                hessian[(i, j)] += outputs.iter().zip(weights).map(|(y, w)| w * y.eps1eps2).sum::<f64>();
+            }
+            inputs[j].eps1 = 0.0;
+        }
+        Ok(())
+    }
+}

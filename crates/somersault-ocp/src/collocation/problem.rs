@@ -1,0 +1,460 @@
+//! An optimal control problem as it is posed.
+//!
+//! ```text
+//! minimise   Σ over phases  Φ(x(t₀), x(t_f), p, t₀, t_f) + ∫ L(x, u, p, t) dt
+//! subject to ẋ = f(x, u, p, t),  path constraints g, end constraints b, bounds, linkages between phases
+//! ```
+
+use super::error::CollocationError;
+use super::function::{
+    ByDuals, Dynamics, DynamicsFormula, EndFormula, PathFormula, Sizes, Terms, VectorFunction,
+};
+use super::guess::Guess;
+use super::tree::TreeDynamics;
+use std::sync::Arc;
+
+/// What a quantity may be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// −∞ where there is no bound.
+    pub lower: f64,
+    /// ∞ where there is no bound.
+    pub upper: f64,
+}
+
+impl Interval {
+    /// Anything.
+    pub const FREE: Self = Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
+
+    /// From `lower` to `upper`.
+    pub fn new(lower: f64, upper: f64) -> Self {
+        Self { lower, upper }
+    }
+
+    /// `value` and nothing else.
+    pub fn fixed(value: f64) -> Self {
+        Self::new(value, value)
+    }
+
+    /// At least `lower`.
+    pub fn at_least(lower: f64) -> Self {
+        Self::new(lower, f64::INFINITY)
+    }
+
+    /// At most `upper`.
+    pub fn at_most(upper: f64) -> Self {
+        Self::new(f64::NEG_INFINITY, upper)
+    }
+
+    /// Whether there is one value only.
+    pub fn is_fixed(&self) -> bool {
+        self.lower == self.upper
+    }
+
+    /// Whether there is a finite value within.
+    fn is_possible(&self) -> bool {
+        self.lower <= self.upper && self.lower < f64::INFINITY && self.upper > f64::NEG_INFINITY
+    }
+
+    pub(super) fn clamp(&self, x: f64) -> f64 {
+        x.max(self.lower).min(self.upper)
+    }
+
+    /// How far `x` is outside.
+    pub(super) fn distance(&self, x: f64) -> f64 {
+        (self.lower - x).max(x - self.upper).max(0.0)
+    }
+
+    pub(super) fn intersection(&self, other: &Self) -> Self {
+        Self::new(self.lower.max(other.lower), self.upper.min(other.upper))
+    }
+}
+
+/// Fixed.
+impl From<f64> for Interval {
+    fn from(value: f64) -> Self {
+        Self::fixed(value)
+    }
+}
+
+/// Lower and upper bound.
+impl From<(f64, f64)> for Interval {
+    fn from((lower, upper): (f64, f64)) -> Self {
+        Self::new(lower, upper)
+    }
+}
+
+/// A stretch of time with its equations, costs, constraints and bounds.
+///
+/// All is free until it is bounded; the horizon is [0, 1] until it is set.
+pub struct Phase {
+    pub(super) sizes: Sizes,
+    pub(super) dynamics: Box<dyn VectorFunction>,
+    /// L, then g.
+    pub(super) path: Box<dyn VectorFunction>,
+    /// Φ, then b.
+    pub(super) ends: Box<dyn VectorFunction>,
+    pub(super) bounds: PhaseBounds,
+    pub(super) scales: Scales,
+    pub(super) guess: Option<Guess>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PhaseBounds {
+    pub(super) state: Vec<Interval>,
+    pub(super) control: Vec<Interval>,
+    pub(super) parameters: Vec<Interval>,
+    pub(super) initial_state: Vec<Interval>,
+    pub(super) final_state: Vec<Interval>,
+    pub(super) initial_time: Interval,
+    pub(super) final_time: Interval,
+    pub(super) path: Vec<Interval>,
+    pub(super) end: Vec<Interval>,
+}
+
+/// Sizes by which variables and rows are divided; zero where the size is to be found.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Scales {
+    pub(super) state: Vec<f64>,
+    pub(super) control: Vec<f64>,
+}
+
+impl Phase {
+    /// Equations and terms written over a generic scalar.
+    pub fn new(dynamics: impl Dynamics + 'static, terms: impl Terms + 'static) -> Self {
+        let sizes = Sizes {
+            states: dynamics.n_states(),
+            controls: dynamics.n_controls(),
+            parameters: dynamics.n_parameters(),
+        };
+        let dynamics = ByDuals::new(DynamicsFormula(dynamics, sizes), sizes.point());
+        Self::assemble(sizes, Box::new(dynamics), terms)
+    }
+
+    /// A tree of bodies, x = (q, v), with terms over a generic scalar.
+    pub fn of_tree(dynamics: TreeDynamics, terms: impl Terms + 'static) -> Self {
+        let sizes = Sizes { states: dynamics.n_states(), controls: dynamics.n_controls(), parameters: 0 };
+        Self::assemble(sizes, Box::new(dynamics), terms)
+    }
+
+    /// Equations of motion f(x, u, p, t) that bring their derivatives; as many states as outputs.
+    pub fn with_derivatives(
+        dynamics: Box<dyn VectorFunction>,
+        n_controls: usize,
+        n_parameters: usize,
+        terms: impl Terms + 'static,
+    ) -> Self {
+        let sizes = Sizes { states: dynamics.n_outputs(), controls: n_controls, parameters: n_parameters };
+        Self::assemble(sizes, dynamics, terms)
+    }
+
+    fn assemble(sizes: Sizes, dynamics: Box<dyn VectorFunction>, terms: impl Terms + 'static) -> Self {
+        let terms = Arc::new(terms);
+        let free = |n: usize| vec![Interval::FREE; n];
+        let bounds = PhaseBounds {
+            state: free(sizes.states),
+            control: free(sizes.controls),
+            parameters: free(sizes.parameters),
+            initial_state: free(sizes.states),
+            final_state: free(sizes.states),
+            initial_time: Interval::fixed(0.0),
+            final_time: Interval::fixed(1.0),
+            path: free(terms.n_path_constraints()),
+            end: free(terms.n_end_constraints()),
+        };
+        Self {
+            sizes,
+            dynamics,
+            path: Box::new(ByDuals::new(PathFormula(terms.clone(), sizes), sizes.point())),
+            ends: Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends())),
+            bounds,
+            scales: Scales { state: Vec::new(), control: Vec::new() },
+            guess: None,
+        }
+    }
+
+    /// Bounds of x at all times, one for each state.
+    pub fn state_bounds(mut self, bounds: impl Into<Vec<Interval>>) -> Self {
+        self.bounds.state = bounds.into();
+        self
+    }
+
+    /// Bounds of u, one for each control.
+    pub fn control_bounds(mut self, bounds: impl Into<Vec<Interval>>) -> Self {
+        self.bounds.control = bounds.into();
+        self
+    }
+
+    /// Bounds of p.
+    pub fn parameter_bounds(mut self, bounds: impl Into<Vec<Interval>>) -> Self {
+        self.bounds.parameters = bounds.into();
+        self
+    }
+
+    /// What x(t₀) may be: fixed, bounded or free in each state.
+    pub fn initial_state<I: Into<Interval>>(mut self, bounds: impl IntoIterator<Item = I>) -> Self {
+        self.bounds.initial_state = bounds.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// What x(t_f) may be.
+    pub fn final_state<I: Into<Interval>>(mut self, bounds: impl IntoIterator<Item = I>) -> Self {
+        self.bounds.final_state = bounds.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// What t₀ and t_f may be.
+    pub fn horizon(mut self, start: impl Into<Interval>, end: impl Into<Interval>) -> Self {
+        self.bounds.initial_time = start.into();
+        self.bounds.final_time = end.into();
+        self
+    }
+
+    /// Bounds of the path constraints g.
+    pub fn path_bounds(mut self, bounds: impl Into<Vec<Interval>>) -> Self {
+        self.bounds.path = bounds.into();
+        self
+    }
+
+    /// Bounds of the end constraints b.
+    pub fn end_bounds(mut self, bounds: impl Into<Vec<Interval>>) -> Self {
+        self.bounds.end = bounds.into();
+        self
+    }
+
+    /// Sizes of states and controls, by which the program is scaled. Without them, sizes are those of the guess.
+    pub fn scales(mut self, state: impl Into<Vec<f64>>, control: impl Into<Vec<f64>>) -> Self {
+        self.scales = Scales { state: state.into(), control: control.into() };
+        self
+    }
+
+    /// Where the search starts. Without one it is a straight line between the ends, controls at zero.
+    pub fn guess(mut self, guess: Guess) -> Self {
+        self.guess = Some(guess);
+        self
+    }
+
+    /// Length of x.
+    pub fn n_states(&self) -> usize {
+        self.sizes.states
+    }
+
+    /// Length of u.
+    pub fn n_controls(&self) -> usize {
+        self.sizes.controls
+    }
+
+    /// Length of p.
+    pub fn n_parameters(&self) -> usize {
+        self.sizes.parameters
+    }
+
+    /// Whether the bounds of the horizon allow it.
+    fn may_run_backwards(&self) -> bool {
+        self.bounds.initial_time.upper > self.bounds.final_time.lower
+    }
+
+    /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales.
+    fn validate(&mut self, phase: usize) -> Result<(), CollocationError> {
+        let Sizes { states, controls, parameters } = self.sizes;
+        let (n_path, n_end) = (self.path.n_outputs() - 1, self.ends.n_outputs() - 1);
+        let bounds = &mut self.bounds;
+        for (argument, given, expected) in [
+            ("state_bounds", &bounds.state, states),
+            ("control_bounds", &bounds.control, controls),
+            ("parameter_bounds", &bounds.parameters, parameters),
+            ("initial_state", &bounds.initial_state, states),
+            ("final_state", &bounds.final_state, states),
+            ("path_bounds", &bounds.path, n_path),
+            ("end_bounds", &bounds.end, n_end),
+        ] {
+            expect_length(phase, argument, given.len(), expected)?;
+            for (entry, interval) in given.iter().enumerate() {
+                let Interval { lower, upper } = *interval;
+                if !interval.is_possible() {
+                    return Err(CollocationError::Bounds { phase, argument, entry, lower, upper });
+                }
+            }
+        }
+        let (start, end) = (bounds.initial_time, bounds.final_time);
+        for (entry, interval) in [start, end].into_iter().enumerate() {
+            let Interval { lower, upper } = interval;
+            if !interval.is_possible() {
+                return Err(CollocationError::Bounds { phase, argument: "horizon", entry, lower, upper });
+            }
+        }
+        if start.lower >= end.upper {
+            return Err(CollocationError::Horizon { phase, start: start.lower, end: end.upper });
+        }
+        for entry in 0..states {
+            for (argument, ends) in
+                [("initial_state", &mut bounds.initial_state), ("final_state", &mut bounds.final_state)]
+            {
+                ends[entry] = ends[entry].intersection(&bounds.state[entry]);
+                if ends[entry].lower > ends[entry].upper {
+                    return Err(CollocationError::BoundaryOutside { phase, argument, entry });
+                }
+            }
+        }
+        let guess = self.guess.get_or_insert_with(|| Guess::straight(bounds));
+        guess.validate(phase, &self.sizes)?;
+        self.scales.complete(phase, guess, bounds)
+    }
+}
+
+impl Scales {
+    /// Fills in what was not given: the largest of finite bounds and guess, 1 where all of them are zero.
+    fn complete(
+        &mut self,
+        phase: usize,
+        guess: &Guess,
+        bounds: &PhaseBounds,
+    ) -> Result<(), CollocationError> {
+        let size = |rows: &[Vec<f64>], entry: usize, intervals: &[&Interval]| {
+            let numbers = intervals.iter().flat_map(|i| [i.lower, i.upper]).filter(|x| x.is_finite());
+            let largest =
+                rows.iter().map(|row| row[entry]).chain(numbers).fold(0.0, |m: f64, x| m.max(x.abs()));
+            if largest > 0.0 { largest } else { 1.0 }
+        };
+        if self.state.is_empty() {
+            let ends = |j: usize| [&bounds.state[j], &bounds.initial_state[j], &bounds.final_state[j]];
+            self.state = (0..bounds.state.len()).map(|j| size(&guess.states, j, &ends(j))).collect();
+        }
+        if self.control.is_empty() {
+            let controls = bounds.control.iter().enumerate();
+            self.control = controls.map(|(j, bound)| size(&guess.controls, j, &[bound])).collect();
+        }
+        expect_length(phase, "scales of states", self.state.len(), bounds.state.len())?;
+        expect_length(phase, "scales of controls", self.control.len(), bounds.control.len())?;
+        match self.state.iter().chain(&self.control).find(|s| !(**s > 0.0 && s.is_finite())) {
+            Some(&found) => Err(CollocationError::NotPositive { argument: "scales", found }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Which end of a phase.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// t₀.
+    Start,
+    /// t_f.
+    Finish,
+}
+
+/// A number at an end of a phase.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Entry of x there.
+    State(usize),
+    /// The time itself.
+    Time,
+    /// Entry of p.
+    Parameter(usize),
+}
+
+/// A quantity of a phase.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Number of the phase.
+    pub phase: usize,
+    /// Which end of it.
+    pub end: End,
+    /// What of it.
+    pub quantity: Quantity,
+}
+
+/// `right` − `left` lies in `difference`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Linkage {
+    /// What is subtracted.
+    pub left: Place,
+    /// What it is subtracted from.
+    pub right: Place,
+    /// What the difference may be.
+    pub difference: Interval,
+}
+
+impl Linkage {
+    /// A phase does not end before it begins.
+    fn forward(phase: usize) -> Self {
+        let time = |end| Place { phase, end, quantity: Quantity::Time };
+        Self { left: time(End::Start), right: time(End::Finish), difference: Interval::at_least(0.0) }
+    }
+
+    /// Time and all `n_states` states go on from the end of one phase to the start of the other.
+    pub fn continuous(from: usize, to: usize, n_states: usize) -> Vec<Self> {
+        let quantities = (0..n_states).map(Quantity::State).chain([Quantity::Time]);
+        quantities
+            .map(|quantity| Self {
+                left: Place { phase: from, end: End::Finish, quantity },
+                right: Place { phase: to, end: End::Start, quantity },
+                difference: Interval::fixed(0.0),
+            })
+            .collect()
+    }
+}
+
+/// One or several phases.
+pub struct Problem {
+    pub(super) phases: Vec<Phase>,
+    pub(super) linkages: Vec<Linkage>,
+}
+
+impl Problem {
+    /// A problem of one phase.
+    pub fn try_new(phase: Phase) -> Result<Self, CollocationError> {
+        Self::try_of_phases(vec![phase], Vec::new())
+    }
+
+    /// A problem of several phases, whose costs are added.
+    pub fn try_of_phases(
+        mut phases: Vec<Phase>,
+        mut linkages: Vec<Linkage>,
+    ) -> Result<Self, CollocationError> {
+        if phases.is_empty() {
+            return Err(CollocationError::NoPhase);
+        }
+        for (number, phase) in phases.iter_mut().enumerate() {
+            phase.validate(number)?;
+        }
+        for (linkage, Linkage { left, right, difference }) in linkages.iter().enumerate() {
+            for place in [left, right] {
+                let exists = phases.get(place.phase).is_some_and(|phase| match place.quantity {
+                    Quantity::State(i) => i < phase.sizes.states,
+                    Quantity::Time => true,
+                    Quantity::Parameter(i) => i < phase.sizes.parameters,
+                });
+                if !exists {
+                    return Err(CollocationError::Linkage { linkage, what: format!("{place:?}") });
+                }
+            }
+            if !difference.is_possible() {
+                return Err(CollocationError::Linkage {
+                    linkage,
+                    what: format!("the difference {difference:?}"),
+                });
+            }
+        }
+        linkages.extend((0..phases.len()).filter(|&k| phases[k].may_run_backwards()).map(Linkage::forward));
+        Ok(Self { phases, linkages })
+    }
+
+    /// Number of phases.
+    pub fn n_phases(&self) -> usize {
+        self.phases.len()
+    }
+}
+
+pub(super) fn expect_length(
+    phase: usize,
+    argument: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), CollocationError> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(CollocationError::Length { phase, argument, expected, found })
+    }
+}

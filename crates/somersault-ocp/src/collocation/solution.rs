@@ -1,0 +1,245 @@
+//! What a solved program says about the motion: states, controls, costates, Hamiltonian.
+//!
+//! The multipliers y of the defects give the costates (covector mapping, Garg et al. 2011): λ_i = −y_i/w_i at the
+//! points and λ = −Σ_l D_{l,N+1} y_l at the last node of an interval. With H = L + λᵀf the costates obey
+//! λ̇ = −∂H/∂x, and the cost is least along the motion where H is, over the controls.
+
+use super::error::CollocationError;
+use super::guess::Guess;
+use super::mesh::{Grid, GridInterval, Mesh};
+use super::transcription::Transcription;
+use crate::nlp::Nlp;
+
+/// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
+/// times have the end of the phase as a last row.
+#[derive(Debug, Clone)]
+pub struct PhaseSolution {
+    pub(super) grid: Grid,
+    pub(super) horizon: (f64, f64),
+    /// t.
+    pub times: Vec<f64>,
+    /// x.
+    pub states: Vec<Vec<f64>>,
+    /// u; nothing is collocated at the end.
+    pub controls: Vec<Vec<f64>>,
+    /// λ.
+    pub costates: Vec<Vec<f64>>,
+    /// Multipliers of the path constraints as functions of time: positive at upper bounds.
+    pub path_multipliers: Vec<Vec<f64>>,
+    /// L + λᵀf at the collocation points.
+    pub hamiltonian: Vec<f64>,
+    /// p.
+    pub parameters: Vec<f64>,
+}
+
+impl PhaseSolution {
+    /// t₀ and t_f.
+    pub fn horizon(&self) -> (f64, f64) {
+        self.horizon
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.grid.mesh
+    }
+
+    /// Largest minus smallest Hamiltonian: zero for equations and costs that do not name the time.
+    pub fn hamiltonian_spread(&self) -> f64 {
+        let (least, most) = self
+            .hamiltonian
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &h| (a.min(h), b.max(h)));
+        most - least
+    }
+
+    /// x at t, by the polynomials of collocation. Times outside of the horizon count as its ends.
+    pub fn state(&self, t: f64) -> Vec<f64> {
+        let mut state = vec![0.0; self.states[0].len()];
+        self.with_basis(t, true, |first, basis| combine(&self.states[first..], basis, &mut state));
+        state
+    }
+
+    /// u at t.
+    pub fn control(&self, t: f64) -> Vec<f64> {
+        let mut control = vec![0.0; self.controls[0].len()];
+        self.with_basis(t, false, |first, basis| combine(&self.controls[first..], basis, &mut control));
+        control
+    }
+
+    /// λ at t.
+    pub fn costate(&self, t: f64) -> Vec<f64> {
+        let mut costate = vec![0.0; self.costates[0].len()];
+        self.with_basis(t, true, |first, basis| combine(&self.costates[first..], basis, &mut costate));
+        costate
+    }
+
+    /// Time where a fraction of the phase has passed.
+    pub(super) fn time(&self, fraction: f64) -> f64 {
+        self.horizon.0 + fraction * (self.horizon.1 - self.horizon.0)
+    }
+
+    fn with_basis(&self, t: f64, with_end: bool, use_basis: impl FnOnce(usize, &[f64])) {
+        let (start, end) = self.horizon;
+        let (k, tau) = self.grid.locate(((t - start) / (end - start)).clamp(0.0, 1.0));
+        let GridInterval { radau, first, .. } = &self.grid.intervals[k];
+        let mut basis = vec![0.0; radau.len() + usize::from(with_end)];
+        if with_end {
+            radau.state_basis(tau, &mut basis);
+        } else {
+            radau.control_basis(tau, &mut basis);
+        }
+        use_basis(*first, &basis);
+    }
+
+    /// The solution as a guess, to start another problem from.
+    pub fn to_guess(&self) -> Guess {
+        let end = self.control(self.horizon.1);
+        Guess {
+            times: self.times.clone(),
+            states: self.states.clone(),
+            controls: self.controls.iter().cloned().chain([end]).collect(),
+            parameters: self.parameters.clone(),
+        }
+    }
+}
+
+/// out = Σ basisᵢ rowᵢ.
+pub(super) fn combine(rows: &[Vec<f64>], basis: &[f64], out: &mut [f64]) {
+    out.fill(0.0);
+    for (row, b) in rows.iter().zip(basis) {
+        out.iter_mut().zip(row).for_each(|(o, x)| *o += b * x);
+    }
+}
+
+impl Transcription<'_> {
+    /// What a decision vector and the multipliers of the constraints stand for.
+    pub fn solution(
+        &mut self,
+        z: &[f64],
+        multipliers: &[f64],
+    ) -> Result<Vec<PhaseSolution>, CollocationError> {
+        let mut constraints = vec![0.0; self.row_scales.len()];
+        self.evaluate(z, &mut constraints)?;
+        let mut row = 0;
+        let mut phases = Vec::new();
+        for k in 0..self.grids.len() {
+            phases.push(self.phase_solution(k, row, multipliers));
+            row += self.n_rows(k);
+        }
+        Ok(phases)
+    }
+
+    fn phase_solution(&self, k: usize, row: usize, multipliers: &[f64]) -> PhaseSolution {
+        let (grid, layout, values) = (&self.grids[k], &self.variables.phases[k], &self.variables.values);
+        let sizes = self.problem.phases[k].sizes;
+        let n = grid.n_points();
+        let slice = |first: usize, length: usize| values[first..first + length].to_vec();
+        let horizon = (values[layout.times()], values[layout.times() + 1]);
+        let duration = horizon.1 - horizon.0;
+        let covector = |i: usize, s: usize| {
+            let row = row + i * sizes.states + s;
+            multipliers[row] / self.row_scales[row]
+        };
+        let (mut costates, mut path_multipliers) = (Vec::with_capacity(n + 1), Vec::with_capacity(n));
+        let n_path = self.problem.phases[k].path.n_outputs() - 1;
+        let path_row = row + n * sizes.states;
+        for interval in &grid.intervals {
+            for i in interval.points() {
+                let weight = interval.weight(i);
+                costates.push((0..sizes.states).map(|s| -covector(i, s) / weight).collect::<Vec<_>>());
+                let measure = 0.5 * duration * interval.length * weight;
+                let at_point = &multipliers[path_row + i * n_path..path_row + (i + 1) * n_path];
+                path_multipliers.push(at_point.iter().map(|y| y / measure).collect());
+            }
+        }
+        let last = &grid.intervals[grid.intervals.len() - 1];
+        let end_column = last.radau.differentiation().column(last.radau.len());
+        let at_end = |s: usize| -> f64 {
+            last.points().zip(end_column.iter()).map(|(i, d)| -d * covector(i, s)).sum()
+        };
+        costates.push((0..sizes.states).map(at_end).collect());
+        let (rates, costs) = self.rates_and_costs(k);
+        let hamiltonian = (0..n)
+            .map(|i| {
+                let along = costates[i].iter().zip(&rates[i * sizes.states..]).map(|(l, f)| l * f);
+                costs[i * (n_path + 1)] + along.sum::<f64>()
+            })
+            .collect();
+        let mut solution = PhaseSolution {
+            grid: grid.clone(),
+            horizon,
+            times: Vec::new(),
+            states: (0..=n).map(|i| slice(layout.state(i), sizes.states)).collect(),
+            controls: (0..n).map(|i| slice(layout.control(i), sizes.controls)).collect(),
+            costates,
+            path_multipliers,
+            hamiltonian,
+            parameters: slice(layout.parameters(), sizes.parameters),
+        };
+        solution.times = grid.fractions.iter().chain([&1.0]).map(|&s| solution.time(s)).collect();
+        solution
+    }
+
+    /// Decision vector and multipliers that go on from solutions on another mesh; `rest` are the multipliers of
+    /// what does not depend on the mesh, the end constraints of each phase and the linkages.
+    pub(super) fn continued(
+        &mut self,
+        from: &[PhaseSolution],
+        rest: &RestMultipliers,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let mut multipliers = Vec::with_capacity(self.row_scales.len());
+        for (k, solution) in from.iter().enumerate() {
+            let (layout, n) = (self.variables.phases[k], self.grids[k].n_points());
+            let mut path = Vec::new();
+            for number in 0..self.grids[k].intervals.len() {
+                let interval = self.grids[k].intervals[number].clone();
+                for i in interval.points() {
+                    let t = solution.time(self.grids[k].fractions[i]);
+                    self.set(layout.state(i), &solution.state(t));
+                    self.set(layout.control(i), &solution.control(t));
+                    let weight = interval.weight(i);
+                    let scales = &self.problem.phases[k].scales.state;
+                    multipliers.extend(solution.costate(t).iter().zip(scales).map(|(l, s)| -weight * l * s));
+                    let measure = 0.5 * (solution.horizon.1 - solution.horizon.0) * interval.length * weight;
+                    path.extend(solution.path_multiplier(t).iter().map(|m| m * measure));
+                }
+            }
+            self.set(layout.state(n), &solution.states[solution.states.len() - 1]);
+            self.set(layout.times(), &[solution.horizon.0, solution.horizon.1]);
+            self.set(layout.parameters(), &solution.parameters);
+            multipliers.append(&mut path);
+            multipliers.extend(&rest.ends[k]);
+        }
+        multipliers.extend(&rest.linkages);
+        (self.variables.decision(), multipliers)
+    }
+
+    /// The multipliers that do not depend on the mesh.
+    pub(super) fn rest(&self, multipliers: &[f64]) -> RestMultipliers {
+        let (mut row, mut ends) = (0, Vec::new());
+        for k in 0..self.grids.len() {
+            row += self.n_rows(k);
+            ends.push(multipliers[row - self.problem.phases[k].bounds.end.len()..row].to_vec());
+        }
+        RestMultipliers { ends, linkages: multipliers[row..].to_vec() }
+    }
+}
+
+/// Multipliers of end constraints, by phase, and of linkages.
+pub(super) struct RestMultipliers {
+    ends: Vec<Vec<f64>>,
+    linkages: Vec<f64>,
+}
+
+impl PhaseSolution {
+    /// Of the path constraints, straight lines between points: they jump where constraints begin to act.
+    fn path_multiplier(&self, t: f64) -> Vec<f64> {
+        let n = self.path_multipliers.len();
+        let i = self.times[..n].partition_point(|&time| time <= t).clamp(1, n.max(2) - 1).min(n - 1);
+        let (left, right) = (i.saturating_sub(1), i);
+        let gap = self.times[right] - self.times[left];
+        let fraction = if gap > 0.0 { ((t - self.times[left]) / gap).clamp(0.0, 1.0) } else { 0.0 };
+        let pairs = self.path_multipliers[left].iter().zip(&self.path_multipliers[right]);
+        pairs.map(|(a, b)| a + fraction * (b - a)).collect()
+    }
+}

@@ -1,0 +1,581 @@
+//! From an optimal control problem on a mesh to a nonlinear program.
+//!
+//! In interval k, of length h_k, with points i = 1 … N, the state nodes X_1 … X_{N+1} and D, w of [`Radau`](super::Radau):
+//!
+//! ```text
+//! Σ_l D_il X_l − (h_k/2) f(X_i, U_i, p, t_i) = 0        g(X_i, U_i, p, t_i) within its bounds
+//! cost  Σ_k (h_k/2) Σ_i w_i L(X_i, U_i, p, t_i) + Φ
+//! ```
+//! The last node of an interval is the first of the next, so the state is continuous. Variables that have one
+//! value only are no variables of the program. Variables are divided by their scales, defects by those of the state.
+//! Jacobian and Hessian are exact; the Hessian of the Lagrangian has a block for each point, in x, u and what all
+//! points share (p, t₀, t_f).
+
+use super::entries::{Recorder, Sink, Slots};
+use super::error::CollocationError;
+use super::function::Sizes;
+use super::guess::Guess;
+use super::layout::{PhaseLayout, Variables};
+use super::mesh::{Grid, Mesh};
+use super::problem::{Phase, Problem};
+use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
+use nalgebra::DMatrix;
+
+/// A problem on meshes, as a nonlinear program.
+pub struct Transcription<'p> {
+    pub(super) problem: &'p mut Problem,
+    pub(super) grids: Vec<Grid>,
+    pub(super) variables: Variables,
+    structure: Structure,
+    /// Of each row of c.
+    pub(super) row_scales: Vec<f64>,
+    work: Vec<PhaseWork>,
+    /// By all variables, fixed ones included.
+    all_gradient: Vec<f64>,
+    jacobian: Slots,
+    hessian: Slots,
+}
+
+/// What the functions of a phase have given last.
+struct PhaseWork {
+    arguments: Vec<f64>,
+    end_arguments: Vec<f64>,
+    /// f, then L and g, at each point.
+    rates: Vec<f64>,
+    path: Vec<f64>,
+    ends: Vec<f64>,
+    rates_by: Vec<DMatrix<f64>>,
+    path_by: Vec<DMatrix<f64>>,
+    ends_by: DMatrix<f64>,
+    /// Of σ w L − yᵀ f, and of the path constraints.
+    curvature: DMatrix<f64>,
+    path_curvature: DMatrix<f64>,
+    end_curvature: DMatrix<f64>,
+    slope: Vec<f64>,
+    end_weights: Vec<f64>,
+    weights: Vec<f64>,
+    path_weights: Vec<f64>,
+}
+
+impl PhaseWork {
+    fn new(phase: &Phase, n_points: usize) -> Self {
+        let Sizes { states, .. } = phase.sizes;
+        let (point, ends) = (phase.sizes.point(), phase.sizes.ends());
+        let (n_path, n_ends) = (phase.path.n_outputs(), phase.ends.n_outputs());
+        Self {
+            arguments: vec![0.0; point],
+            end_arguments: vec![0.0; ends],
+            rates: vec![0.0; n_points * states],
+            path: vec![0.0; n_points * n_path],
+            ends: vec![0.0; n_ends],
+            rates_by: vec![DMatrix::zeros(states, point); n_points],
+            path_by: vec![DMatrix::zeros(n_path, point); n_points],
+            ends_by: DMatrix::zeros(n_ends, ends),
+            curvature: DMatrix::zeros(point, point),
+            path_curvature: DMatrix::zeros(point, point),
+            end_curvature: DMatrix::zeros(ends, ends),
+            slope: vec![0.0; point],
+            end_weights: vec![0.0; n_ends],
+            weights: vec![0.0; states],
+            path_weights: vec![0.0; n_path],
+        }
+    }
+}
+
+/// One phase as the loops see it.
+struct View<'a> {
+    sizes: Sizes,
+    grid: &'a Grid,
+    layout: &'a PhaseLayout,
+    work: &'a PhaseWork,
+    duration: f64,
+    /// First row of the defects in c; those of the path constraints and of the ends follow.
+    row: usize,
+}
+
+impl View<'_> {
+    fn n_path(&self) -> usize {
+        self.work.path_weights.len() - 1
+    }
+
+    fn path_row(&self) -> usize {
+        self.row + self.grid.n_points() * self.sizes.states
+    }
+
+    fn end_row(&self) -> usize {
+        self.path_row() + self.grid.n_points() * self.n_path()
+    }
+
+    fn n_rows(&self) -> usize {
+        self.end_row() + self.work.ends.len() - 1 - self.row
+    }
+
+    /// Defects, path and end constraints by all variables.
+    fn jacobian(&self, sink: &mut impl Sink) {
+        let Sizes { states, controls, parameters } = self.sizes;
+        let (times, time_column) = (self.layout.times(), states + controls + parameters);
+        for interval in &self.grid.intervals {
+            let half = 0.5 * self.duration * interval.length;
+            let d = interval.radau.differentiation();
+            for (local, i) in interval.points().enumerate() {
+                let (by, fraction) = (&self.work.rates_by[i], self.grid.fractions[i]);
+                for s in 0..states {
+                    let row = self.row + i * states + s;
+                    for l in 0..d.ncols() {
+                        sink.add(row, self.layout.state(interval.first + l) + s, d[(local, l)]);
+                    }
+                    for a in 0..time_column {
+                        sink.add(row, self.layout.argument(i, a), -half * by[(s, a)]);
+                    }
+                    let (stretch, drift) = (
+                        0.5 * interval.length * self.work.rates[i * states + s],
+                        half * by[(s, time_column)],
+                    );
+                    sink.add(row, times, stretch - drift * (1.0 - fraction));
+                    sink.add(row, times + 1, -stretch - drift * fraction);
+                }
+                let path_by = &self.work.path_by[i];
+                for c in 0..self.n_path() {
+                    let row = self.path_row() + i * self.n_path() + c;
+                    for a in 0..time_column {
+                        sink.add(row, self.layout.argument(i, a), path_by[(1 + c, a)]);
+                    }
+                    sink.add(row, times, path_by[(1 + c, time_column)] * (1.0 - fraction));
+                    sink.add(row, times + 1, path_by[(1 + c, time_column)] * fraction);
+                }
+            }
+        }
+        for c in 0..self.work.ends.len() - 1 {
+            for a in 0..self.sizes.ends() {
+                sink.add(self.end_row() + c, self.layout.end_argument(a), self.work.ends_by[(1 + c, a)]);
+            }
+        }
+    }
+
+    /// The gradient of the cost, by all variables.
+    fn gradient(&self, gradient: &mut [f64]) {
+        let Sizes { states, controls, parameters } = self.sizes;
+        let (times, time_column) = (self.layout.times(), states + controls + parameters);
+        let n_outputs = self.n_path() + 1;
+        for interval in &self.grid.intervals {
+            for (i, w) in interval.points().zip(interval.radau.weights()) {
+                let (by, fraction) = (&self.work.path_by[i], self.grid.fractions[i]);
+                let half = 0.5 * self.duration * interval.length * w;
+                for a in 0..time_column {
+                    gradient[self.layout.argument(i, a)] += half * by[(0, a)];
+                }
+                let stretch = 0.5 * interval.length * w * self.work.path[i * n_outputs];
+                gradient[times] += half * by[(0, time_column)] * (1.0 - fraction) - stretch;
+                gradient[times + 1] += half * by[(0, time_column)] * fraction + stretch;
+            }
+        }
+        for a in 0..self.sizes.ends() {
+            gradient[self.layout.end_argument(a)] += self.work.ends_by[(0, a)];
+        }
+    }
+
+    /// The part of the Lagrangian's Hessian that a point has, from the curvatures and the slope in `work`.
+    fn point_hessian(&self, i: usize, length: f64, sink: &mut impl Sink) {
+        let n = self.sizes.point() - 1;
+        let (times, s, half) = (self.layout.times(), self.grid.fractions[i], 0.5 * self.duration * length);
+        let entry =
+            |a: usize, b: usize| half * self.work.curvature[(a, b)] + self.work.path_curvature[(a, b)];
+        let stretch = |a: usize| 0.5 * length * self.work.slope[a];
+        for b in 0..n {
+            let column = self.layout.argument(i, b);
+            for a in 0..=b {
+                sink.add(self.layout.argument(i, a), column, entry(a, b));
+            }
+            sink.add(column, times, entry(b, n) * (1.0 - s) - stretch(b));
+            sink.add(column, times + 1, entry(b, n) * s + stretch(b));
+        }
+        let (bend, push) = (entry(n, n), stretch(n));
+        sink.add(times, times, bend * (1.0 - s) * (1.0 - s) - 2.0 * push * (1.0 - s));
+        sink.add(times, times + 1, bend * s * (1.0 - s) + push * (1.0 - 2.0 * s));
+        sink.add(times + 1, times + 1, bend * s * s + 2.0 * push * s);
+    }
+
+    fn end_hessian(&self, sink: &mut impl Sink) {
+        for b in 0..self.sizes.ends() {
+            for a in 0..=b {
+                let entry = self.work.end_curvature[(a, b)];
+                sink.add(self.layout.end_argument(a), self.layout.end_argument(b), entry);
+            }
+        }
+    }
+}
+
+/// The view of phase `$k`, borrowing only what it needs.
+macro_rules! view {
+    ($self:ident, $k:expr, $row:expr) => {
+        View {
+            sizes: $self.problem.phases[$k].sizes,
+            grid: &$self.grids[$k],
+            layout: &$self.variables.phases[$k],
+            work: &$self.work[$k],
+            duration: duration(&$self.variables, $k),
+            row: $row,
+        }
+    };
+}
+
+fn duration(variables: &Variables, phase: usize) -> f64 {
+    let times = variables.phases[phase].times();
+    variables.values[times + 1] - variables.values[times]
+}
+
+impl<'p> Transcription<'p> {
+    /// The problem on one mesh for each phase.
+    pub fn try_new(problem: &'p mut Problem, meshes: &[Mesh]) -> Result<Self, CollocationError> {
+        if meshes.len() != problem.phases.len() {
+            let (expected, found) = (problem.phases.len(), meshes.len());
+            return Err(CollocationError::Length { phase: 0, argument: "meshes", expected, found });
+        }
+        let grids = meshes.iter().cloned().map(Grid::try_new).collect::<Result<Vec<_>, _>>()?;
+        let variables = Variables::new(problem, &grids);
+        if variables.free.is_empty() {
+            return Err(CollocationError::NothingFree);
+        }
+        let phases = problem.phases.iter().zip(&grids);
+        let work: Vec<_> = phases.map(|(phase, grid)| PhaseWork::new(phase, grid.n_points())).collect();
+        let (constraints, row_scales) = rows(problem, &grids);
+        let mut made = Self {
+            structure: Structure {
+                variables: variables.bounds.clone(),
+                jacobian: Pattern::from_entries(0, 0, []),
+                hessian: Pattern::from_entries(0, 0, []),
+                constraints,
+            },
+            all_gradient: vec![0.0; variables.values.len()],
+            problem,
+            grids,
+            variables,
+            row_scales,
+            work,
+            jacobian: Slots::default(),
+            hessian: Slots::default(),
+        };
+        made.find_patterns();
+        Ok(made)
+    }
+
+    fn find_patterns(&mut self) {
+        let (mut jacobian, mut hessian) = (Recorder::default(), Recorder::default());
+        self.jacobian_entries(&mut jacobian);
+        for k in 0..self.grids.len() {
+            let view = view!(self, k, 0);
+            for interval in &view.grid.intervals {
+                interval.points().for_each(|i| view.point_hessian(i, interval.length, &mut hessian));
+            }
+            view.end_hessian(&mut hessian);
+        }
+        let Variables { place, scales, free, .. } = &self.variables;
+        let (n, m) = (free.len(), self.row_scales.len());
+        let (pattern, slots) = Slots::new(m, n, &jacobian.0, |i, j| {
+            place[j].map(|column| (i, column, scales[j] / self.row_scales[i]))
+        });
+        (self.structure.jacobian, self.jacobian) = (pattern, slots);
+        let (pattern, slots) = Slots::new(n, n, &hessian.0, |i, j| {
+            let (a, b) = (place[i]?, place[j]?);
+            Some((a.min(b), a.max(b), scales[i] * scales[j]))
+        });
+        (self.structure.hessian, self.hessian) = (pattern, slots);
+    }
+
+    fn jacobian_entries(&self, sink: &mut impl Sink) {
+        let mut row = 0;
+        for k in 0..self.grids.len() {
+            let view = view!(self, k, row);
+            view.jacobian(sink);
+            row += view.n_rows();
+        }
+        for linkage in &self.problem.linkages {
+            let [left, right] =
+                [&linkage.left, &linkage.right].map(|p| self.variables.phases[p.phase].place(p));
+            sink.add(row, left, -1.0);
+            sink.add(row, right, 1.0);
+            row += 1;
+        }
+    }
+
+    fn write_hessian(
+        &mut self,
+        cost_factor: f64,
+        multipliers: &[f64],
+        sink: &mut impl Sink,
+    ) -> Result<(), EvaluationError> {
+        let mut row = 0;
+        for k in 0..self.grids.len() {
+            for number in 0..self.grids[k].intervals.len() {
+                let length = self.grids[k].intervals[number].length;
+                for i in self.grids[k].intervals[number].points() {
+                    self.gather(k, i);
+                    let weight = self.grids[k].intervals[number].weight(i);
+                    self.bend(k, i, row, cost_factor * weight, multipliers)?;
+                    view!(self, k, row).point_hessian(i, length, sink);
+                }
+            }
+            self.gather_ends(k);
+            let (first, n_rows) = (view!(self, k, row).end_row(), view!(self, k, row).n_rows());
+            let (phase, work) = (&mut self.problem.phases[k], &mut self.work[k]);
+            let mut weights = std::mem::take(&mut work.end_weights);
+            weights[0] = cost_factor;
+            weights[1..].copy_from_slice(&multipliers[first..row + n_rows]);
+            work.end_curvature.fill(0.0);
+            let done = phase.ends.add_hessian(&work.end_arguments, &weights, &mut work.end_curvature);
+            work.end_weights = weights;
+            done?;
+            finite(work.end_curvature.as_slice(), "a second derivative of an end cost or end constraint", k)?;
+            view!(self, k, row).end_hessian(sink);
+            row += n_rows;
+        }
+        Ok(())
+    }
+
+    /// Curvature and slope of what the Lagrangian has at point `i`; `weight` is that of the running cost.
+    fn bend(
+        &mut self,
+        k: usize,
+        i: usize,
+        row: usize,
+        weight: f64,
+        multipliers: &[f64],
+    ) -> Result<(), EvaluationError> {
+        let path_row = view!(self, k, row).path_row();
+        let (phase, work) = (&mut self.problem.phases[k], &mut self.work[k]);
+        let (states, n_path) = (phase.sizes.states, work.path_weights.len() - 1);
+        for (s, w) in work.weights.iter_mut().enumerate() {
+            let row = row + i * states + s;
+            *w = -multipliers[row] / self.row_scales[row];
+        }
+        work.curvature.fill(0.0);
+        phase.dynamics.add_hessian(&work.arguments, &work.weights, &mut work.curvature)?;
+        work.path_weights.fill(0.0);
+        work.path_weights[0] = weight;
+        phase.path.add_hessian(&work.arguments, &work.path_weights, &mut work.curvature)?;
+        let (rates_by, path_by) = (&work.rates_by[i], &work.path_by[i]);
+        for (a, slope) in work.slope.iter_mut().enumerate() {
+            let along: f64 = work.weights.iter().zip(rates_by.column(a).iter()).map(|(w, f)| w * f).sum();
+            *slope = weight * path_by[(0, a)] + along;
+        }
+        if n_path > 0 {
+            let first = path_row + i * n_path;
+            work.path_weights[0] = 0.0;
+            work.path_weights[1..].copy_from_slice(&multipliers[first..first + n_path]);
+            work.path_curvature.fill(0.0);
+            phase.path.add_hessian(&work.arguments, &work.path_weights, &mut work.path_curvature)?;
+        }
+        finite(work.curvature.as_slice(), "a second derivative of a rate or running cost", k)?;
+        finite(work.path_curvature.as_slice(), "a second derivative of a path constraint", k)
+    }
+
+    /// Rows of c that belong to phase `k`.
+    pub(super) fn n_rows(&self, k: usize) -> usize {
+        view!(self, k, 0).n_rows()
+    }
+
+    /// f, and L with g, as last evaluated at the points of phase `k`.
+    pub(super) fn rates_and_costs(&self, k: usize) -> (&[f64], &[f64]) {
+        (&self.work[k].rates, &self.work[k].path)
+    }
+
+    /// The decision vector of the guesses that the phases came with.
+    pub fn decision_of_guess(&mut self) -> Vec<f64> {
+        let guesses: Vec<Guess> =
+            self.problem.phases.iter().filter_map(|phase| phase.guess.clone()).collect();
+        self.start(&guesses)
+    }
+
+    /// The decision vector nearest to guesses, one for each phase.
+    pub(super) fn start(&mut self, guesses: &[Guess]) -> Vec<f64> {
+        for (k, guess) in guesses.iter().enumerate() {
+            let (phase, layout) = (&self.problem.phases[k], self.variables.phases[k]);
+            let (start, end) = guess.interval();
+            let sizes = phase.sizes;
+            let (mut state, mut control) = (vec![0.0; sizes.states], vec![0.0; sizes.controls]);
+            let n = self.grids[k].n_points();
+            for i in 0..=n {
+                let fraction = if i < n { self.grids[k].fractions[i] } else { 1.0 };
+                guess.at(start + fraction * (end - start), &mut state, &mut control);
+                self.set(layout.state(i), &state);
+                if i < n {
+                    self.set(layout.control(i), &control);
+                }
+            }
+            self.set(layout.times(), &[start, end]);
+            self.set(layout.parameters(), &guess.parameters);
+        }
+        self.variables.decision()
+    }
+
+    /// Values of free variables from `first` on.
+    pub(super) fn set(&mut self, first: usize, values: &[f64]) {
+        for (i, &value) in (first..).zip(values) {
+            if self.variables.place[i].is_some() {
+                self.variables.values[i] = value;
+            }
+        }
+    }
+
+    /// (x, u, p, t) at point `i` of phase `k` into `work`.
+    fn gather(&mut self, k: usize, i: usize) {
+        let Variables { phases, values, .. } = &self.variables;
+        let (layout, sizes, s) = (&phases[k], self.problem.phases[k].sizes, self.grids[k].fractions[i]);
+        let arguments = &mut self.work[k].arguments;
+        let n = sizes.states + sizes.controls;
+        arguments[..n].copy_from_slice(&values[layout.state(i)..layout.state(i) + n]);
+        arguments[n..n + sizes.parameters]
+            .copy_from_slice(&values[layout.parameters()..][..sizes.parameters]);
+        let (start, end) = (values[layout.times()], values[layout.times() + 1]);
+        arguments[n + sizes.parameters] = (1.0 - s) * start + s * end;
+    }
+
+    fn gather_ends(&mut self, k: usize) {
+        let Variables { phases, values, .. } = &self.variables;
+        for (a, argument) in self.work[k].end_arguments.iter_mut().enumerate() {
+            *argument = values[phases[k].end_argument(a)];
+        }
+    }
+}
+
+/// Bounds and scales of the rows of c: of each phase defects, path and end constraints, then linkages.
+fn rows(problem: &Problem, grids: &[Grid]) -> (Bounds, Vec<f64>) {
+    let (mut bounds, mut scales) = (Bounds::default(), Vec::new());
+    for (phase, grid) in problem.phases.iter().zip(grids) {
+        for _ in 0..grid.n_points() {
+            for scale in &phase.scales.state {
+                bounds.push(0.0, 0.0);
+                scales.push(*scale);
+            }
+        }
+        let at_points = (0..grid.n_points()).flat_map(|_| &phase.bounds.path);
+        for interval in at_points.chain(&phase.bounds.end) {
+            bounds.push(interval.lower, interval.upper);
+            scales.push(1.0);
+        }
+    }
+    for linkage in &problem.linkages {
+        bounds.push(linkage.difference.lower, linkage.difference.upper);
+        scales.push(1.0);
+    }
+    (bounds, scales)
+}
+
+fn finite(values: &[f64], what: &str, phase: usize) -> Result<(), EvaluationError> {
+    if values.iter().all(|x| x.is_finite()) {
+        Ok(())
+    } else {
+        Err(EvaluationError::Undefined { what: format!("{what} of phase {phase}") })
+    }
+}
+
+impl Nlp for Transcription<'_> {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError> {
+        self.variables.assign(z);
+        let (mut cost, mut row) = (0.0, 0);
+        for k in 0..self.grids.len() {
+            let states = self.problem.phases[k].sizes.states;
+            let n_path = self.problem.phases[k].path.n_outputs();
+            for i in 0..self.grids[k].n_points() {
+                self.gather(k, i);
+                let (phase, work) = (&mut self.problem.phases[k], &mut self.work[k]);
+                phase.dynamics.evaluate(&work.arguments, &mut work.rates[i * states..(i + 1) * states])?;
+                phase.path.evaluate(&work.arguments, &mut work.path[i * n_path..(i + 1) * n_path])?;
+            }
+            self.gather_ends(k);
+            let (phase, work) = (&mut self.problem.phases[k], &mut self.work[k]);
+            phase.ends.evaluate(&work.end_arguments, &mut work.ends)?;
+            finite(&work.rates, "a rate of the state", k)?;
+            finite(&work.path, "a running cost or path constraint", k)?;
+            finite(&work.ends, "an end cost or end constraint", k)?;
+
+            let view = view!(self, k, row);
+            let (layout, values) = (view.layout, &self.variables.values);
+            cost += view.work.ends[0];
+            for interval in &view.grid.intervals {
+                let half = 0.5 * view.duration * interval.length;
+                let radau = &interval.radau;
+                let d = radau.differentiation();
+                for (local, i) in interval.points().enumerate() {
+                    cost += half * radau.weights()[local] * view.work.path[i * n_path];
+                    for s in 0..states {
+                        let slope: f64 = (0..d.ncols())
+                            .map(|l| d[(local, l)] * values[layout.state(interval.first + l) + s])
+                            .sum();
+                        let row = row + i * states + s;
+                        constraints[row] =
+                            (slope - half * view.work.rates[i * states + s]) / self.row_scales[row];
+                    }
+                    let first = view.path_row() + i * view.n_path();
+                    constraints[first..first + view.n_path()]
+                        .copy_from_slice(&view.work.path[i * n_path + 1..(i + 1) * n_path]);
+                }
+            }
+            let n_ends = view.work.ends.len() - 1;
+            constraints[view.end_row()..view.end_row() + n_ends].copy_from_slice(&view.work.ends[1..]);
+            row += view.n_rows();
+        }
+        for linkage in &self.problem.linkages {
+            let [left, right] = [&linkage.left, &linkage.right]
+                .map(|p| self.variables.values[self.variables.phases[p.phase].place(p)]);
+            constraints[row] = right - left;
+            row += 1;
+        }
+        Ok(cost)
+    }
+
+    fn differentiate(
+        &mut self,
+        _z: &[f64],
+        gradient: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        for k in 0..self.grids.len() {
+            for i in 0..self.grids[k].n_points() {
+                self.gather(k, i);
+                let (phase, work) = (&mut self.problem.phases[k], &mut self.work[k]);
+                phase.dynamics.jacobian(&work.arguments, &mut work.rates_by[i])?;
+                phase.path.jacobian(&work.arguments, &mut work.path_by[i])?;
+                finite(work.rates_by[i].as_slice(), "a derivative of a rate", k)?;
+                finite(work.path_by[i].as_slice(), "a derivative of a running cost or path constraint", k)?;
+            }
+            self.gather_ends(k);
+            let (phase, work) = (&mut self.problem.phases[k], &mut self.work[k]);
+            phase.ends.jacobian(&work.end_arguments, &mut work.ends_by)?;
+            finite(work.ends_by.as_slice(), "a derivative of an end cost or end constraint", k)?;
+        }
+        jacobian.fill(0.0);
+        self.jacobian_entries(&mut self.jacobian.writer(jacobian));
+        self.all_gradient.fill(0.0);
+        for k in 0..self.grids.len() {
+            view!(self, k, 0).gradient(&mut self.all_gradient);
+        }
+        for (g, &i) in gradient.iter_mut().zip(&self.variables.free) {
+            *g = self.all_gradient[i] * self.variables.scales[i];
+        }
+        Ok(())
+    }
+
+    fn curvature(&self) -> Curvature {
+        Curvature::Exact
+    }
+
+    fn hessian(
+        &mut self,
+        _z: &[f64],
+        cost_factor: f64,
+        multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        hessian.fill(0.0);
+        // lent to the loop, which changes the rest of self
+        let slots = std::mem::take(&mut self.hessian);
+        let done = self.write_hessian(cost_factor, multipliers, &mut slots.writer(hessian));
+        self.hessian = slots;
+        done
+    }
+}

@@ -1,0 +1,198 @@
+//! Bad input gives an error that names it; trouble in a search gives a status and the best motion.
+
+use nalgebra::{DMatrix, Vector3};
+use somersault_multibody::models::CartPendulum;
+use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder, Scalar};
+use somersault_ocp::collocation::{
+    Collocation, CollocationError, CollocationStatus, Dynamics, End, Guess, Interval, Linkage, Mesh, Phase,
+    Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
+};
+use somersault_ocp::nlp::EvaluationError;
+use somersault_ocp::solver::{Flow, SolverError, Sqp, Status};
+
+/// ẋ = u, cost ∫ u² dt.
+struct Line;
+
+impl Dynamics for Line {
+    fn n_states(&self) -> usize {
+        1
+    }
+    fn n_controls(&self) -> usize {
+        1
+    }
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, rates: &mut [T]) {
+        rates[0] = at.control[0];
+    }
+}
+
+impl Terms for Line {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        at.control[0] * at.control[0]
+    }
+}
+
+fn line() -> Phase {
+    Phase::new(Line, Line).initial_state([0.0]).final_state([1.0])
+}
+
+fn mesh() -> Mesh {
+    Mesh::try_uniform(2, 3).unwrap()
+}
+
+fn refused(phase: Phase) -> CollocationError {
+    Problem::try_new(phase).err().expect("bad input was taken")
+}
+
+#[test]
+fn bad_bounds_are_refused_by_name() {
+    use CollocationError as E;
+    let cases = [
+        (line().state_bounds([Interval::new(1.0, 0.0)]), "state_bounds"),
+        (line().control_bounds([Interval::new(f64::NAN, 0.0)]), "control_bounds"),
+        (line().initial_state([f64::NAN]), "initial_state"),
+        (line().final_state([f64::INFINITY]), "final_state"),
+    ];
+    for (phase, name) in cases {
+        let error = refused(phase);
+        assert!(matches!(error, E::Bounds { .. }), "{error}");
+        assert!(error.to_string().contains(name), "{error}");
+    }
+    assert!(matches!(refused(line().initial_state([0.0, 1.0])), E::Length { expected: 1, found: 2, .. }));
+    assert!(matches!(refused(line().path_bounds([Interval::FREE])), E::Length { expected: 0, found: 1, .. }));
+    let outside = line().state_bounds([Interval::new(0.0, 0.5)]);
+    assert!(matches!(refused(outside), E::BoundaryOutside { argument: "final_state", entry: 0, .. }));
+    assert!(matches!(refused(line().horizon(1.0, 0.5)), E::Horizon { .. }));
+    assert!(matches!(refused(line().scales([0.0], [1.0])), E::NotPositive { argument: "scales", .. }));
+    assert!(matches!(Problem::try_of_phases(Vec::new(), Vec::new()), Err(E::NoPhase)));
+    let place = |quantity| Place { phase: 0, end: End::Start, quantity };
+    let link = Linkage {
+        left: place(Quantity::State(0)),
+        right: place(Quantity::State(1)),
+        difference: Interval::FREE,
+    };
+    assert!(matches!(Problem::try_of_phases(vec![line()], vec![link]), Err(E::Linkage { linkage: 0, .. })));
+}
+
+#[test]
+fn bad_guesses_are_refused_by_name() {
+    let guess = |times: &[f64], state: f64| Guess {
+        times: times.to_vec(),
+        states: vec![vec![state]; 2],
+        controls: vec![vec![0.0]; 2],
+        parameters: Vec::new(),
+    };
+    use CollocationError as E;
+    assert!(matches!(refused(line().guess(guess(&[1.0, 0.0], 0.0))), E::GuessTimes { entry: 1, .. }));
+    assert!(matches!(refused(line().guess(guess(&[0.0, 1.0], f64::NAN))), E::NonFinite { .. }));
+    assert!(matches!(
+        refused(line().guess(guess(&[0.0, 0.5, 1.0], 0.0))),
+        E::Length { expected: 3, found: 2, .. }
+    ));
+}
+
+#[test]
+fn bad_meshes_and_options_are_refused() {
+    assert!(Mesh::try_uniform(0, 3).is_err());
+    assert!(Mesh::try_uniform(3, 0).is_err());
+    for bounds in [vec![0.0, 0.5], vec![0.0, 0.6, 0.5, 1.0], vec![0.0, f64::NAN, 1.0], vec![0.1, 1.0]] {
+        let points = vec![3; bounds.len() - 1];
+        assert!(Mesh::try_new(bounds, points).is_err());
+    }
+    let mut problem = Problem::try_new(line()).unwrap();
+    assert!(matches!(Transcription::try_new(&mut problem, &[]), Err(CollocationError::Length { .. })));
+    for collocation in [
+        Collocation { tolerance: f64::NAN, ..Collocation::default() },
+        Collocation { max_meshes: 0, ..Collocation::default() },
+        Collocation { min_points: 9, max_points: 8, ..Collocation::default() },
+    ] {
+        assert!(collocation.solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).is_err());
+    }
+}
+
+#[test]
+fn trees_that_states_cannot_describe_are_refused_by_the_name_of_the_joint() {
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("trunk", Joint::Free, MassProperties::point(1.0, Vector3::zeros()))).unwrap();
+    let model = builder.build().unwrap();
+    let error = TreeDynamics::try_fully_actuated(&model).err().unwrap();
+    assert!(matches!(&error, CollocationError::NotAVector { joint } if joint == "trunk"), "{error}");
+    let cart = CartPendulum::default().model().unwrap();
+    for actuated in [[0, 0], [0, 2]] {
+        assert!(matches!(
+            TreeDynamics::try_new(&cart, &actuated),
+            Err(CollocationError::Actuated { n: 2, .. })
+        ));
+    }
+}
+
+/// A function that fails, or has no value, from a number of calls on.
+struct Failing {
+    left: usize,
+    error: fn() -> EvaluationError,
+}
+
+impl VectorFunction for Failing {
+    fn n_outputs(&self) -> usize {
+        1
+    }
+    fn evaluate(&mut self, arguments: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        self.left = self.left.checked_sub(1).ok_or_else(self.error)?;
+        values[0] = arguments[1].sin() * arguments[1];
+        Ok(())
+    }
+    fn jacobian(&mut self, arguments: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), EvaluationError> {
+        jacobian.fill(0.0);
+        jacobian[(0, 1)] = arguments[1].cos() * arguments[1] + arguments[1].sin();
+        Ok(())
+    }
+    fn add_hessian(
+        &mut self,
+        u: &[f64],
+        weights: &[f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> Result<(), EvaluationError> {
+        hessian[(1, 1)] += weights[0] * (2.0 * u[1].cos() - u[1].sin() * u[1]);
+        Ok(())
+    }
+}
+
+#[test]
+fn errors_of_the_user_come_out() {
+    let error = || EvaluationError::Failed("the user's own words".into());
+    for left in [0, 10] {
+        let dynamics = Box::new(Failing { left, error });
+        let phase = Phase::with_derivatives(dynamics, 1, 0, Line).initial_state([0.0]).final_state([1.0]);
+        let mut problem = Problem::try_new(phase).unwrap();
+        let failed =
+            Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap_err();
+        assert!(failed.to_string().contains("the user's own words"), "{failed}");
+        assert!(matches!(failed, CollocationError::Solver(SolverError::Failed { .. })), "{failed:?}");
+    }
+}
+
+#[test]
+fn a_guess_without_a_value_is_an_error_that_says_so() {
+    let error = || EvaluationError::Undefined { what: "the rate".into() };
+    let phase =
+        Phase::with_derivatives(Box::new(Failing { left: 0, error }), 1, 0, Line).initial_state([0.0]);
+    let mut problem = Problem::try_new(phase).unwrap();
+    let failed = Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap_err();
+    assert!(matches!(failed, CollocationError::Evaluation(EvaluationError::Undefined { .. })), "{failed:?}");
+}
+
+#[test]
+fn limits_and_stops_are_statuses_with_the_best_motion() {
+    let solver = Sqp { max_iterations: 0, ..Sqp::default() };
+    let mut problem = Problem::try_new(line()).unwrap();
+    let limited = Collocation { solver, ..Collocation::default() };
+    let report = limited.solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap();
+    assert_eq!(report.status, CollocationStatus::NotSolved(Status::IterationLimit));
+    assert_eq!(report.phases[0].states.len(), 7);
+    let stopped = Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Stop).unwrap();
+    assert_eq!(stopped.status, CollocationStatus::NotSolved(Status::Stopped));
+    // |u| ≤ ½ does not reach 1 in a second
+    let phase = line().control_bounds([Interval::new(-0.5, 0.5)]);
+    let mut problem = Problem::try_new(phase).unwrap();
+    let report = Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap();
+    assert_eq!(report.status, CollocationStatus::NotSolved(Status::Infeasible), "{:?}", report.history);
+}
