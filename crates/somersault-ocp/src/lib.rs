@@ -5,6 +5,8 @@
 //! make numbers of the nodes, and the result is a nonlinear program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+pub mod dive;
+pub mod flight;
 pub mod motion;
 pub mod nlp;
 pub mod term;

@@ -1,0 +1,61 @@
+//! Templates: rough courses of a dive to start a search from.
+
+use super::{Channels, Dive, DiveError, DiveProgram};
+
+/// The dive is in a posture at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeyFrame {
+    /// Share of the duration.
+    pub share: f64,
+    /// Number of the posture.
+    pub posture: usize,
+}
+
+/// Samples of a template to which splines are fitted.
+const SAMPLES: usize = 120;
+
+impl DiveProgram {
+    /// A start: splines that come nearest to the course from key frame to key frame, and the momentum that turns the
+    /// somersaults with them, found by secants; the rest in the middle of its range.
+    pub fn start(&self, key_frames: &[KeyFrame]) -> Result<Vec<f64>, DiveError> {
+        let dive = self.dive();
+        check(dive, key_frames)?;
+        let shares: Vec<f64> = (0..=SAMPLES).map(|k| k as f64 / SAMPLES as f64).collect();
+        let samples: Vec<Vec<f64>> = shares.iter().map(|share| sample(dive, key_frames, *share)).collect();
+        let p = self.path().motion().fit(&shares, &samples)?;
+        let mut z = self.middle();
+        z[..p.len()].copy_from_slice(&p);
+        self.clone().aim(&mut z)?;
+        Ok(z)
+    }
+}
+
+fn check(dive: &Dive, key_frames: &[KeyFrame]) -> Result<(), DiveError> {
+    let last = key_frames.len().saturating_sub(1);
+    for (index, frame) in key_frames.iter().enumerate() {
+        let rises = index == 0 || frame.share > key_frames[index - 1].share;
+        let ends = (index > 0 || frame.share == 0.0) && (index < last || frame.share == 1.0);
+        if !(rises && ends) {
+            return Err(DiveError::KeyFrames { index, found: frame.share });
+        }
+        if frame.posture >= dive.postures.len() {
+            let (n_postures, found) = (dive.postures.len(), frame.posture);
+            return Err(DiveError::NoSuchPosture { argument: "key_frames", n_postures, found });
+        }
+    }
+    if key_frames.len() < 2 { Err(DiveError::KeyFrames { index: 0, found: f64::NAN }) } else { Ok(()) }
+}
+
+/// Channels between two key frames, at rest in both.
+fn sample(dive: &Dive, key_frames: &[KeyFrame], share: f64) -> Vec<f64> {
+    let at = key_frames.partition_point(|f| f.share <= share).clamp(1, key_frames.len() - 1);
+    let (before, after) = (&key_frames[at - 1], &key_frames[at]);
+    let x = (share - before.share) / (after.share - before.share);
+    let smooth = x * x * (3.0 - 2.0 * x);
+    let channels = |posture: usize| match dive.channels {
+        Channels::Weights => (1..dive.postures.len()).map(|i| f64::from(u8::from(i == posture))).collect(),
+        Channels::Joints => dive.postures[posture].clone(),
+    };
+    let (a, b): (Vec<f64>, Vec<f64>) = (channels(before.posture), channels(after.posture));
+    a.iter().zip(&b).map(|(a, b)| a + (b - a) * smooth).collect()
+}
