@@ -10,5 +10,6 @@ pub mod flight;
 pub mod motion;
 pub mod nlp;
 pub mod term;
+pub mod solver;
 
 pub use nalgebra;

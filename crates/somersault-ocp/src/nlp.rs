@@ -106,6 +106,43 @@ impl Pattern {
         let rows = &self.rows[start..self.columns[column + 1]];
         rows.binary_search(&row).ok().map(|k| start + k)
     }
+
+    /// Each entry as (index of its value, row, column).
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        (0..self.n_columns())
+            .flat_map(move |j| (self.columns[j]..self.columns[j + 1]).map(move |k| (k, self.rows[k], j)))
+    }
+
+    /// out += A x.
+    pub fn add_product(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
+        for j in 0..self.n_columns() {
+            for k in self.columns[j]..self.columns[j + 1] {
+                out[self.rows[k]] += values[k] * x[j];
+            }
+        }
+    }
+
+    /// out += Aᵀ x.
+    pub fn add_transposed_product(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
+        for j in 0..self.n_columns() {
+            for k in self.columns[j]..self.columns[j + 1] {
+                out[j] += values[k] * x[self.rows[k]];
+            }
+        }
+    }
+
+    /// out += A x, A symmetric and given by its upper triangle.
+    pub fn add_symmetric_product(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
+        for j in 0..self.n_columns() {
+            for k in self.columns[j]..self.columns[j + 1] {
+                let i = self.rows[k];
+                out[i] += values[k] * x[j];
+                if i != j {
+                    out[j] += values[k] * x[i];
+                }
+            }
+        }
+    }
 }
 
 /// What a solver needs to know before it starts.

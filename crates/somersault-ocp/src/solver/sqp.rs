@@ -1,0 +1,433 @@
+//! Sequential quadratic programming.
+
+use super::error::SolverError;
+use super::hessian::Hessian;
+use super::program::{Point, Program, check_positive, max_norm};
+use super::report::{Flow, Iteration, KktResiduals, Report, Start, Status};
+use super::subproblem::{Origin, Subproblem};
+use super::{Best, NlpSolver, Outcome};
+use crate::nlp::{Curvature, EvaluationError, Nlp};
+use std::time::{Duration, Instant};
+
+/// Whose Hessian the quadratic model has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HessianSource {
+    /// The program's, or a quasi-Newton approximation where it offers none.
+    Offered,
+    /// A quasi-Newton approximation, whatever the program offers.
+    QuasiNewton,
+}
+
+/// Sequential quadratic programming with a line search on the ℓ₁ merit function f + ρ Σ violations.
+///
+/// See [the module](super) for the method, the treatment of indefinite Hessians and references.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sqp {
+    /// Whose Hessian.
+    pub hessian: HessianSource,
+    /// Tolerance of [`KktResiduals::stationarity`].
+    pub stationarity_tol: f64,
+    /// Tolerance of [`KktResiduals::feasibility`].
+    pub feasibility_tol: f64,
+    /// Tolerance of [`KktResiduals::complementarity`].
+    pub complementarity_tol: f64,
+    /// Limit of steps.
+    pub max_iterations: usize,
+    /// Limit of time, looked at after each step.
+    pub max_time: Option<Duration>,
+    /// A feasible point whose cost is below this proves the program unbounded.
+    pub cost_floor: f64,
+}
+
+impl Default for Sqp {
+    fn default() -> Self {
+        Self {
+            hessian: HessianSource::Offered,
+            stationarity_tol: 1e-8,
+            feasibility_tol: 1e-8,
+            complementarity_tol: 1e-8,
+            max_iterations: 500,
+            max_time: None,
+            cost_floor: -1e20,
+        }
+    }
+}
+
+/// Share of the predicted decrease that is enough.
+const ARMIJO: f64 = 1e-4;
+/// Share of the linearised decrease of the violation that the merit function must promise.
+const PROMISE: f64 = 0.3;
+/// Times that a penalty may be reduced which the multipliers no longer call for; a bound, so that it settles.
+const REDUCTIONS: usize = 10;
+/// Attempts to repair a step that the line search refuses.
+const REPAIRS: usize = 6;
+/// Steps without a decrease beyond rounding, of merit function and residuals, before giving up.
+const PATIENCE: usize = 10;
+/// ‖Jᵀ y‖ / ‖y‖, and relative decrease, at which violations count as stationary.
+const INFEASIBLE: f64 = 1e-6;
+
+impl NlpSolver for Sqp {
+    fn solve(
+        &self,
+        nlp: &mut dyn Nlp,
+        start: &Start,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Result<Report, SolverError> {
+        check_positive("stationarity_tol", self.stationarity_tol)?;
+        check_positive("feasibility_tol", self.feasibility_tol)?;
+        check_positive("complementarity_tol", self.complementarity_tol)?;
+        let began = Instant::now();
+        let mut run = Run::new(self, nlp, start)?;
+        let outcome = run.run(start, began, on_iteration);
+        run.finish(outcome)
+    }
+}
+
+/// State of one solve.
+struct Run<'a> {
+    options: &'a Sqp,
+    program: Program<'a>,
+    hessian: Hessian,
+    subproblem: Subproblem,
+    curvature: Curvature,
+    point: Point,
+    trial: Point,
+    /// Multipliers of the constraints and of the bounds.
+    y: Vec<f64>,
+    y_z: Vec<f64>,
+    residuals: KktResiduals,
+    gradient_scale: f64,
+    penalty: f64,
+    /// How often the penalty was reduced.
+    reductions: usize,
+    /// Least shift of the Hessian: Levenberg and Marquardt's term.
+    floor: f64,
+    iterations: usize,
+    best: Best,
+    scratch: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    fn new(options: &'a Sqp, nlp: &'a mut dyn Nlp, start: &Start) -> Result<Self, SolverError> {
+        let program = Program::new(nlp)?;
+        let point = program.start(start)?;
+        let (n, m) = (program.n_variables(), program.n_constraints());
+        let curvature = match options.hessian {
+            HessianSource::Offered => program.curvature(),
+            HessianSource::QuasiNewton => Curvature::None,
+        };
+        let mut hessian = match curvature {
+            Curvature::None => Hessian::quasi_newton(&program.structure.hessian),
+            Curvature::Exact | Curvature::GaussNewton => Hessian::offered(&program.structure.hessian),
+        };
+        if let (Some(values), true) = (&start.hessian, hessian.is_quasi_newton()) {
+            super::program::check_vector("start.hessian", values, hessian.values.len())?;
+            hessian.restore(values);
+        }
+        Ok(Self {
+            subproblem: Subproblem::new(&program, &hessian),
+            best: Best::new(&point, m, options.feasibility_tol),
+            trial: point.clone(),
+            point,
+            y: vec![0.0; m],
+            y_z: vec![0.0; n],
+            residuals: KktResiduals::UNKNOWN,
+            gradient_scale: 0.0,
+            penalty: 0.0,
+            reductions: 0,
+            floor: 0.0,
+            iterations: 0,
+            scratch: vec![0.0; n],
+            step: vec![0.0; n],
+            options,
+            program,
+            hessian,
+            curvature,
+        })
+    }
+
+    fn run(
+        &mut self,
+        start: &Start,
+        began: Instant,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Outcome {
+        let evaluated = self.program.evaluate(&mut self.point);
+        if let Err(error) = evaluated.and_then(|()| self.program.differentiate(&mut self.point)) {
+            return Outcome::at_start(error);
+        }
+        self.gradient_scale = max_norm(&self.point.gradient);
+        if start.constraint_multipliers.is_empty() {
+            self.subproblem.estimate_multipliers(&self.point, &mut self.y);
+        } else {
+            self.y.copy_from_slice(&start.constraint_multipliers);
+        }
+        self.subproblem.guess_set(&self.point, &self.y);
+        let mut step_length = 1.0;
+        let mut idle = 0;
+        let mut least_residual = f64::INFINITY;
+        loop {
+            self.residuals = self.program.residuals(&self.point, &self.y, self.gradient_scale, &mut self.y_z);
+            self.best.offer(&self.point, &self.y, &self.y_z, self.residuals);
+            let flow = on_iteration(&Iteration {
+                number: self.iterations,
+                z: &self.point.z,
+                cost: self.point.cost,
+                residuals: self.residuals,
+                step_length,
+                shift: self.subproblem.shift,
+            });
+            if self.residuals.max() < 0.9 * least_residual {
+                least_residual = self.residuals.max();
+                idle = 0;
+            }
+            if let Some(status) = self.status(flow, began, idle) {
+                return self.end(status);
+            }
+            match self.hessian.refresh(&mut self.program, &self.point.z, &self.y) {
+                Ok(()) => {}
+                Err(EvaluationError::Undefined { .. }) if self.iterations > 0 => {}
+                Err(EvaluationError::Undefined { .. }) => self.hessian.reset(),
+                Err(EvaluationError::Failed(source)) => return Outcome::Failed(source),
+            }
+            match self.advance() {
+                Ok(Advance::Stepped { length, decreased }) => {
+                    step_length = length;
+                    idle = if decreased { 0 } else { idle + 1 };
+                }
+                Ok(Advance::Ended(status)) => return self.end(status),
+                Err(source) => return Outcome::Failed(source),
+            }
+            self.iterations += 1;
+        }
+    }
+
+    fn end(&mut self, status: Status) -> Outcome {
+        if matches!(status, Status::Converged | Status::Stalled | Status::Infeasible) {
+            self.best.take(&self.point, &self.y, &self.y_z, self.residuals);
+        }
+        Outcome::Ended(status)
+    }
+
+    fn is_feasible(&self) -> bool {
+        self.residuals.feasibility <= self.options.feasibility_tol
+    }
+
+    fn status(&self, flow: Flow, began: Instant, idle: usize) -> Option<Status> {
+        let (options, residuals) = (self.options, &self.residuals);
+        if self.is_feasible()
+            && residuals.stationarity <= options.stationarity_tol
+            && residuals.complementarity <= options.complementarity_tol
+        {
+            Some(Status::Converged)
+        } else if flow == Flow::Stop {
+            Some(Status::Stopped)
+        } else if self.point.cost < options.cost_floor && self.is_feasible() {
+            Some(Status::Unbounded)
+        } else if idle >= PATIENCE {
+            Some(Status::Stalled)
+        } else if self.iterations >= options.max_iterations {
+            Some(Status::IterationLimit)
+        } else if options.max_time.is_some_and(|limit| began.elapsed() >= limit) {
+            Some(Status::TimeLimit)
+        } else {
+            None
+        }
+    }
+
+    fn merit(&self, point: &Point) -> f64 {
+        point.cost + self.penalty * self.program.violation(&point.constraints)
+    }
+
+    /// One step, with repairs of the Hessian where the line search refuses it.
+    fn advance(&mut self) -> Result<Advance, Failure> {
+        let violation = self.program.violation(&self.point.constraints);
+        let size = max_norm(&self.hessian.values).max(f64::MIN_POSITIVE);
+        let kept_floor = self.floor;
+        for attempt in 0..REPAIRS {
+            let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
+            if origin == Some(Origin::Elastic) && !self.is_feasible() && self.is_stuck(violation) {
+                return Ok(Advance::Ended(Status::Infeasible));
+            }
+            if let Some(origin) = origin {
+                let descent = self.descent(origin, violation);
+                if let Some(length) = self.search(origin, descent)? {
+                    let decreased = self.accept(length);
+                    self.floor = match self.curvature {
+                        Curvature::GaussNewton => self.damping(attempt, length, size),
+                        Curvature::Exact | Curvature::None => kept_floor,
+                    };
+                    return Ok(Advance::Stepped { length, decreased });
+                }
+            }
+            if self.hessian.is_quasi_newton() {
+                if attempt > 0 {
+                    break;
+                }
+                self.hessian.reset();
+            } else {
+                self.floor = (100.0 * self.subproblem.shift).max(1e-4 * size);
+            }
+        }
+        Ok(Advance::Ended(Status::Stalled))
+    }
+
+    /// Whether the violation is stationary: the elastic step neither reduces its linearisation, nor has it a slope.
+    fn is_stuck(&self, violation: f64) -> bool {
+        let gain = violation - self.subproblem.left_violation;
+        gain <= INFEASIBLE * violation
+            && self.subproblem.infeasibility_stationarity(&self.program, &self.point) <= INFEASIBLE
+    }
+
+    /// Levenberg and Marquardt's term for the next step.
+    fn damping(&self, repairs: usize, length: f64, size: f64) -> f64 {
+        if repairs > 0 || length < 0.3 {
+            (4.0 * self.floor).max(1e-6 * size)
+        } else if length == 1.0 {
+            if self.floor < 1e-10 * size { 0.0 } else { self.floor / 8.0 }
+        } else {
+            self.floor
+        }
+    }
+
+    /// Raises the penalty until the step promises a decrease of the merit function, and returns the promise
+    /// (Nocedal & Wright 2006, equation 18.36).
+    fn descent(&mut self, origin: Origin, violation: f64) -> f64 {
+        let Subproblem { p, y, shift, curvature, weight, left_violation, .. } = &self.subproblem;
+        let slope: f64 = self.point.gradient.iter().zip(p).map(|(g, p)| g * p).sum();
+        let curvature = (curvature + shift * p.iter().map(|p| p * p).sum::<f64>()).max(0.0);
+        let gain = (violation - left_violation).max(0.0);
+        let exact = 2.0 * max_norm(&y[p.len()..]);
+        if origin != Origin::Elastic && self.penalty > 10.0 * exact && self.reductions < REDUCTIONS {
+            self.penalty = exact;
+            self.reductions += 1;
+        }
+        if gain > 0.0 {
+            let mut needed = (slope + 0.5 * curvature) / ((1.0 - PROMISE) * gain);
+            if gain < self.options.feasibility_tol {
+                // Both are rounding then; what an exact penalty needs is enough.
+                needed = needed.min(exact);
+            }
+            if self.penalty < needed {
+                self.penalty = 1.5 * needed;
+            }
+        }
+        if origin == Origin::Elastic {
+            self.penalty = self.penalty.max(*weight);
+        }
+        slope - self.penalty * gain
+    }
+
+    /// Leaves an evaluated and differentiated point in `trial` and returns the fraction of the step that leads
+    /// there; none if there is no such fraction.
+    fn search(&mut self, origin: Origin, descent: f64) -> Result<Option<f64>, Failure> {
+        let merit = self.merit(&self.point);
+        let terms = self.point.cost.abs() + self.penalty * max_norm(&self.point.constraints);
+        let slack = 10.0 * f64::EPSILON * terms.max(merit.abs());
+        if !(descent <= slack) {
+            return Ok(None);
+        }
+        let descent = descent.min(0.0);
+        self.step.copy_from_slice(&self.subproblem.p);
+        let shortest =
+            f64::EPSILON * max_norm(&self.point.z).max(1e-8) / max_norm(&self.step).max(f64::MIN_POSITIVE);
+        let mut length = 1.0;
+        loop {
+            let mut next = 0.5 * length;
+            if self.try_step(length)? {
+                let trial = self.merit(&self.trial);
+                let enough = |trial: f64| trial <= merit + ARMIJO * length * descent + slack;
+                if enough(trial) && self.differentiate()? {
+                    return Ok(Some(length));
+                }
+                if length == 1.0 && origin == Origin::WorkingSet && self.curves_away() {
+                    let y = self.subproblem.y.clone();
+                    if self.subproblem.correct(&self.point, &self.trial) {
+                        self.scratch.copy_from_slice(&self.step);
+                        self.step.copy_from_slice(&self.subproblem.p);
+                        if self.try_step(1.0)? && enough(self.merit(&self.trial)) && self.differentiate()? {
+                            return Ok(Some(1.0));
+                        }
+                        self.step.copy_from_slice(&self.scratch);
+                    }
+                    self.subproblem.y = y;
+                }
+                if trial.is_finite() && trial > merit {
+                    // Minimum of the parabola through both values and the slope.
+                    let parabola = -0.5 * descent * length * length / (trial - merit - descent * length);
+                    next = parabola.clamp(0.1 * length, 0.5 * length);
+                }
+            }
+            length = next;
+            if length < shortest {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Whether the constraints are worse at the trial point than where the step began.
+    fn curves_away(&self) -> bool {
+        let before = self.program.violation(&self.point.constraints);
+        self.program.violation(&self.trial.constraints) > 0.5 * before
+    }
+
+    /// Evaluates at a fraction of the step; false where there is no value.
+    fn try_step(&mut self, length: f64) -> Result<bool, Failure> {
+        for (i, z) in self.trial.z.iter_mut().enumerate() {
+            *z = self.point.z[i] + length * self.step[i];
+        }
+        self.program.project(&mut self.trial.z);
+        defined(self.program.evaluate(&mut self.trial))
+    }
+
+    fn differentiate(&mut self) -> Result<bool, Failure> {
+        defined(self.program.differentiate(&mut self.trial))
+    }
+
+    /// Moves to the trial point. Whether the merit function became smaller by more than rounding.
+    fn accept(&mut self, length: f64) -> bool {
+        let n = self.point.z.len();
+        let merit = self.merit(&self.point);
+        let decreased = self.merit(&self.trial) < merit - 1e-13 * merit.abs();
+        for (y, next) in self.y.iter_mut().zip(&self.subproblem.y[n..]) {
+            *y += length * (next - *y);
+        }
+        if self.hessian.is_quasi_newton() {
+            let jacobian = &self.program.structure.jacobian;
+            self.scratch.fill(0.0);
+            jacobian.add_transposed_product(&self.point.jacobian, &self.y, &mut self.scratch);
+            for i in 0..n {
+                self.step[i] = self.trial.z[i] - self.point.z[i];
+                self.scratch[i] = self.trial.gradient[i] - self.point.gradient[i] - self.scratch[i];
+            }
+            jacobian.add_transposed_product(&self.trial.jacobian, &self.y, &mut self.scratch);
+            self.hessian.update(&self.step, &mut self.scratch);
+        }
+        std::mem::swap(&mut self.point, &mut self.trial);
+        decreased
+    }
+
+    fn finish(mut self, outcome: Outcome) -> Result<Report, SolverError> {
+        self.program.counts.factorisations = self.subproblem.n_factorisations();
+        self.program.counts.quadratic_programs = self.subproblem.n_quadratic_programs;
+        let hessian = self.hessian.is_quasi_newton().then_some(self.hessian.values);
+        self.best.report(outcome, self.iterations, self.program.counts, hessian)
+    }
+}
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+enum Advance {
+    Stepped { length: f64, decreased: bool },
+    Ended(Status),
+}
+
+/// False where the program has no value.
+fn defined(result: Result<(), EvaluationError>) -> Result<bool, Failure> {
+    match result {
+        Ok(()) => Ok(true),
+        Err(EvaluationError::Undefined { .. }) => Ok(false),
+        Err(EvaluationError::Failed(source)) => Err(source),
+    }
+}

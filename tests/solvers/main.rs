@@ -1,0 +1,4 @@
+//! Solvers of nonlinear programs.
+
+mod problems;
+mod sqp;
