@@ -1,15 +1,20 @@
 //! Optimal motions of articulated bodies.
 //!
 //! A motion is sought that makes a cost small and keeps to constraints. What is unknown about it, the decision
-//! vector z, is a start and the parameters of the joint motion; a transcription makes nodes of it, terms
-//! make numbers of the nodes, and the result is a nonlinear program ([`nlp`]) for a solver.
+//! vector z, is a start and the parameters of the joint motion; a [`transcription`] makes nodes of it, a
+//! [`term`] makes numbers of a node, a [`problem`] costs and constraints of these, and the result is a nonlinear
+//! program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
 pub mod dive;
 pub mod flight;
+mod error;
 pub mod motion;
 pub mod nlp;
+pub mod problem;
 pub mod term;
 pub mod solver;
+pub mod transcription;
 
+pub use error::OcpError;
 pub use nalgebra;

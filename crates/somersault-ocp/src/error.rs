@@ -1,0 +1,141 @@
+//! What can be wrong with a problem.
+
+use crate::motion::MotionError;
+use somersault_multibody::{DynamicsError, ModelError};
+
+/// Why a problem cannot be posed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OcpError {
+    /// The joint motion.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// The model, or what was asked of it.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+    /// The description of the model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// Something has the wrong number of entries.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: String,
+        /// Entries it should have.
+        expected: usize,
+        /// Entries it has.
+        found: usize,
+    },
+    /// A number is NaN or infinite where it must not be.
+    #[error("`{argument}` must be finite, found {found}")]
+    NonFinite {
+        /// Name of the argument.
+        argument: String,
+        /// The number.
+        found: f64,
+    },
+    /// A number has to be positive.
+    #[error("`{argument}` must be positive, found {found}")]
+    NotPositive {
+        /// Name of the argument.
+        argument: String,
+        /// The number.
+        found: f64,
+    },
+    /// A number must not be negative.
+    #[error("`{argument}` must not be negative, found {found}")]
+    Negative {
+        /// Name of the argument.
+        argument: String,
+        /// The number.
+        found: f64,
+    },
+    /// A lower bound lies above its upper one, or a bound is NaN or infinite on the wrong side.
+    #[error("entry {index} of `{argument}` has bounds {lower} to {upper}, which nothing can meet")]
+    ContradictoryBounds {
+        /// Name of the argument.
+        argument: String,
+        /// The entry.
+        index: usize,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// There is no such thing.
+    #[error("`{argument}` must be below {limit}, found {found}")]
+    OutOfRange {
+        /// Name of the argument.
+        argument: String,
+        /// What is given.
+        found: usize,
+        /// First number that is too large.
+        limit: usize,
+    },
+    /// An active joint is no hinge or slider, or only part of a joint is active.
+    #[error(
+        "joint `{joint}` has {n_active} active of {n_velocities} degrees of freedom: active joints have one"
+    )]
+    ActiveJoint {
+        /// Name of the body that the joint carries.
+        joint: String,
+        /// Active degrees of freedom.
+        n_active: usize,
+        /// All of them.
+        n_velocities: usize,
+    },
+}
+
+pub(crate) fn expect_length(argument: &str, found: usize, expected: usize) -> Result<(), OcpError> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(OcpError::Length { argument: argument.to_owned(), expected, found })
+    }
+}
+
+pub(crate) fn expect_below(argument: &str, found: usize, limit: usize) -> Result<(), OcpError> {
+    if found < limit {
+        Ok(())
+    } else {
+        Err(OcpError::OutOfRange { argument: argument.to_owned(), found, limit })
+    }
+}
+
+pub(crate) fn expect_finite(argument: &str, values: &[f64]) -> Result<(), OcpError> {
+    match values.iter().find(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(&found) => Err(OcpError::NonFinite { argument: argument.to_owned(), found }),
+    }
+}
+
+/// Finite and above zero.
+pub(crate) fn expect_positive(argument: &str, value: f64) -> Result<(), OcpError> {
+    expect_finite(argument, &[value])?;
+    if value > 0.0 {
+        Ok(())
+    } else {
+        Err(OcpError::NotPositive { argument: argument.to_owned(), found: value })
+    }
+}
+
+/// Finite and not below zero, each of them.
+pub(crate) fn expect_not_negative(argument: &str, values: &[f64]) -> Result<(), OcpError> {
+    expect_finite(argument, values)?;
+    match values.iter().find(|x| **x < 0.0) {
+        None => Ok(()),
+        Some(&found) => Err(OcpError::Negative { argument: argument.to_owned(), found }),
+    }
+}
+
+/// Each lower bound at most its upper one, and neither infinite on the side that excludes everything.
+pub(crate) fn expect_bounds(argument: &str, bounds: &crate::nlp::Bounds) -> Result<(), OcpError> {
+    expect_length(&format!("{argument}.upper"), bounds.upper.len(), bounds.lower.len())?;
+    for (index, (&lower, &upper)) in bounds.lower.iter().zip(&bounds.upper).enumerate() {
+        let possible = lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY;
+        if !possible {
+            return Err(OcpError::ContradictoryBounds { argument: argument.to_owned(), index, lower, upper });
+        }
+    }
+    Ok(())
+}

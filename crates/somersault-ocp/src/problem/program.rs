@@ -1,0 +1,132 @@
+//! The problem as a nonlinear program.
+
+use super::{Constraint, Cost, MotionProblem, Taken};
+use crate::nlp::{Curvature, EvaluationError, Nlp, Structure};
+use crate::term::{Node, Term};
+use crate::transcription::Transcription;
+
+/// The rows of a term at a node; numbers that are not finite are an error.
+fn evaluate(term: &mut dyn Term, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
+    term.evaluate(node, rows)?;
+    if rows.iter().all(|r| r.is_finite()) {
+        Ok(())
+    } else {
+        Err(EvaluationError::Undefined { what: format!("`{}` at t = {}", term.name(), node.time) })
+    }
+}
+
+impl<T: Transcription> MotionProblem<T> {
+    /// The value of each part of the cost at `z`, by name.
+    pub fn costs(&mut self, z: &[f64]) -> Result<Vec<(String, f64)>, EvaluationError> {
+        self.transcription.rollout(z)?;
+        (0..self.costs.len())
+            .map(|c| Ok((self.costs[c].taken.term.name().to_owned(), self.cost(c)?)))
+            .collect()
+    }
+
+    /// One part of the cost of the last rollout.
+    fn cost(&mut self, c: usize) -> Result<f64, EvaluationError> {
+        let Cost { taken: Taken { term, nodes }, loss, integrated } = &mut self.costs[c];
+        let rows = &mut self.work.value[..term.n_rows()];
+        let mut sum = 0.0;
+        for &k in &*nodes {
+            evaluate(&mut **term, &self.transcription.node(k), rows)?;
+            let weight = if *integrated { self.transcription.weight(k) } else { 1.0 };
+            sum += weight * loss.value(rows);
+        }
+        Ok(sum)
+    }
+
+    fn constraint(&mut self, c: usize, values: &mut [f64]) -> Result<(), EvaluationError> {
+        let Constraint { taken: Taken { term, nodes }, integrated, first_row, .. } = &mut self.constraints[c];
+        let n_rows = term.n_rows();
+        if *integrated {
+            let (sums, rows) = (&mut values[*first_row..*first_row + n_rows], &mut self.work.value[..n_rows]);
+            sums.fill(0.0);
+            for &k in &*nodes {
+                evaluate(&mut **term, &self.transcription.node(k), rows)?;
+                let weight = self.transcription.weight(k);
+                sums.iter_mut().zip(&*rows).for_each(|(sum, r)| *sum += weight * r);
+            }
+        } else {
+            for (rows, &k) in values[*first_row..].chunks_exact_mut(n_rows).zip(&*nodes) {
+                evaluate(&mut **term, &self.transcription.node(k), rows)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// ∇f by one adjoint sweep.
+    fn gradient(&mut self, gradient: &mut [f64]) -> Result<(), EvaluationError> {
+        let Self { transcription, costs, work, .. } = self;
+        work.rollout.clear();
+        for Cost { taken: Taken { term, nodes }, loss, integrated } in costs {
+            let n_rows = term.n_rows();
+            let (rows, seed) = (&mut work.value[..n_rows], &mut work.seed[..n_rows]);
+            for &k in &*nodes {
+                let node = transcription.node(k);
+                term.evaluate(&node, rows)?;
+                let weight = if *integrated { transcription.weight(k) } else { 1.0 };
+                loss.gradient_into(rows, weight, seed);
+                term.pull_back(&node, seed, &mut work.rollout.nodes[k])?;
+                if *integrated {
+                    work.rollout.weights[k] += loss.value(rows);
+                }
+            }
+        }
+        gradient.fill(0.0);
+        transcription.pull_back(&work.rollout, gradient)
+    }
+}
+
+impl<T: Transcription> Nlp for MotionProblem<T> {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError> {
+        self.transcription.rollout(z)?;
+        let defects = self.transcription.defects();
+        constraints[..defects.len()].copy_from_slice(defects);
+        for c in 0..self.constraints.len() {
+            self.constraint(c, constraints)?;
+        }
+        let first = constraints.len() - self.linear.len();
+        for (value, constraint) in constraints[first..].iter_mut().zip(&self.linear) {
+            *value = constraint.factors.iter().map(|(variable, factor)| factor * z[*variable]).sum();
+        }
+        let mut sum = 0.0;
+        for c in 0..self.costs.len() {
+            sum += self.cost(c)?;
+        }
+        Ok(sum)
+    }
+
+    fn differentiate(
+        &mut self,
+        _z: &[f64],
+        gradient: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.gradient(gradient)?;
+        self.jacobian(jacobian)
+    }
+
+    fn curvature(&self) -> Curvature {
+        if self.costs.iter().any(|cost| cost.loss.is_curved()) {
+            Curvature::GaussNewton
+        } else {
+            Curvature::None
+        }
+    }
+
+    fn hessian(
+        &mut self,
+        _z: &[f64],
+        cost_factor: f64,
+        _multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.gauss_newton(cost_factor, hessian)
+    }
+}
