@@ -36,6 +36,7 @@ impl ClearanceRows {
         dive: &Dive,
         model: &Model,
         motion: &SplineMotion,
+        column_of: &[Option<usize>],
         clearance: Clearance,
         first_row: usize,
     ) -> Result<Self, DynamicsError> {
@@ -55,6 +56,7 @@ impl ClearanceRows {
                 let is_active = |c: usize| (first..first + basis.len()).contains(&(c % n));
                 let mut found: Vec<usize> =
                     motion.dependences().filter(|(c, ..)| is_active(*c)).map(|(_, p, _)| p).collect();
+                found.retain(|p| column_of[*p].is_some());
                 found.sort_unstable();
                 found.dedup();
                 found
@@ -87,7 +89,7 @@ impl ClearanceRows {
     }
 
     /// Row and column of what may be other than zero in the Jacobian.
-    pub(super) fn entries(&self) -> Vec<(usize, usize)> {
+    pub(super) fn entries(&self, column_of: &[Option<usize>]) -> Vec<(usize, usize)> {
         let n_pairs = self.distances.len();
         let row = |time: usize, pair: usize| self.first_row + time * n_pairs + pair;
         let of_time = |(time, parameters): (usize, &Vec<usize>)| {
@@ -119,6 +121,7 @@ impl ClearanceRows {
         &mut self,
         model: &Model,
         motion: &SplineMotion,
+        column_of: &[Option<usize>],
         coefficients: &[f64],
         pattern: &Pattern,
         jacobian: &mut [f64],
@@ -141,9 +144,10 @@ impl ClearanceRows {
                 self.by_parameter.fill(0.0);
                 motion.pull_back(&self.by_coefficient, &mut self.by_parameter);
                 let row = self.first_row + time * n_pairs + pair;
-                for column in &self.parameters[time] {
-                    if let Some(position) = pattern.position(row, *column) {
-                        jacobian[position] = self.by_parameter[*column];
+                for parameter in &self.parameters[time] {
+                    let position = column_of[*parameter].and_then(|column| pattern.position(row, column));
+                    if let Some(position) = position {
+                        jacobian[position] = self.by_parameter[*parameter];
                     }
                 }
             }

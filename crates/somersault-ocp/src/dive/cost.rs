@@ -12,8 +12,8 @@ pub(super) struct Quadratic {
 }
 
 impl Quadratic {
-    /// Of the `derivative`-th rate.
-    pub(super) fn of_rate(motion: &SplineMotion, derivative: usize) -> Self {
+    /// Of the `derivative`-th rate, in the `free` parameters.
+    pub(super) fn of_rate(motion: &SplineMotion, free: &[usize], derivative: usize) -> Self {
         let basis = motion.basis();
         let (n, n_intervals) = (basis.n_coefficients(), basis.n_intervals());
         let mut gram = DMatrix::zeros(n, n);
@@ -38,6 +38,7 @@ impl Quadratic {
         for channel in 0..motion.n_channels() {
             whole.view_mut((channel * n, channel * n), (n, n)).copy_from(&gram);
         }
+        let expansion = expansion.select_columns(free);
         let offset = DVector::from_column_slice(motion.offset());
         let at_offset = &whole * &offset;
         Self {

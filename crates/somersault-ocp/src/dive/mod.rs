@@ -107,6 +107,11 @@ pub struct Dive {
     pub last: usize,
     /// Weights or joints.
     pub channels: Channels,
+    /// For each channel the shares of the duration between which it may differ from zero; none: at all times.
+    pub windows: Vec<Range>,
+    /// Share of the duration at which twists and tilt must be what they are at the entry. Where the diver moves
+    /// symmetrically from then on they stay so.
+    pub square_out: f64,
     /// Coefficients of each spline, of degree 5: at least 6.
     pub n_par: usize,
     /// Somersaults to the entry, counted from the upright: 3.5 ends on the hands.
@@ -157,6 +162,16 @@ impl Dive {
             }
         }
         expect_positive("duration", self.duration.lower)?;
+        for range in &self.windows {
+            let Range { lower, upper } = *range;
+            if !(lower <= upper) {
+                return Err(DiveError::Range { argument: "windows", lower, upper });
+            }
+        }
+        if !(self.square_out > 0.0 && self.square_out <= 1.0) {
+            let (argument, found) = ("square_out", self.square_out);
+            return Err(DiveError::OutOfRange { argument, allowed: "above 0 and at most 1", found });
+        }
         for (argument, found) in [
             ("somersaults", self.somersaults),
             ("twists", self.twists),

@@ -17,6 +17,8 @@ impl Dive {
             first: 0,
             last: 0,
             channels: Channels::Weights,
+            windows: Vec::new(),
+            square_out: 1.0,
             n_par: 10,
             somersaults: 3.5,
             twists: 0.0,
@@ -38,6 +40,7 @@ impl Dive {
     ///
     /// Sixteen coefficients for each of the five weights are as many, 80, as twenty for the four of the thesis.
     pub fn forward_twisting() -> Self {
+        let (all, twisting) = (Range::new(0.0, 1.0), Range::new(0.0, 0.6));
         let postures = [Posture::C, Posture::A, Posture::D, Posture::E, Posture::I, Posture::H];
         Self {
             diver: Diver::spatial(),
@@ -45,7 +48,9 @@ impl Dive {
             first: 0,
             last: 1,
             channels: Channels::Weights,
-            n_par: 20,
+            windows: vec![all, twisting, twisting, twisting, Range::new(0.5, 1.0)],
+            square_out: 0.6,
+            n_par: 36,
             somersaults: 3.5,
             twists: 2.0,
             lean: Range::fixed(10f64.to_radians()),

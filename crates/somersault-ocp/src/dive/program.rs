@@ -4,9 +4,9 @@ use super::bounds::bezier_points;
 use super::clearance::ClearanceRows;
 use super::cost::Quadratic;
 use super::{Channels, Dive, DiveError, Range};
-use crate::flight::{BodyAngles, Counting, EndDerivatives, OrientationPath};
-use crate::motion::SplineMotion;
-use crate::nlp::{Bounds, EvaluationError, Nlp, Pattern, Structure};
+use crate::flight::{BodyAngles, Counting, NodeDerivatives, OrientationPath};
+use crate::motion::{MotionError, SplineMotion};
+use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use somersault_multibody::models::Dimension;
 use somersault_multibody::{Data, DynamicsError, Model};
@@ -23,6 +23,11 @@ pub struct DiveProgram {
     counting: Counting,
     /// L₀.
     momentum_unit: f64,
+    /// The spline parameters that are free; the others are zero.
+    free: Vec<usize>,
+    /// Where z has each spline parameter.
+    column_of: Vec<Option<usize>>,
+    square_out: usize,
     extra: Extra,
     structure: Structure,
     /// Of rates and second rates, and what their penalties are multiplied by.
@@ -32,9 +37,11 @@ pub struct DiveProgram {
     /// The Jacobian with all that is constant.
     jacobian: Vec<f64>,
     clearance: Option<ClearanceRows>,
-    end: EndDerivatives,
+    soft: Option<Soft>,
+    end: NodeDerivatives,
     coefficients: Vec<f64>,
     by_coefficient: Vec<f64>,
+    parameters: Vec<f64>,
     row: Vec<f64>,
 }
 
@@ -44,6 +51,18 @@ struct Extra {
     momentum: Option<usize>,
     lean: Option<usize>,
     duration: Option<usize>,
+}
+
+/// Entry and clearances as costs ½ μ Σ violation² instead of constraints.
+#[derive(Debug, Clone)]
+struct Soft {
+    /// μ.
+    weight: f64,
+    /// The bounds that are violated.
+    bounds: Bounds,
+    /// Violations and the Jacobian at the last point.
+    violations: Vec<f64>,
+    jacobian: Vec<f64>,
 }
 
 /// Σ factors z, without the constant that its bounds have taken in.
@@ -62,8 +81,10 @@ impl DiveProgram {
         let motion = dive.motion(&model)?;
         let counting = Counting { axes: long_axis(dive, &model)? };
         let momentum_unit = dive.diver.mass * dive.diver.height.powi(2);
-        let n_p = motion.n_parameters();
-        let mut variables = Bounds::free(n_p);
+        let free = free_parameters(dive, &motion)?;
+        let mut column_of = vec![None; motion.n_parameters()];
+        free.iter().enumerate().for_each(|(column, p)| column_of[*p] = Some(column));
+        let mut variables = Bounds::free(free.len());
         let mut add = |range: Range, unit: f64| {
             if range.is_fixed() {
                 return None;
@@ -78,7 +99,7 @@ impl DiveProgram {
         };
         let n_z = variables.len();
         let mut constraints = Bounds::default();
-        let linear = channel_rows(dive, &model, &motion, &mut constraints);
+        let linear = channel_rows(dive, &model, &motion, &column_of, &mut constraints);
         let mut entries = Vec::new();
         for (row, LinearRow { factors }) in linear.iter().enumerate() {
             entries.extend(factors.iter().map(|(column, _)| (row, *column)));
@@ -90,9 +111,9 @@ impl DiveProgram {
         }
         let clearance = match (dive.diver.dimension, dive.clearance) {
             (Dimension::Spatial, Some(clearance)) => {
-                let rows = ClearanceRows::try_new(dive, &model, &motion, clearance, constraints.len())?;
+                let rows = ClearanceRows::try_new(dive, &model, &motion, &column_of, clearance, constraints.len())?;
                 (0..rows.n_rows()).for_each(|_| constraints.push(clearance.distance, f64::INFINITY));
-                entries.extend(rows.entries());
+                entries.extend(rows.entries(&column_of));
                 Some(rows)
             }
             _ => None,
@@ -111,28 +132,55 @@ impl DiveProgram {
                 1.0 / (second - first).norm_squared()
             }
         };
-        Ok(Self {
+        let program = Self {
             counting,
             momentum_unit,
             extra,
-            rates: [1, 2].map(|derivative| Quadratic::of_rate(&motion, derivative)),
+            rates: [1, 2].map(|derivative| Quadratic::of_rate(&motion, &free, derivative)),
             rate_unit,
             linear,
             jacobian,
             clearance,
-            end: EndDerivatives::new(motion.n_coefficients()),
+            soft: None,
+            end: NodeDerivatives::new(motion.n_coefficients()),
             coefficients: vec![0.0; motion.n_coefficients()],
             by_coefficient: vec![0.0; motion.n_coefficients()],
-            row: vec![0.0; n_p],
+            parameters: vec![0.0; motion.n_parameters()],
+            row: vec![0.0; motion.n_parameters()],
+            free,
+            column_of,
+            square_out: 0,
             structure: Structure {
                 variables,
                 constraints,
                 jacobian: pattern,
-                hessian: Pattern::from_entries(n_z, n_z, []),
+                hessian: Pattern::upper_triangle(n_z),
             },
             path: OrientationPath::try_new(model, motion, dive.n_steps)?,
             dive: dive.clone(),
-        })
+        };
+        let n_steps = program.path.n_steps();
+        let square_out = (dive.square_out * n_steps as f64).round() as usize;
+        let path = match dive.diver.dimension {
+            Dimension::Spatial if square_out < n_steps => program.path.with_restart(square_out, counting),
+            _ => program.path,
+        };
+        Ok(Self { square_out, path, ..program })
+    }
+
+    /// The same with entry and clearances as costs ½ μ Σ violation² (rad², m²): the thesis' soft constraints. What
+    /// remains hard are the bounds of the channels, which are linear, so this program is easy from anywhere.
+    pub fn softened(&self, weight: f64) -> Result<Self, DiveError> {
+        super::error::expect_positive("weight", weight)?;
+        let mut program = self.clone();
+        let bounds = program.structure.constraints.clone();
+        for row in self.linear.len()..bounds.len() {
+            program.structure.constraints.lower[row] = f64::NEG_INFINITY;
+            program.structure.constraints.upper[row] = f64::INFINITY;
+        }
+        let violations = vec![0.0; bounds.len()];
+        program.soft = Some(Soft { weight, bounds, violations, jacobian: self.jacobian.clone() });
+        Ok(program)
     }
 
     /// The dive.
@@ -169,8 +217,15 @@ impl DiveProgram {
     pub fn coefficients(&self, z: &[f64]) -> Vec<f64> {
         let motion = self.path.motion();
         let mut coefficients = vec![0.0; motion.n_coefficients()];
-        motion.coefficients_into(&z[..motion.n_parameters()], &mut coefficients);
+        let parameter = |column: &Option<usize>| column.map_or(0.0, |k| z[k]);
+        let parameters: Vec<f64> = self.column_of.iter().map(parameter).collect();
+        motion.coefficients_into(&parameters, &mut coefficients);
         coefficients
+    }
+
+    /// The numbers in z that are spline parameters, by their numbers in the motion's.
+    pub(super) fn free(&self) -> &[usize] {
+        &self.free
     }
 
     /// What of the clearances there is.
@@ -193,7 +248,7 @@ impl DiveProgram {
         let mut miss = |value: f64, z: &mut [f64]| {
             z[k] = value;
             self.fly(z, false)?;
-            Ok::<f64, DiveError>(self.end_angles().somersault - target)
+            Ok::<f64, DiveError>(self.entry_angles()[0] - target)
         };
         let (mut last, mut value) = (0.2f64.clamp(lower, upper), 0.3f64.clamp(lower, upper));
         let mut miss_last = miss(last, z)?;
@@ -213,7 +268,10 @@ impl DiveProgram {
     pub(super) fn fly(&mut self, z: &[f64], with_derivatives: bool) -> Result<(), DiveError> {
         let (lean, turn_momentum) = (self.lean(z), self.momentum(z) * self.duration(z));
         let motion = self.path.motion();
-        motion.coefficients_into(&z[..motion.n_parameters()], &mut self.coefficients);
+        for (p, value) in self.free.iter().zip(z) {
+            self.parameters[*p] = *value;
+        }
+        motion.coefficients_into(&self.parameters, &mut self.coefficients);
         let momentum = Vector3::new(0.0, turn_momentum, 0.0);
         let upright = self.counting.axes.inverse();
         if self.path.is_planar() {
@@ -236,29 +294,35 @@ impl DiveProgram {
         self.counting.along(self.path.orientations())
     }
 
-    fn end_angles(&self) -> BodyAngles {
+    /// ψ at the entry, then τ and φ at the square-out; in the plane ψ alone.
+    fn entry_angles(&self) -> [f64; 3] {
         if self.path.is_planar() {
             let angle = self.path.angles()[self.path.n_steps()];
-            let somersault = self.counting.axes.euler_angles().1 - angle;
-            return BodyAngles { somersault, ..BodyAngles::default() };
+            return [self.counting.axes.euler_angles().1 - angle, 0.0, 0.0];
         }
-        let mut last = BodyAngles::default();
-        for orientation in self.path.orientations() {
+        let (mut last, mut square) = (BodyAngles::default(), BodyAngles::default());
+        for (node, orientation) in self.path.orientations().iter().enumerate() {
+            if node == self.square_out {
+                square = self.counting.unwrapped(self.path.arrival(node), &last);
+            }
             last = self.counting.unwrapped(orientation, &last);
         }
-        last
+        [last.somersault, square.tilt, square.twist]
     }
 
-    /// ∂(ψ, τ, φ) at the finish by a displacement there, in axes of the torso; in the plane ψ alone.
-    fn end_gradients(&self) -> [Vector3<f64>; 3] {
+    /// The nodes of these angles, and their derivatives by a displacement there, in axes of the torso.
+    fn entry_gradients(&self) -> [(usize, Vector3<f64>); 3] {
+        let n_steps = self.path.n_steps();
         if self.path.is_planar() {
-            return [-Vector3::z(), Vector3::zeros(), Vector3::zeros()];
+            return [(n_steps, -Vector3::z()), (0, Vector3::zeros()), (0, Vector3::zeros())];
         }
-        self.counting.gradients(&self.path.orientations()[self.path.n_steps()])
+        let at = |node: usize| self.counting.gradients(self.path.arrival(node));
+        let [_, tilt, twist] = at(self.square_out);
+        [(n_steps, at(n_steps)[0]), (self.square_out, tilt), (self.square_out, twist)]
     }
 
     fn cost(&self, z: &[f64], mut gradient: Option<&mut [f64]>) -> f64 {
-        let n_p = self.row.len();
+        let n_p = self.free.len();
         let (p, duration) = (&z[..n_p], self.duration(z));
         let penalties = &self.dive.penalties;
         let momentum = self.momentum(z) / self.momentum_unit;
@@ -291,10 +355,10 @@ impl Nlp for DiveProgram {
         for (value, LinearRow { factors }) in constraints.iter_mut().zip(&self.linear) {
             *value = factors.iter().map(|(k, factor)| z[*k] * factor).sum();
         }
-        let BodyAngles { somersault, tilt, twist } = self.end_angles();
+        let angles = self.entry_angles();
         let rest = &mut constraints[self.linear.len()..];
         let n_angles = if self.path.is_planar() { 1 } else { 3 };
-        rest[..n_angles].copy_from_slice(&[somersault, tilt, twist][..n_angles]);
+        rest[..n_angles].copy_from_slice(&angles[..n_angles]);
         if let Some(clearance) = &mut self.clearance {
             let found = clearance.evaluate(
                 self.path.model(),
@@ -304,7 +368,10 @@ impl Nlp for DiveProgram {
             );
             found.map_err(|error| undefined(error.into()))?;
         }
-        let cost = self.cost(z, None);
+        let mut cost = self.cost(z, None);
+        if let Some(soft) = &mut self.soft {
+            cost += soft.evaluate(constraints, self.linear.len());
+        }
         if cost.is_finite() && constraints.iter().all(|c| c.is_finite()) {
             return Ok(cost);
         }
@@ -322,21 +389,21 @@ impl Nlp for DiveProgram {
         self.cost(z, Some(gradient));
         jacobian.copy_from_slice(&self.jacobian);
         let mut end = std::mem::take(&mut self.end);
-        self.path.end_derivatives(&mut end);
         let pattern = &self.structure.jacobian;
         let n_angles = if self.path.is_planar() { 1 } else { 3 };
-        for (k, by_end) in self.end_gradients().iter().enumerate().take(n_angles) {
+        for (k, (node, by_node)) in self.entry_gradients().iter().enumerate().take(n_angles) {
+            self.path.node_derivatives(*node, &mut end);
             let index = self.linear.len() + k;
             let mut set = |column: usize, value: f64| {
                 jacobian[pattern.position(index, column).unwrap_or_default()] = value;
             };
             for (out, by) in self.by_coefficient.iter_mut().zip(&end.by_coefficients) {
-                *out = by.dot(by_end);
+                *out = by.dot(by_node);
             }
             self.row.fill(0.0);
             self.path.motion().pull_back(&self.by_coefficient, &mut self.row);
-            self.row.iter().enumerate().for_each(|(column, value)| set(column, *value));
-            let by_momentum = end.by_momentum.tr_mul(by_end).y;
+            self.free.iter().enumerate().for_each(|(column, p)| set(column, self.row[*p]));
+            let by_momentum = end.by_momentum.tr_mul(by_node).y;
             if let Some(column) = self.extra.momentum {
                 set(column, by_momentum * self.duration(z) * self.momentum_unit);
             }
@@ -350,16 +417,90 @@ impl Nlp for DiveProgram {
                 } else {
                     self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
                 };
-                set(column, end.by_start.tr_mul(by_end).dot(&turn));
+                set(column, end.by_start.tr_mul(by_node).dot(&turn));
             }
         }
         self.end = end;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
-            let found = clearance.differentiate(model, motion, &self.coefficients, pattern, jacobian);
+            let found = clearance.differentiate(model, motion, &self.column_of, &self.coefficients, pattern, jacobian);
             found.map_err(|error| undefined(error.into()))?;
         }
+        if let Some(soft) = &mut self.soft {
+            soft.jacobian.copy_from_slice(jacobian);
+            for (column, out) in gradient.iter_mut().enumerate() {
+                for k in pattern.columns[column]..pattern.columns[column + 1] {
+                    *out += soft.weight * soft.violations[pattern.rows[k]] * jacobian[k];
+                }
+            }
+        }
         Ok(())
+    }
+
+    fn curvature(&self) -> Curvature {
+        Curvature::GaussNewton
+    }
+
+    fn hessian(
+        &mut self,
+        z: &[f64],
+        cost_factor: f64,
+        _multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let n_p = self.free.len();
+        let duration = self.duration(z);
+        let penalties = &self.dive.penalties;
+        hessian.fill(0.0);
+        let mut at = 0;
+        for j in 0..z.len() {
+            for i in 0..=j {
+                if j < n_p {
+                    hessian[at] = cost_factor
+                        * self.rate_unit
+                        * (penalties.rate / duration * self.rates[0].matrix[(i, j)]
+                            + penalties.acceleration / duration.powi(3) * self.rates[1].matrix[(i, j)]);
+                }
+                at += 1;
+            }
+        }
+        if let Some(k) = self.extra.momentum {
+            hessian[k * (k + 3) / 2] += cost_factor * penalties.momentum;
+        }
+        if let Some(soft) = &self.soft {
+            soft.add_hessian(&self.structure.jacobian, self.linear.len(), cost_factor, hessian);
+        }
+        Ok(())
+    }
+}
+
+impl Soft {
+    /// Leaves the violations of the rows from `first` on, and returns what they cost.
+    fn evaluate(&mut self, constraints: &[f64], first: usize) -> f64 {
+        let Bounds { lower, upper } = &self.bounds;
+        for row in first..constraints.len() {
+            let value = constraints[row];
+            self.violations[row] = (value - upper[row]).max(0.0) + (value - lower[row]).min(0.0);
+        }
+        0.5 * self.weight * self.violations.iter().map(|v| v * v).sum::<f64>()
+    }
+
+    /// μ Jᵀ J of the violated rows.
+    fn add_hessian(&self, pattern: &Pattern, first: usize, factor: f64, hessian: &mut [f64]) {
+        let n = pattern.n_columns();
+        let mut row = vec![0.0; n];
+        for violated in (first..pattern.n_rows).filter(|row| self.violations[*row] != 0.0) {
+            for (column, value) in row.iter_mut().enumerate() {
+                *value = pattern.position(violated, column).map_or(0.0, |k| self.jacobian[k]);
+            }
+            let mut at = 0;
+            for j in 0..n {
+                for i in 0..=j {
+                    hessian[at] += factor * self.weight * row[i] * row[j];
+                    at += 1;
+                }
+            }
+        }
     }
 }
 
@@ -407,12 +548,39 @@ fn long_axis(dive: &Dive, model: &Model) -> Result<UnitQuaternion<f64>, Dynamics
     Ok(UnitQuaternion::from_axis_angle(&Vector3::y_axis(), along.x.atan2(along.z)))
 }
 
+/// The parameters on which no channel depends outside of its window.
+fn free_parameters(dive: &Dive, motion: &SplineMotion) -> Result<Vec<usize>, DiveError> {
+    if !dive.windows.is_empty() && dive.windows.len() != motion.n_channels() {
+        let (expected, found) = (motion.n_channels(), dive.windows.len());
+        return Err(MotionError::Length { argument: "windows", expected, found }.into());
+    }
+    let (n, degree) = (motion.basis().n_coefficients(), motion.basis().degree());
+    let n_intervals = motion.basis().n_intervals() as f64;
+    let mut is_free = vec![true; motion.n_parameters()];
+    for (coefficient, parameter, _) in motion.dependences() {
+        let Some(window) = dive.windows.get(coefficient / n) else { continue };
+        let j = (coefficient % n) as f64;
+        let from = ((j - degree as f64) / n_intervals).max(0.0);
+        let to = ((j + 1.0) / n_intervals).min(1.0);
+        is_free[parameter] &= from >= window.lower - NO_DEPENDENCE && to <= window.upper + NO_DEPENDENCE;
+    }
+    Ok((0..is_free.len()).filter(|p| is_free[*p]).collect())
+}
+
 /// The bounds of the channels at all times, by their Bézier points.
-fn channel_rows(dive: &Dive, model: &Model, motion: &SplineMotion, bounds: &mut Bounds) -> Vec<LinearRow> {
+fn channel_rows(
+    dive: &Dive,
+    model: &Model,
+    motion: &SplineMotion,
+    column_of: &[Option<usize>],
+    bounds: &mut Bounds,
+) -> Vec<LinearRow> {
     let (n, n_channels) = (motion.basis().n_coefficients(), motion.n_channels());
     let mut dependences = vec![Vec::new(); motion.n_coefficients()];
     for (coefficient, parameter, factor) in motion.dependences() {
-        dependences[coefficient].push((parameter, factor));
+        if let Some(column) = column_of[parameter] {
+            dependences[coefficient].push((column, factor));
+        }
     }
     let mut rows = Vec::new();
     let mut dense = vec![0.0; motion.n_parameters()];

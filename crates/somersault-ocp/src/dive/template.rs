@@ -24,7 +24,9 @@ impl DiveProgram {
         let samples: Vec<Vec<f64>> = shares.iter().map(|share| sample(dive, key_frames, *share)).collect();
         let p = self.path().motion().fit(&shares, &samples)?;
         let mut z = self.middle();
-        z[..p.len()].copy_from_slice(&p);
+        for (value, parameter) in z.iter_mut().zip(self.free()) {
+            *value = p[*parameter];
+        }
         self.clone().aim(&mut z)?;
         Ok(z)
     }

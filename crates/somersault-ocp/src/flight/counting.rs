@@ -97,6 +97,12 @@ impl Counting {
         [somersault, tilt, twist]
     }
 
+    /// The orientation with the same somersault, without tilt, all twists whole.
+    pub fn straightened(&self, orientation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let somersault = self.angles(orientation).somersault;
+        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), somersault) * self.axes.inverse()
+    }
+
     fn body(&self, orientation: &UnitQuaternion<f64>) -> Rotation3<f64> {
         (orientation * self.axes).to_rotation_matrix()
     }

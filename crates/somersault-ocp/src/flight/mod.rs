@@ -9,4 +9,4 @@ mod path;
 mod step;
 
 pub use counting::{BodyAngles, Counting};
-pub use path::{EndDerivatives, OrientationPath, PathGradient};
+pub use path::{NodeDerivatives, OrientationPath, PathGradient};

@@ -1,5 +1,6 @@
 //! The orientation of the root along a flight, and its derivatives.
 
+use super::Counting;
 use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
 use crate::motion::SplineMotion;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -31,6 +32,7 @@ pub struct OrientationPath {
     angles: Vec<f64>,
     coefficients: Vec<f64>,
     is_derived: bool,
+    restart: Option<Restart>,
     derivatives: Vec<StepDerivative>,
     /// ∂ω by channels, by their rates and by T L in each stage of each step.
     by_channel: Vec<Vector3<f64>>,
@@ -39,9 +41,9 @@ pub struct OrientationPath {
     room: Room,
 }
 
-/// Derivatives of the orientation at the finish.
+/// Derivatives of the orientation at a node.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct EndDerivatives {
+pub struct NodeDerivatives {
     /// By a displacement of the start, in axes of the root there.
     pub by_start: Matrix3<f64>,
     /// By the turn momentum, world axes.
@@ -50,7 +52,7 @@ pub struct EndDerivatives {
     pub by_coefficients: Vec<Vector3<f64>>,
 }
 
-impl EndDerivatives {
+impl NodeDerivatives {
     /// Room for them.
     pub fn new(n_coefficients: usize) -> Self {
         Self { by_coefficients: vec![Vector3::zeros(); n_coefficients], ..Self::default() }
@@ -66,6 +68,16 @@ pub struct PathGradient {
     pub by_momentum: Vector3<f64>,
     /// By each coefficient.
     pub by_coefficients: Vec<f64>,
+}
+
+/// Where the orientation is straightened.
+#[derive(Debug, Clone)]
+struct Restart {
+    node: usize,
+    counting: Counting,
+    before: UnitQuaternion<f64>,
+    /// Displacement after by displacement before.
+    derivative: Matrix3<f64>,
 }
 
 /// Room for one evaluation.
@@ -121,6 +133,7 @@ impl OrientationPath {
             angles: vec![0.0; n_steps + 1],
             coefficients: vec![0.0; motion.n_coefficients()],
             is_derived: false,
+            restart: None,
             derivatives: vec![StepDerivative::zero(); n_steps],
             by_rate: by_channel.clone(),
             by_channel,
@@ -129,6 +142,23 @@ impl OrientationPath {
             model,
             motion,
         })
+    }
+
+    /// Goes on from `node`, in space, with the orientation [straightened](Counting::straightened): multiple shooting in
+    /// which the defect there is tilt and twist. Whoever asks for them to vanish has a continuous path, and
+    /// meanwhile what is left of them is not amplified by the rest of the flight.
+    pub fn with_restart(mut self, node: usize, counting: Counting) -> Self {
+        let before = UnitQuaternion::identity();
+        self.restart = Some(Restart { node, counting, before, derivative: Matrix3::identity() });
+        self
+    }
+
+    /// The orientation with which the path arrives at a node, before a restart.
+    pub fn arrival(&self, node: usize) -> &UnitQuaternion<f64> {
+        match &self.restart {
+            Some(restart) if restart.node == node => &restart.before,
+            _ => &self.orientations[node],
+        }
     }
 
     /// The tree.
@@ -164,7 +194,7 @@ impl OrientationPath {
     /// Integrates from `orientation`, a quaternion x, y, z, w or an angle as in q, with the `turn_momentum` T L in
     /// world axes (kg m²) and the given coefficients of the splines. Allocates nothing.
     ///
-    /// With derivatives, [`pull_back`](Self::pull_back) and [`end_derivatives`](Self::end_derivatives) are those of
+    /// With derivatives, [`pull_back`](Self::pull_back) and [`node_derivatives`](Self::node_derivatives) are those of
     /// this run.
     pub fn integrate(
         &mut self,
@@ -254,27 +284,33 @@ impl OrientationPath {
                 };
                 let derivative = with_derivatives.then_some(derivative);
                 self.orientations[step + 1] = turn(&self.orientations[step], h, evaluate, derivative)?;
+                if let Some(restart) = self.restart.as_mut().filter(|r| r.node == step + 1) {
+                    restart.pass(&mut self.orientations[step + 1]);
+                }
             }
         }
         Ok(())
     }
 
-    /// The derivatives of the orientation at the finish, by a displacement in axes of the root there.
+    /// The derivatives of the orientation at a node: of its displacement in axes of the root there.
     ///
     /// # Panics
     /// Where the last [`integrate`](Self::integrate) had no derivatives, or an argument has the wrong size.
-    pub fn end_derivatives(&self, out: &mut EndDerivatives) {
+    pub fn node_derivatives(&self, node: usize, out: &mut NodeDerivatives) {
         assert!(self.is_derived, "the last run had no derivatives");
         out.by_coefficients.fill(Vector3::zeros());
         out.by_momentum = Matrix3::zeros();
         let mut transition = Matrix3::identity();
-        for step in (0..self.n_steps).rev() {
+        for step in (0..node).rev() {
+            if step + 1 < node {
+                transition *= self.passage(step + 1);
+            }
             let derivative = &self.derivatives[step];
             for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
-                let to_end = transition * derivative.by_stage[stage];
-                out.by_momentum += to_end * self.by_momentum[step * STAGES + stage];
+                let to_node = transition * derivative.by_stage[stage];
+                out.by_momentum += to_node * self.by_momentum[step * STAGES + stage];
                 self.add_inputs(step, stage, |coefficient, by| {
-                    out.by_coefficients[coefficient] += to_end * by
+                    out.by_coefficients[coefficient] += to_node * by
                 });
             }
             transition *= derivative.by_start;
@@ -282,16 +318,22 @@ impl OrientationPath {
         out.by_start = transition;
     }
 
-    /// Adds to `gradient` what a gradient by displacements of the orientation at each node is for the start, the
+    /// What a restart at this node makes of a displacement.
+    fn passage(&self, node: usize) -> Matrix3<f64> {
+        self.restart.as_ref().filter(|r| r.node == node).map_or_else(Matrix3::identity, |r| r.derivative)
+    }
+
+    /// Adds to `gradient` what a gradient by displacements of the orientation at each node, after a restart, is for the start, the
     /// turn momentum and the coefficients. Costs two sweeps of the steps, whatever the number of parameters.
     ///
     /// # Panics
-    /// As [`end_derivatives`](Self::end_derivatives).
+    /// As [`node_derivatives`](Self::node_derivatives).
     pub fn pull_back(&self, by_nodes: &[Vector3<f64>], gradient: &mut PathGradient) {
         assert!(self.is_derived, "the last run had no derivatives");
         assert_eq!(by_nodes.len(), self.n_steps + 1);
         let mut adjoint = by_nodes[self.n_steps];
         for step in (0..self.n_steps).rev() {
+            adjoint = self.passage(step + 1).tr_mul(&adjoint);
             let derivative = &self.derivatives[step];
             for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
                 let weight = derivative.by_stage[stage].tr_mul(&adjoint);
@@ -321,6 +363,15 @@ impl OrientationPath {
                 add(k * n + self.first[step] + j, by_channel * values[j] + by_rate * slopes[j]);
             }
         }
+    }
+}
+
+impl Restart {
+    fn pass(&mut self, orientation: &mut UnitQuaternion<f64>) {
+        self.before = *orientation;
+        *orientation = self.counting.straightened(&self.before);
+        let [somersault, ..] = self.counting.gradients(&self.before);
+        self.derivative = self.counting.axes * Vector3::y() * somersault.transpose();
     }
 }
 
