@@ -8,10 +8,13 @@
 
 pub mod dive;
 pub mod flight;
+pub mod dynamics;
 mod error;
 pub mod motion;
 pub mod nlp;
 pub mod problem;
+pub mod shooting;
+pub mod solver;
 pub mod term;
 pub mod solver;
 pub mod transcription;

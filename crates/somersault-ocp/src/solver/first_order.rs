@@ -23,7 +23,7 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { stationarity_tol: 1e-6, max_iterations: 10_000, max_time: None, cost_floor: -1e20 }
+        Self { stationarity_tol: 1e-6, max_iterations: 10_000, max_time: None, cost_floor: -1e15 }
     }
 }
 

@@ -1,15 +1,19 @@
 //! The matrix of the quadratic model: what the program offers, or a quasi-Newton approximation.
 //!
-//! The approximation is the damped BFGS update of Powell (Nocedal & Wright 2006, procedure 18.2), positive
-//! definite for any step. Variables that the pattern of the Hessian does not couple, directly or through
-//! others, form blocks that are updated by themselves (Bock & Plitt 1984); a pattern without entries tells
-//! nothing and makes one dense block.
+//! Variables that the pattern of the Hessian does not couple, directly or through others, form blocks. One block,
+//! also where the pattern has no entries and so tells nothing, is approximated by the damped BFGS update of Powell
+//! (Nocedal & Wright 2006, procedure 18.2), which is positive definite after any step. Several blocks are updated
+//! each by itself, by the symmetric rank-one formula (equation 6.24): the blocks of a Lagrangian are indefinite also
+//! where it is convex along the constraints, and an update that stays definite would not converge to them (Janka,
+//! Kirches, Sager & Wächter 2016).
 
 use super::program::Program;
 use crate::nlp::{EvaluationError, Pattern};
 
 /// Share of sᵀ B s below which sᵀ y is damped.
 const DAMPING: f64 = 0.2;
+/// Cosine between step and misfit below which a rank-one update is left out.
+const SKIP: f64 = 1e-8;
 
 pub(super) struct Hessian {
     pub(super) pattern: Pattern,
@@ -58,6 +62,11 @@ impl Hessian {
         matches!(self.kind, Kind::QuasiNewton { .. })
     }
 
+    /// Whether it is positive definite by construction.
+    pub(super) fn is_definite(&self) -> bool {
+        matches!(&self.kind, Kind::QuasiNewton { blocks, .. } if blocks.len() == 1)
+    }
+
     /// Back to the unit matrix.
     pub(super) fn reset(&mut self) {
         self.values.fill(0.0);
@@ -96,13 +105,14 @@ impl Hessian {
     /// Learns that the gradient of the Lagrangian changed by `y` along `s`. `y` is overwritten.
     pub(super) fn update(&mut self, s: &[f64], y: &mut [f64]) {
         let Kind::QuasiNewton { blocks, scaled, product } = &mut self.kind else { return };
+        let single = blocks.len() == 1;
         product.fill(0.0);
         self.pattern.add_symmetric_product(&self.values, s, product);
         for (block, scaled) in blocks.iter().zip(scaled) {
             let dot = |a: &[f64], b: &[f64]| block.iter().map(|&i| a[i] * b[i]).sum::<f64>();
             let (ss, sy) = (dot(s, s), dot(s, y));
             let mut s_b_s = dot(s, product);
-            if ss == 0.0 || !(s_b_s > 0.0) {
+            if ss == 0.0 || !s_b_s.is_finite() || (single && s_b_s <= 0.0) {
                 continue;
             }
             if !std::mem::replace(scaled, true) && sy > 0.0 {
@@ -114,21 +124,35 @@ impl Hessian {
                 }
                 s_b_s = size * ss;
             }
-            let mut curvature = sy;
-            if sy < DAMPING * s_b_s {
-                let theta = (1.0 - DAMPING) * s_b_s / (s_b_s - sy);
-                for &i in block {
-                    y[i] = theta * y[i] + (1.0 - theta) * product[i];
+            let column = |j: usize| self.pattern.columns[j];
+            let values = &mut self.values;
+            let mut add = |a: &[f64], factor: f64| {
+                for (k, &j) in block.iter().enumerate() {
+                    for (value, &i) in values[column(j)..].iter_mut().zip(&block[..=k]) {
+                        *value += factor * a[i] * a[j];
+                    }
                 }
-                curvature = dot(s, y);
-            }
-            if !(curvature > f64::MIN_POSITIVE) || !curvature.is_finite() {
-                continue;
-            }
-            for (k, &j) in block.iter().enumerate() {
-                let column = self.pattern.columns[j];
-                for (l, &i) in block[..=k].iter().enumerate() {
-                    self.values[column + l] += y[i] * y[j] / curvature - product[i] * product[j] / s_b_s;
+            };
+            if single {
+                let mut curvature = sy;
+                if sy < DAMPING * s_b_s {
+                    let theta = (1.0 - DAMPING) * s_b_s / (s_b_s - sy);
+                    for &i in block {
+                        y[i] = theta * y[i] + (1.0 - theta) * product[i];
+                    }
+                    curvature = dot(s, y);
+                }
+                if curvature.is_finite() && curvature > f64::MIN_POSITIVE {
+                    add(y, 1.0 / curvature);
+                    add(product, -1.0 / s_b_s);
+                }
+            } else {
+                for &i in block {
+                    y[i] -= product[i];
+                }
+                let change = dot(s, y);
+                if change.abs() > SKIP * (ss * dot(y, y)).sqrt() {
+                    add(y, 1.0 / change);
                 }
             }
         }

@@ -105,6 +105,9 @@ impl Kkt {
         jacobian: &[f64],
         active: &[Activity],
     ) -> bool {
+        if self.n == 0 {
+            return false;
+        }
         self.count += 1;
         self.hessian.copy_from_slice(hessian);
         self.jacobian.copy_from_slice(jacobian);

@@ -8,6 +8,7 @@ mod hessian;
 mod interior_point;
 mod kkt;
 mod lbfgs;
+mod multi_start;
 mod program;
 mod report;
 mod sqp;
@@ -17,6 +18,7 @@ pub use error::SolverError;
 pub use first_order::Limits;
 pub use gradient_descent::GradientDescent;
 pub use lbfgs::Lbfgs;
+pub use multi_start::{Failure, FailureCause, Minimum, MultiStart, MultiStartReport, samples};
 pub use report::{Counts, Flow, Iteration, KktResiduals, Report, Start, Status};
 pub use sqp::{HessianSource, Sqp};
 

@@ -48,7 +48,7 @@ impl Default for Sqp {
             complementarity_tol: 1e-8,
             max_iterations: 500,
             max_time: None,
-            cost_floor: -1e20,
+            cost_floor: -1e15,
         }
     }
 }
@@ -245,6 +245,9 @@ impl<'a> Run<'a> {
         let violation = self.program.violation(&self.point.constraints);
         let size = max_norm(&self.hessian.values).max(f64::MIN_POSITIVE);
         let kept_floor = self.floor;
+        if self.point.z.is_empty() {
+            return Ok(Advance::Ended(Status::Infeasible));
+        }
         for attempt in 0..REPAIRS {
             let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
             if origin == Some(Origin::Elastic) && !self.is_feasible() && self.is_stuck(violation) {
@@ -261,15 +264,19 @@ impl<'a> Run<'a> {
                     return Ok(Advance::Stepped { length, decreased });
                 }
             }
-            if self.hessian.is_quasi_newton() {
-                if attempt > 0 {
+            // An indefinite matrix is shifted first; an approximation is given up last.
+            let last = if self.hessian.is_definite() { 0 } else { REPAIRS - 2 };
+            if self.hessian.is_quasi_newton() && attempt >= last {
+                if attempt > last {
                     break;
                 }
                 self.hessian.reset();
+                self.floor = kept_floor;
             } else {
                 self.floor = (100.0 * self.subproblem.shift).max(1e-4 * size);
             }
         }
+        self.floor = kept_floor;
         Ok(Advance::Ended(Status::Stalled))
     }
 
@@ -325,7 +332,7 @@ impl<'a> Run<'a> {
         let merit = self.merit(&self.point);
         let terms = self.point.cost.abs() + self.penalty * max_norm(&self.point.constraints);
         let slack = 10.0 * f64::EPSILON * terms.max(merit.abs());
-        if !(descent <= slack) {
+        if descent.is_nan() || descent > slack {
             return Ok(None);
         }
         let descent = descent.min(0.0);

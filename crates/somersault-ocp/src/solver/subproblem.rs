@@ -218,7 +218,7 @@ impl Subproblem {
                 if self.last_shift == 0.0 {
                     1e-4 * size
                 } else {
-                    (self.last_shift / 3.0).max(1e-12 * size).max(2.0 * floor)
+                    (self.last_shift / 3.0).max(1e-20 * size).max(2.0 * floor)
                 }
             } else {
                 let next = *shift * factor;
@@ -373,7 +373,7 @@ impl Subproblem {
         let marked: f64 = (0..y.len())
             .map(|i| y[i] / size * (-self.upper[n + i]).max(0.0) - y[i] / size * self.lower[n + i].max(0.0))
             .sum();
-        if !(size > 0.0) || marked < 0.5 * program.violation(&point.constraints) {
+        if size == 0.0 || marked < 0.5 * program.violation(&point.constraints) {
             return f64::INFINITY;
         }
         let mut slope = vec![0.0; n];

@@ -1,4 +1,24 @@
 //! Terms: numbers made of a motion at one time, of which costs and constraints are composed.
+//!
+//! | Term | Rows |
+//! |---|---|
+//! | [`Entries`] | numbers of the node: time, velocities, accelerations, joint forces (thesis C.26), channels, their rates |
+//! | [`Displacement`] | displacement of the positions from a reference, on the groups of the joints |
+//! | [`Momentum`] | centre of mass, linear or angular momentum of a tree |
+//! | [`PointPosition`], [`AxisDirection`], [`BodyOrientation`] | where a body is and how it is turned |
+//! | [`Function`] | a function of the user's, with its gradient or by differences |
+
+mod body;
+mod displacement;
+mod entries;
+mod function;
+mod momentum;
+
+pub use body::{AxisDirection, BodyOrientation, PointPosition};
+pub use displacement::Displacement;
+pub use entries::{Entries, Part};
+pub use function::{Function, UserError};
+pub use momentum::{Momentum, MomentumPart};
 
 use crate::nlp::EvaluationError;
 

@@ -1,0 +1,91 @@
+//! Hybrid dynamics: some degrees of freedom move as prescribed, the others as their joint forces let them.
+//!
+//! ```text
+//! M_pp a_p + M_pa a_a + h_p = τ_p,    M_ap a_p + M_aa a_a + h_a = τ_a          (thesis C.24)
+//! ```
+//! Of every degree of freedom one of acceleration and joint force is *known*, the force of the passive and the
+//! acceleration of the active ones, and the other is *found*. Any tree does this ([`Tree`]), with any division into
+//! passive and active; the pendulum on a cart also does it in closed form ([`CartPendulumDynamics`]).
+
+mod cart_pendulum;
+mod group;
+mod tree;
+
+pub use cart_pendulum::CartPendulumDynamics;
+pub(crate) use group::Carry;
+pub use tree::Tree;
+pub(crate) use tree::undefined;
+
+use crate::nlp::EvaluationError;
+use nalgebra::Matrix6;
+use std::ops::Range;
+
+/// The degrees of freedom of a system.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Dofs {
+    /// Numbers in q.
+    pub n_positions: usize,
+    /// For each degree of freedom, whether its acceleration is prescribed.
+    pub active: Vec<bool>,
+    /// For each degree of freedom its place in q, if it is the only one of its joint.
+    pub positions: Vec<Option<usize>>,
+    /// The degrees of freedom of each joint whose displacements do not commute; at most six.
+    pub groups: Vec<Range<usize>>,
+}
+
+impl Dofs {
+    /// Numbers in v.
+    pub fn n_velocities(&self) -> usize {
+        self.active.len()
+    }
+
+    /// The active degrees of freedom, ascending.
+    pub fn active_dofs(&self) -> Vec<usize> {
+        (0..self.active.len()).filter(|k| self.active[*k]).collect()
+    }
+
+    /// The passive degrees of freedom, ascending.
+    pub fn passive_dofs(&self) -> Vec<usize> {
+        (0..self.active.len()).filter(|k| !self.active[*k]).collect()
+    }
+}
+
+/// A system whose degrees of freedom are passive or active, with its workspace.
+///
+/// Displacements and velocities act from the right, q(t + h) ≈ q(t) ⊕ h v. Nothing allocates after construction.
+pub trait HybridDynamics: Send {
+    /// Its degrees of freedom.
+    fn dofs(&self) -> &Dofs;
+
+    /// Writes what is found for (q, v, known).
+    fn calc(&mut self, q: &[f64], v: &[f64], known: &[f64], found: &mut [f64])
+    -> Result<(), EvaluationError>;
+
+    /// Writes the partials of what is found by displacements of q, by v and by what is known: three square matrices one
+    /// after the other, by columns.
+    fn calc_diff(
+        &mut self,
+        q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        partials: &mut [f64],
+    ) -> Result<(), EvaluationError>;
+
+    /// out ← q ⊕ d.
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
+        Ok(())
+    }
+
+    /// out ← the d of least rotation with `from` ⊕ d = `to`.
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
+        Ok(())
+    }
+
+    /// The matrix of the bracket of a displacement `d` of all degrees of freedom with others, in group number `group`;
+    /// rows and columns beyond the degrees of freedom of the group are zero.
+    fn bracket(&self, _group: usize, _d: &[f64]) -> Matrix6<f64> {
+        Matrix6::zeros()
+    }
+}

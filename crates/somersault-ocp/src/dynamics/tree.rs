@@ -1,0 +1,148 @@
+//! Any tree, with any division into passive and active degrees of freedom.
+
+use super::{Dofs, HybridDynamics};
+use crate::error::{OcpError, expect_length};
+use crate::nlp::EvaluationError;
+use nalgebra::{Matrix6, Vector3};
+use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Motion, Split};
+
+/// A tree as [`HybridDynamics`]; joint forces of passive degrees of freedom, viscous friction and gravity are its own.
+#[derive(Debug, Clone)]
+pub struct Tree {
+    model: Model,
+    split: Split,
+    dofs: Dofs,
+    joints: Vec<Joint>,
+    data: Data,
+    work: DerivativeData,
+    acceleration: Vec<f64>,
+    torque: Vec<f64>,
+}
+
+impl Tree {
+    /// `model` with the active degrees of freedom of `split`, each of which must be all of its joint.
+    pub fn try_new(model: Model, split: Split) -> Result<Self, OcpError> {
+        let n = model.n_velocities();
+        expect_length("split", split.active().len(), n)?;
+        let mut dofs = Dofs {
+            n_positions: model.n_positions(),
+            active: split.active().to_vec(),
+            positions: vec![None; n],
+            groups: Vec::new(),
+        };
+        let mut joints = Vec::new();
+        for (i, link) in model.links().iter().enumerate() {
+            let at = model.velocities_of(i);
+            if at.len() == 1 {
+                dofs.positions[at.start] = Some(model.positions_of(i).start);
+                continue;
+            }
+            let n_active = split.active()[at.clone()].iter().filter(|active| **active).count();
+            if n_active > 0 {
+                let joint = link.name().to_owned();
+                return Err(OcpError::ActiveJoint { joint, n_active, n_velocities: at.len() });
+            }
+            if at.len() > 1 {
+                dofs.groups.push(at);
+                joints.push(*link.joint());
+            }
+        }
+        let (data, work) = (Data::new(&model), DerivativeData::new(&model));
+        Ok(Self { model, split, dofs, joints, data, work, acceleration: vec![0.0; n], torque: vec![0.0; n] })
+    }
+
+    /// The tree.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Which degrees of freedom are active.
+    pub fn split(&self) -> &Split {
+        &self.split
+    }
+}
+
+pub(crate) fn undefined(error: DynamicsError) -> EvaluationError {
+    EvaluationError::Undefined { what: format!("the motion of the tree ({error})") }
+}
+
+/// A displacement of a joint as a motion in the axes of its child.
+fn motion(joint: &Joint, d: &[f64]) -> Motion<f64> {
+    match joint {
+        Joint::Spherical => Motion::new(Vector3::zeros(), Vector3::new(d[0], d[1], d[2])),
+        Joint::Planar => Motion::new(Vector3::new(d[0], d[1], 0.0), Vector3::new(0.0, 0.0, d[2])),
+        _ => Motion::new(Vector3::new(d[0], d[1], d[2]), Vector3::new(d[3], d[4], d[5])),
+    }
+}
+
+/// The numbers of a displacement of a joint.
+fn numbers(joint: &Joint, m: &Motion<f64>) -> [f64; 6] {
+    let (l, a) = (m.linear, m.angular);
+    match joint {
+        Joint::Spherical => [a.x, a.y, a.z, 0.0, 0.0, 0.0],
+        Joint::Planar => [l.x, l.y, a.z, 0.0, 0.0, 0.0],
+        _ => [l.x, l.y, l.z, a.x, a.y, a.z],
+    }
+}
+
+impl HybridDynamics for Tree {
+    fn dofs(&self) -> &Dofs {
+        &self.dofs
+    }
+
+    fn calc(
+        &mut self,
+        q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        found: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let Self { model, split, data, acceleration, torque, .. } = self;
+        acceleration.copy_from_slice(known);
+        torque.copy_from_slice(known);
+        model.hybrid_dynamics(data, split, q, v, acceleration, torque, &[]).map_err(undefined)?;
+        for (k, active) in split.active().iter().enumerate() {
+            found[k] = if *active { torque[k] } else { acceleration[k] };
+        }
+        Ok(())
+    }
+
+    fn calc_diff(
+        &mut self,
+        q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        partials: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let Self { model, split, work, .. } = self;
+        let found = model.hybrid_dynamics_partials(work, split, q, v, known, &[]).map_err(undefined)?;
+        let square = known.len() * known.len();
+        let (by_q, rest) = partials.split_at_mut(square);
+        let (by_v, by_known) = rest.split_at_mut(square);
+        by_q.copy_from_slice(found.q.as_slice());
+        by_v.copy_from_slice(found.v.as_slice());
+        by_known.copy_from_slice(found.input.as_slice());
+        Ok(())
+    }
+
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        self.model.integrate(q, d, out).map_err(undefined)
+    }
+
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        self.model.difference(from, to, out).map_err(undefined)
+    }
+
+    fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64> {
+        let (joint, at) = (&self.joints[group], self.dofs.groups[group].clone());
+        let d = motion(joint, &d[at.clone()]);
+        let mut matrix = Matrix6::zeros();
+        for j in 0..at.len() {
+            let mut unit = [0.0; 6];
+            unit[j] = 1.0;
+            let column = numbers(joint, &d.cross(&motion(joint, &unit)));
+            matrix.column_mut(j).copy_from_slice(&column);
+        }
+        matrix
+    }
+}

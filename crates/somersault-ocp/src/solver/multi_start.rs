@@ -1,0 +1,155 @@
+//! Many starts, in parallel, and the distinct minima they lead to.
+
+use super::NlpSolver;
+use super::error::SolverError;
+use super::program::{check_bounds, check_positive, check_vector};
+use super::report::{Flow, Report, Start};
+use crate::nlp::{Bounds, Nlp};
+use rayon::prelude::*;
+
+/// Solves from many starts.
+///
+/// Each start gets a program of its own, so that nothing carries over and the answer is the same for any number of
+/// threads. They are those of the current rayon pool.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MultiStart<S> {
+    /// What solves from one start.
+    pub solver: S,
+    /// Two minima are the same if max |zᵢ − z′ᵢ| / max(1, |zᵢ|, |z′ᵢ|) is at most this.
+    pub distance_tol: f64,
+}
+
+/// A minimum, with all starts that led to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Minimum {
+    /// The solve of least cost.
+    pub report: Report,
+    /// Indices of the starts, ascending.
+    pub starts: Vec<usize>,
+}
+
+/// A start that led to no minimum.
+#[derive(Debug)]
+pub struct Failure {
+    /// Index of the start.
+    pub start: usize,
+    /// What came of it.
+    pub cause: FailureCause,
+}
+
+/// Why a start led to no minimum.
+#[derive(Debug)]
+pub enum FailureCause {
+    /// The status is another than converged.
+    Ended(Report),
+    /// A function of the user failed, or the start is no start of this program.
+    Error(SolverError),
+    /// The solve had not begun when all were asked to stop.
+    Skipped,
+}
+
+/// What became of all starts.
+#[derive(Debug)]
+pub struct MultiStartReport {
+    /// Distinct minima, least cost first.
+    pub minima: Vec<Minimum>,
+    /// All other starts, by index.
+    pub failures: Vec<Failure>,
+}
+
+impl<S> MultiStart<S> {
+    /// With minima apart by 10⁻⁴.
+    pub fn new(solver: S) -> Self {
+        Self { solver, distance_tol: 1e-4 }
+    }
+}
+
+impl<S: NlpSolver + Sync> MultiStart<S> {
+    /// Solves from all starts. `make` makes the program; `stop` is asked before each start and after each step of
+    /// every solve, from any thread.
+    pub fn solve<N: Nlp>(
+        &self,
+        make: impl Fn() -> N + Sync,
+        starts: &[Start],
+        stop: impl Fn() -> bool + Sync,
+    ) -> Result<MultiStartReport, SolverError> {
+        check_positive("distance_tol", self.distance_tol)?;
+        let solve = |start: &Start| {
+            if stop() {
+                return None;
+            }
+            let outcome = self.solver.solve(&mut make(), start, &mut |_| {
+                if stop() { Flow::Stop } else { Flow::Continue }
+            });
+            Some(outcome)
+        };
+        // One start to a job: some take a hundred times as long as others.
+        let outcomes: Vec<_> = starts.par_iter().with_max_len(1).map(solve).collect();
+
+        let mut converged = Vec::new();
+        let mut failures = Vec::new();
+        for (start, outcome) in outcomes.into_iter().enumerate() {
+            let cause = match outcome {
+                Some(Ok(report)) if report.status.is_converged() => {
+                    converged.push((start, report));
+                    continue;
+                }
+                Some(Ok(report)) => FailureCause::Ended(report),
+                Some(Err(error)) => FailureCause::Error(error),
+                None => FailureCause::Skipped,
+            };
+            failures.push(Failure { start, cause });
+        }
+        converged.sort_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost));
+        let mut minima: Vec<Minimum> = Vec::new();
+        for (start, report) in converged {
+            match minima.iter_mut().find(|m| distance(&m.report.z, &report.z) <= self.distance_tol) {
+                Some(minimum) => minimum.starts.push(start),
+                None => minima.push(Minimum { report, starts: vec![start] }),
+            }
+        }
+        for minimum in &mut minima {
+            minimum.starts.sort_unstable();
+        }
+        Ok(MultiStartReport { minima, failures })
+    }
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |d: f64, (a, b)| d.max((a - b).abs() / a.abs().max(b.abs()).max(1.0)))
+}
+
+/// A Latin hypercube: `count` starts of which each coordinate visits each of `count` equal parts of its range once,
+/// the same for the same seed.
+pub fn samples(range: &Bounds, count: usize, seed: u64) -> Result<Vec<Start>, SolverError> {
+    check_bounds("range", range)?;
+    check_vector("range.lower", &range.lower, range.len())?;
+    check_vector("range.upper", &range.upper, range.len())?;
+    let mut random = SplitMix64(seed);
+    let mut starts = vec![Start::from(vec![0.0; range.len()]); count];
+    let mut parts: Vec<usize> = (0..count).collect();
+    for i in 0..range.len() {
+        for last in (1..count).rev() {
+            parts.swap(last, (random.next() * (last + 1) as f64) as usize);
+        }
+        let width = (range.upper[i] - range.lower[i]) / count as f64;
+        for (start, &part) in starts.iter_mut().zip(&parts) {
+            start.z[i] = (range.lower[i] + (part as f64 + random.next()) * width).min(range.upper[i]);
+        }
+    }
+    Ok(starts)
+}
+
+/// Steele, Lea & Flood (2014). Its own few lines: starts must not change with the version of a crate.
+struct SplitMix64(u64);
+
+impl SplitMix64 {
+    /// Uniform in [0, 1).
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}

@@ -1,0 +1,4 @@
+//! Optimal motions: shooting, problems and their gradients.
+
+mod gradients;
+mod systems;
