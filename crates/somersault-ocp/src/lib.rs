@@ -16,7 +16,6 @@ pub mod problem;
 pub mod shooting;
 pub mod solver;
 pub mod term;
-pub mod solver;
 pub mod transcription;
 
 pub use error::OcpError;

@@ -9,6 +9,8 @@ use somersault_multibody::{Data, DynamicsError, Model};
 #[derive(Debug, Clone)]
 pub(super) struct ClearanceRows {
     body: Body,
+    /// With the pairs that need no rows, too.
+    whole: Body,
     /// Of the program.
     first_row: usize,
     /// Shares of the duration.
@@ -27,7 +29,7 @@ pub(super) struct ClearanceRows {
 }
 
 /// Pairs that stay farther apart than this in all postures between those of a dive are left out, m.
-const FAR: f64 = 0.08;
+const FAR: f64 = 0.02;
 /// Steps of the grid of weights on which they are looked at.
 const GRID: usize = 4;
 
@@ -40,7 +42,8 @@ impl ClearanceRows {
         clearance: Clearance,
         first_row: usize,
     ) -> Result<Self, DynamicsError> {
-        let mut body = Body::try_new(model)?;
+        let whole = Body::try_new(model)?;
+        let mut body = whole.clone();
         let mut data = Data::new(model);
         let mut q = model.neutral();
         let near = least_distances(dive, model, &body, &mut data, &mut q)?;
@@ -71,6 +74,7 @@ impl ClearanceRows {
             by_parameter: vec![0.0; motion.n_parameters()],
             channels: vec![0.0; motion.n_channels()],
             body,
+            whole,
             first_row,
             shares,
             parameters,
@@ -80,8 +84,9 @@ impl ClearanceRows {
         })
     }
 
-    pub(super) fn body(&self) -> &Body {
-        &self.body
+    /// With all pairs, near and far.
+    pub(super) fn whole_body(&self) -> &Body {
+        &self.whole
     }
 
     pub(super) fn n_rows(&self) -> usize {
@@ -93,9 +98,9 @@ impl ClearanceRows {
         let n_pairs = self.distances.len();
         let row = |time: usize, pair: usize| self.first_row + time * n_pairs + pair;
         let of_time = |(time, parameters): (usize, &Vec<usize>)| {
-            let parameters = parameters.clone();
+            let columns: Vec<usize> = parameters.iter().filter_map(|p| column_of[*p]).collect();
             (0..n_pairs)
-                .flat_map(move |pair| parameters.clone().into_iter().map(move |p| (row(time, pair), p)))
+                .flat_map(|pair| columns.iter().map(|column| (row(time, pair), *column)).collect::<Vec<_>>())
                 .collect::<Vec<_>>()
         };
         self.parameters.iter().enumerate().flat_map(of_time).collect()

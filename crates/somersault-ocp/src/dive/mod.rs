@@ -23,12 +23,16 @@ mod cost;
 mod error;
 mod named;
 mod program;
+mod report;
+mod search;
 mod template;
 
 pub use body::Body;
 pub use capsule::{Capsule, NearestPoints, nearest_points};
 pub use error::DiveError;
 pub use program::DiveProgram;
+pub use report::{DiveJudgementError, DiveReport};
+pub use search::{DiveSearch, DiveSearchError};
 pub use template::KeyFrame;
 
 use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};

@@ -59,8 +59,8 @@ impl Dive {
             momentum: Range::new(0.0, 500.0),
             platform: 10.0,
             entry_distance: 2.0,
-            penalties: Penalties { momentum: 1.0, rate: 1e-3, acceleration: 0.0 },
-            clearance: Some(Clearance { distance: 0.005, n_times: 40 }),
+            penalties: Penalties { momentum: 1.0, rate: 2e-3, acceleration: 0.0 },
+            clearance: Some(Clearance { distance: 0.005, n_times: 35 }),
             n_steps: 120,
             n_pieces: 1,
         }

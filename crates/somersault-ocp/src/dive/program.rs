@@ -38,7 +38,8 @@ pub struct DiveProgram {
     jacobian: Vec<f64>,
     clearance: Option<ClearanceRows>,
     soft: Option<Soft>,
-    end: NodeDerivatives,
+    node: NodeDerivatives,
+    angle_rows: [Vec<f64>; 3],
     coefficients: Vec<f64>,
     by_coefficient: Vec<f64>,
     parameters: Vec<f64>,
@@ -142,7 +143,8 @@ impl DiveProgram {
             jacobian,
             clearance,
             soft: None,
-            end: NodeDerivatives::new(motion.n_coefficients()),
+            node: NodeDerivatives::new(motion.n_coefficients()),
+            angle_rows: [0; 3].map(|_| vec![0.0; n_z]),
             coefficients: vec![0.0; motion.n_coefficients()],
             by_coefficient: vec![0.0; motion.n_coefficients()],
             parameters: vec![0.0; motion.n_parameters()],
@@ -181,6 +183,12 @@ impl DiveProgram {
         let violations = vec![0.0; bounds.len()];
         program.soft = Some(Soft { weight, bounds, violations, jacobian: self.jacobian.clone() });
         Ok(program)
+    }
+
+    /// Multipliers of entry and clearances that the violations at the last point stand for; zero elsewhere.
+    pub(super) fn soft_multipliers(&self) -> Vec<f64> {
+        let none = || vec![0.0; self.structure.constraints.len()];
+        self.soft.as_ref().map_or_else(none, Soft::multipliers)
     }
 
     /// The dive.
@@ -284,14 +292,17 @@ impl DiveProgram {
         Ok(())
     }
 
-    /// Angles at the nodes of the last flight.
-    pub fn angles(&self) -> Vec<BodyAngles> {
-        if self.path.is_planar() {
+    /// Angles at the nodes of the path.
+    pub fn angles(&self, z: &[f64]) -> Result<Vec<BodyAngles>, DiveError> {
+        let mut program = self.clone();
+        program.fly(z, false)?;
+        let path = &program.path;
+        if path.is_planar() {
             let tilt = self.counting.axes.euler_angles().1;
             let somersault = |angle: &f64| BodyAngles { somersault: tilt - angle, ..BodyAngles::default() };
-            return self.path.angles().iter().map(somersault).collect();
+            return Ok(path.angles().iter().map(somersault).collect());
         }
-        self.counting.along(self.path.orientations())
+        Ok(self.counting.along((0..=path.n_steps()).map(|node| path.arrival(node))))
     }
 
     /// ψ at the entry, then τ and φ at the square-out; in the plane ψ alone.
@@ -319,6 +330,47 @@ impl DiveProgram {
         let at = |node: usize| self.counting.gradients(self.path.arrival(node));
         let [_, tilt, twist] = at(self.square_out);
         [(n_steps, at(n_steps)[0]), (self.square_out, tilt), (self.square_out, twist)]
+    }
+
+    /// Angles at entry and square-out that are constraints.
+    fn n_angles(&self) -> usize {
+        if self.path.is_planar() { 1 } else { 3 }
+    }
+
+    /// The gradients of these angles by z, for the last flight.
+    fn angle_gradients(&mut self, z: &[f64], rows: &mut [Vec<f64>; 3]) {
+        let mut node_derivatives = std::mem::take(&mut self.node);
+        let mut before = usize::MAX;
+        for (k, (node, by_node)) in self.entry_gradients().iter().enumerate().take(self.n_angles()) {
+            if *node != before {
+                self.path.node_derivatives(*node, &mut node_derivatives);
+                before = *node;
+            }
+            for (out, by) in self.by_coefficient.iter_mut().zip(&node_derivatives.by_coefficients) {
+                *out = by.dot(by_node);
+            }
+            self.row.fill(0.0);
+            self.path.motion().pull_back(&self.by_coefficient, &mut self.row);
+            let row = &mut rows[k];
+            self.free.iter().zip(row.iter_mut()).for_each(|(p, out)| *out = self.row[*p]);
+            let by_momentum = node_derivatives.by_momentum.tr_mul(by_node).y;
+            if let Some(column) = self.extra.momentum {
+                row[column] = by_momentum * self.duration(z) * self.momentum_unit;
+            }
+            if let Some(column) = self.extra.duration {
+                row[column] = by_momentum * self.momentum(z);
+            }
+            if let Some(column) = self.extra.lean {
+                // the start turns about the world's lateral axis
+                let turn = if self.path.is_planar() {
+                    -Vector3::z()
+                } else {
+                    self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
+                };
+                row[column] = node_derivatives.by_start.tr_mul(by_node).dot(&turn);
+            }
+        }
+        self.node = node_derivatives;
     }
 
     fn cost(&self, z: &[f64], mut gradient: Option<&mut [f64]>) -> f64 {
@@ -357,7 +409,7 @@ impl Nlp for DiveProgram {
         }
         let angles = self.entry_angles();
         let rest = &mut constraints[self.linear.len()..];
-        let n_angles = if self.path.is_planar() { 1 } else { 3 };
+        let n_angles = self.n_angles();
         rest[..n_angles].copy_from_slice(&angles[..n_angles]);
         if let Some(clearance) = &mut self.clearance {
             let found = clearance.evaluate(
@@ -388,39 +440,16 @@ impl Nlp for DiveProgram {
         gradient.fill(0.0);
         self.cost(z, Some(gradient));
         jacobian.copy_from_slice(&self.jacobian);
-        let mut end = std::mem::take(&mut self.end);
+        let n_angles = self.n_angles();
+        let mut rows = std::mem::take(&mut self.angle_rows);
+        self.angle_gradients(z, &mut rows);
         let pattern = &self.structure.jacobian;
-        let n_angles = if self.path.is_planar() { 1 } else { 3 };
-        for (k, (node, by_node)) in self.entry_gradients().iter().enumerate().take(n_angles) {
-            self.path.node_derivatives(*node, &mut end);
-            let index = self.linear.len() + k;
-            let mut set = |column: usize, value: f64| {
-                jacobian[pattern.position(index, column).unwrap_or_default()] = value;
-            };
-            for (out, by) in self.by_coefficient.iter_mut().zip(&end.by_coefficients) {
-                *out = by.dot(by_node);
-            }
-            self.row.fill(0.0);
-            self.path.motion().pull_back(&self.by_coefficient, &mut self.row);
-            self.free.iter().enumerate().for_each(|(column, p)| set(column, self.row[*p]));
-            let by_momentum = end.by_momentum.tr_mul(by_node).y;
-            if let Some(column) = self.extra.momentum {
-                set(column, by_momentum * self.duration(z) * self.momentum_unit);
-            }
-            if let Some(column) = self.extra.duration {
-                set(column, by_momentum * self.momentum(z));
-            }
-            if let Some(column) = self.extra.lean {
-                // the start turns about the world's lateral axis
-                let turn = if self.path.is_planar() {
-                    -Vector3::z()
-                } else {
-                    self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
-                };
-                set(column, end.by_start.tr_mul(by_node).dot(&turn));
+        for (k, row) in rows.iter().enumerate().take(n_angles) {
+            for (column, value) in row.iter().enumerate() {
+                jacobian[pattern.position(self.linear.len() + k, column).unwrap_or_default()] = *value;
             }
         }
-        self.end = end;
+        self.angle_rows = rows;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
             let found = clearance.differentiate(model, motion, &self.column_of, &self.coefficients, pattern, jacobian);
@@ -438,9 +467,10 @@ impl Nlp for DiveProgram {
     }
 
     fn curvature(&self) -> Curvature {
-        Curvature::GaussNewton
+        if self.soft.is_some() { Curvature::GaussNewton } else { Curvature::None }
     }
 
+    /// Of the cost, and of the soft constraints after Gauss and Newton.
     fn hessian(
         &mut self,
         z: &[f64],
@@ -475,6 +505,11 @@ impl Nlp for DiveProgram {
 }
 
 impl Soft {
+    /// What the violations at the last point are as multipliers of constraints.
+    fn multipliers(&self) -> Vec<f64> {
+        self.violations.iter().map(|v| self.weight * v).collect()
+    }
+
     /// Leaves the violations of the rows from `first` on, and returns what they cost.
     fn evaluate(&mut self, constraints: &[f64], first: usize) -> f64 {
         let Bounds { lower, upper } = &self.bounds;

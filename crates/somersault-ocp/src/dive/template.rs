@@ -11,6 +11,36 @@ pub struct KeyFrame {
     pub posture: usize,
 }
 
+impl KeyFrame {
+    /// `count` templates: the given one, then others whose inner key frames are moved by up to 0.4 of the way to
+    /// their neighbours. The same for the same seed.
+    pub fn variations(template: &[Self], count: usize, seed: u64) -> Vec<Vec<Self>> {
+        let mut state = seed;
+        // Steele, Lea & Flood (2014); its own few lines, so that starts do not change with the version of a crate
+        let mut random = || {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut x = state;
+            x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut moved = |k: usize| {
+            let frame = template[k];
+            if k == 0 || k + 1 == template.len() {
+                return frame;
+            }
+            let reach = 0.4 * (2.0 * random() - 1.0);
+            let neighbour = template[if reach < 0.0 { k - 1 } else { k + 1 }].share;
+            Self { share: frame.share + reach.abs() * (neighbour - frame.share), ..frame }
+        };
+        let vary = |n: usize| match n {
+            0 => template.to_vec(),
+            _ => (0..template.len()).map(&mut moved).collect(),
+        };
+        (0..count).map(vary).collect()
+    }
+}
+
 /// Samples of a template to which splines are fitted.
 const SAMPLES: usize = 120;
 
