@@ -50,7 +50,7 @@ impl Dive {
             channels: Channels::Weights,
             windows: vec![all, twisting, twisting, twisting, Range::new(0.5, 1.0)],
             square_out: 0.6,
-            n_par: 36,
+            n_par: 30,
             somersaults: 3.5,
             twists: 2.0,
             lean: Range::fixed(10f64.to_radians()),
@@ -61,7 +61,7 @@ impl Dive {
             entry_distance: 2.0,
             penalties: Penalties { momentum: 1.0, rate: 2e-3, acceleration: 0.0 },
             clearance: Some(Clearance { distance: 0.005, n_times: 35 }),
-            n_steps: 120,
+            n_steps: 200,
             n_pieces: 1,
         }
     }

@@ -29,7 +29,7 @@ pub struct DiveReport {
     pub entry_angle: f64,
     /// Greatest angle between that integration and the nodes of the program, rad.
     pub defect: f64,
-    /// What the full dynamics of the driven tree, integrated to 1e-13 without use of the reduction, changes the
+    /// What the full dynamics of the driven tree, integrated to 1e-14 without use of the reduction, changes the
     /// angular momentum by, relative.
     pub momentum_drift: f64,
     /// Angle between the orientations of full and reduced integration at the entry, rad.
@@ -220,7 +220,7 @@ impl DiveProgram {
         let split = Split::new((0..model.n_velocities()).map(|k| k >= n_root).collect());
         let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| channels.joints(t, 2, &mut a[n_root..]);
         let full = TreeSystem::new(model, ()).driven(split, drive).map_err(DiveError::from)?;
-        let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-13, 1e-13) };
+        let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-14, 1e-14) };
         let full_end = full
             .integrate_adaptive(Method::Rkmk8, Options::default(), &full_start, (0.0, duration), &control, &mut ())?
             .state;

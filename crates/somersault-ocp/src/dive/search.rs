@@ -47,7 +47,7 @@ impl DiveSearch {
         let hard = Sqp {
             hessian: HessianSource::QuasiNewton,
             stationarity_tol: 1e-4,
-            max_iterations: 60,
+            max_iterations: 100,
             ..Sqp::default()
         };
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard }
