@@ -6,6 +6,8 @@
 //! program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+pub mod dive;
+pub mod flight;
 pub mod dynamics;
 mod error;
 pub mod motion;

@@ -1,0 +1,117 @@
+//! The dives of thesis chapter 3: found, then judged by integrations that know nothing of the search.
+//!
+//! ```text
+//! cargo run --release -p somersault-ocp --example dives [starts]
+//! ```
+
+use somersault_ocp::dive::{Dive, DiveProgram, DiveSearch, KeyFrame};
+use somersault_ocp::solver::{Flow, Report};
+use std::error::Error;
+use std::f64::consts::TAU;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let n_starts = std::env::args().nth(1).map_or(Ok(1), |n| n.parse())?;
+    println!("107B, forward three and a half somersaults, pike, in the plane");
+    let planar = Dive::forward_pike()?.program()?;
+    show(&planar, &DiveSearch::direct(), &Dive::pike_template(), &["H"])?;
+
+    println!("\n5174D, forward three and a half somersaults with two twists, free, in space");
+    let spatial = Dive::forward_twisting().program()?;
+    let names = ["A", "D", "E", "I", "H"];
+    show(&spatial, &DiveSearch::staged(), &Dive::twisting_template(), &names)?;
+
+    if n_starts > 1 {
+        let templates = KeyFrame::variations(&Dive::twisting_template(), n_starts, 1);
+        let (began, cpu) = (Instant::now(), cpu_seconds());
+        let found = DiveSearch::staged().solve_all(&spatial, &templates);
+        let (wall, cpu) = (began.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+        println!("\n{n_starts} starts: {wall:.1} s, {cpu:.1} s of CPU");
+        for (k, report) in found.iter().enumerate() {
+            match report {
+                Ok(report) => println!(
+                    "  {k:2}  L = {:6.2}  cost {:.5}  stationarity {:.0e}  feasibility {:.0e}  {}",
+                    spatial.momentum(&report.z),
+                    report.cost,
+                    report.residuals.stationarity,
+                    report.residuals.feasibility,
+                    report.status
+                ),
+                Err(error) => println!("  {k:2}  {error}"),
+            }
+        }
+    }
+    Ok(())
+}
+
+fn show(
+    program: &DiveProgram,
+    search: &DiveSearch,
+    template: &[KeyFrame],
+    names: &[&str],
+) -> Result<(), Box<dyn Error>> {
+    let (began, cpu) = (Instant::now(), cpu_seconds());
+    let mut iterations = 0;
+    let z = program.start(template)?;
+    let found = search.solve(program, z, &mut |_| {
+        iterations += 1;
+        Flow::Continue
+    })?;
+    let (wall, cpu) = (began.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+    let Report { status, cost, residuals, .. } = &found;
+    println!("  solver         {status}; {iterations} iterations, {wall:.3} s, {cpu:.3} s of CPU");
+    println!(
+        "  residuals      stationarity {:.1e}, feasibility {:.1e}, complementarity {:.1e}; cost {cost:.6}",
+        residuals.stationarity, residuals.feasibility, residuals.complementarity
+    );
+    let report = program.report(&found.z)?;
+    println!("  unknowns       {}", found.z.len());
+    println!("  momentum       {:.3} kg m²/s in {:.3} s", report.momentum, report.duration);
+    println!("  somersaults    {:.6}, twists {:.6}", report.somersaults, report.twists);
+    println!(
+        "  entry          {:.4}° off the vertical, tilt {:.4}°",
+        report.entry_angle.to_degrees(),
+        report.tilt.to_degrees()
+    );
+    println!("  defect         {:.1e} rad at the nodes", report.defect);
+    println!(
+        "  full dynamics  momentum drift {:.1e}, orientation off by {:.1e} rad",
+        report.momentum_drift, report.full_dynamics_defect
+    );
+    println!("  channels       from {:.1e}, sum at most 1 + {:.1e}", report.least_channel, report.greatest_sum - 1.0);
+    if let Some((distance, [a, b])) = report.least_distance {
+        println!("  least distance {:.1} mm, {a} to {b}", 1e3 * distance);
+    }
+    println!(
+        "  take-off       centre of mass at {:.3?} m, velocity {:.3?} m/s",
+        report.take_off.as_slice(),
+        report.take_off_velocity.as_slice()
+    );
+    let coefficients = program.coefficients(&found.z);
+    let motion = program.path().motion();
+    let mut weights = vec![0.0; motion.n_channels()];
+    let angles = program.angles(&found.z)?;
+    println!("  t/T   somersaults  tilt  twists  {}", names.join("     "));
+    for k in 0..=25 {
+        let share = f64::from(k) / 25.0;
+        motion.channels_into(&coefficients, share, 0, &mut weights);
+        let at = angles[(share * (angles.len() - 1) as f64).round() as usize];
+        let weights: Vec<String> = weights.iter().map(|w| format!("{w:5.2}")).collect();
+        println!(
+            "  {share:.2}  {:6.3}    {:7.2}°  {:6.3}  {}",
+            at.somersault / TAU,
+            at.tilt.to_degrees(),
+            at.twist / TAU,
+            weights.join(" ")
+        );
+    }
+    Ok(())
+}
+
+/// Of the whole process, where the system tells.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    let ticks = |k: usize| fields.get(k).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
+    (ticks(11) + ticks(12)) / 100.0
+}

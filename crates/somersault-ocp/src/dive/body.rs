@@ -1,0 +1,198 @@
+//! The shape of a diver: capsules, and which of them must keep apart.
+//!
+//! Radii are those of cylinders with a segment's length, mass and density, r = √(m/(π ρ l)); the axis ends a radius
+//! before either end of the segment. What is shorter than it is thick is a sphere of the same volume about its centre
+//! of mass. Masses and lengths are the diver's own ([`Diver`]); densities are those of W. T. Dempster (1955), after
+//! D. A. Winter, *Biomechanics and Motor Control of Human Movement*, Wiley 2009, Table 4.1.
+//!
+//! | Segment | ρ, kg/l | r, mm at 65 kg and 1.70 m |
+//! |---|---|---|
+//! | torso, pelvis | 1.03 | 120, sphere 119 |
+//! | head | 1.11 | sphere 99 |
+//! | thigh, shank, foot | 1.05, 1.09, 1.10 | 82, 44, sphere 55 |
+//! | upper arm, forearm, hand | 1.07, 1.13, 1.16 | 44, 34, 24 |
+
+use super::capsule::{Capsule, nearest_points};
+use nalgebra::Vector3;
+use somersault_multibody::{Data, DynamicsError, Model, Positions};
+use std::f64::consts::PI;
+
+/// Name, density in kg/m³, and the joint at the far end.
+const SEGMENTS: [(&str, f64, End); 15] = {
+    use End::{Joint, None, Span};
+    [
+        ("torso", 1030.0, Joint("head")),
+        ("pelvis", 1030.0, None),
+        ("head", 1110.0, None),
+        ("right_thigh", 1050.0, Joint("right_shank")),
+        ("right_shank", 1090.0, Joint("right_foot")),
+        ("right_foot", 1100.0, None),
+        ("left_thigh", 1050.0, Joint("left_shank")),
+        ("left_shank", 1090.0, Joint("left_foot")),
+        ("left_foot", 1100.0, None),
+        ("right_upper_arm", 1070.0, Joint("right_forearm")),
+        ("right_forearm", 1130.0, Joint("right_hand")),
+        ("right_hand", 1160.0, Span(0.3624)),
+        ("left_upper_arm", 1070.0, Joint("left_forearm")),
+        ("left_forearm", 1130.0, Joint("left_hand")),
+        ("left_hand", 1160.0, Span(0.3624)),
+    ]
+};
+
+/// Where a segment ends.
+enum End {
+    /// At the joint of this body.
+    Joint(&'static str),
+    /// Its centre of mass lies at this share of its length (de Leva 1996, Table 4).
+    Span(f64),
+    /// It is a sphere.
+    None,
+}
+
+/// Capsules of a tree and the pairs of them that must keep apart.
+#[derive(Debug, Clone)]
+pub struct Body {
+    capsules: Vec<Capsule>,
+    pairs: Vec<[usize; 2]>,
+    /// For each body its hinges on the way to the root: body, degree of freedom after the root's, axis.
+    hinges: Vec<Vec<(usize, usize, Vector3<f64>)>>,
+}
+
+impl Body {
+    /// Of a spatial `diver`. Exempt are segments joined to each other, legs against legs and hands against legs.
+    pub fn try_new(model: &Model) -> Result<Self, DynamicsError> {
+        let mut capsules = Vec::with_capacity(SEGMENTS.len());
+        for (name, density, end) in &SEGMENTS {
+            let body = model.body(name)?;
+            let inertia =
+                model.inertia(body).ok_or(DynamicsError::NoSuchBody { found: body, n_bodies: 0 })?;
+            let center = inertia.first_moment() / inertia.mass();
+            let far = match end {
+                End::Joint(child) => {
+                    let placement = model.placement(model.body(child)?);
+                    placement.map(|p| Vector3::new(0.0, 0.0, p.translation.z))
+                }
+                End::Span(share) => Some(center / *share),
+                End::None => None,
+            };
+            let volume = inertia.mass() / density;
+            capsules.push(match far {
+                Some(far) => {
+                    let length = far.norm();
+                    let radius = (volume / (PI * length)).sqrt();
+                    let inset = far * (radius / length).min(0.5);
+                    Capsule { body, ends: [inset, far - inset], radius }
+                }
+                None => {
+                    let radius = (volume * 3.0 / (4.0 * PI)).cbrt();
+                    Capsule { body, ends: [center, center], radius }
+                }
+            });
+        }
+        let kind = |k: usize| SEGMENTS[k].0;
+        let is_leg = |k: usize| ["thigh", "shank", "foot"].iter().any(|part| kind(k).ends_with(part));
+        let is_hand = |k: usize| kind(k).ends_with("hand");
+        let mut pairs = Vec::new();
+        for i in 0..capsules.len() {
+            for j in i + 1..capsules.len() {
+                let exempt = is_joined(model, capsules[i].body, capsules[j].body)
+                    || is_leg(i) && is_leg(j)
+                    || is_hand(i) && is_leg(j)
+                    || is_leg(i) && is_hand(j);
+                if !exempt {
+                    pairs.push([i, j]);
+                }
+            }
+        }
+        let hinges = (0..model.n_bodies()).map(|i| hinges_of(model, i)).collect();
+        Ok(Self { capsules, pairs, hinges })
+    }
+
+    /// The capsules.
+    pub fn capsules(&self) -> &[Capsule] {
+        &self.capsules
+    }
+
+    /// The pairs that must keep apart, by the numbers of their capsules.
+    pub fn pairs(&self) -> &[[usize; 2]] {
+        &self.pairs
+    }
+
+    /// Leaves out the pairs for which `keep` is false.
+    pub fn retain_pairs(&mut self, mut keep: impl FnMut(usize) -> bool) {
+        let mut k = 0;
+        self.pairs.retain(|_| {
+            k += 1;
+            keep(k - 1)
+        });
+    }
+
+    /// Distances of the surfaces of all pairs, m; negative where they overlap. With room for them, their gradients by
+    /// the joints as well, one row of degrees of freedom after the root's for each pair.
+    pub fn distances(
+        &self,
+        positions: &Positions<'_>,
+        distances: &mut [f64],
+        mut gradients: Option<&mut [f64]>,
+    ) -> Result<(), DynamicsError> {
+        let n = gradients.as_ref().map_or(0, |g| g.len() / self.pairs.len().max(1));
+        for (k, [i, j]) in self.pairs.iter().enumerate() {
+            let (a, b) = (&self.capsules[*i], &self.capsules[*j]);
+            let (pose_a, pose_b) = (positions.pose(a.body)?, positions.pose(b.body)?);
+            let found = nearest_points(&a.ends.map(|e| pose_a.point(&e)), &b.ends.map(|e| pose_b.point(&e)));
+            distances[k] = found.distance - a.radius - b.radius;
+            let Some(gradients) = &mut gradients else { continue };
+            let row = &mut gradients[k * n..(k + 1) * n];
+            row.fill(0.0);
+            if found.distance == 0.0 {
+                continue;
+            }
+            let normal = (found.first - found.second) / found.distance;
+            for (body, point, sign) in [(a.body, found.first, 1.0), (b.body, found.second, -1.0)] {
+                for (hinge, dof, axis) in &self.hinges[body] {
+                    let pose = positions.pose(*hinge)?;
+                    let turned = (pose.rotation * axis).cross(&(point - pose.translation));
+                    row[*dof] += sign * normal.dot(&turned);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The least distance of all pairs and the pair, in one configuration.
+    pub fn nearest(
+        &self,
+        model: &Model,
+        data: &mut Data,
+        q: &[f64],
+    ) -> Result<(f64, [&'static str; 2]), DynamicsError> {
+        let mut distances = vec![0.0; self.pairs.len()];
+        self.distances(&model.positions(data, q)?, &mut distances, None)?;
+        let nearest = distances.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+        Ok(nearest.map_or((f64::INFINITY, [""; 2]), |(k, d)| (*d, self.pairs[k].map(|c| SEGMENTS[c].0))))
+    }
+}
+
+/// Whether one body carries the other, bodies without mass aside.
+fn is_joined(model: &Model, a: usize, b: usize) -> bool {
+    let carrier = |mut i: usize| loop {
+        match model.parent(i) {
+            Some(parent) if model.inertia(parent).is_some_and(|inertia| inertia.mass() == 0.0) => i = parent,
+            parent => return parent,
+        }
+    };
+    carrier(a) == Some(b) || carrier(b) == Some(a)
+}
+
+fn hinges_of(model: &Model, body: usize) -> Vec<(usize, usize, Vector3<f64>)> {
+    let n_root = model.velocities_of(0).len();
+    let mut hinges = Vec::new();
+    let mut at = Some(body);
+    while let Some(i) = at {
+        if let Some(somersault_multibody::Joint::Revolute { axis }) = model.joint(i) {
+            hinges.push((i, model.velocities_of(i).start - n_root, *axis));
+        }
+        at = model.parent(i);
+    }
+    hinges
+}

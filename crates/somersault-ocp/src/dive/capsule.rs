@@ -1,0 +1,111 @@
+//! Capsules: segments of lines with a thickness, and the distance between two.
+//!
+//! The nearest points of two segments are not unique where these are parallel, and jump there. They are made unique by
+//! a term that prefers the middles,
+//!
+//! ```text
+//! D² = min over 0 ≤ s, t ≤ 1 of |a(s) − b(t)|² + ε² ((s − ½)² + (t − ½)²),   ε = 1 mm
+//! ```
+//! D is differentiable wherever it is not zero, its gradient that at fixed s and t, and exceeds the distance by at
+//! most ε²/(4 D).
+
+use nalgebra::Vector3;
+
+/// A capsule fixed in a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Capsule {
+    /// Number of the body.
+    pub body: usize,
+    /// The two ends of its axis, in axes of the body, m.
+    pub ends: [Vector3<f64>; 2],
+    /// m.
+    pub radius: f64,
+}
+
+/// Two points of two segments.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearestPoints {
+    /// On the first segment.
+    pub first: Vector3<f64>,
+    /// On the second.
+    pub second: Vector3<f64>,
+    /// D, m.
+    pub distance: f64,
+}
+
+/// ε, m.
+const PREFERENCE: f64 = 1e-3;
+
+/// The nearest points of two segments, given by their ends, and D.
+pub fn nearest_points(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> NearestPoints {
+    let (along_a, along_b, between) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
+    let weight = PREFERENCE * PREFERENCE;
+    // D² = ½ aa s² + ab s t + ½ bb t² + fa s + fb t + …, up to a factor of two
+    let (aa, bb) = (along_a.norm_squared() + weight, along_b.norm_squared() + weight);
+    let ab = -along_a.dot(&along_b);
+    let (fa, fb) = (along_a.dot(&between) - weight / 2.0, -along_b.dot(&between) - weight / 2.0);
+    let value = |s: f64, t: f64| {
+        let gap = between + along_a * s - along_b * t;
+        gap.norm_squared() + weight * ((s - 0.5).powi(2) + (t - 0.5).powi(2))
+    };
+    let determinant = aa * bb - ab * ab;
+    let (s, t) = ((ab * fb - bb * fa) / determinant, (ab * fa - aa * fb) / determinant);
+    let inside = |x: f64| (0.0..=1.0).contains(&x);
+    let (s, t) = if inside(s) && inside(t) {
+        (s, t)
+    } else {
+        // convex: the least lies on one of the four edges
+        let on_a = [0.0, 1.0].map(|s| (s, (-(fb + ab * s) / bb).clamp(0.0, 1.0)));
+        let on_b = [0.0, 1.0].map(|t| ((-(fa + ab * t) / aa).clamp(0.0, 1.0), t));
+        let mut best = on_a[0];
+        for candidate in [on_a[1], on_b[0], on_b[1]] {
+            if value(candidate.0, candidate.1) < value(best.0, best.1) {
+                best = candidate;
+            }
+        }
+        best
+    };
+    NearestPoints { first: a[0] + along_a * s, second: b[0] + along_b * t, distance: value(s, t).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn distance(a: [[f64; 3]; 2], b: [[f64; 3]; 2]) -> f64 {
+        nearest_points(&a.map(Vector3::from), &b.map(Vector3::from)).distance
+    }
+
+    #[test]
+    fn distances_are_those_of_closed_form() {
+        let x = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+        for (other, expected) in [
+            ([[0.0, -1.0, 0.3], [0.0, 1.0, 0.3]], 0.3), // crossing at right angles
+            ([[-1.0, 0.4, 0.0], [1.0, 0.4, 0.0]], 0.4), // parallel, side by side
+            ([[1.5, 0.0, 0.0], [2.0, 0.0, 0.0]], 0.5),  // one behind the other
+            ([[2.0, 1.0, 0.0], [3.0, 5.0, 0.0]], 2f64.sqrt()), // end to end
+            ([[0.5, 0.2, 0.0], [0.5, 3.0, 0.0]], 0.2),  // end to inside
+            ([[0.2, 0.0, 0.7], [0.2, 0.0, 0.7]], 0.7),  // a point
+        ] {
+            let found = distance(x, other);
+            assert!(found >= expected - 1e-15 && found - expected < 2e-6 / expected, "{found} {expected}");
+            assert!((distance(other, x) - found).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn the_gradient_is_that_at_fixed_points() {
+        // nearly parallel, where nearest points move fast
+        let a = [Vector3::new(-1.0, 0.0, 0.0), Vector3::new(1.0, 1e-4, 2e-4)];
+        let b = [Vector3::new(-0.9, 0.3, 0.1), Vector3::new(1.2, 0.3, 0.1)];
+        let found = nearest_points(&a, &b);
+        let normal = (found.first - found.second) / found.distance;
+        for axis in 0..3 {
+            let mut shift = Vector3::zeros();
+            shift[axis] = 1e-6;
+            let at = |u: Vector3<f64>| nearest_points(&a.map(|p| p + u), &b).distance;
+            let difference = (at(shift) - at(-shift)) / 2e-6;
+            assert!((difference - normal[axis]).abs() < 1e-8, "{difference} {}", normal[axis]);
+        }
+    }
+}

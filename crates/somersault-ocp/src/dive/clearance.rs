@@ -1,0 +1,206 @@
+//! Distances of limbs along a dive.
+
+use super::{Body, Clearance, Dive};
+use crate::motion::SplineMotion;
+use crate::nlp::Pattern;
+use somersault_multibody::{Data, DynamicsError, Model};
+
+/// The rows of a program for the distances of all pairs of capsules at all clearance times.
+#[derive(Debug, Clone)]
+pub(super) struct ClearanceRows {
+    body: Body,
+    /// With the pairs that need no rows, too.
+    whole: Body,
+    /// Of the program.
+    first_row: usize,
+    /// Shares of the duration.
+    shares: Vec<f64>,
+    /// Parameters on which the posture at each time depends.
+    parameters: Vec<Vec<usize>>,
+    data: Data,
+    q: Vec<f64>,
+    channels: Vec<f64>,
+    distances: Vec<f64>,
+    gradients: Vec<f64>,
+    by_channel: Vec<f64>,
+    by_coefficient: Vec<f64>,
+    by_parameter: Vec<f64>,
+    basis: Vec<f64>,
+}
+
+/// Pairs that stay farther apart than this in all postures between those of a dive are left out, m.
+const FAR: f64 = 0.02;
+/// Steps of the grid of weights on which they are looked at.
+const GRID: usize = 4;
+
+impl ClearanceRows {
+    pub(super) fn try_new(
+        dive: &Dive,
+        model: &Model,
+        motion: &SplineMotion,
+        column_of: &[Option<usize>],
+        clearance: Clearance,
+        first_row: usize,
+    ) -> Result<Self, DynamicsError> {
+        let whole = Body::try_new(model)?;
+        let mut body = whole.clone();
+        let mut data = Data::new(model);
+        let mut q = model.neutral();
+        let near = least_distances(dive, model, &body, &mut data, &mut q)?;
+        body.retain_pairs(|k| near[k] < clearance.distance + FAR);
+        let n_times = clearance.n_times;
+        let shares: Vec<f64> = (1..=n_times).map(|k| k as f64 / (n_times + 1) as f64).collect();
+        let n = motion.basis().n_coefficients();
+        let mut basis = vec![0.0; motion.basis().n_active()];
+        let parameters = shares
+            .iter()
+            .map(|share| {
+                let first = motion.basis().evaluate(*share, 0, &mut basis);
+                let is_active = |c: usize| (first..first + basis.len()).contains(&(c % n));
+                let mut found: Vec<usize> =
+                    motion.dependences().filter(|(c, ..)| is_active(*c)).map(|(_, p, _)| p).collect();
+                found.retain(|p| column_of[*p].is_some());
+                found.sort_unstable();
+                found.dedup();
+                found
+            })
+            .collect();
+        let n_pairs = body.pairs().len();
+        Ok(Self {
+            distances: vec![0.0; n_pairs],
+            gradients: vec![0.0; n_pairs * motion.base().n_joints()],
+            by_channel: vec![0.0; motion.n_channels()],
+            by_coefficient: vec![0.0; motion.n_coefficients()],
+            by_parameter: vec![0.0; motion.n_parameters()],
+            channels: vec![0.0; motion.n_channels()],
+            body,
+            whole,
+            first_row,
+            shares,
+            parameters,
+            data,
+            q,
+            basis,
+        })
+    }
+
+    /// With all pairs, near and far.
+    pub(super) fn whole_body(&self) -> &Body {
+        &self.whole
+    }
+
+    pub(super) fn n_rows(&self) -> usize {
+        self.shares.len() * self.distances.len()
+    }
+
+    /// Row and column of what may be other than zero in the Jacobian.
+    pub(super) fn entries(&self, column_of: &[Option<usize>]) -> Vec<(usize, usize)> {
+        let n_pairs = self.distances.len();
+        let row = |time: usize, pair: usize| self.first_row + time * n_pairs + pair;
+        let of_time = |(time, parameters): (usize, &Vec<usize>)| {
+            let columns: Vec<usize> = parameters.iter().filter_map(|p| column_of[*p]).collect();
+            (0..n_pairs)
+                .flat_map(|pair| columns.iter().map(|column| (row(time, pair), *column)).collect::<Vec<_>>())
+                .collect::<Vec<_>>()
+        };
+        self.parameters.iter().enumerate().flat_map(of_time).collect()
+    }
+
+    pub(super) fn evaluate(
+        &mut self,
+        model: &Model,
+        motion: &SplineMotion,
+        coefficients: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), DynamicsError> {
+        let n_pairs = self.distances.len();
+        for time in 0..self.shares.len() {
+            self.pose(motion, coefficients, time);
+            let positions = model.positions(&mut self.data, &self.q)?;
+            self.body.distances(&positions, &mut out[time * n_pairs..(time + 1) * n_pairs], None)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn differentiate(
+        &mut self,
+        model: &Model,
+        motion: &SplineMotion,
+        column_of: &[Option<usize>],
+        coefficients: &[f64],
+        pattern: &Pattern,
+        jacobian: &mut [f64],
+    ) -> Result<(), DynamicsError> {
+        let (n, n_joints) = (motion.basis().n_coefficients(), motion.base().n_joints());
+        let n_pairs = self.distances.len();
+        for time in 0..self.shares.len() {
+            self.pose(motion, coefficients, time);
+            let positions = model.positions(&mut self.data, &self.q)?;
+            self.body.distances(&positions, &mut self.distances, Some(&mut self.gradients))?;
+            let first = motion.basis().evaluate(self.shares[time], 0, &mut self.basis);
+            for (pair, by_joint) in self.gradients.chunks_exact(n_joints).enumerate() {
+                self.by_channel.fill(0.0);
+                motion.base().pull_back(by_joint, &mut self.by_channel);
+                self.by_coefficient.fill(0.0);
+                for (channel, by_channel) in self.by_channel.iter().enumerate() {
+                    let row = &mut self.by_coefficient[channel * n + first..];
+                    row.iter_mut().zip(&self.basis).for_each(|(out, b)| *out = by_channel * b);
+                }
+                self.by_parameter.fill(0.0);
+                motion.pull_back(&self.by_coefficient, &mut self.by_parameter);
+                let row = self.first_row + time * n_pairs + pair;
+                for parameter in &self.parameters[time] {
+                    let position = column_of[*parameter].and_then(|column| pattern.position(row, column));
+                    if let Some(position) = position {
+                        jacobian[position] = self.by_parameter[*parameter];
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn pose(&mut self, motion: &SplineMotion, coefficients: &[f64], time: usize) {
+        motion.channels_into(coefficients, self.shares[time], 0, &mut self.channels);
+        let n_root = self.q.len() - motion.base().n_joints();
+        motion.base().positions_into(&self.channels, &mut self.q[n_root..]);
+    }
+}
+
+/// For each pair the least distance over a grid of postures between those of the dive.
+fn least_distances(
+    dive: &Dive,
+    model: &Model,
+    body: &Body,
+    data: &mut Data,
+    q: &mut [f64],
+) -> Result<Vec<f64>, DynamicsError> {
+    let n_root = q.len() - dive.postures[0].len();
+    let mut least = vec![f64::INFINITY; body.pairs().len()];
+    let mut distances = least.clone();
+    let mut counts = vec![0; dive.postures.len()];
+    counts[0] = GRID;
+    loop {
+        let angles = &mut q[n_root..];
+        angles.fill(0.0);
+        for (count, posture) in counts.iter().zip(&dive.postures) {
+            let weight = *count as f64 / GRID as f64;
+            angles.iter_mut().zip(posture).for_each(|(angle, p)| *angle += weight * p);
+        }
+        body.distances(&model.positions(data, q)?, &mut distances, None)?;
+        least.iter_mut().zip(&distances).for_each(|(least, d)| *least = least.min(*d));
+        if !advance(&mut counts) {
+            return Ok(least);
+        }
+    }
+}
+
+/// The next way to write the same sum, in lexical order; false after the last.
+fn advance(counts: &mut [usize]) -> bool {
+    let Some((last, head)) = counts.split_last_mut() else { return false };
+    let Some(k) = head.iter().rposition(|c| *c > 0) else { return false };
+    head[k] -= 1;
+    let carried = std::mem::take(last) + 1;
+    counts[k + 1] += carried;
+    true
+}

@@ -1,0 +1,106 @@
+//! What can be wrong with a dive.
+
+use crate::motion::MotionError;
+use somersault_core::spline::SplineError;
+use somersault_multibody::flight::FlightError;
+use somersault_multibody::models::PostureError;
+use somersault_multibody::{DynamicsError, ModelError};
+
+/// Why there is no such dive.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DiveError {
+    /// The spline or the base of eigenpostures does not exist.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// The diver has a size that none has.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A posture is unknown or not planar.
+    #[error(transparent)]
+    Posture(#[from] PostureError),
+    /// The flight cannot be computed.
+    #[error(transparent)]
+    Flight(#[from] FlightError),
+    /// Sizes do not fit the diver.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+    /// A number is out of its range.
+    #[error("`{argument}` must be {allowed}, found {found}")]
+    OutOfRange {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+        /// What was given.
+        found: f64,
+    },
+    /// A range is empty or not finite.
+    #[error("`{argument}` must have finite lower ≤ upper, found [{lower}, {upper}]")]
+    Range {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// A posture is named that is not among those of the dive.
+    #[error("`{argument}` must be among the {n_postures} postures of the dive, found number {found}")]
+    NoSuchPosture {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Postures there are.
+        n_postures: usize,
+        /// Number given.
+        found: usize,
+    },
+    /// A posture is outside of the range of a joint.
+    #[error("posture {posture} has {found} rad at `{joint}`, whose range is [{lower}, {upper}]")]
+    JointLimit {
+        /// Number of the posture.
+        posture: usize,
+        /// Body that the joint carries.
+        joint: String,
+        /// Its angle.
+        found: f64,
+        /// Lower limit.
+        lower: f64,
+        /// Upper limit.
+        upper: f64,
+    },
+    /// Key frames of a template are not in order.
+    #[error(
+        "`key_frames` must have at least 2 entries whose shares rise from 0 to 1, found {found} at number {index}"
+    )]
+    KeyFrames {
+        /// Which one.
+        index: usize,
+        /// Its share.
+        found: f64,
+    },
+}
+
+impl From<SplineError> for DiveError {
+    fn from(error: SplineError) -> Self {
+        MotionError::from(error).into()
+    }
+}
+
+pub(super) fn expect_finite(argument: &'static str, found: f64) -> Result<(), DiveError> {
+    if found.is_finite() { Ok(()) } else { Err(DiveError::OutOfRange { argument, allowed: "finite", found }) }
+}
+
+pub(super) fn expect_positive(argument: &'static str, found: f64) -> Result<(), DiveError> {
+    if found > 0.0 && found.is_finite() {
+        return Ok(());
+    }
+    Err(DiveError::OutOfRange { argument, allowed: "positive and finite", found })
+}
+
+pub(super) fn expect_not_negative(argument: &'static str, found: f64) -> Result<(), DiveError> {
+    if found >= 0.0 && found.is_finite() {
+        return Ok(());
+    }
+    Err(DiveError::OutOfRange { argument, allowed: "finite and not negative", found })
+}

@@ -1,0 +1,259 @@
+//! Dives: the optimal motions of thesis chapter 3, and others like them.
+//!
+//! ```text
+//! minimise   ½ a (L/L₀)² + ½ ∫ Σ_i (b_i ẇ_i² + c_i ẅ_i²) dt
+//! subject to ψ(T) = somersaults, φ(T) = twists, τ(T) = 0,
+//!            w ≥ 0, Σ w ≤ 1 at all times (or joints within their ranges),
+//!            capsules apart at the clearance times
+//! ```
+//! The unknowns are the free spline parameters p, the angular momentum L about the lateral axis, and, where they are
+//! given a range, the lean at take-off and the duration T. L₀ = m h²/(1 s). The diver begins in one posture and ends
+//! in another, both at rest in their joints. Flight is reduced by its momentum ([`crate::flight`]), so L is constant
+//! to rounding and the centre of mass stays on its parabola; platform, entry and duration give its velocity at
+//! take-off.
+//!
+//! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,
+//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`]).
+
+mod body;
+mod bounds;
+mod capsule;
+mod clearance;
+mod cost;
+mod error;
+mod named;
+mod program;
+mod report;
+mod search;
+mod template;
+
+pub use body::Body;
+pub use capsule::{Capsule, NearestPoints, nearest_points};
+pub use error::DiveError;
+pub use program::DiveProgram;
+pub use report::{DiveJudgementError, DiveReport};
+pub use search::{DiveSearch, DiveSearchError};
+pub use template::KeyFrame;
+
+use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};
+use error::{expect_finite, expect_not_negative, expect_positive};
+use somersault_core::spline::UniformBasis;
+use somersault_multibody::Model;
+use somersault_multibody::models::Diver;
+
+/// What a number may be: a variable of the dive, or fixed where both are equal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// Least value.
+    pub lower: f64,
+    /// Greatest value.
+    pub upper: f64,
+}
+
+impl Range {
+    /// One value.
+    pub fn fixed(value: f64) -> Self {
+        Self { lower: value, upper: value }
+    }
+
+    /// From `lower` to `upper`.
+    pub fn new(lower: f64, upper: f64) -> Self {
+        Self { lower, upper }
+    }
+
+    /// Whether there is but one value.
+    pub fn is_fixed(&self) -> bool {
+        self.lower == self.upper
+    }
+}
+
+/// What the channels of the joint motion are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Channels {
+    /// Weights of eigenpostures, not negative and with a sum of at most one.
+    Weights,
+    /// Joints, within their ranges: the dive without eigenpostures.
+    Joints,
+}
+
+/// What a dive costs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Penalties {
+    /// a, of the squared angular momentum over L₀ = m h²/(1 s).
+    pub momentum: f64,
+    /// b, of squared rates of the weights, s. For joints, of their rates over ‖φ_1 − φ_0‖.
+    pub rate: f64,
+    /// c, of squared second rates, s³.
+    pub acceleration: f64,
+}
+
+/// How far apart capsules must be, and when.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clearance {
+    /// Least distance of surfaces, m.
+    pub distance: f64,
+    /// At how many times between start and finish.
+    pub n_times: usize,
+}
+
+/// A dive to be found.
+///
+/// All fields are open; [`Dive::forward_pike`] and [`Dive::forward_twisting`] are those of the thesis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dive {
+    /// Who dives, in the plane or in space.
+    pub diver: Diver,
+    /// Joint angles of the postures, rad, the fundamental one first.
+    pub postures: Vec<Vec<f64>>,
+    /// Number of the posture at take-off.
+    pub first: usize,
+    /// Number of the posture at the entry.
+    pub last: usize,
+    /// Weights or joints.
+    pub channels: Channels,
+    /// For each channel the shares of the duration between which it may differ from zero; none: at all times.
+    pub windows: Vec<Range>,
+    /// Share of the duration at which twists and tilt must be what they are at the entry. Where the diver moves
+    /// symmetrically from then on they stay so.
+    pub square_out: f64,
+    /// Coefficients of each spline, of degree 5: at least 6.
+    pub n_par: usize,
+    /// Somersaults to the entry, counted from the upright: 3.5 ends on the hands.
+    pub somersaults: f64,
+    /// Twists; none in the plane.
+    pub twists: f64,
+    /// Forward lean at take-off, rad.
+    pub lean: Range,
+    /// Lean past the vertical at the entry, rad.
+    pub entry_lean: f64,
+    /// Duration of the flight, s.
+    pub duration: Range,
+    /// Angular momentum about the lateral axis, forward, kg m²/s.
+    pub momentum: Range,
+    /// Height of the feet over the water at take-off, m.
+    pub platform: f64,
+    /// How far ahead of the toes' start the hands enter the water, m.
+    pub entry_distance: f64,
+    /// Of the cost.
+    pub penalties: Penalties,
+    /// Of the limbs, in space only.
+    pub clearance: Option<Clearance>,
+    /// Steps of the orientation, rounded up to a multiple of the intervals of the spline.
+    pub n_steps: usize,
+    /// Into how many pieces the intervals of the spline are cut for the bounds on the channels.
+    pub n_pieces: usize,
+}
+
+impl Dive {
+    /// The program to be solved.
+    pub fn program(&self) -> Result<DiveProgram, DiveError> {
+        DiveProgram::try_new(self)
+    }
+
+    fn check(&self) -> Result<(), DiveError> {
+        let n_postures = self.postures.len();
+        for (argument, found) in [("first", self.first), ("last", self.last)] {
+            if found >= n_postures {
+                return Err(DiveError::NoSuchPosture { argument, n_postures, found });
+            }
+        }
+        for (argument, range) in
+            [("lean", self.lean), ("duration", self.duration), ("momentum", self.momentum)]
+        {
+            let Range { lower, upper } = range;
+            if !(lower <= upper && lower.is_finite() && upper.is_finite()) {
+                return Err(DiveError::Range { argument, lower, upper });
+            }
+        }
+        expect_positive("duration", self.duration.lower)?;
+        for range in &self.windows {
+            let Range { lower, upper } = *range;
+            if !(lower <= upper) {
+                return Err(DiveError::Range { argument: "windows", lower, upper });
+            }
+        }
+        if !(self.square_out > 0.0 && self.square_out <= 1.0) {
+            let (argument, found) = ("square_out", self.square_out);
+            return Err(DiveError::OutOfRange { argument, allowed: "above 0 and at most 1", found });
+        }
+        for (argument, found) in [
+            ("somersaults", self.somersaults),
+            ("twists", self.twists),
+            ("entry_lean", self.entry_lean),
+            ("platform", self.platform),
+            ("entry_distance", self.entry_distance),
+        ] {
+            expect_finite(argument, found)?;
+        }
+        for (argument, found) in [
+            ("penalties.momentum", self.penalties.momentum),
+            ("penalties.rate", self.penalties.rate),
+            ("penalties.acceleration", self.penalties.acceleration),
+        ] {
+            expect_not_negative(argument, found)?;
+        }
+        for (argument, found) in [("n_steps", self.n_steps), ("n_pieces", self.n_pieces)] {
+            if found == 0 {
+                return Err(DiveError::OutOfRange { argument, allowed: "at least 1", found: 0.0 });
+            }
+        }
+        if let Some(clearance) = self.clearance {
+            expect_finite("clearance.distance", clearance.distance)?;
+        }
+        Ok(())
+    }
+
+    /// Splines of degree 5 for weights or joints, from the first posture to the last, at rest at both ends.
+    fn motion(&self, model: &Model) -> Result<SplineMotion, DiveError> {
+        let base = EigenpostureBase::try_new(&self.postures)?;
+        self.check_joints(model, &base)?;
+        let basis = UniformBasis::try_new(5, self.n_par)?;
+        let ends = match self.channels {
+            Channels::Weights => [self.first, self.last].map(|posture| {
+                (1..self.postures.len()).map(|i| f64::from(u8::from(i == posture))).collect::<Vec<_>>()
+            }),
+            Channels::Joints => [self.first, self.last].map(|posture| self.postures[posture].clone()),
+        };
+        let base = match self.channels {
+            Channels::Weights => base,
+            Channels::Joints => EigenpostureBase::joints(base.n_joints()),
+        };
+        let conditions: Vec<[Condition; 4]> = ends[0]
+            .iter()
+            .zip(&ends[1])
+            .map(|(first, last)| {
+                let at = |end, derivative, value| Condition { end, derivative, value };
+                [
+                    at(End::Start, 0, *first),
+                    at(End::Start, 1, 0.0),
+                    at(End::Finish, 0, *last),
+                    at(End::Finish, 1, 0.0),
+                ]
+            })
+            .collect();
+        Ok(SplineMotion::with_conditions(basis, base, &conditions)?)
+    }
+
+    /// Postures between the given ones are within the ranges of the joints if these are.
+    fn check_joints(&self, model: &Model, base: &EigenpostureBase) -> Result<(), DiveError> {
+        let n_root = model.velocities_of(0).len();
+        if base.n_joints() != model.n_velocities() - n_root {
+            let (expected, found) = (model.n_velocities() - n_root, base.n_joints());
+            let argument = "postures";
+            return Err(somersault_multibody::DynamicsError::Length { argument, expected, found }.into());
+        }
+        for body in 1..model.n_bodies() {
+            let Some([lower, upper]) = model.limits(body) else { continue };
+            for (posture, angles) in self.postures.iter().enumerate() {
+                for dof in model.velocities_of(body) {
+                    let found = angles[dof - n_root];
+                    if !(lower..=upper).contains(&found) {
+                        let joint = model.name(body).unwrap_or_default().to_owned();
+                        return Err(DiveError::JointLimit { posture, joint, found, lower, upper });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}

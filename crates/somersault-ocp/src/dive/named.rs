@@ -1,0 +1,94 @@
+//! The dives of the thesis.
+
+use super::{Channels, Clearance, Dive, DiveError, KeyFrame, Penalties, Range};
+use somersault_multibody::models::{Diver, Posture};
+
+impl Dive {
+    /// 107B, the forward three and a half somersaults in pike position, in the plane (thesis 3.1): postures A and H,
+    /// 1.7 s, ten coefficients, from the platform of 10 m.
+    ///
+    /// The thesis does not give lean, penalties and distance: here 10°, a = 1 with b = 0.02 s, and 2 m.
+    pub fn forward_pike() -> Result<Self, DiveError> {
+        let postures = [Posture::A, Posture::H];
+        let angles = postures.iter().map(|p| Ok(p.planar()?.to_vec())).collect::<Result<_, DiveError>>()?;
+        Ok(Self {
+            diver: Diver::planar(),
+            postures: angles,
+            first: 0,
+            last: 0,
+            channels: Channels::Weights,
+            windows: Vec::new(),
+            square_out: 1.0,
+            n_par: 10,
+            somersaults: 3.5,
+            twists: 0.0,
+            lean: Range::fixed(10f64.to_radians()),
+            entry_lean: 0.0,
+            duration: Range::fixed(1.7),
+            momentum: Range::new(0.0, 500.0),
+            platform: 10.0,
+            entry_distance: 2.0,
+            penalties: Penalties { momentum: 1.0, rate: 1e-3, acceleration: 0.0 },
+            clearance: None,
+            n_steps: 60,
+            n_pieces: 2,
+        })
+    }
+
+    /// 5174D, the forward three and a half somersaults with two twists, free (thesis 3.2), in space: postures C, A,
+    /// D, E and I, and H for the somersaults after the twists; 2 s, from the platform of 10 m into the water 2 m ahead.
+    ///
+    /// Sixteen coefficients for each of the five weights are as many, 80, as twenty for the four of the thesis.
+    pub fn forward_twisting() -> Self {
+        let (all, twisting) = (Range::new(0.0, 1.0), Range::new(0.0, 0.6));
+        let postures = [Posture::C, Posture::A, Posture::D, Posture::E, Posture::I, Posture::H];
+        Self {
+            diver: Diver::spatial(),
+            postures: postures.iter().map(|p| p.spatial().to_vec()).collect(),
+            first: 0,
+            last: 1,
+            channels: Channels::Weights,
+            windows: vec![all, twisting, twisting, twisting, Range::new(0.5, 1.0)],
+            square_out: 0.6,
+            n_par: 30,
+            somersaults: 3.5,
+            twists: 2.0,
+            lean: Range::fixed(10f64.to_radians()),
+            entry_lean: 0.0,
+            duration: Range::fixed(2.0),
+            momentum: Range::new(0.0, 500.0),
+            platform: 10.0,
+            entry_distance: 2.0,
+            penalties: Penalties { momentum: 1.0, rate: 2e-3, acceleration: 0.0 },
+            clearance: Some(Clearance { distance: 0.005, n_times: 35 }),
+            n_steps: 200,
+            n_pieces: 1,
+        }
+    }
+
+    /// Key frames for [`forward_pike`](Self::forward_pike): into the pike, and out of it late.
+    pub fn pike_template() -> Vec<KeyFrame> {
+        [(0.0, 0), (0.25, 1), (0.75, 1), (1.0, 0)]
+            .map(|(share, posture)| KeyFrame { share, posture })
+            .to_vec()
+    }
+
+    /// Key frames for [`forward_twisting`](Self::forward_twisting): somersault with arms sideways, throw, twists
+    /// wrapped, square-out, pike, entry.
+    pub fn twisting_template() -> Vec<KeyFrame> {
+        [
+            (0.0, 0),
+            (0.08, 0),
+            (0.2, 3),
+            (0.32, 4),
+            (0.55, 4),
+            (0.62, 2),
+            (0.68, 0),
+            (0.76, 5),
+            (0.9, 5),
+            (1.0, 1),
+        ]
+        .map(|(share, posture)| KeyFrame { share, posture })
+        .to_vec()
+    }
+}

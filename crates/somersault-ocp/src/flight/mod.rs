@@ -1,0 +1,12 @@
+//! Flight, reduced by its momentum, as a transcription.
+//!
+//! In the air nothing of a tree's state is free but its orientation: the centre of mass keeps to its parabola and
+//! the angular momentum to its value ([`somersault_multibody::flight`]). So of the passive states one rotation is
+//! left to integrate ([`OrientationPath`]), and momentum is exact at every node whatever the step.
+
+mod counting;
+mod path;
+mod step;
+
+pub use counting::{BodyAngles, Counting};
+pub use path::{NodeDerivatives, OrientationPath, PathGradient};

@@ -1,0 +1,406 @@
+//! The orientation of the root along a flight, and its derivatives.
+
+use super::Counting;
+use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
+use crate::motion::SplineMotion;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use somersault_core::spline::MAX_DEGREE;
+use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
+use somersault_multibody::{DynamicsError, Joint, Model};
+
+/// Orientations of the root at the nodes of a flight whose joints follow a [`SplineMotion`].
+///
+/// By the share x of the duration T the equation of motion is dR/dx = R (T ω)^ with
+/// T ω = I(s)⁻¹ (Rᵀ T L − A(s) s′): duration and angular momentum matter by their product alone, the *turn momentum*
+/// T L, and the rates are those by the share. In the plane all vectors count by their component along the normal, z
+/// of the root's joint frame.
+///
+/// Steps do not cross knots, so each depends on the coefficients of one interval. Order 4 in the length of the steps.
+#[derive(Debug, Clone)]
+pub struct OrientationPath {
+    model: Model,
+    motion: SplineMotion,
+    is_planar: bool,
+    n_steps: usize,
+    /// First active coefficient of each step.
+    first: Vec<usize>,
+    /// Basis functions and their derivatives at start, middle and end of each step.
+    basis: Vec<[[f64; MAX_DEGREE + 1]; 2]>,
+    /// In space.
+    orientations: Vec<UnitQuaternion<f64>>,
+    /// In the plane, counting whole turns.
+    angles: Vec<f64>,
+    coefficients: Vec<f64>,
+    is_derived: bool,
+    restart: Option<Restart>,
+    derivatives: Vec<StepDerivative>,
+    /// ∂ω by channels, by their rates and by T L in each stage of each step.
+    by_channel: Vec<Vector3<f64>>,
+    by_rate: Vec<Vector3<f64>>,
+    by_momentum: Vec<Matrix3<f64>>,
+    room: Room,
+}
+
+/// Derivatives of the orientation at a node.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct NodeDerivatives {
+    /// By a displacement of the start, in axes of the root there.
+    pub by_start: Matrix3<f64>,
+    /// By the turn momentum, world axes.
+    pub by_momentum: Matrix3<f64>,
+    /// By each coefficient.
+    pub by_coefficients: Vec<Vector3<f64>>,
+}
+
+impl NodeDerivatives {
+    /// Room for them.
+    pub fn new(n_coefficients: usize) -> Self {
+        Self { by_coefficients: vec![Vector3::zeros(); n_coefficients], ..Self::default() }
+    }
+}
+
+/// The gradient of a number by all that a path depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PathGradient {
+    /// By a displacement of the start, in axes of the root there.
+    pub by_start: Vector3<f64>,
+    /// By the turn momentum, world axes.
+    pub by_momentum: Vector3<f64>,
+    /// By each coefficient.
+    pub by_coefficients: Vec<f64>,
+}
+
+/// Where the orientation is straightened.
+#[derive(Debug, Clone)]
+struct Restart {
+    node: usize,
+    counting: Counting,
+    before: UnitQuaternion<f64>,
+    /// Displacement after by displacement before.
+    derivative: Matrix3<f64>,
+}
+
+/// Room for one evaluation.
+#[derive(Debug, Clone)]
+struct Room {
+    data: FlightData,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    channels: [Vec<f64>; 2],
+}
+
+/// Samples of the basis in a step.
+const SAMPLES: usize = 3;
+/// The sample that each stage is at.
+const SAMPLE_OF: [usize; STAGES] = [0, 1, 1, 2];
+
+impl OrientationPath {
+    /// The path of `model` with `n_steps` steps, at least one, rounded up to a multiple of the intervals of the spline.
+    ///
+    /// The channels of `motion` are all joints but the root's: none but hinges and slides, whose positions are
+    /// numbers like their velocities.
+    pub fn try_new(model: Model, motion: SplineMotion, n_steps: usize) -> Result<Self, FlightError> {
+        Flight::try_new(&model, AT_REST)?;
+        let is_planar = model.joint(0) == Some(&Joint::Planar);
+        let n_joints = model.n_velocities() - model.velocities_of(0).len();
+        let expect = |argument, expected, found| {
+            if expected == found {
+                return Ok(());
+            }
+            Err(DynamicsError::Length { argument, expected, found })
+        };
+        expect("joints of motion", n_joints, motion.base().n_joints())?;
+        expect("positions of the joints", n_joints, model.n_positions() - model.positions_of(0).len())?;
+        let n_intervals = motion.basis().n_intervals();
+        let per_interval = n_steps.div_ceil(n_intervals).max(1);
+        let n_steps = per_interval * n_intervals;
+        let (first, basis) = sample_basis(&motion, per_interval);
+        let n_channels = motion.n_channels();
+        let by_channel = vec![Vector3::zeros(); n_steps * STAGES * n_channels];
+        let q = model.neutral();
+        let room = Room {
+            data: FlightData::new(&model),
+            v: vec![0.0; model.n_velocities()],
+            channels: [vec![0.0; n_channels], vec![0.0; n_channels]],
+            q,
+        };
+        Ok(Self {
+            is_planar,
+            n_steps,
+            first,
+            basis,
+            orientations: vec![UnitQuaternion::identity(); n_steps + 1],
+            angles: vec![0.0; n_steps + 1],
+            coefficients: vec![0.0; motion.n_coefficients()],
+            is_derived: false,
+            restart: None,
+            derivatives: vec![StepDerivative::zero(); n_steps],
+            by_rate: by_channel.clone(),
+            by_channel,
+            by_momentum: vec![Matrix3::zeros(); n_steps * STAGES],
+            room,
+            model,
+            motion,
+        })
+    }
+
+    /// Goes on from `node`, in space, with the orientation [straightened](Counting::straightened): multiple shooting in
+    /// which the defect there is tilt and twist. Whoever asks for them to vanish has a continuous path, and
+    /// meanwhile what is left of them is not amplified by the rest of the flight.
+    pub fn with_restart(mut self, node: usize, counting: Counting) -> Self {
+        let before = UnitQuaternion::identity();
+        self.restart = Some(Restart { node, counting, before, derivative: Matrix3::identity() });
+        self
+    }
+
+    /// The orientation with which the path arrives at a node, before a restart.
+    pub fn arrival(&self, node: usize) -> &UnitQuaternion<f64> {
+        match &self.restart {
+            Some(restart) if restart.node == node => &restart.before,
+            _ => &self.orientations[node],
+        }
+    }
+
+    /// The tree.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The motion of its joints.
+    pub fn motion(&self) -> &SplineMotion {
+        &self.motion
+    }
+
+    /// Whether it moves in a plane.
+    pub fn is_planar(&self) -> bool {
+        self.is_planar
+    }
+
+    /// Number of steps; nodes are one more.
+    pub fn n_steps(&self) -> usize {
+        self.n_steps
+    }
+
+    /// Orientations at the nodes, root axes → its joint frame, in space.
+    pub fn orientations(&self) -> &[UnitQuaternion<f64>] {
+        &self.orientations
+    }
+
+    /// Angles at the nodes, rad, in the plane.
+    pub fn angles(&self) -> &[f64] {
+        &self.angles
+    }
+
+    /// Integrates from `orientation`, a quaternion x, y, z, w or an angle as in q, with the `turn_momentum` T L in
+    /// world axes (kg m²) and the given coefficients of the splines. Allocates nothing.
+    ///
+    /// With derivatives, [`pull_back`](Self::pull_back) and [`node_derivatives`](Self::node_derivatives) are those of
+    /// this run.
+    pub fn integrate(
+        &mut self,
+        coefficients: &[f64],
+        orientation: &[f64],
+        turn_momentum: Vector3<f64>,
+        with_derivatives: bool,
+    ) -> Result<(), FlightError> {
+        let at = if self.is_planar { 2..3 } else { 3..7 };
+        if orientation.len() != at.len() {
+            let (expected, found) = (at.len(), orientation.len());
+            let argument = "orientation";
+            return Err(DynamicsError::Length { argument, expected, found }.into());
+        }
+        if !orientation.iter().chain(coefficients).all(|x| x.is_finite()) {
+            return Err(FlightError::NonFinite { argument: "orientation and coefficients" });
+        }
+        self.coefficients.copy_from_slice(coefficients);
+        if self.is_planar {
+            self.angles[0] = orientation[0];
+        } else {
+            let q = Quaternion::new(orientation[3], orientation[0], orientation[1], orientation[2]);
+            self.orientations[0] = UnitQuaternion::new_normalize(q);
+        }
+        let take_off = TakeOff { angular_momentum: turn_momentum, ..AT_REST };
+        self.is_derived = false;
+        self.run(take_off, with_derivatives)?;
+        self.is_derived = with_derivatives;
+        Ok(())
+    }
+
+    fn run(&mut self, take_off: TakeOff, with_derivatives: bool) -> Result<(), FlightError> {
+        let flight = Flight::try_new(&self.model, take_off)?;
+        let (n, n_active) = (self.motion.basis().n_coefficients(), self.motion.basis().n_active());
+        let n_channels = self.motion.n_channels();
+        let base = self.motion.base();
+        let n_root = self.model.velocities_of(0).len();
+        let Room { data, q, v, channels: [channel, rate] } = &mut self.room;
+        let q_root = q.len() - base.n_joints();
+        let (by_channel, by_rate) = (&mut self.by_channel, &mut self.by_rate);
+        let (by_momentum, coefficients) = (&mut self.by_momentum, &self.coefficients);
+        let h = 1.0 / self.n_steps as f64;
+        for step in 0..self.n_steps {
+            let (first, samples) = (self.first[step], &self.basis[step * SAMPLES..][..SAMPLES]);
+            let mut evaluate =
+                |stage: usize, q: &mut [f64], v: &mut [f64]| -> Result<StageRate, DynamicsError> {
+                    let [values, slopes] = &samples[SAMPLE_OF[stage]];
+                    for (k, row) in coefficients.chunks_exact(n).enumerate() {
+                        let row = &row[first..first + n_active];
+                        channel[k] = row.iter().zip(values).map(|(c, b)| c * b).sum();
+                        rate[k] = row.iter().zip(slopes).map(|(c, b)| c * b).sum();
+                    }
+                    base.positions_into(channel, &mut q[q_root..]);
+                    base.rates_into(rate, &mut v[n_root..]);
+                    if !with_derivatives {
+                        let angular_velocity = flight.angular_velocity(data, q, v)?;
+                        return Ok(StageRate { angular_velocity, by_orientation: Matrix3::zeros() });
+                    }
+                    let found = flight.derivatives(data, q, v)?;
+                    let at = step * STAGES + stage;
+                    by_momentum[at] = found.by_angular_momentum;
+                    for (k, direction) in base.directions().column_iter().enumerate() {
+                        let along = |columns: &[Vector3<f64>]| {
+                            columns.iter().zip(direction.iter()).map(|(c, d)| c * *d).sum::<Vector3<f64>>()
+                        };
+                        by_channel[at * n_channels + k] = along(found.by_shape);
+                        by_rate[at * n_channels + k] = along(found.by_shape_velocity);
+                    }
+                    Ok(StageRate {
+                        angular_velocity: found.angular_velocity,
+                        by_orientation: found.by_orientation,
+                    })
+                };
+            let derivative = &mut self.derivatives[step];
+            if self.is_planar {
+                let mut turned = 0.0;
+                for stage in (0..STAGES).filter(|stage| SIMPSON[*stage] > 0.0) {
+                    q[2] = self.angles[step];
+                    turned += SIMPSON[stage] * evaluate(stage, q, v)?.angular_velocity.z;
+                }
+                self.angles[step + 1] = self.angles[step] + h * turned;
+                *derivative = StepDerivative::simpson(h);
+            } else {
+                let evaluate = |stage: usize, r: &UnitQuaternion<f64>| {
+                    q[3..7].copy_from_slice(r.coords.as_slice());
+                    evaluate(stage, q, v)
+                };
+                let derivative = with_derivatives.then_some(derivative);
+                self.orientations[step + 1] = turn(&self.orientations[step], h, evaluate, derivative)?;
+                if let Some(restart) = self.restart.as_mut().filter(|r| r.node == step + 1) {
+                    restart.pass(&mut self.orientations[step + 1]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The derivatives of the orientation at a node: of its displacement in axes of the root there.
+    ///
+    /// # Panics
+    /// Where the last [`integrate`](Self::integrate) had no derivatives, or an argument has the wrong size.
+    pub fn node_derivatives(&self, node: usize, out: &mut NodeDerivatives) {
+        assert!(self.is_derived, "the last run had no derivatives");
+        out.by_coefficients.fill(Vector3::zeros());
+        out.by_momentum = Matrix3::zeros();
+        let mut transition = Matrix3::identity();
+        for step in (0..node).rev() {
+            if step + 1 < node {
+                transition *= self.passage(step + 1);
+            }
+            let derivative = &self.derivatives[step];
+            for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
+                let to_node = transition * derivative.by_stage[stage];
+                out.by_momentum += to_node * self.by_momentum[step * STAGES + stage];
+                self.add_inputs(step, stage, |coefficient, by| {
+                    out.by_coefficients[coefficient] += to_node * by
+                });
+            }
+            transition *= derivative.by_start;
+        }
+        out.by_start = transition;
+    }
+
+    /// What a restart at this node makes of a displacement.
+    fn passage(&self, node: usize) -> Matrix3<f64> {
+        self.restart.as_ref().filter(|r| r.node == node).map_or_else(Matrix3::identity, |r| r.derivative)
+    }
+
+    /// Adds to `gradient` what a gradient by displacements of the orientation at each node, after a restart, is for the start, the
+    /// turn momentum and the coefficients. Costs two sweeps of the steps, whatever the number of parameters.
+    ///
+    /// # Panics
+    /// As [`node_derivatives`](Self::node_derivatives).
+    pub fn pull_back(&self, by_nodes: &[Vector3<f64>], gradient: &mut PathGradient) {
+        assert!(self.is_derived, "the last run had no derivatives");
+        assert_eq!(by_nodes.len(), self.n_steps + 1);
+        let mut adjoint = by_nodes[self.n_steps];
+        for step in (0..self.n_steps).rev() {
+            adjoint = self.passage(step + 1).tr_mul(&adjoint);
+            let derivative = &self.derivatives[step];
+            for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
+                let weight = derivative.by_stage[stage].tr_mul(&adjoint);
+                gradient.by_momentum += self.by_momentum[step * STAGES + stage].tr_mul(&weight);
+                self.add_inputs(step, stage, |coefficient, by| {
+                    gradient.by_coefficients[coefficient] += by.dot(&weight);
+                });
+            }
+            adjoint = derivative.by_start.tr_mul(&adjoint) + by_nodes[step];
+        }
+        gradient.by_start += adjoint;
+    }
+
+    /// Whether a stage repeats another.
+    fn is_idle(&self, stage: usize) -> bool {
+        self.is_planar && SIMPSON[stage] == 0.0
+    }
+
+    /// Hands out ∂ω of a stage by each coefficient that acts in it.
+    fn add_inputs(&self, step: usize, stage: usize, mut add: impl FnMut(usize, Vector3<f64>)) {
+        let (n, n_channels) = (self.motion.basis().n_coefficients(), self.motion.n_channels());
+        let [values, slopes] = &self.basis[step * SAMPLES + SAMPLE_OF[stage]];
+        let at = (step * STAGES + stage) * n_channels;
+        for k in 0..n_channels {
+            let (by_channel, by_rate) = (self.by_channel[at + k], self.by_rate[at + k]);
+            for j in 0..self.motion.basis().n_active() {
+                add(k * n + self.first[step] + j, by_channel * values[j] + by_rate * slopes[j]);
+            }
+        }
+    }
+}
+
+impl Restart {
+    fn pass(&mut self, orientation: &mut UnitQuaternion<f64>) {
+        self.before = *orientation;
+        *orientation = self.counting.straightened(&self.before);
+        let [somersault, ..] = self.counting.gradients(&self.before);
+        self.derivative = self.counting.axes * Vector3::y() * somersault.transpose();
+    }
+}
+
+const AT_REST: TakeOff = TakeOff {
+    time: 0.0,
+    center_of_mass: Vector3::new(0.0, 0.0, 0.0),
+    velocity: Vector3::new(0.0, 0.0, 0.0),
+    angular_momentum: Vector3::new(0.0, 0.0, 0.0),
+};
+
+/// Basis functions and slopes at the samples of each step, by the coefficients of the step's interval.
+fn sample_basis(motion: &SplineMotion, per_interval: usize) -> (Vec<usize>, Vec<[[f64; MAX_DEGREE + 1]; 2]>) {
+    let basis = motion.basis();
+    let n_steps = per_interval * basis.n_intervals();
+    let mut first = Vec::with_capacity(n_steps);
+    let mut samples = Vec::with_capacity(n_steps * SAMPLES);
+    for step in 0..n_steps {
+        let interval = step / per_interval;
+        first.push(interval);
+        for sample in 0..SAMPLES {
+            let share = (2 * step + sample) as f64 / (2 * n_steps) as f64;
+            samples.push([0, 1].map(|derivative| {
+                let mut values = [0.0; MAX_DEGREE + 1];
+                let found = basis.evaluate(share, derivative, &mut values);
+                // the end of a step on a knot belongs to the next interval, whose last function is zero there
+                values.rotate_right(found - interval);
+                values
+            }));
+        }
+    }
+    (first, samples)
+}
