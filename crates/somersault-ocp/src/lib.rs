@@ -6,12 +6,12 @@
 //! program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+pub mod collocation;
 pub mod dive;
-pub mod flight;
 pub mod dynamics;
 mod error;
+pub mod flight;
 pub mod motion;
-pub mod collocation;
 pub mod nlp;
 pub mod problem;
 pub mod shooting;

@@ -74,7 +74,7 @@ impl Run<'_> {
                 let trial = self.merit(&self.trial);
                 let enough = |trial: f64| trial <= reference + ARMIJO * length * descent + slack;
                 if indistinct {
-                    let less = trial <= reference + ARMIJO * length * descent;
+                    let less = trial <= merit + ARMIJO * length * descent;
                     if trial - merit <= rounding && self.differentiate()? && (less || self.is_nearer(length))
                     {
                         return Ok(Some(length));
