@@ -11,6 +11,8 @@ use super::transcription::Transcription;
 use crate::solver::{Flow, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
+/// Points back to which the solver's merit function may rise again: defects curve.
+const MERIT_MEMORY: usize = 8;
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
 
@@ -32,7 +34,13 @@ pub struct Collocation<S = Sqp> {
 
 impl Default for Collocation {
     fn default() -> Self {
-        Self { tolerance: 1e-6, max_meshes: 20, min_points: 3, max_points: 12, solver: Sqp::default() }
+        Self {
+            tolerance: 1e-6,
+            max_meshes: 20,
+            min_points: 3,
+            max_points: 12,
+            solver: Sqp { merit_memory: MERIT_MEMORY, ..Sqp::default() },
+        }
     }
 }
 
