@@ -286,7 +286,7 @@ fn error(change: impl Fn(&mut Structure, &mut Start, &mut Sqp)) -> String {
 
 #[test]
 fn bad_input_is_named() {
-    let cases: [(String, &str); 13] = [
+    let cases: [(String, &str); 14] = [
         (error(|_, start, _| start.z.truncate(3)), "`start.z` has 3 entries, the program asks for 4"),
         (error(|_, start, _| start.z[2] = f64::NAN), "`start.z[2]` is NaN"),
         (error(|_, start, _| start.z[0] = f64::INFINITY), "`start.z[0]` is inf"),
@@ -302,6 +302,13 @@ fn bad_input_is_named() {
         (error(|s, _, _| s.jacobian.rows[1] = 0), "`jacobian` has rows [0, 0] in column 0"),
         (error(|s, _, _| s.hessian = Pattern::dense(4, 4)), "`hessian` has rows [0, 1, 2, 3] in column 0"),
         (error(|s, _, _| s.hessian.columns[2] = 99), "`hessian` has columns that do not partition"),
+        (
+            error(|_, start, solver| {
+                start.hessian = Some(vec![1.0]);
+                solver.hessian = HessianSource::QuasiNewton;
+            }),
+            "`start.hessian` has 1 entries, the program asks for 10",
+        ),
         (error(|_, _, solver| solver.stationarity_tol = -1.0), "`stationarity_tol` is -1"),
     ];
     for (found, expected) in cases {

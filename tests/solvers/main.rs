@@ -1,8 +1,11 @@
 //! Solvers of nonlinear programs.
 
 mod behaviour;
+mod cart_pendulum;
 mod large;
+mod least_squares;
 mod multi_start;
 mod problems;
+mod random;
 mod sqp;
 mod unconstrained;

@@ -435,8 +435,8 @@ pub(crate) fn published() -> Vec<Problem> {
     ]
 }
 
-/// Wächter & Biegler, Math. Program. 88 (2000), page 565, with a = −1, b = 1/2 and the start at which interior-point
-/// methods of their class fail.
+/// Wächter & Biegler, Math. Program. 88 (2000) 565–574, with a = −1, b = 1/2 and a start from which interior-point
+/// methods of the class they name fail.
 pub(crate) fn waechter_biegler() -> Problem {
     let variables = [FREE, POSITIVE, POSITIVE];
     Problem::new("Wächter–Biegler", &[-2.0, 3.0, 1.0], &variables, &[ZERO; 2], 1.0, |x| {

@@ -128,8 +128,8 @@ impl From<&[f64]> for Start {
 pub struct Report {
     /// How it ended.
     pub status: Status,
-    /// The best iterate: the last one if converged; else, of those that are feasible to the tolerance, the
-    /// one of least cost, or the one of least violation where none is. Always within the bounds of z.
+    /// The best iterate: the last one if converged, stalled or infeasible; else, of those that are feasible to the
+    /// tolerance, the one of least cost, or the one of least violation where none is. Always within the bounds of z.
     pub z: Vec<f64>,
     /// y, one for each constraint: positive at upper bounds, negative at lower ones.
     pub constraint_multipliers: Vec<f64>,

@@ -1,5 +1,7 @@
 //! Sequential quadratic programming.
 
+mod line_search;
+
 use super::error::SolverError;
 use super::hessian::Hessian;
 use super::program::{Point, Program, check_positive, max_norm};
@@ -53,12 +55,6 @@ impl Default for Sqp {
     }
 }
 
-/// Share of the predicted decrease that is enough.
-const ARMIJO: f64 = 1e-4;
-/// Share of the linearised decrease of the violation that the merit function must promise.
-const PROMISE: f64 = 0.3;
-/// Times that a penalty may be reduced which the multipliers no longer call for; a bound, so that it settles.
-const REDUCTIONS: usize = 10;
 /// Attempts to repair a step that the line search refuses.
 const REPAIRS: usize = 6;
 /// Steps without a decrease beyond rounding, of merit function and residuals, before giving up.
@@ -94,6 +90,7 @@ struct Run<'a> {
     trial: Point,
     /// Multipliers of the constraints and of the bounds.
     y: Vec<f64>,
+    trial_y: Vec<f64>,
     y_z: Vec<f64>,
     residuals: KktResiduals,
     gradient_scale: f64,
@@ -105,7 +102,9 @@ struct Run<'a> {
     iterations: usize,
     best: Best,
     scratch: Vec<f64>,
+    /// Step and its multipliers, while another is tried.
     step: Vec<f64>,
+    step_y: Vec<f64>,
 }
 
 impl<'a> Run<'a> {
@@ -131,6 +130,7 @@ impl<'a> Run<'a> {
             trial: point.clone(),
             point,
             y: vec![0.0; m],
+            trial_y: vec![0.0; m],
             y_z: vec![0.0; n],
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
@@ -140,6 +140,7 @@ impl<'a> Run<'a> {
             iterations: 0,
             scratch: vec![0.0; n],
             step: vec![0.0; n],
+            step_y: vec![0.0; n + m],
             options,
             program,
             hessian,
@@ -236,10 +237,6 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn merit(&self, point: &Point) -> f64 {
-        point.cost + self.penalty * self.program.violation(&point.constraints)
-    }
-
     /// One step, with repairs of the Hessian where the line search refuses it.
     fn advance(&mut self) -> Result<Advance, Failure> {
         let violation = self.program.violation(&self.point.constraints);
@@ -298,100 +295,6 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Raises the penalty until the step promises a decrease of the merit function, and returns the promise
-    /// (Nocedal & Wright 2006, equation 18.36).
-    fn descent(&mut self, origin: Origin, violation: f64) -> f64 {
-        let Subproblem { p, y, shift, curvature, weight, left_violation, .. } = &self.subproblem;
-        let slope: f64 = self.point.gradient.iter().zip(p).map(|(g, p)| g * p).sum();
-        let curvature = (curvature + shift * p.iter().map(|p| p * p).sum::<f64>()).max(0.0);
-        let gain = (violation - left_violation).max(0.0);
-        let exact = 2.0 * max_norm(&y[p.len()..]);
-        if origin != Origin::Elastic && self.penalty > 10.0 * exact && self.reductions < REDUCTIONS {
-            self.penalty = exact;
-            self.reductions += 1;
-        }
-        if gain > 0.0 {
-            let mut needed = (slope + 0.5 * curvature) / ((1.0 - PROMISE) * gain);
-            if gain < self.options.feasibility_tol {
-                // Both are rounding then; what an exact penalty needs is enough.
-                needed = needed.min(exact);
-            }
-            if self.penalty < needed {
-                self.penalty = 1.5 * needed;
-            }
-        }
-        if origin == Origin::Elastic {
-            self.penalty = self.penalty.max(*weight);
-        }
-        slope - self.penalty * gain
-    }
-
-    /// Leaves an evaluated and differentiated point in `trial` and returns the fraction of the step that leads
-    /// there; none if there is no such fraction.
-    fn search(&mut self, origin: Origin, descent: f64) -> Result<Option<f64>, Failure> {
-        let merit = self.merit(&self.point);
-        let terms = self.point.cost.abs() + self.penalty * max_norm(&self.point.constraints);
-        let slack = 10.0 * f64::EPSILON * terms.max(merit.abs());
-        if descent.is_nan() || descent > slack {
-            return Ok(None);
-        }
-        let descent = descent.min(0.0);
-        self.step.copy_from_slice(&self.subproblem.p);
-        let shortest =
-            f64::EPSILON * max_norm(&self.point.z).max(1e-8) / max_norm(&self.step).max(f64::MIN_POSITIVE);
-        let mut length = 1.0;
-        loop {
-            let mut next = 0.5 * length;
-            if self.try_step(length)? {
-                let trial = self.merit(&self.trial);
-                let enough = |trial: f64| trial <= merit + ARMIJO * length * descent + slack;
-                if enough(trial) && self.differentiate()? {
-                    return Ok(Some(length));
-                }
-                if length == 1.0 && origin == Origin::WorkingSet && self.curves_away() {
-                    let y = self.subproblem.y.clone();
-                    if self.subproblem.correct(&self.point, &self.trial) {
-                        self.scratch.copy_from_slice(&self.step);
-                        self.step.copy_from_slice(&self.subproblem.p);
-                        if self.try_step(1.0)? && enough(self.merit(&self.trial)) && self.differentiate()? {
-                            return Ok(Some(1.0));
-                        }
-                        self.step.copy_from_slice(&self.scratch);
-                    }
-                    self.subproblem.y = y;
-                }
-                if trial.is_finite() && trial > merit {
-                    // Minimum of the parabola through both values and the slope.
-                    let parabola = -0.5 * descent * length * length / (trial - merit - descent * length);
-                    next = parabola.clamp(0.1 * length, 0.5 * length);
-                }
-            }
-            length = next;
-            if length < shortest {
-                return Ok(None);
-            }
-        }
-    }
-
-    /// Whether the constraints are worse at the trial point than where the step began.
-    fn curves_away(&self) -> bool {
-        let before = self.program.violation(&self.point.constraints);
-        self.program.violation(&self.trial.constraints) > 0.5 * before
-    }
-
-    /// Evaluates at a fraction of the step; false where there is no value.
-    fn try_step(&mut self, length: f64) -> Result<bool, Failure> {
-        for (i, z) in self.trial.z.iter_mut().enumerate() {
-            *z = self.point.z[i] + length * self.step[i];
-        }
-        self.program.project(&mut self.trial.z);
-        defined(self.program.evaluate(&mut self.trial))
-    }
-
-    fn differentiate(&mut self) -> Result<bool, Failure> {
-        defined(self.program.differentiate(&mut self.trial))
-    }
-
     /// Moves to the trial point. Whether the merit function became smaller by more than rounding.
     fn accept(&mut self, length: f64) -> bool {
         let n = self.point.z.len();
@@ -428,13 +331,4 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 enum Advance {
     Stepped { length: f64, decreased: bool },
     Ended(Status),
-}
-
-/// False where the program has no value.
-fn defined(result: Result<(), EvaluationError>) -> Result<bool, Failure> {
-    match result {
-        Ok(()) => Ok(true),
-        Err(EvaluationError::Undefined { .. }) => Ok(false),
-        Err(EvaluationError::Failed(source)) => Err(source),
-    }
 }

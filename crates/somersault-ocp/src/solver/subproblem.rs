@@ -45,6 +45,10 @@ pub(super) struct Subproblem {
     upper: Vec<f64>,
     targets: Vec<f64>,
     trial_set: Vec<Activity>,
+    empty_set: Vec<Activity>,
+    /// What clarabel found, while a better step is tried.
+    convex_p: Vec<f64>,
+    convex_y: Vec<f64>,
     last_shift: f64,
     /// Step.
     pub(super) p: Vec<f64>,
@@ -79,6 +83,9 @@ impl Subproblem {
             upper: vec![0.0; n + m],
             targets: vec![0.0; n + m],
             trial_set: vec![Activity::Free; n + m],
+            empty_set: vec![Activity::Free; n + m],
+            convex_p: vec![0.0; n],
+            convex_y: vec![0.0; n + m],
             last_shift: 0.0,
             p: vec![0.0; n],
             jp: vec![0.0; m],
@@ -200,13 +207,7 @@ impl Subproblem {
 
     /// Raises the shift until the Hessian is positive definite, on the null space of `trial_set` or everywhere.
     fn factor_convex(&mut self, point: &Point, hessian: &Hessian, shift: &mut f64, on_set: bool) -> bool {
-        let everywhere;
-        let set: &[Activity] = if on_set {
-            &self.trial_set
-        } else {
-            everywhere = vec![Activity::Free; self.trial_set.len()];
-            &everywhere
-        };
+        let set = if on_set { &self.trial_set } else { &self.empty_set };
         let size = match max_norm(&hessian.values) {
             0.0 => 1.0,
             size => size,
@@ -281,13 +282,14 @@ impl Subproblem {
             return None;
         }
         self.shift = shift;
-        let (p, y) = (self.p.clone(), self.y.clone());
+        self.convex_p.copy_from_slice(&self.p);
+        self.convex_y.copy_from_slice(&self.y);
         self.trial_set.copy_from_slice(&self.active);
         if self.newton(point, hessian, floor, 2) {
             return Some(Origin::WorkingSet);
         }
-        self.p = p;
-        self.y = y;
+        self.p.copy_from_slice(&self.convex_p);
+        self.y.copy_from_slice(&self.convex_y);
         Some(Origin::Convex)
     }
 
