@@ -16,8 +16,10 @@ pub mod nlp;
 pub mod problem;
 pub mod shooting;
 pub mod solver;
+pub mod swing_up;
 pub mod term;
 pub mod transcription;
+pub mod verification;
 
 pub use error::OcpError;
 pub use nalgebra;
