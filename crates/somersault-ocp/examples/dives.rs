@@ -78,7 +78,11 @@ fn show(
         "  full dynamics  momentum drift {:.1e}, orientation off by {:.1e} rad",
         report.momentum_drift, report.full_dynamics_defect
     );
-    println!("  channels       from {:.1e}, sum at most 1 + {:.1e}", report.least_channel, report.greatest_sum - 1.0);
+    println!(
+        "  channels       from {:.1e}, sum at most 1 + {:.1e}",
+        report.least_channel,
+        report.greatest_sum - 1.0
+    );
     if let Some((distance, [a, b])) = report.least_distance {
         println!("  least distance {:.1} mm, {a} to {b}", 1e3 * distance);
     }

@@ -7,9 +7,9 @@
 #![forbid(unsafe_code)]
 
 pub mod dive;
-pub mod flight;
 pub mod dynamics;
 mod error;
+pub mod flight;
 pub mod motion;
 pub mod nlp;
 pub mod problem;

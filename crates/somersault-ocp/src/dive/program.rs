@@ -112,7 +112,8 @@ impl DiveProgram {
         }
         let clearance = match (dive.diver.dimension, dive.clearance) {
             (Dimension::Spatial, Some(clearance)) => {
-                let rows = ClearanceRows::try_new(dive, &model, &motion, &column_of, clearance, constraints.len())?;
+                let rows =
+                    ClearanceRows::try_new(dive, &model, &motion, &column_of, clearance, constraints.len())?;
                 (0..rows.n_rows()).for_each(|_| constraints.push(clearance.distance, f64::INFINITY));
                 entries.extend(rows.entries(&column_of));
                 Some(rows)
@@ -452,7 +453,14 @@ impl Nlp for DiveProgram {
         self.angle_rows = rows;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
-            let found = clearance.differentiate(model, motion, &self.column_of, &self.coefficients, pattern, jacobian);
+            let found = clearance.differentiate(
+                model,
+                motion,
+                &self.column_of,
+                &self.coefficients,
+                pattern,
+                jacobian,
+            );
             found.map_err(|error| undefined(error.into()))?;
         }
         if let Some(soft) = &mut self.soft {

@@ -100,7 +100,9 @@ impl DiveProgram {
         let mut last_angle = first[0];
         for node in 0..=n_steps {
             let t = duration * node as f64 / n_steps as f64;
-            let Some(state) = (if node == n_steps { Some(end.state.clone()) } else { solution.at(t) }) else { continue };
+            let Some(state) = (if node == n_steps { Some(end.state.clone()) } else { solution.at(t) }) else {
+                continue;
+            };
             let numbers = state.configuration.as_slice();
             if is_planar {
                 defect = defect.max((numbers[0] - program.path().angles()[node]).abs());
@@ -123,7 +125,8 @@ impl DiveProgram {
             let level = (1.0 - down * down).max(0.0).sqrt();
             level.atan2(down.abs())
         };
-        let (momentum_drift, full_dynamics_defect) = self.full_dynamics(&system, &start, &end.state, &channels)?;
+        let (momentum_drift, full_dynamics_defect) =
+            self.full_dynamics(&system, &start, &end.state, &channels)?;
         let mut least_channel = f64::INFINITY;
         let mut greatest_sum = f64::NEG_INFINITY;
         let mut least_distance: Option<(f64, [&'static str; 2])> = None;
@@ -222,7 +225,14 @@ impl DiveProgram {
         let full = TreeSystem::new(model, ()).driven(split, drive).map_err(DiveError::from)?;
         let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-14, 1e-14) };
         let full_end = full
-            .integrate_adaptive(Method::Rkmk8, Options::default(), &full_start, (0.0, duration), &control, &mut ())?
+            .integrate_adaptive(
+                Method::Rkmk8,
+                Options::default(),
+                &full_start,
+                (0.0, duration),
+                &control,
+                &mut (),
+            )?
             .state;
         let mut velocities = vec![0.0; model.n_velocities()];
         model.joint_velocities(&full_end, &mut velocities).map_err(DiveError::from)?;
