@@ -1,4 +1,4 @@
-//! Flight, reduced by its momentum, as a transcription.
+//! Flight, reduced by its momentum.
 //!
 //! In the air nothing of a tree's state is free but its orientation: the centre of mass keeps to its parabola and
 //! the angular momentum to its value ([`somersault_multibody::flight`]). So of the passive states one rotation is
