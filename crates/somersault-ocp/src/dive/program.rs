@@ -237,6 +237,25 @@ impl DiveProgram {
         &self.free
     }
 
+    /// L₀.
+    pub(super) fn momentum_unit(&self) -> f64 {
+        self.momentum_unit
+    }
+
+    /// Rotation of the planar torso at the entry, rad.
+    pub(super) fn entry_rotation(&self) -> f64 {
+        self.counting.axes.euler_angles().1 - targets(&self.dive)[0]
+    }
+
+    /// The bounds of the channels: factors of z, lower and upper bound.
+    pub(super) fn channel_bounds(&self) -> impl Iterator<Item = (&[(usize, f64)], f64, f64)> {
+        let Bounds { lower, upper } = &self.structure.constraints;
+        self.linear
+            .iter()
+            .enumerate()
+            .map(|(row, linear)| (linear.factors.as_slice(), lower[row], upper[row]))
+    }
+
     /// What of the clearances there is.
     pub(super) fn clearance(&self) -> Option<&ClearanceRows> {
         self.clearance.as_ref()
