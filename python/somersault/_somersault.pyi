@@ -17,6 +17,11 @@ _Friction: TypeAlias = CoulombFriction | _RollingFriction
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
+_Parameter: TypeAlias = (
+    Literal["mass", "inertia_scale"]
+    | tuple[Literal["stiffness", "damping", "friction"], int]
+    | tuple[Literal["acceleration"], ArrayLike]
+)
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "turn", "other"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
@@ -385,6 +390,21 @@ class Event:
     @property
     def state(self) -> Any: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Sensitivities:
+    @property
+    def t(self) -> float: ...
+    @property
+    def state(self) -> State: ...
+    @property
+    def events(self) -> list[Event]: ...
+    @property
+    def by_state(self) -> _Floats: ...
+    @property
+    def by_parameters(self) -> _Floats: ...
+    @property
+    def event_times(self) -> _Floats: ...
 
 @final
 class Scene:
@@ -815,6 +835,19 @@ def integrate(
     on_interrupt: Literal["raise", "return"] = "raise",
     progress: bool = False,
 ) -> Solution: ...
+def differentiate(
+    body: RigidBody,
+    state: State,
+    interval: tuple[float, float] | Sequence[float],
+    *,
+    dt: float,
+    contacts: Contact | Sequence[Contact],
+    method: _AnyMethod | None = None,
+    forces: _AnyForce | Sequence[_AnyForce] | None = None,
+    parameters: Sequence[_Parameter] | None = None,
+    grazing: float = 1e-9,
+    max_event_rate: float = 1e9,
+) -> Sensitivities: ...
 def integrate_tree(
     model: Model,
     q: ArrayLike,

@@ -33,6 +33,8 @@ __all__ = [
     "OcpError",
     "OcpInputError",
     "PostureError",
+    "SensitivityError",
+    "SensitivityInputError",
     "SomersaultError",
     "StepError",
     "StudyError",
@@ -98,6 +100,14 @@ class SurfaceError(IntegrateError, InputError):
 
 class ContactError(InputError):
     """A law, a surface or a contact cannot be made of these numbers."""
+
+
+class SensitivityError(SomersaultError):
+    """The motion has no derivative: it grazes a surface."""
+
+
+class SensitivityInputError(SensitivityError, InputError):
+    """A derivative that there is not: by friction where there is none, of a start on a surface."""
 
 
 class BatchError(SomersaultError):

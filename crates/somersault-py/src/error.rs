@@ -8,6 +8,7 @@ use pyo3::types::PyType;
 use somersault::contact::ContactError;
 use somersault::contact::event::Interruption;
 use somersault::contact::models::ModelError as ContactModelError;
+use somersault::contact::sensitivity::SensitivityError;
 use somersault::core::InertiaError;
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
@@ -212,6 +213,16 @@ impl From<Interruption> for Error {
                 "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
             )),
             reason => Self::own("IntegrateError", &reason),
+        }
+    }
+}
+
+impl From<SensitivityError> for Error {
+    fn from(error: SensitivityError) -> Self {
+        match error {
+            SensitivityError::Run(reason) => reason.into(),
+            SensitivityError::Grazing(_) => Self::own("SensitivityError", &error),
+            error => Self::own("SensitivityInputError", &error),
         }
     }
 }

@@ -10,6 +10,7 @@ use somersault::integrators::force::{self, BoxedForce, Wrench};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, RigidBodiesState, RigidBodyState, State as StateOf, Twist};
 use somersault::integrators::system::{self, Interaction};
+use somersault::integrators::variation::Tangent;
 use std::sync::{Arc, OnceLock};
 
 /// Base of the built-in force models.
@@ -61,6 +62,18 @@ impl force::ForceModel for Shared {
     }
     fn depends_on_velocity(&self) -> bool {
         self.0.depends_on_velocity()
+    }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &body::RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.0.wrench_variation(t, body, x, along)
+    }
+    fn mass_derivative(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.mass_derivative(t, body, x)
     }
 }
 

@@ -26,6 +26,7 @@ mod partials;
 mod plan;
 mod rows;
 mod scene;
+mod sensitivity;
 mod studies;
 mod surface;
 mod trajectory;
@@ -72,6 +73,8 @@ mod _somersault {
     use crate::scene::{
         Scene, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
     };
+    #[pymodule_export]
+    use crate::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]
     use crate::studies::{
         Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,

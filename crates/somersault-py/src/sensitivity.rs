@@ -1,0 +1,229 @@
+//! Derivatives of a body's motion through contacts.
+
+use crate::bodies::{RigidBody, State};
+use crate::convert::{a_type, array, vector};
+use crate::error::Error;
+use crate::event::Event;
+use crate::forces::{Failure, Reader, sequence};
+use crate::kinematics::write;
+use crate::methods;
+use crate::monitor::Monitor;
+use crate::plan::{Plan, Steps};
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use somersault::contact::contacts::BodyInContact;
+use somersault::contact::event::Location;
+use somersault::contact::sensitivity::{
+    self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
+};
+use somersault::integrators::driver::TimeGrid;
+use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::nalgebra::DMatrix;
+use somersault::integrators::state::State as StateOf;
+use somersault::integrators::variation::Varied;
+
+/// A motion through contacts and its derivative.
+///
+/// Rows of a derivative are position, m, orientation, rad (the small rotation δφ in the world frame,
+/// R → exp(δφ̂) R), velocity, m/s, and angular velocity, rad/s, three components each.
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct Sensitivities {
+    found: sensitivity::Sensitivities,
+    contacts: usize,
+}
+
+#[pymethods]
+impl Sensitivities {
+    /// float: Time reached, s.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.found.run.t
+    }
+
+    /// State: State reached.
+    #[getter]
+    fn state(&self) -> State {
+        State(self.found.run.state)
+    }
+
+    /// list of Event: What happened in contacts.
+    #[getter]
+    fn events(&self, py: Python<'_>) -> PyResult<Vec<Event>> {
+        self.found.run.events.iter().map(|event| Event::of(py, self.contacts, event)).collect()
+    }
+
+    /// ndarray, shape (12, 12): Derivative of the state reached by the state at the start.
+    #[getter]
+    fn by_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        matrix(py, &DMatrix::from_iterator(12, 12, self.found.state.iter().copied()))
+    }
+
+    /// ndarray, shape (12, parameters): Derivative of the state reached by the parameters.
+    #[getter]
+    fn by_parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let columns = &self.found.parameters;
+        matrix(py, &DMatrix::from_iterator(12, columns.ncols(), columns.iter().copied()))
+    }
+
+    /// ndarray, shape (12 + parameters, events): Derivative of the times of the events, s, by the state at the
+    /// start and the parameters. NaN at an event that changes nothing.
+    #[getter]
+    fn event_times<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        matrix(py, &self.found.event_times)
+    }
+
+    fn __repr__(&self) -> String {
+        let (events, parameters) = (self.found.run.events.len(), self.found.parameters.ncols());
+        format!("<Sensitivities at t = {}: {events} events, {parameters} parameters>", self.t())
+    }
+}
+
+fn matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let mut values = vec![0.0; matrix.len()];
+    write(matrix, &mut values);
+    array(py, values, &[matrix.nrows(), matrix.ncols()])
+}
+
+/// A constant of the equations: a name, or a name with a contact or a direction.
+fn parameter(value: &Bound<'_, PyAny>) -> Result<Parameter, Error> {
+    if let Ok(name) = value.extract::<String>() {
+        match name.as_str() {
+            "mass" => return Ok(Parameter::Mass),
+            "inertia_scale" => return Ok(Parameter::InertiaScale),
+            _ => {}
+        }
+    }
+    if let Ok((name, of)) = value.extract::<(String, Bound<'_, PyAny>)>() {
+        match (name.as_str(), of.extract::<usize>()) {
+            ("stiffness", Ok(contact)) => return Ok(Parameter::Stiffness(contact)),
+            ("damping", Ok(contact)) => return Ok(Parameter::Damping(contact)),
+            ("friction", Ok(contact)) => return Ok(Parameter::Friction(contact)),
+            ("acceleration", _) => {
+                return Ok(Parameter::uniform_acceleration(vector("parameters", &of)?));
+            }
+            _ => {}
+        }
+    }
+    Err(Error::input(format!(
+        "`parameters` must hold 'mass', 'inertia_scale', ('stiffness', contact), ('damping', contact), ('friction', contact) or ('acceleration', direction), found {}",
+        value.repr()?
+    )))
+}
+
+fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error> {
+    let Some(value) = value else { return Ok(Vec::new()) };
+    let wrong = || Error::input(format!("`parameters` must be a sequence, found {}", a_type(value)));
+    sequence(value).ok_or_else(wrong)?.try_iter()?.map(|entry| parameter(&entry?)).collect()
+}
+
+/// Motion of one rigid body through contacts, and its derivative by the initial state and by parameters.
+///
+/// The variational equations are integrated beside the state, by the same method in the same steps, and jump
+/// where contacts begin and end. Surfaces of your own are differentiated by differences of their gradients,
+/// callable forces by differences.
+///
+/// Parameters
+/// ----------
+/// body : RigidBody
+///     The body.
+/// state : State
+///     State at the start, not on a surface.
+/// interval : tuple of float
+///     Start and end time, s.
+/// dt : float
+///     Step, s.
+/// contacts : Contact or sequence of Contact
+///     Where the body touches surfaces.
+/// method : str or MethodInfo, optional
+///     A method for any system in world variables; ``"rkmk"`` unless given.
+/// forces : force model, callable, or sequence of them, optional
+///     What acts on the body besides, as in `somersault.integrate`.
+/// parameters : sequence, optional
+///     What to differentiate by: ``'mass'`` with the inertia kept, ``'inertia_scale'``, a factor on the inertia,
+///     ``('stiffness', i)``, ``('damping', i)`` and ``('friction', i)`` of contact i, and
+///     ``('acceleration', direction)``, the strength of a uniform acceleration, m/s².
+/// grazing : float, optional
+///     A touch-down is a graze, without a derivative, within this part of the interval of the least gap.
+/// max_event_rate : float, optional
+///     Most events per second and contact, averaged over the last 64.
+///
+/// Returns
+/// -------
+/// Sensitivities
+///     The state reached, events, and derivatives.
+///
+/// Raises
+/// ------
+/// InputError
+///     If an argument is not allowed. Subclasses: `SensitivityInputError`, `UnknownMethodError`,
+///     `IntegrateInputError`, `SurfaceError`.
+/// SensitivityError
+///     If the motion grazes a surface.
+/// IntegrateError
+///     If the run cannot go on. This one and the last have what was found before in the attribute `solution`.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> top = contact.spinning_top()
+/// >>> found = contact.differentiate(
+/// ...     top.body, top.state, (0.0, 0.1), dt=1e-4, contacts=top.contacts, forces=top.forces,
+/// ...     parameters=["mass", ("stiffness", 0)],
+/// ... )
+/// >>> found.by_state.shape, found.by_parameters.shape
+/// ((12, 12), (12, 2))
+#[pyfunction]
+#[pyo3(signature = (
+    body, state, interval, *, dt, contacts, method=None, forces=None, parameters=None, grazing=1e-9, max_event_rate=1e9
+))]
+pub(crate) fn differentiate(
+    py: Python<'_>,
+    body: RigidBody,
+    state: State,
+    interval: [f64; 2],
+    dt: f64,
+    contacts: &Bound<'_, PyAny>,
+    method: Option<&Bound<'_, PyAny>>,
+    forces: Option<&Bound<'_, PyAny>>,
+    parameters: Option<&Bound<'_, PyAny>>,
+    grazing: f64,
+    max_event_rate: f64,
+) -> Result<Py<Sensitivities>, Error> {
+    let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
+    let grid = TimeGrid::try_new(interval[0], interval[1], dt)?;
+    let by = Differentiation { parameters: self::parameters(parameters)?, grazing };
+    let failure = Failure::default();
+    let mut reader = Reader { failure: failure.clone(), calls_python: false };
+    let models = reader.sum("forces", forces.unwrap_or(&py.None().into_bound(py)))?;
+    let contacts = reader.contacts("contacts", contacts)?;
+    let (count, options) = (contacts.len(), Options::default());
+    let system = BodyInContact::new(body.0, (models, contacts));
+    let location = Location { max_event_rate, ..Location::default() };
+    let plan = Plan {
+        method,
+        options,
+        steps: Steps::Fixed(grid),
+        start: interval[0],
+        every: u64::MAX,
+        dense: false,
+        calls_python: reader.calls_python,
+        return_interrupted: false,
+    };
+    let initial: StateOf<Varied<_, _>> = VariedState::varied(state.0, []);
+    let mut monitor = Monitor::new(&plan, &initial, None, None, failure);
+    let outcome = monitor.supervise(py, &plan, |monitor| {
+        differentiate_located(method, options, &system, &state.0, &by, &grid, &location, monitor)
+    })?;
+    let (found, status) = match outcome {
+        Ok(found) => {
+            let status = found.run.status;
+            (found, Ok(status))
+        }
+        Err(undifferentiated) => {
+            let Undifferentiated { reason, so_far } = *undifferentiated;
+            (so_far, Err(reason.into()))
+        }
+    };
+    let solution = Py::new(py, Sensitivities { found, contacts: count })?;
+    plan.deliver(py, monitor.finish(py, status).failed, solution)
+}
