@@ -6,9 +6,10 @@ use somersault_core::spline::{SplineError, UniformBasis};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::models::{Dimension, Diver, Posture};
 use somersault_multibody::{Data, DynamicsError, Model};
+use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
     Body, Capsule, Channels, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame, Penalties, Range,
-    nearest_points,
+    momentum_along, nearest_points,
 };
 use somersault_ocp::flight::{
     Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
@@ -487,6 +488,52 @@ fn without_eigenpostures_the_dive_costs_less_and_needs_more_unknowns() {
     };
     let (reduced, full) = (cost(&with), cost(&without));
     assert!(full.0 < reduced.0 && full.1 > 7 * reduced.1, "{reduced:?} {full:?}");
+}
+
+#[test]
+fn a_third_posture_changes_little() {
+    let two = Dive::forward_pike().unwrap();
+    let mut three = two.clone();
+    three.postures.push(Posture::G.planar().unwrap().to_vec());
+    let momentum = |dive: &Dive| {
+        let program = dive.program().unwrap();
+        program.momentum(&found(&program, &DiveSearch::direct(), &Dive::pike_template()))
+    };
+    assert!((momentum(&three) / momentum(&two) - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn explicit_euler_loses_the_momentum_with_order_one() {
+    let program = Dive::forward_pike().unwrap().program().unwrap();
+    let z = found(&program, &DiveSearch::direct(), &Dive::pike_template());
+    let drift = |n: usize| {
+        let along = program.momentum_in_coordinates(&z, n).unwrap();
+        along[n] / along[0] - 1.0
+    };
+    let (coarse, fine) = (drift(400), drift(800));
+    assert!(drift(200).abs() > 0.01 && (coarse / fine - 2.0).abs() < 0.1, "{coarse} {fine}");
+    // and the same through the shooting
+    let (mut problem, start) = program.literal(&z, 200).unwrap();
+    problem.transcription_mut().rollout(&start).unwrap();
+    let along = momentum_along(program.path().model(), problem.transcription()).unwrap();
+    assert!((along[200] / along[0] - 1.0).abs() > 0.01);
+}
+
+#[test]
+fn bad_flights_are_refused() {
+    let build = |change: &dyn Fn(&mut FlightStart, &mut FlightVariables)| {
+        let (flight, _) = flight(Diver::spatial());
+        let (model, motion) = (flight.path().model().clone(), flight.path().motion().clone());
+        let (mut start, mut variables) = (flight.now().clone(), FlightVariables::default());
+        change(&mut start, &mut variables);
+        FlightShooting::try_new(model, motion, start, variables, 10).map(|_| ()).unwrap_err()
+    };
+    assert!(matches!(build(&|s, _| s.duration = 0.0), OcpError::NotPositive { .. }));
+    assert!(matches!(build(&|s, _| s.orientation = vec![0.0]), OcpError::Length { .. }));
+    assert!(matches!(build(&|s, _| s.orientation = vec![0.0; 4]), OcpError::NotPositive { .. }));
+    assert!(matches!(build(&|s, _| s.orientation[0] = f64::NAN), OcpError::NonFinite { .. }));
+    assert!(matches!(build(&|s, _| s.take_off.velocity.x = f64::NAN), OcpError::Flight(_)));
+    assert!(matches!(build(&|_, v| v.duration = Some([2.0, 1.0])), OcpError::ContradictoryBounds { .. }));
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! ```
 
 use somersault_multibody::models::Posture;
-use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, momentum_along};
+use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, Range, momentum_along};
 use somersault_ocp::dynamics::Tree;
 use somersault_ocp::problem::MotionProblem;
 use somersault_ocp::shooting::Shooting;
@@ -27,6 +27,24 @@ fn main() -> Result<(), Box<dyn Error>> {
     let spatial = Dive::forward_twisting().program()?;
     let names = ["A", "D", "E", "I", "H"];
     show(&spatial, &DiveSearch::staged(), &Dive::twisting_template(), &names)?;
+
+    println!("\n5174D in other times");
+    for (name, duration) in [("1.8 s", Range::fixed(1.8)), ("1.7 s to 2.1 s", Range::new(1.7, 2.1))] {
+        let program = Dive { duration, ..Dive::forward_twisting() }.program()?;
+        let cpu = cpu_seconds();
+        let z = program.start(&Dive::twisting_template())?;
+        let found = DiveSearch::staged().solve(&program, z, &mut |_| Flow::Continue)?;
+        let cpu = cpu_seconds() - cpu;
+        let report = program.report(&found.z)?;
+        println!(
+            "  {name:14}  {:.3} s, L = {:.2} kg m²/s, {:.4} somersaults, {:.4} twists, entry {:.3}° off, {cpu:.1} s of CPU",
+            report.duration,
+            report.momentum,
+            report.somersaults,
+            report.twists,
+            report.entry_angle.to_degrees()
+        );
+    }
 
     if n_starts > 1 {
         let templates = KeyFrame::variations(&Dive::twisting_template(), n_starts, 1);
@@ -160,7 +178,10 @@ fn show_others() -> Result<(), Box<dyn Error>> {
     let mut third = dive.clone();
     third.postures.push(Posture::G.planar()?.to_vec());
     let joints = Dive { channels: Channels::Joints, ..dive.clone() };
-    for (name, dive) in [("A, H", dive), ("A, H, G", third), ("a spline for each joint", joints)] {
+    let long = Dive { duration: Range::fixed(2.0), ..dive.clone() };
+    let dives =
+        [("A, H", dive), ("A, H, G", third), ("a spline for each joint", joints), ("A, H, in 2 s", long)];
+    for (name, dive) in dives {
         let program = dive.program()?;
         let began = Instant::now();
         let z = program.start(&Dive::pike_template())?;

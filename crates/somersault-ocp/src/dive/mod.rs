@@ -13,14 +13,14 @@
 //! take-off.
 //!
 //! After the square-out the diver moves symmetrically and without tilt, so twists stay whole and the tilt zero. A pike
-//! amplifies what tilt it begins with, by a factor of thousands over a dive; so the orientation starts anew there,
+//! amplifies what tilt it begins with; so the orientation starts anew there,
 //! straightened ([`OrientationPath::with_restart`](crate::flight::OrientationPath::with_restart)), and the tilt left is
 //! the defect that the constraints remove.
 //!
 //! Quasi-Newton steps converge slowly along the valley of nearly equal twisting dives: reports tell how far they came.
 //!
 //! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,
-//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`]).
+//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`](crate::flight::Counting)).
 
 mod body;
 mod bounds;

@@ -77,10 +77,17 @@ pub struct FlightShooting {
     by_nodes: Vec<Vector3<f64>>,
     by_coefficient: Vec<f64>,
     by_parameter: Vec<f64>,
+    /// Lent to a forward sweep.
+    forward: Option<Forward>,
+}
+
+/// Room for a forward sweep.
+#[derive(Debug, Clone)]
+struct Forward {
     carried: NodeDerivatives,
     tangent: NodeTangent,
     /// Of the inputs of a node, a row for each variable.
-    input_tangents: DMatrix<f64>,
+    inputs: DMatrix<f64>,
 }
 
 impl FlightShooting {
@@ -163,9 +170,11 @@ impl FlightShooting {
             by_nodes: vec![Vector3::zeros(); n_nodes],
             by_coefficient: vec![0.0; n_coefficients],
             by_parameter: vec![0.0; motion.n_parameters()],
-            carried: NodeDerivatives::new(n_coefficients),
-            tangent: NodeTangent::new(&sizes, (0..n_z).collect()),
-            input_tangents: DMatrix::zeros(n_z, INPUTS + 2 * n_channels),
+            forward: Some(Forward {
+                carried: NodeDerivatives::new(n_coefficients),
+                tangent: NodeTangent::new(&sizes, (0..n_z).collect()),
+                inputs: DMatrix::zeros(n_z, INPUTS + 2 * n_channels),
+            }),
             path,
         }
     }
@@ -474,23 +483,38 @@ impl Transcription for FlightShooting {
         visit: &mut dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError>,
     ) -> Result<(), EvaluationError> {
         self.linearise()?;
-        let mut carried = self.carried.clone();
-        let (mut tangent, mut inputs) = (self.tangent.clone(), self.input_tangents.clone());
+        let Some(mut room) = self.forward.take() else { return Ok(()) };
+        let swept = self.sweep(&mut room, visit);
+        self.forward = Some(room);
+        swept
+    }
+}
+
+impl FlightShooting {
+    fn sweep(&mut self, room: &mut Forward, visit: &mut Visit<'_>) -> Result<(), EvaluationError> {
+        let Forward { carried, tangent, inputs } = room;
         let n_v = self.outline.sizes.n_velocities;
         carried.begin();
         for k in 0..=self.path.n_steps() {
             if k > 0 {
-                self.path.carry(k - 1, &mut carried);
+                self.path.carry(k - 1, carried);
             }
             self.respond(k)?;
-            self.write_inputs(k, &carried, &mut inputs, &mut tangent);
-            inputs.mul_to(&self.response.rows(0, n_v).transpose(), &mut tangent.position);
-            inputs.mul_to(&self.response.rows(n_v, n_v).transpose(), &mut tangent.velocity);
-            visit(k, &self.node(k), self.weight(k), &tangent)?;
+            self.write_inputs(k, carried, inputs, tangent);
+            tangent.position.fill(0.0);
+            tangent.velocity.fill(0.0);
+            for (input, answer) in inputs.column_iter().zip(self.response.column_iter()) {
+                tangent.position.ger(1.0, &input, &answer.rows(0, n_v), 1.0);
+                tangent.velocity.ger(1.0, &input, &answer.rows(n_v, n_v), 1.0);
+            }
+            visit(k, &self.node(k), self.weight(k), tangent)?;
         }
         Ok(())
     }
 }
+
+/// What sees the tangents of a node.
+type Visit<'a> = dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError> + 'a;
 
 fn quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(nalgebra::Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
