@@ -1,0 +1,18 @@
+//! Recorded motions: read, brought to one convention, fitted by a model, analysed and scored.
+//!
+//! | Step | Here | Thesis |
+//! |---|---|---|
+//! | files → markers, skeletons | [`readers`] | 4.1.1 |
+//! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
+//!
+//! Inside, lengths are in m, times in s, angles in rad, and the world has x forward, y left and z up,
+//! whatever a file has.
+//!
+//! Filters are not here: no Rust crate for zero-phase low-pass filters is kept well enough to rest
+//! measurements on it. SciPy's `butter` and `sosfiltfilt` do it on the Python side.
+#![forbid(unsafe_code)]
+
+pub mod readers;
+pub mod recording;
+
+pub use nalgebra;
