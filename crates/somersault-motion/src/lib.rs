@@ -6,6 +6,7 @@
 //! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
+//! | motions → scores | [`scoring`] | 4.1 |
 //!
 //! Inside, lengths are in m, times in s, angles in rad, and the world has x forward, y left and z up,
 //! whatever a file has.
@@ -18,5 +19,6 @@ pub mod analysis;
 pub mod fit;
 pub mod readers;
 pub mod recording;
+pub mod scoring;
 
 pub use nalgebra;

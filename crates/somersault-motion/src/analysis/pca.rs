@@ -67,6 +67,23 @@ impl Pca {
         Ok(Self { mean, components, variance, total_variance: total / (n - 1) as f64, n_samples: n })
     }
 
+    /// From its parts, as `scoring` stores them; checked.
+    pub(crate) fn from_parts(
+        mean: DVector<f64>,
+        components: DMatrix<f64>,
+        variance: Vec<f64>,
+        total_variance: f64,
+        n_samples: usize,
+    ) -> Result<Self, AnalysisError> {
+        expect_length("rows of components", components.nrows(), mean.len())?;
+        expect_length("variance", variance.len(), components.ncols())?;
+        expect_finite("components", &components)?;
+        if !mean.iter().chain(&variance).chain([&total_variance]).all(|x| x.is_finite()) {
+            return Err(AnalysisError::NonFinite { argument: "mean or variance", row: 0 });
+        }
+        Ok(Self { mean, components, variance, total_variance, n_samples })
+    }
+
     /// Mean of the samples.
     pub fn mean(&self) -> &DVector<f64> {
         &self.mean

@@ -115,7 +115,9 @@ fn known_angles_are_recovered_to_1e_6() {
         let (model, motion) = (diver.model().unwrap(), motion(&diver, 60));
         let set = markers(&model);
         let recording = record(&model, &set, &motion, 1.08, 0.0, 1);
+        let start = std::time::Instant::now();
         let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap().fit(&recording).unwrap();
+        println!("{:?}: {} markers in {:?}", diver.dimension, recording.n_markers(), start.elapsed());
         assert!(fit.converged());
         let error = largest_error(&model, &fit, &motion);
         assert!(error < 1e-6, "{:?}: {error:e}", diver.dimension);

@@ -6,3 +6,4 @@ mod fitting;
 mod hostile;
 mod readers;
 mod recorded;
+mod scoring;
