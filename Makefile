@@ -39,10 +39,12 @@ bench:
 bench-peers: $(VENV)/.peers
 	$(BIN)/python benches/peers
 
-# The URDF reader on ten minutes of hostile documents; needs nightly and cargo-fuzz.
+# Each reader on ten minutes of hostile files; needs nightly and cargo-fuzz.
 fuzz:
-	mkdir -p out/corpus
-	cargo +nightly fuzz run urdf out/corpus fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
+	mkdir -p out/corpus/urdf
+	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
+	for format in bvh c3d joint_motion marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
+		out/corpus/$$format fuzz/corpus/$$format -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024 || exit 1; done
 
 # A wheel and a source distribution in dist/.
 wheel: $(VENV)/.tools

@@ -17,6 +17,7 @@
 pub use somersault_contact as contact;
 pub use somersault_core as core;
 pub use somersault_integrators as integrators;
+pub use somersault_motion as motion;
 pub use somersault_multibody as multibody;
 pub use somersault_ocp as ocp;
 

@@ -1,0 +1,30 @@
+//! Eigenpostures of motions.
+//!
+//! [`common`] stacks the frames of all motions and finds one basis for them; weights of different motions can then be
+//! compared. [`per_motion`] is the variant of the thesis (4.1.1), a basis for each motion. **Bases of single motions
+//! have signs and an order of their own**: what is the first eigenweight of one may be minus the second of another, so
+//! that weights must not be compared across motions. It is here to reproduce what was done.
+
+use super::{AnalysisError, Pca, expect_length};
+use nalgebra::DMatrix;
+
+/// One basis for all `motions`, each with a frame in every row.
+pub fn common(motions: &[DMatrix<f64>], n_eigenpostures: usize) -> Result<Pca, AnalysisError> {
+    let Some(first) = motions.first() else {
+        return Err(AnalysisError::TooFew { argument: "motions", least: 1, found: 0 });
+    };
+    let rows = motions.iter().map(DMatrix::nrows).sum();
+    let mut stacked = DMatrix::zeros(rows, first.ncols());
+    let mut at = 0;
+    for motion in motions {
+        expect_length("columns of motions", motion.ncols(), first.ncols())?;
+        stacked.rows_mut(at, motion.nrows()).copy_from(motion);
+        at += motion.nrows();
+    }
+    Pca::fit(&stacked, n_eigenpostures)
+}
+
+/// A basis for each motion: the thesis' variant.
+pub fn per_motion(motions: &[DMatrix<f64>], n_eigenpostures: usize) -> Result<Vec<Pca>, AnalysisError> {
+    motions.iter().map(|motion| Pca::fit(motion, n_eigenpostures)).collect()
+}

@@ -1,0 +1,153 @@
+//! Groups of motions side by side: the four panels of Figure 4.1.
+
+use super::{AnalysisError, expect_finite, expect_length};
+use crate::fit::MotionFit;
+use crate::recording::{CubicSpline, uniform_times};
+use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector1};
+use somersault_core::so3;
+use somersault_multibody::{Joint, Model};
+
+/// Mean and spread of a group at each frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Band {
+    /// Mean over the motions.
+    pub mean: Vec<f64>,
+    /// Standard deviation over the motions, with n − 1 in the denominator; zero for a single motion.
+    pub deviation: Vec<f64>,
+}
+
+impl Band {
+    /// Of `series`, a row for each motion and a column for each frame.
+    pub fn of(series: &DMatrix<f64>) -> Result<Self, AnalysisError> {
+        let n = series.nrows();
+        if n == 0 {
+            return Err(AnalysisError::TooFew { argument: "series", least: 1, found: 0 });
+        }
+        expect_finite("series", series)?;
+        let mean: Vec<f64> = series.column_iter().map(|c| c.mean()).collect();
+        let square = |(c, mean): (nalgebra::DVectorView<f64>, &f64)| c.map(|x| (x - mean).powi(2)).sum();
+        let deviation = series.column_iter().zip(&mean).map(square);
+        let deviation = deviation.map(|sum: f64| (sum / (n.max(2) - 1) as f64).sqrt()).collect();
+        Ok(Self { mean, deviation })
+    }
+}
+
+/// A quantity of all frames, brought to `n_frames` by a cubic spline: motions of any duration become comparable.
+pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Result<Vec<f64>, AnalysisError> {
+    expect_length("values", values.len(), times.len())?;
+    if n_frames == 0 {
+        return Err(AnalysisError::TooFew { argument: "n_frames", least: 1, found: 0 });
+    }
+    let points = values.iter().map(|x| Vector1::new(*x)).collect();
+    let spline = CubicSpline::try_new(times.to_vec(), points)
+        .map_err(|_| AnalysisError::NonFinite { argument: "times or values", row: 0 })?;
+    Ok(uniform_times(times, n_frames).into_iter().map(|t| spline.evaluate(t)[0]).collect())
+}
+
+/// How far the root has turned about the lateral axis since the first frame, in turns, forwards positive.
+///
+/// Of a planar root that is its angle. Of a floating one it is the sum, over the frames, of the rotations' part along
+/// the lateral axis of the body: somersaults are counted without regard to twist. Frames must be less than a half turn apart.
+/// None for other roots.
+pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Option<Vec<f64>> {
+    const TURN: f64 = std::f64::consts::TAU;
+    let rotation = |q: &[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
+    match model.joint(0)? {
+        // the planar diver's angle is positive backwards
+        Joint::Planar => {
+            let first = configurations.first().map_or(0.0, |q| q[2]);
+            Some(configurations.iter().map(|q| (first - q[2]) / TURN).collect())
+        }
+        Joint::Free => {
+            let mut total = 0.0;
+            let mut turns = vec![0.0; configurations.len().min(1)];
+            for pair in configurations.windows(2) {
+                let step = so3::log(&(rotation(pair[0]).inverse() * rotation(pair[1])));
+                total += step.y / TURN;
+                turns.push(total);
+            }
+            Some(turns)
+        }
+        _ => None,
+    }
+}
+
+/// A quantity of Figure 4.1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Panel {
+    /// (a) An eigenweight by its number.
+    Eigenweight(usize),
+    /// (b) Root mean square of the distances of markers, m.
+    MarkerError,
+    /// (c) Scale of the model.
+    Scale,
+    /// (d) Turns about the lateral axis. The caption of the thesis' panel says "scaling factor".
+    Rotation,
+}
+
+/// A group of fitted motions, with the same number of frames each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GroupComparison {
+    n_frames: usize,
+    groups: Vec<Vec<Vec<f64>>>,
+    panel: Panel,
+}
+
+impl GroupComparison {
+    /// One panel for `groups` of motions fitted by `model`, normalised to `n_frames`. Frames without markers are left out.
+    pub fn try_new(
+        model: &Model,
+        groups: &[&[&MotionFit]],
+        panel: Panel,
+        n_frames: usize,
+    ) -> Result<Self, AnalysisError> {
+        let series = |motion: &&MotionFit| -> Result<Vec<f64>, AnalysisError> {
+            let seen = || motion.frames.iter().filter(|f| f.rms.is_some());
+            let times: Vec<f64> = (motion.times.iter().zip(&motion.frames))
+                .filter(|(_, f)| f.rms.is_some())
+                .map(|(t, _)| *t)
+                .collect();
+            let values: Vec<f64> = match panel {
+                Panel::Eigenweight(k) => {
+                    let weights = seen().map(|f| f.estimate.weights.get(k).copied());
+                    let found = motion.frames.first().map_or(0, |f| f.estimate.weights.len());
+                    let least = k + 1;
+                    weights.collect::<Option<_>>().ok_or(AnalysisError::TooFew {
+                        argument: "weights",
+                        least,
+                        found,
+                    })?
+                }
+                Panel::MarkerError => seen().filter_map(|f| f.rms).collect(),
+                Panel::Scale => seen().map(|f| f.estimate.scale).collect(),
+                Panel::Rotation => {
+                    let all: Vec<&[f64]> = seen().map(|f| f.estimate.q.as_slice()).collect();
+                    turns_about(model, &all).unwrap_or_else(|| vec![0.0; all.len()])
+                }
+            };
+            normalize_frames(&times, &values, n_frames)
+        };
+        let groups =
+            groups.iter().map(|group| group.iter().map(series).collect()).collect::<Result<_, _>>()?;
+        Ok(Self { n_frames, groups, panel })
+    }
+
+    /// What is compared.
+    pub fn panel(&self) -> Panel {
+        self.panel
+    }
+
+    /// The motions of group `g`, a row each.
+    ///
+    /// # Panics
+    /// Where there is no such group.
+    pub fn series(&self, g: usize) -> DMatrix<f64> {
+        let group = &self.groups[g];
+        DMatrix::from_fn(group.len(), self.n_frames, |i, j| group[i][j])
+    }
+
+    /// Mean and spread of each group.
+    pub fn bands(&self) -> Result<Vec<Band>, AnalysisError> {
+        (0..self.groups.len()).map(|g| Band::of(&self.series(g))).collect()
+    }
+}

@@ -1,0 +1,88 @@
+//! Motions described: principal components, projection on a base, groups side by side.
+//!
+//! A motion is a matrix with a row for each frame. [`Pca`] finds the directions in which rows differ most; of the
+//! postures of motions these are eigenpostures, their scores eigenweights ([`eigenpostures`]). [`project`] goes the
+//! other way: from a chosen base to the weights that describe a motion best (thesis 4.2). [`Band`] is what a group of
+//! motions has in common at each frame (Figure 4.1).
+
+pub mod eigenpostures;
+mod groups;
+mod pca;
+mod projection;
+
+pub use groups::{Band, GroupComparison, Panel, normalize_frames, turns_about};
+pub use pca::Pca;
+pub use projection::{Projection, WeightBounds, project};
+
+/// Why numbers cannot be analysed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnalysisError {
+    /// There are too few rows.
+    #[error("`{argument}` must have at least {least} entries, found {found}")]
+    TooFew {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries needed.
+        least: usize,
+        /// Entries given.
+        found: usize,
+    },
+    /// More components than the samples can have.
+    #[error(
+        "`n_components` must be between 1 and {most} for {samples} samples of {features} numbers, found {found}"
+    )]
+    Components {
+        /// Components asked for.
+        found: usize,
+        /// Components there can be: one less than samples, and no more than numbers in a sample.
+        most: usize,
+        /// Samples.
+        samples: usize,
+        /// Numbers in a sample.
+        features: usize,
+    },
+    /// Something has the wrong number of entries.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries it should have.
+        expected: usize,
+        /// Entries it has.
+        found: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{argument}` must be finite, but is not in row {row}")]
+    NonFinite {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Row, from 0.
+        row: usize,
+    },
+    /// All samples are the same: there is no direction in which they differ.
+    #[error("the samples do not differ")]
+    NoVariance,
+    /// The decomposition did not converge.
+    #[error("the singular value decomposition did not converge")]
+    NoConvergence,
+}
+
+pub(crate) fn expect_length(
+    argument: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), AnalysisError> {
+    if found == expected { Ok(()) } else { Err(AnalysisError::Length { argument, expected, found }) }
+}
+
+/// Fails unless every number is finite.
+pub(crate) fn expect_finite(
+    argument: &'static str,
+    rows: &nalgebra::DMatrix<f64>,
+) -> Result<(), AnalysisError> {
+    match rows.iter().position(|x| !x.is_finite()) {
+        Some(k) => Err(AnalysisError::NonFinite { argument, row: k % rows.nrows() }),
+        None => Ok(()),
+    }
+}

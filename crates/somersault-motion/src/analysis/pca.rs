@@ -1,0 +1,157 @@
+//! Principal components.
+//!
+//! ```text
+//! X − 1 x̄ᵀ = U S Vᵀ,    components: columns of V,    scores: (X − 1 x̄ᵀ) V,    variances: S²/(n − 1)
+//! ```
+//! for n samples, the rows of X. By singular values of X itself (faer; of a triangle of its QR factors where one side is
+//! much longer), never of XᵀX: small components keep their digits, all singular values are accurate to a rounding of the
+//! largest. The sign of a component is chosen so that its largest entry is positive, as in scikit-learn.
+//!
+//! Source: I. T. Jolliffe, *Principal Component Analysis*, Springer 2002.
+
+use super::{AnalysisError, expect_finite, expect_length};
+use faer::MatRef;
+use nalgebra::{DMatrix, DVector};
+
+/// Mean and principal components of samples.
+///
+/// ```
+/// use nalgebra::DMatrix;
+/// use somersault_motion::analysis::Pca;
+///
+/// // points near a line
+/// let samples = DMatrix::from_row_slice(4, 2, &[0.0, 0.1, 1.0, 0.9, 2.0, 2.1, 3.0, 2.9]);
+/// let pca = Pca::fit(&samples, 1)?;
+/// assert!(pca.explained_variance_ratio()[0] > 0.99);
+/// # Ok::<(), somersault_motion::analysis::AnalysisError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pca {
+    mean: DVector<f64>,
+    components: DMatrix<f64>,
+    variance: Vec<f64>,
+    total_variance: f64,
+    n_samples: usize,
+}
+
+impl Pca {
+    /// The first `n_components` of `samples`, a sample in each row. At least one component, at most one less than there are
+    /// samples. Cost O(n p min(n, p)).
+    pub fn fit(samples: &DMatrix<f64>, n_components: usize) -> Result<Self, AnalysisError> {
+        let (n, p) = samples.shape();
+        if n < 2 {
+            return Err(AnalysisError::TooFew { argument: "samples", least: 2, found: n });
+        }
+        let most = (n - 1).min(p);
+        if n_components == 0 || n_components > most {
+            return Err(AnalysisError::Components { found: n_components, most, samples: n, features: p });
+        }
+        expect_finite("samples", samples)?;
+        let mean = samples.row_mean().transpose();
+        let mut centred = samples.clone();
+        for (mut column, mean) in centred.column_iter_mut().zip(&mean) {
+            column.add_scalar_mut(-mean);
+        }
+        let (singular, mut components) = right_singular_vectors(&centred, n_components)?;
+        let total: f64 = singular.iter().map(|s| s * s).sum();
+        // what is left of equal samples after their mean is rounding
+        if total.sqrt() <= 1e-14 * samples.norm() {
+            return Err(AnalysisError::NoVariance);
+        }
+        for mut component in components.column_iter_mut() {
+            if component[component.iamax()] < 0.0 {
+                component.neg_mut();
+            }
+        }
+        let variance = singular[..n_components].iter().map(|s| s * s / (n - 1) as f64).collect();
+        Ok(Self { mean, components, variance, total_variance: total / (n - 1) as f64, n_samples: n })
+    }
+
+    /// From its parts, as `scoring` stores them; checked.
+    pub(crate) fn from_parts(
+        mean: DVector<f64>,
+        components: DMatrix<f64>,
+        variance: Vec<f64>,
+        total_variance: f64,
+        n_samples: usize,
+    ) -> Result<Self, AnalysisError> {
+        expect_length("rows of components", components.nrows(), mean.len())?;
+        expect_length("variance", variance.len(), components.ncols())?;
+        expect_finite("components", &components)?;
+        if !mean.iter().chain(&variance).chain([&total_variance]).all(|x| x.is_finite()) {
+            return Err(AnalysisError::NonFinite { argument: "mean or variance", row: 0 });
+        }
+        Ok(Self { mean, components, variance, total_variance, n_samples })
+    }
+
+    /// Mean of the samples.
+    pub fn mean(&self) -> &DVector<f64> {
+        &self.mean
+    }
+
+    /// The components, a column of unit length each, that of the largest variance first.
+    pub fn components(&self) -> &DMatrix<f64> {
+        &self.components
+    }
+
+    /// Number of components.
+    pub fn n_components(&self) -> usize {
+        self.components.ncols()
+    }
+
+    /// Number of samples it is of.
+    pub fn n_samples(&self) -> usize {
+        self.n_samples
+    }
+
+    /// Variance of the scores of each component, with n − 1 in the denominator.
+    pub fn explained_variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    /// Variance of the samples in all directions.
+    pub fn total_variance(&self) -> f64 {
+        self.total_variance
+    }
+
+    /// Share of each component in the variance of the samples.
+    pub fn explained_variance_ratio(&self) -> Vec<f64> {
+        self.variance.iter().map(|v| v / self.total_variance).collect()
+    }
+
+    /// What `samples` are in the components: a row for each, (x − x̄)ᵀ V.
+    pub fn scores(&self, samples: &DMatrix<f64>) -> Result<DMatrix<f64>, AnalysisError> {
+        expect_length("columns of samples", samples.ncols(), self.mean.len())?;
+        expect_finite("samples", samples)?;
+        let mut scores = samples * &self.components;
+        let offset = self.components.tr_mul(&self.mean);
+        for (mut column, offset) in scores.column_iter_mut().zip(&offset) {
+            column.add_scalar_mut(-offset);
+        }
+        Ok(scores)
+    }
+
+    /// The samples that have these scores: x̄ + V s, in rows.
+    pub fn reconstruct(&self, scores: &DMatrix<f64>) -> Result<DMatrix<f64>, AnalysisError> {
+        expect_length("columns of scores", scores.ncols(), self.n_components())?;
+        let mut samples = scores * self.components.transpose();
+        for (mut column, mean) in samples.column_iter_mut().zip(&self.mean) {
+            column.add_scalar_mut(*mean);
+        }
+        Ok(samples)
+    }
+}
+
+/// All singular values, and the first `k` right singular vectors as columns.
+fn right_singular_vectors(
+    matrix: &DMatrix<f64>,
+    k: usize,
+) -> Result<(Vec<f64>, DMatrix<f64>), AnalysisError> {
+    let (n, p) = matrix.shape();
+    let view = MatRef::from_column_major_slice(matrix.as_slice(), n, p);
+    let decomposed = view.thin_svd().map_err(|_| AnalysisError::NoConvergence)?;
+    let singular = decomposed.S().column_vector();
+    let vectors = decomposed.V();
+    let components = DMatrix::from_fn(p, k, |i, j| vectors[(i, j)]);
+    Ok(((0..singular.nrows()).map(|i| singular[i]).collect(), components))
+}

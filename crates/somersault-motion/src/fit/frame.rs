@@ -1,0 +1,376 @@
+//! One frame: Levenberg–Marquardt over bounds.
+
+use super::estimate::{Estimate, Unknowns};
+use super::quadratic::{Activity, BoundedQuadratic};
+use super::{FitError, FitOptions, MarkerSet};
+use nalgebra::{DMatrix, Vector3};
+use somersault_multibody::{Axes, Data, DynamicsError, Model, Transform};
+
+/// How the search in a frame ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FitStatus {
+    /// No unknown moves any more.
+    Converged,
+    /// The iterations allowed were not enough; the estimate is the best of them.
+    IterationLimit,
+    /// No step makes the distances smaller, though the last was not small; the estimate is the best there was.
+    NoProgress,
+    /// The frame has no marker; the estimate is that of the frame before.
+    NoMarkers,
+}
+
+/// The fit of one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrameFit {
+    /// How the search ended.
+    pub status: FitStatus,
+    /// Scale, configuration and weights.
+    pub estimate: Estimate,
+    /// Distance of each marker of the model to the measured one, m; none where it is missing.
+    pub residuals: Vec<Option<f64>>,
+    /// Root mean square of the residuals, m; none without markers.
+    pub rms: Option<f64>,
+    /// The minimum of ½ Σ c ρ.
+    pub cost: f64,
+    /// Iterations made.
+    pub iterations: usize,
+    /// Covariance of the unknowns by linearisation, σ² (Jᵀ W J)⁻¹ on the active constraints: scale, rates of the root
+    /// in its own axes, rates of the joints or weights. Unknowns at a bound have none. Absent where the markers do
+    /// not determine the unknowns, or, if the noise is not known, are not more than they.
+    pub covariance: Option<DMatrix<f64>>,
+}
+
+/// Room for the fit of frames of one model.
+pub(super) struct FrameFitter<'a> {
+    model: &'a Model,
+    markers: &'a MarkerSet,
+    options: &'a FitOptions,
+    pub(super) unknowns: Unknowns,
+    data: Data,
+    /// 6 × degrees of freedom, of a marker and of the root.
+    of_marker: DMatrix<f64>,
+    of_root: DMatrix<f64>,
+    /// √weight times derivative of the residuals, three rows for each marker.
+    jacobian: DMatrix<f64>,
+    /// √weight times residuals.
+    residual: Vec<f64>,
+    /// Jᵀ W J and Jᵀ W e.
+    normal: DMatrix<f64>,
+    pub(super) gradient: Vec<f64>,
+    program: BoundedQuadratic,
+}
+
+/// Damping at the start, and where it is given up.
+const DAMPING: [f64; 2] = [1e-4, 1e12];
+
+impl<'a> FrameFitter<'a> {
+    pub(super) fn new(model: &'a Model, markers: &'a MarkerSet, options: &'a FitOptions) -> Self {
+        let unknowns = Unknowns::new(model, options);
+        let n = unknowns.n();
+        let rows = 3 * markers.markers().len();
+        let mut program = BoundedQuadratic::new(n);
+        if let Some(first) = unknowns.weights_at() {
+            program.summed[first..].fill(true);
+        }
+        Self {
+            model,
+            markers,
+            options,
+            unknowns,
+            data: Data::new(model),
+            of_marker: DMatrix::zeros(6, model.n_velocities()),
+            of_root: DMatrix::zeros(6, model.n_velocities()),
+            jacobian: DMatrix::zeros(rows, n),
+            residual: vec![0.0; rows],
+            normal: DMatrix::zeros(n, n),
+            gradient: vec![0.0; n],
+            program,
+        }
+    }
+
+    /// Bounds the scale to one value.
+    pub(super) fn fix_scale(&mut self, scale: f64) {
+        (self.unknowns.lower[0], self.unknowns.upper[0]) = (scale, scale);
+    }
+
+    /// Lays the model in the posture of `estimate` over the markers.
+    pub(super) fn align(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &mut Estimate,
+    ) -> Result<(), DynamicsError> {
+        let positions = self.model.positions(&mut self.data, &estimate.q)?;
+        let root = positions.pose(0)?.translation;
+        let mut pairs = Vec::new();
+        for (marker, target) in self.markers.markers().iter().zip(targets) {
+            if let Some(target) = target {
+                pairs.push((positions.pose(marker.body)?.point(&marker.point) - root, *target));
+            }
+        }
+        let bounds = [self.unknowns.lower[0], self.unknowns.upper[0]];
+        super::align::align(self.model, estimate, &root, &pairs, bounds);
+        Ok(())
+    }
+
+    /// The minimum from `start`. `targets` has an entry for each marker of the model.
+    pub(super) fn fit(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        start: &Estimate,
+    ) -> Result<FrameFit, FitError> {
+        let mut estimate = start.clone();
+        let (status, iterations, cost) = self.minimize(targets, &mut estimate)?;
+        let residuals = self.distances(targets, &estimate)?;
+        let present: Vec<f64> = residuals.iter().flatten().map(|r| r * r).collect();
+        let rms = (!present.is_empty()).then(|| (present.iter().sum::<f64>() / present.len() as f64).sqrt());
+        let covariance = if present.is_empty() { None } else { self.covariance(targets, &estimate)? };
+        Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, covariance })
+    }
+
+    /// `estimate` ← the minimum. Returns how, after how many iterations, and the cost.
+    pub(super) fn minimize(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &mut Estimate,
+    ) -> Result<(FitStatus, usize, f64), DynamicsError> {
+        if targets.iter().all(Option::is_none) {
+            return Ok((FitStatus::NoMarkers, 0, 0.0));
+        }
+        let mut trial = estimate.clone();
+        let mut damping = DAMPING[0];
+        let mut cost = self.linearize(targets, estimate)?;
+        for iteration in 1..=self.options.max_iterations {
+            loop {
+                let predicted = self.step(estimate, damping);
+                let Some(predicted) = predicted else {
+                    damping *= 10.0;
+                    if damping > DAMPING[1] {
+                        return Ok((FitStatus::NoProgress, iteration, cost));
+                    }
+                    continue;
+                };
+                let step = self.program.solution.as_slice();
+                let small = step.iter().all(|x| x.abs() <= self.options.step_tol);
+                self.unknowns.advance(self.model, estimate, step, &mut trial)?;
+                let found = self.cost(targets, &trial)?;
+                // what a small step changes is lost in the rounding of the cost
+                if small || found < cost {
+                    let gain = (cost - found) / predicted;
+                    estimate.clone_from(&trial);
+                    cost = self.linearize(targets, estimate)?;
+                    if small {
+                        return Ok((FitStatus::Converged, iteration, cost));
+                    }
+                    if gain > 0.75 {
+                        damping = (damping * 0.1).max(1e-10);
+                    } else if gain < 0.25 {
+                        damping *= 4.0;
+                    }
+                    break;
+                }
+                if predicted <= 1e-13 * cost {
+                    return Ok((FitStatus::Converged, iteration, cost));
+                }
+                damping *= 10.0;
+                if damping > DAMPING[1] {
+                    return Ok((FitStatus::NoProgress, iteration, cost));
+                }
+            }
+        }
+        Ok((FitStatus::IterationLimit, self.options.max_iterations, cost))
+    }
+
+    /// Solves for a step and returns by how much the quadratic model falls; none where that has no minimum.
+    fn step(&mut self, estimate: &Estimate, damping: f64) -> Option<f64> {
+        let program = &mut self.program;
+        let n = self.gradient.len();
+        let largest = (0..n).fold(0.0_f64, |a, i| a.max(self.normal[(i, i)]));
+        program.hessian.copy_from(&self.normal);
+        program.gradient.copy_from_slice(&self.gradient);
+        let mut sum = 0.0;
+        for i in 0..n {
+            // unknowns that no marker sees stay where they are
+            program.hessian[(i, i)] +=
+                damping * self.normal[(i, i)].max(1e-4 * largest).max(f64::MIN_POSITIVE);
+            if let Some(value) = self.unknowns.value(estimate, i) {
+                program.lower[i] = (self.unknowns.lower[i] - value).min(0.0);
+                program.upper[i] = (self.unknowns.upper[i] - value).max(0.0);
+                sum += if program.summed[i] { value } else { 0.0 };
+            }
+        }
+        if self.unknowns.weights_at().is_some() {
+            program.sum_bound = (1.0 - sum).max(0.0);
+        }
+        program.solve().ok()?;
+        let step = &program.solution;
+        let mut predicted = -step.dot(&program.gradient);
+        for i in 0..n {
+            for j in 0..n {
+                let h = if i >= j { self.normal[(i, j)] } else { self.normal[(j, i)] };
+                predicted -= 0.5 * step[i] * h * step[j];
+            }
+        }
+        predicted.is_finite().then_some(predicted)
+    }
+
+    /// ½ Σ c ρ(‖e‖²).
+    fn cost(&mut self, targets: &[Option<Vector3<f64>>], estimate: &Estimate) -> Result<f64, DynamicsError> {
+        let positions = self.model.positions(&mut self.data, &estimate.q)?;
+        let root = positions.pose(0)?.translation;
+        let mut cost = 0.0;
+        for (marker, target) in self.markers.markers().iter().zip(targets) {
+            let Some(target) = target else { continue };
+            let arm = positions.pose(marker.body)?.point(&marker.point) - root;
+            let squared = (root + arm * estimate.scale - target).norm_squared();
+            cost += 0.5 * marker.weight * self.options.loss.evaluate(squared).0;
+        }
+        Ok(cost)
+    }
+
+    /// Distances of the markers that are there.
+    fn distances(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &Estimate,
+    ) -> Result<Vec<Option<f64>>, DynamicsError> {
+        let positions = self.model.positions(&mut self.data, &estimate.q)?;
+        let root = positions.pose(0)?.translation;
+        let distance = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
+            let Some(target) = target else { return Ok(None) };
+            let arm = positions.pose(marker.body)?.point(&marker.point) - root;
+            Ok(Some((root + arm * estimate.scale - target).norm()))
+        };
+        self.markers.markers().iter().zip(targets).map(distance).collect()
+    }
+
+    /// Residuals, Jacobian, normal matrix and gradient; returns the cost.
+    ///
+    /// With x = r + s d the derivative by the scale is d, by rates J_root + s (J_marker − J_root): of the rates of the
+    /// root's place d does not depend.
+    fn linearize(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &Estimate,
+    ) -> Result<f64, DynamicsError> {
+        let n_root = self.unknowns.root.1;
+        let weights_at = self.unknowns.weights_at();
+        let scale = estimate.scale;
+        let positions = self.model.positions(&mut self.data, &estimate.q)?;
+        let root = positions.pose(0)?.translation;
+        positions.jacobian_into(0, &Transform::identity(), Axes::World, &mut self.of_root)?;
+        let mut cost = 0.0;
+        for (k, (marker, target)) in self.markers.markers().iter().zip(targets).enumerate() {
+            let rows = 3 * k..3 * k + 3;
+            let Some(target) = target else {
+                self.residual[rows.clone()].fill(0.0);
+                self.jacobian.rows_mut(rows.start, 3).fill(0.0);
+                continue;
+            };
+            let arm = positions.pose(marker.body)?.point(&marker.point) - root;
+            let error = root + arm * scale - target;
+            let (loss, slope) = self.options.loss.evaluate(error.norm_squared());
+            cost += 0.5 * marker.weight * loss;
+            let weight = (marker.weight * slope).sqrt();
+            let frame = Transform::translation(marker.point);
+            positions.jacobian_into(marker.body, &frame, Axes::World, &mut self.of_marker)?;
+            for axis in 0..3 {
+                let row = 3 * k + axis;
+                self.residual[row] = weight * error[axis];
+                self.jacobian[(row, 0)] = weight * arm[axis];
+                let by_rate = |rate: usize| {
+                    let of_root = self.of_root[(axis, rate)];
+                    weight * (of_root + scale * (self.of_marker[(axis, rate)] - of_root))
+                };
+                let n_direct = if weights_at.is_some() { n_root } else { self.of_root.ncols() };
+                for rate in 0..n_direct {
+                    self.jacobian[(row, 1 + rate)] = by_rate(rate);
+                }
+                if let (Some(first), Some(base)) = (weights_at, self.unknowns.base()) {
+                    for (w, direction) in base.directions().column_iter().enumerate() {
+                        let along = direction.iter().enumerate().map(|(j, d)| d * by_rate(n_root + j));
+                        self.jacobian[(row, first + w)] = along.sum();
+                    }
+                }
+            }
+        }
+        let rows = self.residual.len();
+        for (j, column) in self.jacobian.as_slice().chunks_exact(rows).enumerate() {
+            self.gradient[j] = dot(column, &self.residual);
+            for (i, other) in self.jacobian.as_slice().chunks_exact(rows).enumerate().skip(j) {
+                self.normal[(i, j)] = dot(column, other);
+            }
+        }
+        Ok(cost)
+    }
+
+    /// The inverse of the normal matrix on what is free, from the last linearisation at the minimum, and how many unknowns
+    /// that are. None where it is singular: a pivot of its factors below 1e-12 of the diagonal.
+    fn inverse(&mut self, estimate: &Estimate) -> Option<(DMatrix<f64>, usize)> {
+        // the active set of a step without length
+        self.step(estimate, DAMPING[0])?;
+        let program = &self.program;
+        let free: Vec<usize> =
+            (0..self.gradient.len()).filter(|&i| program.activity()[i] == Activity::Free).collect();
+        let m = free.len();
+        let reduced = DMatrix::from_fn(m, m, |a, b| self.normal[(free[a.max(b)], free[a.min(b)])]);
+        let factors = reduced.clone().cholesky()?;
+        if (0..m).any(|a| factors.l_dirty()[(a, a)].powi(2) <= 1e-12 * reduced[(a, a)]) {
+            return None;
+        }
+        let mut inverse = factors.inverse();
+        let mut n_free = m;
+        if program.sum_is_active() {
+            let summed = nalgebra::DVector::from_fn(m, |a, _| f64::from(u8::from(program.summed[free[a]])));
+            let across = &inverse * &summed;
+            inverse -= &across * across.transpose() / summed.dot(&across);
+            n_free -= 1;
+        }
+        let n = self.gradient.len();
+        let mut whole = DMatrix::zeros(n, n);
+        for (a, &i) in free.iter().enumerate() {
+            for (b, &j) in free.iter().enumerate() {
+                whole[(i, j)] = inverse[(a, b)];
+            }
+        }
+        Some((whole, n_free))
+    }
+
+    fn covariance(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &Estimate,
+    ) -> Result<Option<DMatrix<f64>>, DynamicsError> {
+        self.linearize(targets, estimate)?;
+        let Some((inverse, n_free)) = self.inverse(estimate) else { return Ok(None) };
+        let n_measured = 3 * targets.iter().flatten().count();
+        let variance = match self.options.noise {
+            Some(noise) => noise * noise,
+            None if n_measured > n_free => dot(&self.residual, &self.residual) / (n_measured - n_free) as f64,
+            None => return Ok(None),
+        };
+        Ok(Some(inverse * variance))
+    }
+
+    /// First and second derivative of the frame's minimum by its scale, which is fixed: the second is that of
+    /// Gauss and Newton, H_ss − H_sf H_ff⁻¹ H_fs over what is free.
+    pub(super) fn derivatives_by_scale(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &Estimate,
+    ) -> Result<[f64; 2], DynamicsError> {
+        self.linearize(targets, estimate)?;
+        let curvature = match self.inverse(estimate) {
+            Some((inverse, _)) => {
+                let coupling = self.normal.column(0);
+                self.normal[(0, 0)] - coupling.dot(&(inverse * coupling))
+            }
+            // unknowns without a marker: nothing to share with the scale can be said
+            None => self.normal[(0, 0)],
+        };
+        Ok([self.gradient[0], curvature])
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

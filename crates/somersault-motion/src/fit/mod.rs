@@ -1,0 +1,110 @@
+//! Models fitted to markers (thesis 4.2).
+//!
+//! In each frame scale s, pose of the root and shape of the model are sought that bring its markers nearest to the
+//! measured ones y_k:
+//!
+//! ```text
+//! minimise  ½ Σ_k c_k ρ(‖x_k − y_k‖²),    x_k = r + s d_k(q)
+//! ```
+//! over the markers k that the frame has. r is the origin of the root, d_k the place of the marker from there, in the axes of the
+//! world, c_k the marker's weight and ρ the [`Loss`]. The shape is that of all joints within their limits, or the
+//! weights w of eigenpostures with w ≥ 0 and Σ w ≤ 1 ([`Shape`]).
+//!
+//! Method: Levenberg–Marquardt with the Jacobians of the tree, on the group of each joint; every step minimises the
+//! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
+//! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
+//! laid over the markers.
+//!
+//! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
+
+mod align;
+mod estimate;
+mod frame;
+mod markers;
+mod motion;
+mod options;
+pub mod quadratic;
+
+pub use estimate::Estimate;
+pub use frame::{FitStatus, FrameFit};
+pub use markers::{Marker, MarkerSet};
+pub use motion::{MarkerFit, MotionFit};
+pub use options::{FitOptions, Loss, Scale, Shape};
+
+use somersault_multibody::DynamicsError;
+
+/// Why a model cannot be fitted.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// A body or the size of a configuration is not the model's.
+    #[error(transparent)]
+    Model(#[from] DynamicsError),
+    /// There is no marker to fit.
+    #[error("`markers` must have at least one marker, found none")]
+    NoMarkers,
+    /// Two markers of one name.
+    #[error("a marker named `{name}` was given before")]
+    DuplicateMarker {
+        /// The name.
+        name: String,
+    },
+    /// The recording has none of the model's markers.
+    #[error("the recording has none of the markers {expected}; it has {found}")]
+    NoCommonMarker {
+        /// Names of the model's markers.
+        expected: String,
+        /// Names in the recording.
+        found: String,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{argument}` must be finite, found {found}")]
+    NonFinite {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// A number must be positive.
+    #[error("`{argument}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The bounds of the scale cross or are not positive.
+    #[error("the bounds of the scale must be positive and grow, found {lower} and {upper}")]
+    ScaleBounds {
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// Something has the wrong number of entries.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries it should have.
+        expected: usize,
+        /// Entries it has.
+        found: usize,
+    },
+    /// Eigenpostures are combinations of coordinates; rotations of a ball joint are none.
+    #[error("eigenpostures need joints of one coordinate, but that of `{body}` has {found}")]
+    JointOfManyCoordinates {
+        /// The body it carries.
+        body: String,
+        /// Its coordinates.
+        found: usize,
+    },
+}
+
+pub(crate) fn expect_length(argument: &'static str, found: usize, expected: usize) -> Result<(), FitError> {
+    if found == expected { Ok(()) } else { Err(FitError::Length { argument, expected, found }) }
+}
+
+pub(crate) fn expect_positive(argument: &'static str, found: f64) -> Result<(), FitError> {
+    if found > 0.0 && found.is_finite() { Ok(()) } else { Err(FitError::NotPositive { argument, found }) }
+}

@@ -1,0 +1,198 @@
+//! A whole motion: frame after frame, or with one scale for all.
+
+use super::estimate::Estimate;
+use super::frame::{FitStatus, FrameFit, FrameFitter};
+use super::{FitError, FitOptions, MarkerSet, Scale};
+use crate::recording::MarkerRecording;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+use somersault_multibody::Model;
+
+/// A model with markers, to be fitted to recordings.
+///
+/// ```
+/// use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet};
+/// use somersault_motion::recording::MarkerRecording;
+/// use somersault_multibody::{Data, models::{Diver, Posture}};
+///
+/// let diver = Diver::planar();
+/// let model = diver.model()?;
+/// let markers = MarkerSet::joint_centres(&model)?;
+/// // a recording of one frame: the joint centres of posture A
+/// let mut data = Data::new(&model);
+/// let q = diver.configuration(Posture::A)?;
+/// let positions = model.positions(&mut data, &q)?;
+/// let names = model.links().iter().map(|link| link.name().to_owned()).collect();
+/// let points = (0..model.n_bodies()).map(|i| Ok(Some(positions.pose(i)?.translation)));
+/// let points = points.collect::<Result<_, Box<dyn std::error::Error>>>()?;
+/// let recording = MarkerRecording::try_new(names, vec![0.0], points)?;
+///
+/// let fit = MarkerFit::try_new(&model, markers, FitOptions::default())?.fit(&recording)?;
+/// assert!(fit.frames[0].rms.unwrap() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct MarkerFit {
+    model: Model,
+    markers: MarkerSet,
+    options: FitOptions,
+}
+
+/// A fitted motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionFit {
+    /// Times of the frames, s.
+    pub times: Vec<f64>,
+    /// The frames.
+    pub frames: Vec<FrameFit>,
+    /// Whether a scale common to all frames has converged too; true where each frame has its own.
+    pub scale_converged: bool,
+}
+
+impl MotionFit {
+    /// Root mean square of all residuals, m; none without markers.
+    pub fn rms(&self) -> Option<f64> {
+        let all = || self.frames.iter().flat_map(|f| &f.residuals).flatten();
+        let n = all().count();
+        (n > 0).then(|| (all().map(|r| r * r).sum::<f64>() / n as f64).sqrt())
+    }
+
+    /// Root mean square of the residuals of each marker over the frames that have it, m.
+    pub fn rms_of_markers(&self) -> Vec<Option<f64>> {
+        let n_markers = self.frames.first().map_or(0, |f| f.residuals.len());
+        let of = |k: usize| {
+            let all = || self.frames.iter().filter_map(|f| f.residuals[k]);
+            let n = all().count();
+            (n > 0).then(|| (all().map(|r| r * r).sum::<f64>() / n as f64).sqrt())
+        };
+        (0..n_markers).map(of).collect()
+    }
+
+    /// Whether every frame that has markers has converged.
+    pub fn converged(&self) -> bool {
+        let done = |f: &FrameFit| matches!(f.status, FitStatus::Converged | FitStatus::NoMarkers);
+        self.scale_converged && self.frames.iter().all(done)
+    }
+}
+
+/// Rounds of the search for a common scale, at most.
+const MAX_ROUNDS: usize = 50;
+
+type Targets = Vec<Option<Vector3<f64>>>;
+
+impl MarkerFit {
+    /// Fits `markers` of `model` as `options` say.
+    pub fn try_new(model: &Model, markers: MarkerSet, options: FitOptions) -> Result<Self, FitError> {
+        options.validate(model)?;
+        Ok(Self { model: model.clone(), markers, options })
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Its markers.
+    pub fn markers(&self) -> &MarkerSet {
+        &self.markers
+    }
+
+    /// Fits all frames. Markers of the recording that the model has not are left aside, those that the recording
+    /// has not are missing.
+    pub fn fit(&self, recording: &MarkerRecording) -> Result<MotionFit, FitError> {
+        let targets = self.targets(recording)?;
+        let mut fitter = FrameFitter::new(&self.model, &self.markers, &self.options);
+        let mut estimate = self.first(&mut fitter, &targets)?;
+        let mut frames = Vec::with_capacity(targets.len());
+        for frame in &targets {
+            let found = fitter.fit(frame, &estimate)?;
+            estimate.clone_from(&found.estimate);
+            frames.push(found);
+        }
+        let mut motion = MotionFit { times: recording.times().to_vec(), frames, scale_converged: true };
+        if let Scale::Common { lower, upper } = self.options.scale {
+            self.share_scale(&targets, &mut motion, [lower, upper])?;
+        }
+        Ok(motion)
+    }
+
+    /// For each frame a target for each marker of the model.
+    fn targets(&self, recording: &MarkerRecording) -> Result<Vec<Targets>, FitError> {
+        let numbers: Vec<Option<usize>> =
+            self.markers.markers().iter().map(|m| recording.marker(&m.name).ok()).collect();
+        if numbers.iter().all(Option::is_none) {
+            let names: Vec<&str> = self.markers.markers().iter().map(|m| m.name.as_str()).collect();
+            let (expected, found) = (names.join(", "), recording.names().join(", "));
+            return Err(FitError::NoCommonMarker { expected, found });
+        }
+        let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
+        Ok(recording.frames().map(frame).collect())
+    }
+
+    /// Where to begin: the best minimum of the first frame with markers, from all the starts.
+    fn first(&self, fitter: &mut FrameFitter, targets: &[Targets]) -> Result<Estimate, FitError> {
+        let neutral = fitter.unknowns.start(&self.model, None);
+        let Some(frame) = targets.iter().find(|t| t.iter().any(Option::is_some)) else {
+            return Ok(neutral);
+        };
+        let mut starts: Vec<Estimate> =
+            self.options.starts.iter().map(|s| fitter.unknowns.start(&self.model, Some(s))).collect();
+        if starts.is_empty() {
+            for k in 0..neutral.weights.len() {
+                let mut weights = vec![0.0; neutral.weights.len()];
+                weights[k] = 1.0;
+                starts.push(fitter.unknowns.start(&self.model, Some(&weights)));
+            }
+            starts.push(neutral.clone());
+        }
+        let mut best: Option<(f64, Estimate)> = None;
+        for mut start in starts {
+            fitter.align(frame, &mut start)?;
+            let (_, _, cost) = fitter.minimize(frame, &mut start)?;
+            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, start));
+            }
+        }
+        Ok(best.map_or(neutral, |(_, estimate)| estimate))
+    }
+
+    /// Makes the scale of all frames one: Newton's method on the sum of the frames' minima, a function of the scale
+    /// alone. By the theorem of the envelope its slope is that at the fixed scale.
+    fn share_scale(
+        &self,
+        targets: &[Targets],
+        motion: &mut MotionFit,
+        [lower, upper]: [f64; 2],
+    ) -> Result<(), FitError> {
+        let seen = |f: &&FrameFit| f.status != FitStatus::NoMarkers;
+        let scales: Vec<f64> = motion.frames.iter().filter(seen).map(|f| f.estimate.scale).collect();
+        if scales.is_empty() {
+            return Ok(());
+        }
+        let mut scale = scales.iter().sum::<f64>() / scales.len() as f64;
+        motion.scale_converged = false;
+        for _ in 0..MAX_ROUNDS {
+            let fit_at = |fitter: &mut FrameFitter, (frame, fit): (&Targets, &mut FrameFit)| {
+                fitter.fix_scale(scale);
+                let mut start = fit.estimate.clone();
+                start.scale = scale;
+                *fit = fitter.fit(frame, &start)?;
+                Ok::<_, FitError>(fitter.derivatives_by_scale(frame, &fit.estimate)?)
+            };
+            let derivatives: Vec<[f64; 2]> = targets
+                .par_iter()
+                .zip(&mut motion.frames)
+                .map_init(|| FrameFitter::new(&self.model, &self.markers, &self.options), fit_at)
+                .collect::<Result<_, _>>()?;
+            // in the order of the frames, whatever the threads did
+            let [slope, curvature] = derivatives.iter().fold([0.0; 2], |[a, b], [x, y]| [a + x, b + y]);
+            if motion.scale_converged || curvature <= 0.0 {
+                break;
+            }
+            let next = (scale - slope / curvature).clamp(lower, upper);
+            motion.scale_converged = (next - scale).abs() <= self.options.step_tol;
+            scale = next;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,163 @@
+//! What is fitted, and how.
+
+use super::{FitError, expect_length, expect_positive};
+use somersault_multibody::Model;
+use somersault_ocp::motion::EigenpostureBase;
+
+/// What describes the posture of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// The joints beside the root's, each within its limits.
+    Joints,
+    /// Weights of eigenpostures, w ≥ 0 and Σ w ≤ 1. A posture of the base has an entry for each coordinate of the
+    /// joints beside the root's.
+    Eigenpostures(EigenpostureBase),
+}
+
+/// How the size of the model is found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// It is known.
+    Fixed(f64),
+    /// It is fitted in each frame, within bounds: Figure 4.1c of the thesis.
+    PerFrame {
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// One for the whole motion is fitted, within bounds: a body keeps its size.
+    Common {
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+}
+
+impl Scale {
+    /// Bounds of the scale within a frame.
+    pub(super) fn bounds(self) -> [f64; 2] {
+        match self {
+            Self::Fixed(scale) => [scale, scale],
+            Self::PerFrame { lower, upper } | Self::Common { lower, upper } => [lower, upper],
+        }
+    }
+}
+
+/// ρ of a squared distance e²: how far markers count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Loss {
+    /// e².
+    Squares,
+    /// e² up to the threshold δ, m, then 2δe − δ².
+    Huber(f64),
+    /// δ² log(1 + e²/δ²), δ in m.
+    Cauchy(f64),
+}
+
+impl Loss {
+    /// ρ(e²) and ρ′(e²), the weight of the marker in least squares.
+    pub(super) fn evaluate(self, squared: f64) -> (f64, f64) {
+        match self {
+            Self::Huber(threshold) if squared > threshold * threshold => {
+                let distance = squared.sqrt();
+                (threshold * (2.0 * distance - threshold), threshold / distance)
+            }
+            Self::Squares | Self::Huber(_) => (squared, 1.0),
+            Self::Cauchy(threshold) => {
+                let share = squared / (threshold * threshold);
+                (threshold * threshold * share.ln_1p(), 1.0 / (1.0 + share))
+            }
+        }
+    }
+}
+
+/// Choices for a fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOptions {
+    /// Joints or eigenpostures.
+    pub shape: Shape,
+    /// How the size is found.
+    pub scale: Scale,
+    /// How distances count.
+    pub loss: Loss,
+    /// Postures to begin the first frame with: coordinates of the joints beside the root's, or weights. Where there is
+    /// none: the neutral posture, or each posture of the base.
+    pub starts: Vec<Vec<f64>>,
+    /// Iterations in a frame, at most.
+    pub max_iterations: usize,
+    /// A frame has converged when no unknown (m, rad) moves by more.
+    pub step_tol: f64,
+    /// Standard deviation of the noise in each coordinate of a marker of weight 1, m, where it is known; else the
+    /// covariance is that of the residuals.
+    pub noise: Option<f64>,
+}
+
+impl Default for FitOptions {
+    /// Joints, scale 0.5 to 2 in each frame, squares, 100 iterations, steps of 1e-9.
+    fn default() -> Self {
+        Self {
+            shape: Shape::Joints,
+            scale: Scale::PerFrame { lower: 0.5, upper: 2.0 },
+            loss: Loss::Squares,
+            starts: Vec::new(),
+            max_iterations: 100,
+            step_tol: 1e-9,
+            noise: None,
+        }
+    }
+}
+
+impl FitOptions {
+    /// Fails where a number is out of range or does not suit the model.
+    pub(super) fn validate(&self, model: &Model) -> Result<(), FitError> {
+        let [lower, upper] = self.scale.bounds();
+        if !(lower > 0.0 && upper >= lower && upper.is_finite()) {
+            return Err(FitError::ScaleBounds { lower, upper });
+        }
+        if let Loss::Huber(threshold) | Loss::Cauchy(threshold) = self.loss {
+            expect_positive("threshold", threshold)?;
+        }
+        expect_positive("step_tol", self.step_tol)?;
+        if let Some(noise) = self.noise {
+            expect_positive("noise", noise)?;
+        }
+        let root = model.positions_of(0).len();
+        let mut n_shape = model.n_positions() - root;
+        if let Shape::Eigenpostures(base) = &self.shape {
+            for (i, link) in model.links().iter().enumerate().skip(1) {
+                let found = model.positions_of(i).len();
+                if found > 1 {
+                    let body = link.name().to_owned();
+                    return Err(FitError::JointOfManyCoordinates { body, found });
+                }
+            }
+            expect_length("postures of the base", base.n_joints(), n_shape)?;
+            n_shape = base.n_weights();
+        }
+        for start in &self.starts {
+            expect_length("starts", start.len(), n_shape)?;
+            if let Some(&found) = start.iter().find(|x| !x.is_finite()) {
+                return Err(FitError::NonFinite { argument: "starts", found });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_the_derivatives_of_losses() {
+        for loss in [Loss::Squares, Loss::Huber(0.1), Loss::Cauchy(0.1)] {
+            for squared in [1e-6, 0.009, 0.011, 0.5] {
+                let h = 1e-6 * squared;
+                let difference = (loss.evaluate(squared + h).0 - loss.evaluate(squared - h).0) / (2.0 * h);
+                assert!((loss.evaluate(squared).1 - difference).abs() < 1e-8, "{loss:?} at {squared}");
+            }
+        }
+    }
+}

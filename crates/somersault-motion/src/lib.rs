@@ -1,0 +1,24 @@
+//! Recorded motions: read, brought to one convention, fitted by a model, analysed and scored.
+//!
+//! | Step | Here | Thesis |
+//! |---|---|---|
+//! | files → markers, skeletons | [`readers`] | 4.1.1 |
+//! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
+//! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
+//! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
+//! | motions → scores | [`scoring`] | 4.1 |
+//!
+//! Inside, lengths are in m, times in s, angles in rad, and the world has x forward, y left and z up,
+//! whatever a file has.
+//!
+//! Filters are not here: no Rust crate for zero-phase low-pass filters is kept well enough to rest
+//! measurements on it. SciPy's `butter` and `sosfiltfilt` do it on the Python side.
+#![forbid(unsafe_code)]
+
+pub mod analysis;
+pub mod fit;
+pub mod readers;
+pub mod recording;
+pub mod scoring;
+
+pub use nalgebra;

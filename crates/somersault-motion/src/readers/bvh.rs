@@ -1,0 +1,270 @@
+//! BVH, the Biovision hierarchy: a tree of joints, and channels for each frame.
+//!
+//! Any hierarchy and any order of channels. The rotations of a joint are about its own turned axes, in the order of
+//! the channels: for `Zrotation Xrotation Yrotation` R = R_z R_x R_y. Position channels of a joint stand for
+//! the components of its offset. An `End Site` is a joint that does not turn, named after its parent with `_end`.
+//! Joints keep their names, which must differ. Angles are in degrees; the format has no unit of length and no axes.
+//!
+//! ```text
+//! HIERARCHY
+//! ROOT hips { OFFSET 0 0 0 CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+//!   JOINT knee { OFFSET 0 -40 0 CHANNELS 1 Xrotation End Site { OFFSET 0 -42 0 } } }
+//! MOTION
+//! Frames: 1
+//! Frame Time: 0.01
+//! 0 90 0 0 0 0 15
+//! ```
+//!
+//! Source: M. Meredith and S. Maddock, *Motion capture file formats explained*, University of Sheffield, CS-01-11, 2001.
+
+use super::{Place, ReadError, number, unexpected};
+use crate::recording::{Convention, Skeleton, SkeletonJoint, SkeletonRecording};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// A channel: what its number is to the joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Channel {
+    Position(usize),
+    Rotation(usize),
+}
+
+impl Channel {
+    const NAMES: &'static str = "Xposition, Yposition, Zposition, Xrotation, Yrotation or Zrotation";
+
+    fn named(name: &str) -> Option<Self> {
+        let axis = match name.as_bytes().first()?.to_ascii_uppercase() {
+            b'X' => 0,
+            b'Y' => 1,
+            b'Z' => 2,
+            _ => return None,
+        };
+        match name.get(1..)?.to_ascii_lowercase().as_str() {
+            "position" => Some(Self::Position(axis)),
+            "rotation" => Some(Self::Rotation(axis)),
+            _ => None,
+        }
+    }
+}
+
+/// A joint as the file has it.
+struct BvhJoint {
+    name: String,
+    parent: Option<usize>,
+    offset: Vector3<f64>,
+    channels: Vec<Channel>,
+}
+
+/// Words with their lines.
+struct Words<'a> {
+    lines: std::iter::Enumerate<std::str::Lines<'a>>,
+    rest: &'a str,
+    line: usize,
+}
+
+impl<'a> Words<'a> {
+    fn new(text: &'a str) -> Self {
+        Self { lines: text.lines().enumerate(), rest: "", line: 1 }
+    }
+
+    fn place(&self) -> Place {
+        Place::Line(self.line)
+    }
+
+    /// Goes to the next line that has something on it.
+    fn fill(&mut self) -> bool {
+        loop {
+            self.rest = self.rest.trim_start();
+            if !self.rest.is_empty() {
+                return true;
+            }
+            let Some((i, line)) = self.lines.next() else { return false };
+            (self.line, self.rest) = (i + 1, line);
+        }
+    }
+
+    fn next(&mut self) -> Option<&'a str> {
+        if !self.fill() {
+            return None;
+        }
+        let (word, rest) = self.rest.split_at(self.rest.find(char::is_whitespace).unwrap_or(self.rest.len()));
+        self.rest = rest;
+        Some(word)
+    }
+
+    /// The next word, which the format needs.
+    fn need(&mut self, allowed: &str) -> Result<&'a str, ReadError> {
+        let word = self.next();
+        word.ok_or_else(|| ReadError::Truncated { place: self.place(), allowed: allowed.to_owned() })
+    }
+
+    fn expect(&mut self, keyword: &str) -> Result<(), ReadError> {
+        let found = self.need(keyword)?;
+        if found.eq_ignore_ascii_case(keyword) {
+            Ok(())
+        } else {
+            Err(unexpected(self.place(), found, keyword))
+        }
+    }
+
+    fn number(&mut self, quantity: &'static str) -> Result<f64, ReadError> {
+        let word = self.need(quantity)?;
+        number(self.place(), word, quantity)
+    }
+
+    fn count(&mut self, quantity: &'static str) -> Result<usize, ReadError> {
+        let word = self.need(quantity)?;
+        word.parse().map_err(|_| unexpected(self.place(), word, format!("{quantity}, a whole number")))
+    }
+
+    fn vector(&mut self, quantity: &'static str) -> Result<Vector3<f64>, ReadError> {
+        Ok(Vector3::new(self.number(quantity)?, self.number(quantity)?, self.number(quantity)?))
+    }
+
+    /// A name, to the end of the line or to the brace: names may have spaces.
+    fn name(&mut self) -> Result<&'a str, ReadError> {
+        if !self.fill() {
+            return Err(ReadError::Truncated { place: self.place(), allowed: "a name".to_owned() });
+        }
+        let (name, rest) = self.rest.split_at(self.rest.find('{').unwrap_or(self.rest.len()));
+        self.rest = rest;
+        match name.trim() {
+            "" => Err(unexpected(self.place(), rest, "a name")),
+            name => Ok(name),
+        }
+    }
+}
+
+/// The recording in the `text` of a BVH file, the frames of which begin at t = 0.
+pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, ReadError> {
+    let mut words = Words::new(text);
+    let joints = hierarchy(&mut words)?;
+    words.expect("Frames:")?;
+    let declared_at = words.place();
+    let n_frames = words.count("a number of frames")?;
+    words.expect("Frame")?;
+    words.expect("Time:")?;
+    let step_at = words.place();
+    let step = words.number("the time of a frame")?;
+    if n_frames == 0 {
+        return Err(ReadError::NoFrames { place: declared_at });
+    }
+    if step <= 0.0 {
+        return Err(unexpected(step_at, &step.to_string(), "a positive time of a frame"));
+    }
+
+    let n_channels: usize = joints.iter().map(|j| j.channels.len()).sum();
+    if n_channels == 0 {
+        return Err(unexpected(declared_at, "no channel", "at least one channel in the hierarchy"));
+    }
+    let (mut times, mut rotations, mut places) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..n_frames {
+        if !words.fill() {
+            let found = i as u64;
+            let (place, declared) = (declared_at, n_frames as u64);
+            return Err(ReadError::Misdeclared { place, quantity: "frames", declared, found });
+        }
+        times.push(i as f64 * step);
+        for joint in &joints {
+            let (place, rotation) = pose(joint, &mut words)?;
+            if moves(joint) {
+                places.push(convention.position(&place));
+            }
+            if turns(joint) {
+                rotations.push(convention.rotation(&rotation));
+            }
+        }
+    }
+    if let Some(word) = words.next() {
+        return Err(unexpected(words.place(), word, format!("the end of the file after {n_frames} frames")));
+    }
+    let joints = joints.into_iter().map(|joint| SkeletonJoint {
+        parent: joint.parent,
+        offset: convention.position(&joint.offset),
+        turns: turns(&joint),
+        moves: moves(&joint),
+        name: joint.name,
+    });
+    let skeleton = Skeleton::try_new(joints.collect())?;
+    Ok(SkeletonRecording::try_new(skeleton, times, rotations, places)?)
+}
+
+fn turns(joint: &BvhJoint) -> bool {
+    joint.channels.iter().any(|c| matches!(c, Channel::Rotation(_)))
+}
+
+fn moves(joint: &BvhJoint) -> bool {
+    joint.channels.iter().any(|c| matches!(c, Channel::Position(_)))
+}
+
+/// Place and rotation of a joint in the frame that is next.
+fn pose(joint: &BvhJoint, words: &mut Words) -> Result<(Vector3<f64>, UnitQuaternion<f64>), ReadError> {
+    let (mut place, mut rotation) = (joint.offset, UnitQuaternion::identity());
+    for channel in &joint.channels {
+        let value = words.number("the value of a channel")?;
+        match *channel {
+            Channel::Position(axis) => place[axis] = value,
+            Channel::Rotation(axis) => {
+                let mut turn = Vector3::zeros();
+                turn[axis] = value.to_radians();
+                rotation *= UnitQuaternion::new(turn);
+            }
+        }
+    }
+    Ok((place, UnitQuaternion::new_normalize(rotation.into_inner())))
+}
+
+/// From HIERARCHY to MOTION.
+fn hierarchy(words: &mut Words) -> Result<Vec<BvhJoint>, ReadError> {
+    words.expect("HIERARCHY")?;
+    words.expect("ROOT")?;
+    let mut joints: Vec<BvhJoint> = Vec::new();
+    // from the root to the joint whose braces are open
+    let mut open: Vec<usize> = Vec::new();
+    joint(words, &mut joints, &mut open, false)?;
+    while let Some(&parent) = open.last() {
+        const ALLOWED: &str = "CHANNELS, JOINT, End Site or }";
+        let word = words.need(ALLOWED)?;
+        match word.to_ascii_uppercase().as_str() {
+            "}" => drop(open.pop()),
+            "JOINT" => joint(words, &mut joints, &mut open, false)?,
+            "END" => {
+                words.expect("Site")?;
+                joint(words, &mut joints, &mut open, true)?;
+                words.expect("}")?;
+                open.pop();
+            }
+            "CHANNELS" if joints[parent].channels.is_empty() => {
+                let n = words.count("a number of channels")?;
+                for _ in 0..n {
+                    let name = words.need("the name of a channel")?;
+                    let channel = Channel::named(name)
+                        .ok_or_else(|| unexpected(words.place(), name, Channel::NAMES))?;
+                    joints[parent].channels.push(channel);
+                }
+            }
+            _ => return Err(unexpected(words.place(), word, ALLOWED)),
+        }
+    }
+    words.expect("MOTION")?;
+    Ok(joints)
+}
+
+/// A joint from its name to its offset; what follows belongs to it until its brace closes.
+fn joint(
+    words: &mut Words,
+    joints: &mut Vec<BvhJoint>,
+    open: &mut Vec<usize>,
+    end: bool,
+) -> Result<(), ReadError> {
+    let parent = open.last().copied();
+    let name = match parent {
+        Some(parent) if end => format!("{}_end", joints[parent].name),
+        _ => words.name()?.to_owned(),
+    };
+    words.expect("{")?;
+    words.expect("OFFSET")?;
+    let offset = words.vector("a coordinate of an offset")?;
+    open.push(joints.len());
+    joints.push(BvhJoint { name, parent, offset, channels: Vec::new() });
+    Ok(())
+}

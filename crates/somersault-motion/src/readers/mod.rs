@@ -1,0 +1,207 @@
+//! Files with recorded motions.
+//!
+//! | Format | Here | Gives |
+//! |---|---|---|
+//! | BVH | [`bvh`] | skeleton |
+//! | motions of DeepMimic (JSON) | [`joint_motion`] | skeleton |
+//! | C3D, point data | [`c3d`] | markers |
+//! | TRC | [`trc`] | markers |
+//! | CSV | [`csv`] | markers |
+//!
+//! Readers take text or bytes, [`load`] a path. Files may come from anywhere: what a file declares is held against
+//! what it has before memory is asked for, so that a reader uses a bounded multiple of the file's
+//! length; nesting costs no stack. Every error has the line or the byte, what was found and what is allowed.
+
+pub mod bvh;
+pub mod c3d;
+pub mod csv;
+pub mod joint_motion;
+pub mod trc;
+
+use crate::recording::{Convention, RecordingError};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Where in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line, from 1.
+    Line(usize),
+    /// Byte, from 0.
+    Byte(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Byte(byte) => write!(f, "byte {byte}"),
+        }
+    }
+}
+
+/// Why a file is not a recording.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// Something else stands where the format wants something.
+    #[error("{place}: found `{found}`, allowed is {allowed}")]
+    Unexpected {
+        /// Where.
+        place: Place,
+        /// What is there, shortened.
+        found: String,
+        /// What may be there.
+        allowed: String,
+    },
+    /// The file ends too early.
+    #[error("{place}: the file ends where there must be {allowed}")]
+    Truncated {
+        /// Its end.
+        place: Place,
+        /// What is missing.
+        allowed: String,
+    },
+    /// The file declares a number that is not that of what it has.
+    #[error("{place}: {declared} {quantity} are declared, found are {found}")]
+    Misdeclared {
+        /// Where it is declared.
+        place: Place,
+        /// What is counted.
+        quantity: &'static str,
+        /// Number declared.
+        declared: u64,
+        /// Number found.
+        found: u64,
+    },
+    /// A number is NaN or infinite.
+    #[error("{place}: {quantity} must be finite, found `{found}`")]
+    NonFinite {
+        /// Where.
+        place: Place,
+        /// What the number is.
+        quantity: &'static str,
+        /// What is there.
+        found: String,
+    },
+    /// There is no frame in the file.
+    #[error("{place}: the file has no frames, at least one is needed")]
+    NoFrames {
+        /// Where the frames should begin.
+        place: Place,
+    },
+    /// The file is not text.
+    #[error("{place}: not UTF-8")]
+    Encoding {
+        /// The first byte that is not.
+        place: Place,
+    },
+    /// The numbers can be read, but are no recording.
+    #[error("the file holds no recording")]
+    Recording(#[from] RecordingError),
+}
+
+/// Why a path has no recording.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// The file cannot be opened or read.
+    #[error("`{}` cannot be read: {reason}", path.display())]
+    Io {
+        /// The path.
+        path: PathBuf,
+        /// What the operating system says.
+        reason: String,
+    },
+    /// The file is not what it should be.
+    #[error("`{}`: {source}", path.display())]
+    Read {
+        /// The path.
+        path: PathBuf,
+        /// What is wrong.
+        source: ReadError,
+    },
+}
+
+/// Reads the file at `path` with one of the readers.
+///
+/// ```no_run
+/// use somersault_motion::readers::{load, c3d, text, trc, MarkerOptions};
+///
+/// let gait = load("gait.c3d", |bytes| c3d::read(bytes, &c3d::Options::default()))?;
+/// let jump = load("jump.trc", |bytes| trc::read(text(bytes)?, &MarkerOptions::default()))?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn load<T>(
+    path: impl AsRef<Path>,
+    reader: impl FnOnce(&[u8]) -> Result<T, ReadError>,
+) -> Result<T, LoadError> {
+    let path = path.as_ref().to_owned();
+    match std::fs::read(&path) {
+        Ok(bytes) => reader(&bytes).map_err(|source| LoadError::Read { path, source }),
+        Err(error) => Err(LoadError::Io { path, reason: error.to_string() }),
+    }
+}
+
+/// The text of a file; a byte order mark is left out.
+pub fn text(bytes: &[u8]) -> Result<&str, ReadError> {
+    let text = std::str::from_utf8(bytes)
+        .map_err(|error| ReadError::Encoding { place: Place::Byte(error.valid_up_to()) })?;
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+}
+
+/// What a text file of markers does not say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarkerOptions {
+    /// Axes, and the unit where the file has none.
+    pub convention: Convention,
+    /// Whether a marker with all three coordinates `NaN` is missing, as some programs write it, rather than an
+    /// error. Empty cells always are.
+    pub nan_is_gap: bool,
+}
+
+impl Default for MarkerOptions {
+    /// z up, in m; NaN is an error.
+    fn default() -> Self {
+        Self { convention: Convention::z_up(crate::recording::LengthUnit::Metre), nan_is_gap: false }
+    }
+}
+
+/// What was found, for a message.
+fn shorten(found: &str) -> String {
+    const LONGEST: usize = 40;
+    match found.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &found[..end]),
+        None => found.to_owned(),
+    }
+}
+
+fn unexpected(place: Place, found: &str, allowed: impl Into<String>) -> ReadError {
+    ReadError::Unexpected { place, found: shorten(found), allowed: allowed.into() }
+}
+
+/// A finite number.
+fn number(place: Place, text: &str, quantity: &'static str) -> Result<f64, ReadError> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        Ok(_) => Err(ReadError::NonFinite { place, quantity, found: shorten(text) }),
+        Err(_) => Err(unexpected(place, text, format!("{quantity}, a number"))),
+    }
+}
+
+/// A marker's three cells: all empty is a gap.
+fn point(
+    place: Place,
+    cells: [&str; 3],
+    options: &MarkerOptions,
+) -> Result<Option<nalgebra::Vector3<f64>>, ReadError> {
+    let nan = |cell: &str| options.nan_is_gap && cell.eq_ignore_ascii_case("nan");
+    if cells.iter().all(|cell| cell.is_empty()) || cells.iter().all(|cell| nan(cell)) {
+        return Ok(None);
+    }
+    let mut x = nalgebra::Vector3::zeros();
+    for (coordinate, cell) in x.iter_mut().zip(cells) {
+        *coordinate = number(place, cell, "a coordinate")?;
+    }
+    Ok(Some(options.convention.position(&x)))
+}

@@ -1,0 +1,163 @@
+//! Recordings in one convention: metres, seconds, z up.
+//!
+//! A [`MarkerRecording`] has the positions of named markers, with gaps; a [`SkeletonRecording`] has the
+//! rotations of a tree of joints. What a file's numbers mean is a [`Convention`], which the caller gives where
+//! the format does not say.
+
+mod convention;
+mod markers;
+mod rotations;
+mod skeleton;
+mod spline;
+
+pub use convention::{Axis, Convention, LengthUnit};
+pub use markers::MarkerRecording;
+pub use rotations::RotationCurve;
+pub use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
+pub use spline::CubicSpline;
+
+use somersault_multibody::ModelError;
+
+/// Why numbers are not a recording, or what was asked of it cannot be done.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// Nothing was recorded.
+    #[error("a recording needs at least one of `{argument}`, found none")]
+    Empty {
+        /// Frames, markers or joints.
+        argument: &'static str,
+    },
+    /// Something has the wrong number of entries.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries it should have.
+        expected: usize,
+        /// Entries it has.
+        found: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{argument}` must be finite, but is not in frame {frame}")]
+    NonFinite {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Frame, from 0.
+        frame: usize,
+    },
+    /// Times must grow.
+    #[error("`times` must grow, but frame {frame} is at {found} s after {before} s")]
+    TimesNotGrowing {
+        /// Frame, from 0.
+        frame: usize,
+        /// Its time.
+        found: f64,
+        /// Time of the frame before.
+        before: f64,
+    },
+    /// Two markers or joints of one name.
+    #[error("`{name}` occurs twice among the names")]
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// There is no marker or joint of this name.
+    #[error("nothing is named `{name}`")]
+    UnknownName {
+        /// The name.
+        name: String,
+    },
+    /// The parent of a joint does not come before it, or a second joint has none.
+    #[error("joint {joint} must have a parent among the joints before it, and only the first has none")]
+    Parent {
+        /// Number of the joint.
+        joint: usize,
+    },
+    /// Rotations must be unit quaternions.
+    #[error("a rotation in frame {frame} has the norm {found}, allowed is 1 to a rounding of 1e-9")]
+    NotARotation {
+        /// Frame, from 0.
+        frame: usize,
+        /// Norm found.
+        found: f64,
+    },
+    /// Times asked for are outside of the recording.
+    #[error("{found} s is not between {first} and {last} s, where there are frames")]
+    OutsideOfRecording {
+        /// Time asked for.
+        found: f64,
+        /// Time of the first frame.
+        first: f64,
+        /// Time of the last frame.
+        last: f64,
+    },
+    /// A length of time or a mass must be positive.
+    #[error("`{argument}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// Two axes of a convention lie on one line.
+    #[error("`up` and `forward` must be perpendicular, found {up:?} and {forward:?}")]
+    ParallelAxes {
+        /// The axis that points up.
+        up: Axis,
+        /// The axis that points forward.
+        forward: Axis,
+    },
+    /// The joints make no model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+pub(crate) fn expect_length(
+    argument: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), RecordingError> {
+    if found == expected { Ok(()) } else { Err(RecordingError::Length { argument, expected, found }) }
+}
+
+/// Fails unless there is a time, all are finite and they grow.
+pub(crate) fn expect_times(times: &[f64]) -> Result<(), RecordingError> {
+    if times.is_empty() {
+        return Err(RecordingError::Empty { argument: "frames" });
+    }
+    if let Some(frame) = times.iter().position(|t| !t.is_finite()) {
+        return Err(RecordingError::NonFinite { argument: "times", frame });
+    }
+    match times.windows(2).position(|pair| pair[1] <= pair[0]) {
+        Some(i) => {
+            Err(RecordingError::TimesNotGrowing { frame: i + 1, found: times[i + 1], before: times[i] })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Fails unless every time is between those of the first and the last frame.
+pub(crate) fn expect_within(times: &[f64], asked: &[f64]) -> Result<(), RecordingError> {
+    let (first, last) = (times[0], times[times.len() - 1]);
+    match asked.iter().find(|t| !(first..=last).contains(*t)) {
+        Some(&found) => Err(RecordingError::OutsideOfRecording { found, first, last }),
+        None => Ok(()),
+    }
+}
+
+/// `n` times at equal distances from the first to the last of `times`; the first alone for n = 1.
+pub fn uniform_times(times: &[f64], n: usize) -> Vec<f64> {
+    let (Some(&first), Some(&last)) = (times.first(), times.last()) else { return Vec::new() };
+    let share = |i: usize| if n > 1 { i as f64 / (n - 1) as f64 } else { 0.0 };
+    // weighed, not stepped: the last is met exactly
+    (0..n).map(|i| first * (1.0 - share(i)) + last * share(i)).collect()
+}
+
+pub(crate) fn expect_unique<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<(), RecordingError> {
+    let mut seen = std::collections::HashSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        Some(name) => Err(RecordingError::DuplicateName { name: name.to_owned() }),
+        None => Ok(()),
+    }
+}

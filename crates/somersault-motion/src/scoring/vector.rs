@@ -1,0 +1,117 @@
+//! What a motion is to a judge that counts: its vector.
+
+use super::{ScoringError, expect_least, expect_length};
+use crate::analysis::{Pca, normalize_frames};
+use crate::recording::MarkerRecording;
+use nalgebra::{DMatrix, DVector};
+
+/// A motion to be scored, frame by frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Performance {
+    times: Vec<f64>,
+    postures: DMatrix<f64>,
+    path: DMatrix<f64>,
+}
+
+impl Performance {
+    /// `postures` has a row for each frame, of joint angles or of places against the body; `path` has the three coordinates
+    /// of the body.
+    pub fn try_new(
+        times: Vec<f64>,
+        postures: DMatrix<f64>,
+        path: DMatrix<f64>,
+    ) -> Result<Self, ScoringError> {
+        expect_least("times", times.len(), 2)?;
+        expect_length("rows of postures", postures.nrows(), times.len())?;
+        expect_length("rows of path", path.nrows(), times.len())?;
+        expect_length("columns of path", path.ncols(), 3)?;
+        if !(postures.iter().chain(&path).chain(&times)).all(|x| x.is_finite()) {
+            return Err(ScoringError::NonFinite { argument: "times, postures or path" });
+        }
+        if times.windows(2).any(|pair| pair[1] <= pair[0]) {
+            return Err(ScoringError::Constant { argument: "times" });
+        }
+        Ok(Self { times, postures, path })
+    }
+
+    /// From markers without gaps: the path is their centre, postures are their places about it. The thesis leaves the
+    /// path in the postures too; there it would be most of what their first components describe.
+    pub fn from_markers(recording: &MarkerRecording) -> Result<Self, ScoringError> {
+        let (n, m) = (recording.n_frames(), recording.n_markers());
+        let mut postures = DMatrix::zeros(n, 3 * m);
+        let mut path = DMatrix::zeros(n, 3);
+        for (i, frame) in recording.frames().enumerate() {
+            let points: Vec<_> = frame.iter().flatten().collect();
+            expect_length("markers of a frame", points.len(), m)?;
+            let centre = points.iter().copied().sum::<nalgebra::Vector3<f64>>() / m as f64;
+            path.row_mut(i).copy_from(&centre.transpose());
+            for (k, point) in points.iter().enumerate() {
+                postures.fixed_view_mut::<1, 3>(i, 3 * k).copy_from(&(*point - centre).transpose());
+            }
+        }
+        Self::try_new(recording.times().to_vec(), postures, path)
+    }
+
+    /// From the first to the last frame, s.
+    pub fn duration(&self) -> f64 {
+        self.times[self.times.len() - 1] - self.times[0]
+    }
+
+    /// Numbers in a posture.
+    pub fn n_features(&self) -> usize {
+        self.postures.ncols()
+    }
+
+    /// Postures and path at `n_frames` equal distances in time.
+    pub(super) fn normalized(&self, n_frames: usize) -> Result<[DMatrix<f64>; 2], ScoringError> {
+        let normalize = |all: &DMatrix<f64>| -> Result<DMatrix<f64>, ScoringError> {
+            let mut out = DMatrix::zeros(n_frames, all.ncols());
+            for (k, column) in all.column_iter().enumerate() {
+                let column: Vec<f64> = column.iter().copied().collect();
+                out.column_mut(k).copy_from_slice(&normalize_frames(&self.times, &column, n_frames)?);
+            }
+            Ok(out)
+        };
+        Ok([normalize(&self.postures)?, normalize(&self.path)?])
+    }
+}
+
+/// What goes into the vector of a motion.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct VectorOptions {
+    /// Frames each motion is brought to.
+    pub n_frames: usize,
+    /// Eigenweights of each frame.
+    pub n_eigenweights: usize,
+    /// Whether the path of the body, from where it begins, is part of it.
+    pub path: bool,
+    /// Whether the duration is.
+    pub duration: bool,
+}
+
+impl VectorOptions {
+    /// The settings of the thesis (4.1.2): 60 frames, four eigenweights, body path.
+    pub fn thesis() -> Self {
+        Self { n_frames: 60, n_eigenweights: 4, path: true, duration: false }
+    }
+
+    /// The vector of a motion whose eigenweights are those of `eigenpostures`.
+    pub(super) fn vector(
+        &self,
+        eigenpostures: &Pca,
+        performance: &Performance,
+    ) -> Result<DVector<f64>, ScoringError> {
+        let [postures, path] = performance.normalized(self.n_frames)?;
+        let weights = eigenpostures.scores(&postures)?;
+        let mut vector: Vec<f64> = weights.iter().copied().collect();
+        if self.path {
+            for column in path.column_iter() {
+                vector.extend(column.iter().map(|x| x - column[0]));
+            }
+        }
+        if self.duration {
+            vector.push(performance.duration());
+        }
+        Ok(DVector::from_vec(vector))
+    }
+}

@@ -1,0 +1,330 @@
+//! Fits recover what made the markers, and err as much as linearisation says.
+
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use somersault_motion::fit::{
+    FitError, FitOptions, FitStatus, Loss, MarkerFit, MarkerSet, MotionFit, Scale, Shape,
+};
+use somersault_motion::recording::MarkerRecording;
+use somersault_multibody::models::{Diver, Posture};
+use somersault_multibody::{Data, Model};
+use somersault_ocp::motion::EigenpostureBase;
+
+/// Two markers on each body with an extent, off the axis so that every joint is seen.
+fn markers(model: &Model) -> MarkerSet {
+    let on =
+        |name: &str| !["waist", "shoulder_flexion", "shoulder_abduction"].iter().any(|n| name.ends_with(n));
+    let bodies: Vec<String> = model.links().iter().map(|l| l.name().to_owned()).filter(|n| on(n)).collect();
+    let points = [[0.03, 0.05, -0.02], [0.06, -0.03, -0.11]];
+    let all = bodies.iter().flat_map(|b| [0, 1].map(|k| (format!("{b} {k}"), b.clone(), points[k])));
+    MarkerSet::on_bodies(model, all).unwrap()
+}
+
+/// A somersault with a twist from one posture to another and back.
+fn motion(diver: &Diver, n_frames: usize) -> Vec<Vec<f64>> {
+    let model = diver.model().unwrap();
+    let [a, c] = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap());
+    let planar = model.n_positions() == 12;
+    let root = if planar { 3 } else { 7 };
+    let frame = |i: usize| {
+        let t = i as f64 / n_frames as f64;
+        let mix = 0.1 + 0.7 * (std::f64::consts::PI * t).sin().powi(2);
+        let mut q: Vec<f64> = a.iter().zip(&c).map(|(a, c)| a + mix * (c - a)).collect();
+        // off the ends of ranges, where bounds would help
+        for (k, x) in q[root..].iter_mut().enumerate() {
+            *x += 0.08 + 0.02 * (k as f64 + 4.0 * t).sin();
+        }
+        let turn = -5.0 * t;
+        if planar {
+            (q[0], q[1], q[2]) = (1.5 * t, 1.0 + 3.0 * t - 5.0 * t * t, turn);
+        } else {
+            let r = nalgebra::UnitQuaternion::from_euler_angles(0.1, -turn, 2.0 * t);
+            q[..3].copy_from_slice(&[1.5 * t, 0.1 * t, 1.0 + 3.0 * t - 5.0 * t * t]);
+            q[3..7].copy_from_slice(r.coords.as_slice());
+        }
+        q
+    };
+    (0..n_frames).map(frame).collect()
+}
+
+/// The markers of a model of size `scale` along a motion, with noise.
+fn record(
+    model: &Model,
+    set: &MarkerSet,
+    motion: &[Vec<f64>],
+    scale: f64,
+    noise: f64,
+    seed: u64,
+) -> MarkerRecording {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut data = Data::new(model);
+    let mut points = Vec::new();
+    for q in motion {
+        let positions = model.positions(&mut data, q).unwrap();
+        let root = positions.pose(0).unwrap().translation;
+        for marker in set.markers() {
+            let arm = positions.pose(marker.body).unwrap().point(&marker.point) - root;
+            points.push(Some(root + arm * scale + Vector3::from_fn(|_, _| noise * normal(&mut rng))));
+        }
+    }
+    let names = set.markers().iter().map(|m| m.name.clone()).collect();
+    let times = (0..motion.len()).map(|i| i as f64 / 60.0).collect();
+    MarkerRecording::try_new(names, times, points).unwrap()
+}
+
+/// Box and Muller.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (u, v): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random_range(0.0..1.0));
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
+/// Each marker is missing in a frame with the given chance.
+fn with_gaps(recording: &MarkerRecording, chance: f64, seed: u64) -> MarkerRecording {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let points = recording.frames().flatten().map(|p| p.filter(|_| rng.random_range(0.0..1.0) >= chance));
+    MarkerRecording::try_new(recording.names().to_vec(), recording.times().to_vec(), points.collect())
+        .unwrap()
+}
+
+/// The largest |from the true configuration, along v|.
+fn largest_error(model: &Model, fit: &MotionFit, motion: &[Vec<f64>]) -> f64 {
+    let mut v = vec![0.0; model.n_velocities()];
+    let mut largest = 0.0_f64;
+    for (frame, q) in fit.frames.iter().zip(motion) {
+        model.difference(q, &frame.estimate.q, &mut v).unwrap();
+        largest = v.iter().fold(largest, |a, x| a.max(x.abs()));
+    }
+    largest
+}
+
+/// The first frame is begun from standing and from a tuck.
+fn begun(diver: &Diver) -> FitOptions {
+    let root = if *diver == Diver::planar() { 3 } else { 7 };
+    let starts = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap()[root..].to_vec());
+    FitOptions { starts: starts.to_vec(), ..FitOptions::default() }
+}
+
+fn divers() -> [Diver; 2] {
+    [Diver::planar(), Diver::spatial()]
+}
+
+#[test]
+fn known_angles_are_recovered_to_1e_6() {
+    for diver in divers() {
+        let (model, motion) = (diver.model().unwrap(), motion(&diver, 60));
+        let set = markers(&model);
+        let recording = record(&model, &set, &motion, 1.08, 0.0, 1);
+        let start = std::time::Instant::now();
+        let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap().fit(&recording).unwrap();
+        println!("{:?}: {} markers in {:?}", diver.dimension, recording.n_markers(), start.elapsed());
+        assert!(fit.converged());
+        let error = largest_error(&model, &fit, &motion);
+        assert!(error < 1e-6, "{:?}: {error:e}", diver.dimension);
+        assert!(fit.frames.iter().all(|f| (f.estimate.scale - 1.08).abs() < 1e-8));
+        println!("{:?}: largest error {error:.1e}, rms {:.1e} m", diver.dimension, fit.rms().unwrap());
+    }
+}
+
+#[test]
+fn a_fifth_of_the_markers_may_be_missing() {
+    for diver in divers() {
+        let (model, motion) = (diver.model().unwrap(), motion(&diver, 60));
+        let set = markers(&model);
+        let whole = record(&model, &set, &motion, 1.0, 0.0, 1);
+        let recording = with_gaps(&whole, 0.2, 7);
+        let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap().fit(&recording).unwrap();
+        assert!(fit.converged());
+        // a frame without the markers of a hand cannot know its angle: what the markers do not determine has no covariance
+        let (mut n, mut v) = (0, vec![0.0; model.n_velocities()]);
+        for (frame, q) in fit.frames.iter().zip(&motion) {
+            assert!(frame.rms.unwrap() < 1e-8);
+            if frame.covariance.is_some() {
+                n += 1;
+                model.difference(q, &frame.estimate.q, &mut v).unwrap();
+                assert!(v.iter().all(|x| x.abs() < 1e-6));
+            }
+        }
+        assert!(n > 10, "{:?}: {n} frames are determined", diver.dimension);
+    }
+}
+
+#[test]
+fn with_noise_estimates_are_unbiased_and_within_the_linearised_covariance() {
+    const NOISE: f64 = 0.01;
+    for diver in divers() {
+        let model = diver.model().unwrap();
+        // one pose again and again, each time with other noise
+        let mut q = motion(&diver, 60).swap_remove(20);
+        for (k, limits, at) in
+            (1..model.n_bodies()).filter_map(|i| Some((i, model.limits(i)?, model.positions_of(i))))
+        {
+            // noise must not reach a bound, which would cut the estimates off
+            if near_bound(&model, &q, model.velocities_of(k).start, 0.45) {
+                q[at.start] = 0.5 * (limits[0] + limits[1]);
+            }
+        }
+        let repeats = vec![q; 400];
+        let set = markers(&model);
+        let recording = record(&model, &set, &repeats, 1.0, NOISE, 5);
+        let options = FitOptions { noise: Some(NOISE), ..begun(&diver) };
+        let fit = MarkerFit::try_new(&model, set, options).unwrap().fit(&recording).unwrap();
+        assert!(fit.converged());
+        let n = fit.frames.len() as f64;
+        let mut v = vec![0.0; model.n_velocities()];
+        let (mut sum, mut squares) = (v.clone(), v.clone());
+        let mut predicted = v.clone();
+        for frame in &fit.frames {
+            model.difference(&repeats[0], &frame.estimate.q, &mut v).unwrap();
+            let covariance = frame.covariance.as_ref().unwrap();
+            for k in 0..v.len() {
+                sum[k] += v[k] / n;
+                squares[k] += v[k] * v[k] / n;
+                predicted[k] += covariance[(k + 1, k + 1)] / n;
+            }
+        }
+        for k in 0..v.len() {
+            let deviation = predicted[k].sqrt();
+            let name = diver.dof_names()[k];
+            assert!(!near_bound(&model, &repeats[0], k, 4.0 * deviation), "{name} may reach a bound");
+            let ratio = (squares[k] / predicted[k]).sqrt();
+            // 400 repeats: the mean errs by 0.05, a deviation by 0.035 of itself; each is allowed five of those
+            assert!(sum[k].abs() < 0.25 * deviation, "{name}: mean {} of {deviation}", sum[k]);
+            assert!((ratio - 1.0).abs() < 0.18, "{name}: {ratio} of the predicted {deviation}");
+        }
+    }
+}
+
+/// Whether the coordinate of degree of freedom `k` is that near to one of its limits.
+fn near_bound(model: &Model, q: &[f64], k: usize, distance: f64) -> bool {
+    (1..model.n_bodies()).any(|i| {
+        let here = model.velocities_of(i).start == k && model.positions_of(i).len() == 1;
+        here && model.limits(i).is_some_and(|[lower, upper]| {
+            let x = q[model.positions_of(i).start];
+            x - lower < distance || upper - x < distance
+        })
+    })
+}
+
+#[test]
+fn eigenweights_are_recovered_within_their_simplex() {
+    let diver = Diver::planar();
+    let model = diver.model().unwrap();
+    let postures = [Posture::PLANAR[0], Posture::PLANAR[1], Posture::PLANAR[2]]
+        .map(|p| diver.configuration(p).unwrap()[3..].to_vec());
+    let base = EigenpostureBase::try_new(&postures).unwrap();
+    let weights: Vec<[f64; 2]> = (0..30).map(|i| f64::from(i) / 30.0).map(|t| [(1.0 - t) * 0.9, t]).collect();
+    let motion: Vec<Vec<f64>> = weights
+        .iter()
+        .map(|w| {
+            let mut q = vec![0.3, 1.0, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+            base.positions_into(w, &mut q[3..]);
+            q
+        })
+        .collect();
+    let set = markers(&model);
+    let recording = record(&model, &set, &motion, 0.95, 0.0, 1);
+    let options = FitOptions { shape: Shape::Eigenpostures(base), ..FitOptions::default() };
+    let fit = MarkerFit::try_new(&model, set.clone(), options.clone()).unwrap().fit(&recording).unwrap();
+    for (frame, expected) in fit.frames.iter().zip(&weights) {
+        assert_eq!(frame.status, FitStatus::Converged);
+        for (found, expected) in frame.estimate.weights.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        }
+    }
+    let noisy = record(&model, &set, &motion, 0.95, 0.03, 1);
+    let fit = MarkerFit::try_new(&model, set, options).unwrap().fit(&noisy).unwrap();
+    for frame in &fit.frames {
+        let weights = &frame.estimate.weights;
+        assert!(weights.iter().all(|w| *w >= 0.0) && weights.iter().sum::<f64>() <= 1.0 + 1e-12);
+    }
+}
+
+#[test]
+fn a_scale_common_to_all_frames_is_found() {
+    let diver = Diver::spatial();
+    let (model, motion) = (diver.model().unwrap(), motion(&diver, 20));
+    let set = markers(&model);
+    let recording = record(&model, &set, &motion, 1.13, 0.005, 3);
+    let options = FitOptions { scale: Scale::Common { lower: 0.7, upper: 1.5 }, ..begun(&diver) };
+    let fit = MarkerFit::try_new(&model, set.clone(), options).unwrap().fit(&recording).unwrap();
+    assert!(fit.scale_converged);
+    let scale = fit.frames[0].estimate.scale;
+    assert!(fit.frames.iter().all(|f| f.estimate.scale == scale));
+    assert!((scale - 1.13).abs() < 0.005, "{scale}");
+    // no other scale has a smaller sum
+    let cost = |scale: f64| -> f64 {
+        let options = FitOptions { scale: Scale::Fixed(scale), ..begun(&diver) };
+        let fit = MarkerFit::try_new(&model, set.clone(), options).unwrap().fit(&recording).unwrap();
+        fit.frames.iter().map(|f| f.cost).sum()
+    };
+    let least: f64 = fit.frames.iter().map(|f| f.cost).sum();
+    assert!(least <= cost(scale + 1e-4) && least <= cost(scale - 1e-4));
+}
+
+#[test]
+fn robust_losses_survive_swapped_markers() {
+    let diver = Diver::planar();
+    let (model, motion) = (diver.model().unwrap(), motion(&diver, 30));
+    let set = markers(&model);
+    let whole = record(&model, &set, &motion, 1.0, 0.001, 1);
+    // one marker is a metre off in every frame
+    let n = whole.n_markers();
+    let points = whole
+        .frames()
+        .flatten()
+        .enumerate()
+        .map(|(i, p)| p.map(|p| if i % n == 5 { p + Vector3::new(0.6, 0.0, 0.8) } else { p }));
+    let recording =
+        MarkerRecording::try_new(whole.names().to_vec(), whole.times().to_vec(), points.collect()).unwrap();
+    let error = |loss| {
+        let options = FitOptions { loss, scale: Scale::Fixed(1.0), ..begun(&diver) };
+        let fit = MarkerFit::try_new(&model, set.clone(), options).unwrap().fit(&recording).unwrap();
+        largest_error(&model, &fit, &motion)
+    };
+    let (squares, huber, cauchy) =
+        (error(Loss::Squares), error(Loss::Huber(0.01)), error(Loss::Cauchy(0.01)));
+    println!("largest errors: squares {squares:.3}, Huber {huber:.3}, Cauchy {cauchy:.3}");
+    assert!(squares > 0.3 && huber < 0.5 * squares && cauchy < 0.1);
+}
+
+#[test]
+fn frames_without_markers_keep_the_last_estimate() {
+    let diver = Diver::planar();
+    let (model, motion) = (diver.model().unwrap(), motion(&diver, 10));
+    let set = markers(&model);
+    let whole = record(&model, &set, &motion, 1.0, 0.0, 1);
+    let n = whole.n_markers();
+    let points = whole.frames().flatten().enumerate().map(|(i, p)| p.filter(|_| i / n != 4));
+    let recording =
+        MarkerRecording::try_new(whole.names().to_vec(), whole.times().to_vec(), points.collect()).unwrap();
+    let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap().fit(&recording).unwrap();
+    assert_eq!(fit.frames[4].status, FitStatus::NoMarkers);
+    assert_eq!((fit.frames[4].rms, &fit.frames[4].covariance), (None, &None));
+    assert_eq!(fit.frames[4].estimate, fit.frames[3].estimate);
+    assert!(fit.frames[5].rms.unwrap() < 1e-8);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused() {
+    let model = Diver::planar().model().unwrap();
+    let set = markers(&model);
+    let with = |options| MarkerFit::try_new(&model, set.clone(), options).map(drop);
+    let options = FitOptions::default;
+    let scale = Scale::PerFrame { lower: 2.0, upper: 1.0 };
+    let found = with(FitOptions { scale, ..options() });
+    assert_eq!(found, Err(FitError::ScaleBounds { lower: 2.0, upper: 1.0 }));
+    let found = with(FitOptions { loss: Loss::Huber(-1.0), ..options() });
+    assert_eq!(found, Err(FitError::NotPositive { argument: "threshold", found: -1.0 }));
+    let found = with(FitOptions { starts: vec![vec![0.0; 3]], ..options() });
+    assert_eq!(found, Err(FitError::Length { argument: "starts", expected: 9, found: 3 }));
+    let base = EigenpostureBase::try_new(&[[0.0, 0.0], [1.0, 0.0]]).unwrap();
+    let found = with(FitOptions { shape: Shape::Eigenpostures(base), ..options() });
+    assert_eq!(found, Err(FitError::Length { argument: "postures of the base", expected: 9, found: 2 }));
+    let other = MarkerRecording::try_new(vec!["nose".into()], vec![0.0], vec![None]).unwrap();
+    let found = MarkerFit::try_new(&model, set.clone(), options()).unwrap().fit(&other);
+    assert!(matches!(found, Err(FitError::NoCommonMarker { .. })));
+    assert_eq!(MarkerSet::try_new(&model, vec![]), Err(FitError::NoMarkers));
+    let unknown = MarkerSet::on_bodies(&model, [("a", "wing", [0.0; 3])]);
+    assert!(matches!(unknown, Err(FitError::Model(_))));
+}

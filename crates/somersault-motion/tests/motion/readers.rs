@@ -1,0 +1,272 @@
+//! What is in a file is what is read, to the last digit; what is wrong is named with its place.
+
+use crate::files::{BVH, Bytes, C3d, CSV, TRC, joint_motion};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use somersault_motion::readers::{
+    MarkerOptions, Place, ReadError, bvh, c3d, csv, joint_motion, load, text, trc,
+};
+use somersault_motion::recording::{Convention, LengthUnit, RecordingError};
+use somersault_multibody::models::Diver;
+
+fn file_axes() -> Convention {
+    Convention::z_up(LengthUnit::Metre)
+}
+
+fn rotation(order: [Vector3<f64>; 3], degrees: [f64; 3]) -> UnitQuaternion<f64> {
+    let turns = [0, 1, 2].map(|k| Rotation3::new(order[k] * degrees[k].to_radians()));
+    UnitQuaternion::from_rotation_matrix(&(turns[0] * turns[1] * turns[2]))
+}
+
+#[test]
+fn a_bvh_is_read_with_any_order_of_channels() {
+    let recording = bvh::read(BVH, &file_axes()).unwrap();
+    let skeleton = recording.skeleton();
+    let names: Vec<&str> = skeleton.joints().iter().map(|j| j.name.as_str()).collect();
+    assert_eq!(names, ["Hips", "LeftUpLeg", "LeftLeg", "LeftLeg_end", "Lower Back"]);
+    let parents: Vec<_> = skeleton.joints().iter().map(|j| j.parent).collect();
+    assert_eq!(parents, [None, Some(0), Some(1), Some(2), Some(0)]);
+    assert_eq!(skeleton.joints()[1].offset, Vector3::new(1.36306, -1.79463, 0.83929));
+    assert_eq!(recording.times(), [0.0, 0.0083333]);
+
+    let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let frame: Vec<_> = recording.frame(1).collect();
+    assert_eq!(frame[0].0, Vector3::new(9.3722, 17.8693, -17.3198));
+    assert_eq!(frame[4].0, Vector3::new(0.0, 0.25, -0.2), "a position channel stands for one component");
+    let expected = [
+        rotation([z, y, x], [-2.0146, -8.2765, 2.5]),
+        rotation([z, y, x], [3.0, 25.0, -10.125]),
+        rotation([x, z, y], [30.0, 5.0, -7.0]),
+        UnitQuaternion::identity(),
+        rotation([z, x, y], [12.0, -4.0, 1.0]),
+    ];
+    for ((_, found), expected) in frame.iter().zip(expected) {
+        assert!((found.inverse() * expected).imag().norm() < 1e-15);
+    }
+}
+
+#[test]
+fn a_bvh_with_y_up_stands_in_a_world_with_z_up() {
+    let plain = bvh::read(BVH, &file_axes()).unwrap().joint_centres().unwrap();
+    let convention = Convention::y_up_z_forward(LengthUnit::Inch);
+    let turned = bvh::read(BVH, &convention).unwrap().joint_centres().unwrap();
+    for (plain, turned) in plain.frames().flatten().zip(turned.frames().flatten()) {
+        let expected = plain.map(|p| Vector3::new(p.z, p.x, p.y) * 0.0254);
+        assert!((turned.unwrap() - expected.unwrap()).norm() < 1e-15);
+    }
+}
+
+#[test]
+fn a_trc_is_read_to_the_last_digit() {
+    let options = MarkerOptions {
+        convention: Convention::y_up_x_forward(LengthUnit::Metre),
+        ..MarkerOptions::default()
+    };
+    let recording = trc::read(TRC, &options).unwrap();
+    assert_eq!(recording.names(), ["hip", "knee"]);
+    assert_eq!(recording.times(), [0.0, 0.01, 0.02]);
+    assert_eq!(recording.frame(0)[0], Some(Vector3::new(0.0105, 0.003, 0.90025)));
+    assert_eq!(recording.frame(1)[1], None);
+    assert_eq!(recording.frame(2)[1], Some(Vector3::new(0.001, -0.004, 0.002)));
+    assert_eq!(trc::read(&TRC.replace('\n', "\r\n"), &options), Ok(recording));
+}
+
+#[test]
+fn a_csv_is_read_to_the_last_digit() {
+    let recording = csv::read(CSV, &MarkerOptions::default()).unwrap();
+    assert_eq!(recording.names(), ["hip", "knee"]);
+    assert_eq!(recording.frame(0)[1], Some(Vector3::new(0.01, -0.02, 0.5)));
+    assert_eq!(recording.frame(1)[1], None);
+    let nan = CSV.replace(",,,", ",NaN,nan,NaN");
+    let lenient = MarkerOptions { nan_is_gap: true, ..MarkerOptions::default() };
+    assert_eq!(csv::read(&nan, &lenient), Ok(recording));
+    let found = csv::read(&nan, &MarkerOptions::default());
+    assert!(matches!(found, Err(ReadError::NonFinite { place: Place::Line(4), .. })), "{found:?}");
+}
+
+#[test]
+fn a_c3d_of_every_processor_is_read_to_the_last_digit() {
+    for bytes in [Bytes::Intel, Bytes::Dec, Bytes::Mips] {
+        for float in [true, false] {
+            let file = C3d { bytes, float, n_frames: 5 }.write();
+            let recording = c3d::read(&file, &c3d::Options::default()).unwrap();
+            assert_eq!(recording.names(), C3d::LABELS);
+            assert_eq!(recording.times(), [0.0, 1.0, 2.0, 3.0, 4.0].map(|i| i / 200.0));
+            for (i, frame) in recording.frames().enumerate() {
+                for (k, point) in frame.iter().enumerate() {
+                    let expected = Vector3::from_fn(|axis, _| C3d::coordinate(i, k, axis) / 1000.0);
+                    let expected = (!C3d::missing(i, k)).then_some(expected);
+                    assert_eq!(*point, expected, "{bytes:?}, float {float}: point {k} of frame {i}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_joint_motion_has_the_lengths_of_the_diver() {
+    let diver = Diver { height: 1.87, ..Diver::spatial() };
+    let recording = joint_motion::read(&joint_motion(3), &diver).unwrap();
+    let scale = 1.87 / 1.70;
+    let times = [0.0, 0.05, 0.1];
+    assert!(recording.times().iter().zip(times).all(|(a, b)| (a - b).abs() < 1e-15));
+    let centres = recording.joint_centres().unwrap();
+    let at = |name: &str| centres.frame(0)[centres.marker(name).unwrap()].unwrap();
+    assert_eq!(at("root"), Vector3::new(0.0, 0.0, 0.9));
+    let chest = Vector3::new(0.0, 0.0, 0.9 + 0.14227 * scale);
+    assert!((at("chest") - chest).norm() < 1e-15);
+    assert!((at("left_shoulder") - chest - Vector3::new(0.0, 0.166, 0.36109) * scale).norm() < 1e-15);
+    // the knee is bent by 0.5 backwards, the elbow by 0.25 forward
+    let thigh = at("right_hip") - at("right_knee");
+    assert!((thigh - Vector3::z() * 0.41226 * scale).norm() < 1e-15);
+    let shank = Vector3::new(-0.5_f64.sin(), 0.0, -0.5_f64.cos()) * 0.42993 * scale;
+    assert!((at("right_ankle") - at("right_knee") - shank).norm() < 1e-15);
+    let forearm = Vector3::new(0.25_f64.sin(), 0.0, -0.25_f64.cos()) * 0.26257 * scale;
+    assert!((at("right_wrist") - at("right_elbow") - forearm).norm() < 1e-15);
+}
+
+/// The line of the first error, if that has a line.
+fn line_of<T: std::fmt::Debug>(found: Result<T, ReadError>) -> Option<usize> {
+    match found.expect_err("a wrong file") {
+        ReadError::Unexpected { place: Place::Line(line), .. }
+        | ReadError::Truncated { place: Place::Line(line), .. }
+        | ReadError::Misdeclared { place: Place::Line(line), .. }
+        | ReadError::NoFrames { place: Place::Line(line) }
+        | ReadError::NonFinite { place: Place::Line(line), .. } => Some(line),
+        _ => None,
+    }
+}
+
+#[test]
+fn a_wrong_bvh_is_named_with_its_line() {
+    let change = |from: &str, to: &str| {
+        assert!(BVH.contains(from));
+        bvh::read(&BVH.replacen(from, to, 1), &file_axes())
+    };
+    assert_eq!(line_of(change("HIERARCHY", "HIERACHY")), Some(1));
+    assert_eq!(line_of(change("Yrotation Xrotation", "Yrotation Wrotation")), Some(5));
+    assert_eq!(line_of(change("CHANNELS 6", "CHANNELS 7")), Some(6));
+    assert_eq!(line_of(change("CHANNELS 6", "CHANNELS -6")), Some(5));
+    assert_eq!(line_of(change("OFFSET 1.36306", "OFFSET nan")), Some(8));
+    assert_eq!(line_of(change("-10.125", "inf")), Some(30));
+    assert_eq!(line_of(change("-4 1\n", "-4\n")), Some(30));
+    assert_eq!(line_of(change("-4 1\n", "-4 1 7\n")), Some(30));
+    assert_eq!(line_of(change("Frame Time: .0083333", "Frame Time: 0")), Some(28));
+    let found = change("Frames: 2", "Frames: 3");
+    let (place, quantity) = (Place::Line(27), "frames");
+    assert_eq!(found, Err(ReadError::Misdeclared { place, quantity, declared: 3, found: 2 }));
+    assert_eq!(change("Frames: 2", "Frames: 0"), Err(ReadError::NoFrames { place }));
+    let found = change("JOINT LeftLeg", "JOINT Hips");
+    assert_eq!(found, Err(RecordingError::DuplicateName { name: "Hips".into() }.into()));
+    for (i, _) in BVH.char_indices().filter(|(i, _)| *i < BVH.len() - 3) {
+        assert!(bvh::read(&BVH[..i], &file_axes()).is_err(), "cut after {i} bytes");
+    }
+}
+
+#[test]
+fn a_wrong_trc_is_named_with_its_line() {
+    let change = |from: &str, to: &str| {
+        assert!(TRC.contains(from));
+        trc::read(&TRC.replacen(from, to, 1), &MarkerOptions::default())
+    };
+    assert_eq!(line_of(change("PathFileType", "Path")), Some(1));
+    assert_eq!(line_of(change("NumMarkers", "Markers")), Some(2));
+    assert_eq!(line_of(change("mm", "furlong")), Some(3));
+    assert_eq!(line_of(change("\t3\t2\tmm", "\tx\t2\tmm")), Some(3));
+    assert_eq!(line_of(change("hip\t\t\tknee", "hip\t\tknee")), Some(4));
+    assert_eq!(line_of(change("900.25", "9oo")), Some(7));
+    assert_eq!(line_of(change("900.25", "nan")), Some(7));
+    assert_eq!(line_of(change("\t3\n2\t", "\n2\t")), Some(7));
+    assert_eq!(line_of(change("901", "")), Some(8));
+    let place = Place::Line(3);
+    let found = change("\t3\t2\tmm", "\t4\t2\tmm");
+    assert_eq!(found, Err(ReadError::Misdeclared { place, quantity: "frames", declared: 4, found: 3 }));
+    let found = change("\t3\t2\tmm", "\t3\t999999999999\tmm");
+    let declared = 999_999_999_999;
+    assert_eq!(found, Err(ReadError::Misdeclared { place, quantity: "markers", declared, found: 2 }));
+    let header: String = TRC.split_inclusive('\n').take(6).collect();
+    let found = trc::read(&header, &MarkerOptions::default());
+    assert_eq!(found, Err(ReadError::NoFrames { place: Place::Line(6) }));
+    let found = change("0.020", "0.010");
+    assert!(matches!(found, Err(ReadError::Recording(RecordingError::TimesNotGrowing { frame: 2, .. }))));
+}
+
+#[test]
+fn a_wrong_csv_is_named_with_its_line() {
+    let change = |from: &str, to: &str| {
+        assert!(CSV.contains(from));
+        csv::read(&CSV.replacen(from, to, 1), &MarkerOptions::default())
+    };
+    assert_eq!(line_of(change("hip_y", "hip_z")), Some(2));
+    assert_eq!(line_of(change(",knee_z", "")), Some(2));
+    assert_eq!(line_of(change("time", "t")), Some(2));
+    assert_eq!(line_of(change("0.11,", "")), Some(4));
+    assert_eq!(line_of(change("0.52", "0.52,1")), Some(5));
+    assert_eq!(line_of(change("0.52", "x")), Some(5));
+    assert_eq!(line_of(change("0.52", "inf")), Some(5));
+    assert_eq!(line_of(csv::read("", &MarkerOptions::default())), Some(1));
+    assert_eq!(line_of(csv::read("time,a_x,a_y,a_z\n", &MarkerOptions::default())), Some(1));
+    let found = csv::read("time\n0\n", &MarkerOptions::default());
+    assert_eq!(found, Err(RecordingError::Empty { argument: "markers" }.into()));
+}
+
+#[test]
+fn a_wrong_c3d_is_named_with_its_byte() {
+    let whole = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
+    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default());
+    let change = |at: usize, to: &[u8]| {
+        let mut file = whole.clone();
+        file[at..at + to.len()].copy_from_slice(to);
+        read(&file)
+    };
+    let mark = change(1, &[0]);
+    assert!(matches!(mark, Err(ReadError::Unexpected { place: Place::Byte(1), .. })), "{mark:?}");
+    let processor = change(515, &[83]);
+    assert!(matches!(processor, Err(ReadError::Unexpected { place: Place::Byte(515), .. })), "{processor:?}");
+    let block = change(16, &[9, 0]);
+    assert!(matches!(block, Err(ReadError::Misdeclared { found: 0, declared: 4, .. })), "{block:?}");
+    // the parameter FRAMES rules, its data begin where it is declared
+    let frames = whole.windows(6).position(|w| w == b"FRAMES").unwrap() + 10;
+    let found = change(frames, &[0xff, 0xff]);
+    let (place, quantity) = (Place::Byte(frames), "frames");
+    assert_eq!(found, Err(ReadError::Misdeclared { place, quantity, declared: 65535, found: 4 }));
+    let unit = whole.windows(4).position(|w| w == b"mm  ").unwrap();
+    let found = change(unit, b"fur ");
+    assert!(matches!(found, Err(ReadError::Unexpected { place: Place::Byte(at), .. }) if at == unit));
+    let nan = change(1536 + 4, &f32::NAN.to_le_bytes());
+    assert!(matches!(nan, Err(ReadError::NonFinite { place: Place::Byte(1540), .. })), "{nan:?}");
+    // the analog data of the last frame may be cut off, points may not
+    assert!(read(&whole[..whole.len() - 8]).is_ok());
+    for n in 0..whole.len() - 8 {
+        assert!(read(&whole[..n]).is_err(), "cut after {n} bytes");
+    }
+}
+
+#[test]
+fn a_wrong_joint_motion_is_named_with_its_line() {
+    let diver = Diver::spatial();
+    let whole = joint_motion(3);
+    let change = |from: &str, to: &str| {
+        assert!(whole.contains(from));
+        joint_motion::read(&whole.replacen(from, to, 1), &diver)
+    };
+    assert_eq!(line_of(change(", 0.25", "")), Some(5));
+    assert_eq!(line_of(change(", 0.25", ", 0.25, 1")), Some(5));
+    assert_eq!(line_of(change("0.25", "NaN")), Some(5));
+    assert_eq!(line_of(change("0.25", "1e999")), Some(5));
+    assert_eq!(line_of(change("1, 0, 0", "2, 1, 0")), Some(5));
+    assert_eq!(line_of(change("0.05", "-0.05")), Some(5));
+    assert_eq!(line_of(joint_motion::read("{\"Frames\": []}", &diver)), Some(1));
+    let deep = format!("{{\"Frames\": {}", "[".repeat(100_000));
+    assert_eq!(line_of(joint_motion::read(&deep, &diver)), Some(1));
+    for i in 0..whole.len() - 1 {
+        assert!(joint_motion::read(&whole[..i], &diver).is_err(), "cut after {i} bytes");
+    }
+}
+
+#[test]
+fn paths_are_named() {
+    let found = load("no such file", |bytes| csv::read(text(bytes)?, &MarkerOptions::default()));
+    assert!(found.unwrap_err().to_string().contains("no such file"));
+    let found = text(&[b'a', 0xff]);
+    assert_eq!(found, Err(ReadError::Encoding { place: Place::Byte(1) }));
+}

@@ -1,0 +1,11 @@
+//! Whatever the file, the reader returns; and what it accepts is a recording.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use somersault_motion::readers::c3d;
+
+fuzz_target!(|file: &[u8]| {
+    let Ok(recording) = c3d::read(file, &c3d::Options::default()) else { return };
+    assert_eq!(recording.frames().len(), recording.times().len());
+    let _ = recording.fill_gaps(0.1);
+});
