@@ -15,6 +15,9 @@
 //! Lyapunov analysis.
 #![forbid(unsafe_code)]
 
+pub mod continuation;
+pub mod flow;
+pub mod shooting;
 pub mod system;
 
 pub use nalgebra;
