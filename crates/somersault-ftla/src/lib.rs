@@ -17,7 +17,9 @@
 
 pub mod continuation;
 pub mod flow;
+pub mod placement;
 pub mod shooting;
+pub mod spectrum;
 pub mod system;
 
 pub use nalgebra;

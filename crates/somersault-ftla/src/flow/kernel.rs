@@ -81,8 +81,19 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         self.advance(end, f64::INFINITY, integrand).map(|_| ())
     }
 
-    /// Steps to `end`, or to the end of the step in which an entry of Φ passes `growth`.
+    /// Steps to `end`, or to the end of the step in which Φ stretches or shrinks by more than `growth`.
     pub(super) fn advance(
+        &mut self,
+        end: f64,
+        growth: f64,
+        integrand: impl Fn(&SVector<f64, N>) -> f64,
+    ) -> Result<Progress, FlowError> {
+        // the loops over columns are compiled for the widest vectors of the machine
+        pulp::Arch::new().dispatch(|| self.steps(end, growth, integrand))
+    }
+
+    #[inline(always)]
+    fn steps(
         &mut self,
         end: f64,
         growth: f64,
@@ -141,21 +152,40 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 h * factor
             };
             rejected = false;
-            if MATRIX && growth.is_finite() && self.t != end && self.matrix.amax() > growth {
+            if MATRIX && growth.is_finite() && self.t != end && self.spread() > growth {
                 return Ok(Progress::Grown);
             }
         }
         Ok(Progress::Arrived)
     }
 
+    /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
+    /// before it do not have.
+    fn spread(&self) -> f64 {
+        let mut q = self.matrix;
+        let mut smallest = f64::INFINITY;
+        for j in 0..N {
+            for i in 0..j {
+                let column = q.column(i).into_owned();
+                let part = column.dot(&q.column(j));
+                q.column_mut(j).axpy(-part, &column, 1.0);
+            }
+            let norm = q.column(j).norm();
+            smallest = smallest.min(norm);
+            q.column_mut(j).unscale_mut(norm.max(f64::MIN_POSITIVE));
+        }
+        self.matrix.amax().max(1.0 / smallest)
+    }
+
     /// Slopes at the current state; false if they are not finite.
+    #[inline(always)]
     fn first_stage(&mut self) -> bool {
         self.work.evaluations += 1;
         if MATRIX {
             let (field, jacobian) = self.system.linearize(&self.state);
             self.states[0] = field;
             self.jacobian = jacobian;
-            multiply(&jacobian, &self.matrix, &mut self.matrices[0]);
+            self.system.tangent(&jacobian, &self.matrix, &mut self.matrices[0]);
         } else {
             self.states[0] = self.system.field(&self.state);
         }
@@ -178,7 +208,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 let (field, jacobian) = self.system.linearize(&state);
                 self.states[i] = field;
                 self.combine_matrix(row, h, &mut matrix);
-                multiply(&jacobian, &matrix, &mut self.matrices[i]);
+                self.system.tangent(&jacobian, &matrix, &mut self.matrices[i]);
             } else {
                 self.states[i] = self.system.field(&state);
             }
@@ -317,21 +347,4 @@ fn larger(a: f64, b: f64) -> f64 {
 fn ratio(fifth: f64, third: f64, n: usize) -> f64 {
     let below = fifth + 0.01 * third;
     if below > 0.0 { fifth / (below * n as f64).sqrt() } else { below }
-}
-
-/// D Y, a column at a time in registers.
-#[inline(always)]
-fn multiply<const N: usize>(d: &SMatrix<f64, N, N>, y: &SMatrix<f64, N, N>, out: &mut SMatrix<f64, N, N>) {
-    for c in 0..N {
-        let column = &y.data.0[c];
-        let mut sum = [0.0; N];
-        for k in 0..N {
-            let factor = column[k];
-            let left = &d.data.0[k];
-            for i in 0..N {
-                sum[i] += factor * left[i];
-            }
-        }
-        out.data.0[c] = sum;
-    }
 }

@@ -5,7 +5,7 @@
 //! with Φ, but by no more than the tolerance.
 //!
 //! Where the singular values of Φ span more than sixteen digits, one matrix does not hold the small ones. A
-//! [`Chain`] keeps factors Φ = Φ_K ⋯ Φ₁, each ended before its largest entry passes a bound.
+//! [`Chain`] keeps factors Φ = Φ_K ⋯ Φ₁, each ended where it has stretched or shrunk by a bound.
 //!
 //! Runs allocate nothing: the stages are on the stack, 96 N (N + 1) bytes, and a chain is written into one that the
 //! caller keeps. The coefficients are those of `somersault-integrators`.
@@ -235,11 +235,11 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix }, kernel.work))
     }
 
-    /// Factors of Φ up to the last of `times`, with a link ended at each of them and wherever an entry has grown to
-    /// `growth`, into `chain`.
+    /// Factors of Φ up to the last of `times`, with a link ended at each of them and wherever Φ has come to
+    /// stretch or shrink by `growth`, into `chain`.
     ///
-    /// `times` must be ascending from above zero, or descending from below zero. A `growth` of 1e3 loses three digits of
-    /// sixteen in a link.
+    /// `times` must be ascending from above zero, or descending from below zero. A `growth` of 100 loses up to four digits
+    /// of sixteen in a link.
     pub fn chain_into(
         &self,
         p: &SVector<f64, N>,

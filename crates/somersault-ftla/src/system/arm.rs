@@ -198,10 +198,25 @@ impl VectorField<8> for ArmMinimumTorque {
         Self::jacobian_at(&self.pose(p), p)
     }
 
-    #[inline]
+    #[inline(always)]
     fn linearize(&self, p: &SVector<f64, 8>) -> (SVector<f64, 8>, SMatrix<f64, 8, 8>) {
         let pose = self.pose(p);
         (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
+    }
+
+    /// Columns 1, 5 and 6 of D hold nothing but ∂λ̇_v/∂λ_q = −1.
+    #[inline(always)]
+    fn tangent(&self, d: &SMatrix<f64, 8, 8>, phi: &SMatrix<f64, 8, 8>, out: &mut SMatrix<f64, 8, 8>) {
+        for c in 0..8 {
+            let column = &phi.data.0[c];
+            let mut sum = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -column[4], -column[5]];
+            for k in [1, 2, 3, 6, 7] {
+                for i in 0..8 {
+                    sum[i] += column[k] * d.data.0[k][i];
+                }
+            }
+            out.data.0[c] = sum;
+        }
     }
 }
 

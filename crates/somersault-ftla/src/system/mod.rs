@@ -95,6 +95,21 @@ pub trait VectorField<const N: usize> {
         (self.field(p), self.jacobian(p))
     }
 
+    /// D Φ into `out`. For systems that know where D is zero; the default does not.
+    #[inline(always)]
+    fn tangent(&self, d: &SMatrix<f64, N, N>, phi: &SMatrix<f64, N, N>, out: &mut SMatrix<f64, N, N>) {
+        for c in 0..N {
+            let column = &phi.data.0[c];
+            let mut sum = [0.0; N];
+            for k in 0..N {
+                for i in 0..N {
+                    sum[i] += column[k] * d.data.0[k][i];
+                }
+            }
+            out.data.0[c] = sum;
+        }
+    }
+
     /// Why there is no value at `p`, if there is none.
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         let finite = self.field(p).iter().all(|h| h.is_finite());

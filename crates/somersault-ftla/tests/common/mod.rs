@@ -69,3 +69,23 @@ impl ControlProblem<4, 2> for ArmProblem {
         [-limits, limits]
     }
 }
+
+/// Start of the thesis' motion: the first node of tests/reference/arm_nodes.txt, its rounding of the rates removed.
+pub(crate) const START: [f64; 8] = [
+    -std::f64::consts::FRAC_PI_2,
+    0.05,
+    0.0,
+    0.0,
+    -0.20342284657942628,
+    -0.013000184725439342,
+    -1.3301476310359088,
+    -0.12234910357574813,
+];
+
+/// The thesis' motion by 41 nodes, as tests/extremals.rs finds it: time and p.
+pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
+    let text = include_str!("../reference/arm_nodes.txt");
+    let numbers =
+        |line: &str| line.split(' ').map(|x| x.parse::<f64>().expect("a number")).collect::<Vec<_>>();
+    text.lines().map(numbers).map(|row| (row[0], SVector::from_column_slice(&row[1..]))).collect()
+}
