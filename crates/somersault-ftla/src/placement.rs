@@ -11,7 +11,8 @@
 //! * [`Method::FixedPoint`]: algorithms 1 and 2. W is held while Wᵀh = 0 is solved, and computed anew. Converges linearly.
 //! * [`Method::Newton`]: the residual is ŴᵀP(p)h(p), P = WWᵀ the projector and Ŵ the basis at the last point, which is
 //!   smooth where W alone may turn. Its Jacobian has the change of the basis, by differences of P; steps are halved until
-//!   the angle falls. Converges quadratically.
+//!   the angle falls. Converges quadratically, but only from near: further off than 0.01 rad, and after a stall until the
+//!   angle is a tenth of what it was, steps are taken with the basis held.
 //!
 //! Long averaging times give better subspaces, but from a point off the manifold the motion leaves before they are over:
 //! algorithms 3 and 4 place for a [`Schedule`] of growing times. Here a time at which placing fails is approached in
@@ -177,6 +178,9 @@ pub struct Placed<const N: usize> {
     pub flow_evaluations: usize,
 }
 
+/// Angle below which Newton's method is tried, rad.
+const NEAR: f64 = 0.01;
+
 /// Halvings of the way to the next averaging time.
 const HALVINGS: usize = 4;
 
@@ -321,6 +325,7 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
             Ok(point) => point,
             Err(error) => return done(None, PlacementStatus::Flow(error)),
         };
+        let mut near = NEAR;
         for _ in 0..self.placement.max_iterations {
             if best.angle <= self.placement.tolerance {
                 return done(Some(best), PlacementStatus::Placed);
@@ -328,7 +333,15 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
             self.iterations += 1;
             let next = match self.placement.method {
                 Method::FixedPoint => self.with_basis_held(&best, time),
-                Method::Newton => self.newton(&best, time),
+                // Newton's basin is small; outside of it holding the basis is the better step
+                Method::Newton if best.angle > near => self.with_basis_held(&best, time),
+                Method::Newton => match self.newton(&best, time) {
+                    Err(PlacementStatus::Stalled | PlacementStatus::Flow(_)) => {
+                        near = 0.1 * best.angle;
+                        self.with_basis_held(&best, time)
+                    }
+                    other => other,
+                },
             };
             match next {
                 Ok(point) => best = point,
