@@ -49,12 +49,12 @@ pub struct Continuation {
 }
 
 impl Default for Continuation {
-    /// Members on the way to 1e-4 in at most 8 Newton steps, first step 0.1, shortest 1e-4.
+    /// Members on the way to 1e-4 in at most 6 Newton steps, first step 0.1, shortest 1e-4.
     fn default() -> Self {
         let polish = Shooting::default();
         let on_the_way = Shooting {
             tolerance: 1e-4,
-            max_iterations: 8,
+            max_iterations: 6,
             flow: crate::flow::Tolerances { relative: 1e-7, absolute: 1e-9 },
         };
         Self { polish, on_the_way, first_step: 0.1, min_step: 1e-4 }
@@ -62,6 +62,53 @@ impl Default for Continuation {
 }
 
 impl Continuation {
+    /// Leads a system from rest to given end states through pairs of end states on the way, straight from one to the next.
+    ///
+    /// The first pair must be a rest: the same state at both ends, at which staying without control costs nothing, so that
+    /// λ = 0 solves it. For an arm that folds the stages are to rest folded, to travel folded, and to unfold at the ends.
+    pub fn through<S: VectorField<N> + Sync + Clone, const N: usize>(
+        &self,
+        system: &S,
+        stages: &[[Vec<f64>; 2]],
+        horizon: f64,
+        fractions: &[f64],
+    ) -> Result<Continued<N>, ShootingError> {
+        let Some([rest, _]) = stages.first() else {
+            return Err(ShootingError::Length { argument: "stages", expected: 2, found: 0 });
+        };
+        for end in stages.iter().flatten() {
+            End::<N>::try_state(end)?;
+        }
+        let at_rest = SVector::from_fn(|i, _| if i < N / 2 { rest[i] } else { 0.0 });
+        let mut nodes = vec![at_rest; fractions.len()];
+        let mut total: Option<Continued<N>> = None;
+        for (k, pair) in stages.windows(2).enumerate() {
+            let ends = |s: f64| {
+                let mix = |end: usize| {
+                    let between = pair[0][end].iter().zip(&pair[1][end]).map(|(a, b)| a + s * (b - a));
+                    End::from_values(between)
+                };
+                [mix(0), mix(1)]
+            };
+            let last = k + 2 == stages.len();
+            let stage = Self { polish: if last { self.polish } else { self.on_the_way }, ..*self };
+            let family = |s: f64| Member { system: system.clone(), ends: ends(s), horizon };
+            let mut found = stage.follow(family, fractions, &nodes)?;
+            if let Some(before) = &total {
+                found.steps = [found.steps[0] + before.steps[0], found.steps[1] + before.steps[1]];
+                found.iterations += before.iterations;
+                found.work += before.work;
+            }
+            let arrived = found.s == 1.0 && found.extremal.status == Status::Converged;
+            nodes.clone_from(&found.extremal.nodes);
+            total = Some(found);
+            if !arrived {
+                break;
+            }
+        }
+        total.ok_or(ShootingError::Length { argument: "stages", expected: 2, found: stages.len() })
+    }
+
     /// Follows `family` from nodes that solve the member s = 0; `fractions` ascend from 0 to 1.
     pub fn follow<S: VectorField<N> + Sync, const N: usize>(
         &self,
@@ -95,19 +142,17 @@ impl Continuation {
             match found {
                 Ok(found) if found.status == Status::Converged => {
                     steps[0] += 1;
-                    step *= if found.iterations <= 3 {
-                        2.0
-                    } else if found.iterations <= 5 {
-                        1.3
-                    } else {
-                        0.8
+                    step *= match found.iterations {
+                        0..=2 => 1.6,
+                        3 => 1.2,
+                        _ => 0.9,
                     };
                     before = Some((s, std::mem::replace(&mut best, found).nodes));
                     s = target;
                 }
                 _ => {
                     steps[1] += 1;
-                    step = 0.4 * (target - s);
+                    step = 0.5 * (target - s);
                     if step < self.min_step {
                         break;
                     }

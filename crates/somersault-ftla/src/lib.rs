@@ -10,6 +10,25 @@
 //! | p = (x, λ) | state and costate, N = 2n numbers | `SVector<f64, N>` |
 //! | ṗ = h(p), D = ∂h/∂p | field and Jacobian (8.9), (8.11) | [`system::VectorField`] |
 //! | H* | Hamiltonian at the optimal control | [`system::HamiltonianSystem`] |
+//! | Φ(T, p) | transition matrix, and its factors | [`flow::VariationalFlow`], [`flow::Chain`] |
+//! | μᵢ, lᵢ | finite-time exponents and vectors (9.1)–(9.4) | [`spectrum::Spectrum`] |
+//! | E^s, E^cs, E^c, E^cu, E^u | subspaces (9.5)–(9.9) | [`spectrum::Splitting`] |
+//! | p⁺, p⁻ | motions from both ends (9.12) | [`matching::Matching`] |
+//!
+//! ```
+//! use somersault_ftla::flow::{Tolerances, VariationalFlow};
+//! use somersault_ftla::spectrum::{TimeDirection, diagnose, spectra};
+//! use somersault_ftla::system::LinearRegulator;
+//!
+//! let flow = VariationalFlow::try_new(&LinearRegulator, Tolerances::default())?;
+//! let found = spectra(&flow, &[1.0, 0.4].into(), TimeDirection::Forward, &[1.0, 2.0, 4.0])?;
+//! assert!((found[2].exponents[1] - 2f64.sqrt()).abs() < 1e-10);
+//! assert!(diagnose(&found, 40.0)?.is_hyper_sensitive());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! In the order of work: [`system`] poses, [`spectrum`] diagnoses, [`placement`] and [`matching`] approximate, [`shooting`]
+//! polishes, [`continuation`] starts from nothing and follows families.
 //!
 //! Source: the thesis, chapters 8–10 and appendices F–H; M. Maggia and K. D. Mease and their references on finite-time
 //! Lyapunov analysis.
@@ -17,6 +36,7 @@
 
 pub mod continuation;
 pub mod flow;
+pub mod matching;
 pub mod placement;
 pub mod shooting;
 pub mod spectrum;

@@ -74,6 +74,12 @@ impl<const N: usize> End<N> {
         Ok(end)
     }
 
+    pub(crate) fn from_values(x: impl Iterator<Item = f64>) -> Self {
+        let mut end = Self { columns: std::array::from_fn(|i| i), values: [0.0; N] };
+        x.take(N / 2).enumerate().for_each(|(i, value)| end.values[i] = value);
+        end
+    }
+
     /// State `i` < n is free, its costate zero.
     pub fn with_free(mut self, i: usize) -> Result<Self, ShootingError> {
         if i >= N / 2 {
@@ -176,6 +182,35 @@ impl Default for Shooting {
     }
 }
 
+/// Times from 0 to `horizon`, `shortest` apart at both ends and half as much more at each step inwards, to `longest`.
+///
+/// Where a problem has rates μ, segments of 20/μ still carry Newton's method: Φ grows by e²⁰.
+pub fn graded_times(horizon: f64, shortest: f64, longest: f64) -> Result<Vec<f64>, ShootingError> {
+    let argument =
+        |argument, found| Err(ShootingError::Argument { argument, allowed: "positive and finite", found });
+    for (name, value) in [("horizon", horizon), ("shortest", shortest), ("longest", longest)] {
+        if !value.is_finite() || value <= 0.0 {
+            return argument(name, value);
+        }
+    }
+    if horizon / longest > 1e6 {
+        let allowed = "at least a millionth of the horizon";
+        return Err(ShootingError::Argument { argument: "longest", allowed, found: longest });
+    }
+    let mut half = vec![0.0];
+    let (mut t, mut h) = (0.0, shortest.min(longest));
+    while t < 0.5 * horizon {
+        t += h;
+        half.push(t);
+        h = (1.5 * h).min(longest);
+    }
+    // scaled to meet in the middle
+    let scale = 0.5 * horizon / t;
+    let mut times: Vec<f64> = half.iter().map(|t| t * scale).collect();
+    times.extend(half.iter().rev().skip(1).map(|t| horizon - t * scale));
+    Ok(times)
+}
+
 /// Shortest fraction of a Newton step tried.
 const SHORTEST: f64 = 1e-5;
 
@@ -205,7 +240,7 @@ impl Shooting {
             flow_evaluations += nodes.len() - 1;
             self.shoot(system, ends, times, nodes, relative, &mut work)
         };
-        let mut relative = 1e-7f64.max(self.flow.relative);
+        let mut relative = 1e-5f64.max(self.flow.relative);
         let mut nodes = nodes.to_vec();
         let mut shot =
             shoot(&nodes, relative).map_err(|(segment, source)| ShootingError::Guess { segment, source })?;
@@ -216,7 +251,7 @@ impl Shooting {
         let mut iterations = 0;
         let status = 'newton: loop {
             // the accuracy of the segments follows the residual down
-            let wanted = (1e-3 * shot.residual).clamp(self.flow.relative, 1e-7f64.max(self.flow.relative));
+            let wanted = (1e-3 * shot.residual).clamp(self.flow.relative, 1e-5f64.max(self.flow.relative));
             if wanted < 0.1 * relative || (shot.residual <= self.tolerance && relative > self.flow.relative) {
                 relative = if shot.residual <= 1e2 * self.tolerance { self.flow.relative } else { wanted };
                 match shoot(&nodes, relative) {
