@@ -10,8 +10,8 @@
 //!
 //! * [`Method::FixedPoint`]: algorithms 1 and 2. W is held while Wᵀh = 0 is solved, and computed anew. Converges linearly.
 //! * [`Method::Newton`]: the residual is ŴᵀP(p)h(p), P = WWᵀ the projector and Ŵ the basis at the last point, which is
-//!   smooth where W alone may turn. Its Jacobian has the change of the basis, by differences of P; steps are halved until
-//!   the angle falls. Converges quadratically, but only from near: further off than 0.01 rad, and after a stall until the
+//!   smooth where W alone may turn. Its Jacobian has the change of the basis, by differences of P and Broyden's corrections of
+//!   them; steps are shortened until the angle falls. Converges superlinearly, but only from near: further off than 0.01 rad, and after a stall until the
 //!   angle is a tenth of what it was, steps are taken with the basis held.
 //!
 //! Long averaging times give better subspaces, but from a point off the manifold the motion leaves before they are over:
@@ -233,10 +233,11 @@ impl Placement {
         &self.held
     }
 
-    /// The same with only the last averaging time, for points that are near the manifold already.
+    /// The same with only the last averaging time and at most ten iterations, for points that are near the manifold
+    /// already.
     pub fn without_schedule(&self) -> Self {
         let last = self.schedule.0[self.schedule.0.len() - 1];
-        Self { schedule: Schedule(vec![last]), ..self.clone() }
+        Self { schedule: Schedule(vec![last]), max_iterations: self.max_iterations.min(10), ..self.clone() }
     }
 
     /// Places `p`.
@@ -326,6 +327,7 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
             Err(error) => return done(None, PlacementStatus::Flow(error)),
         };
         let mut near = NEAR;
+        let mut slope = None;
         for _ in 0..self.placement.max_iterations {
             if best.angle <= self.placement.tolerance {
                 return done(Some(best), PlacementStatus::Placed);
@@ -335,7 +337,7 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
                 Method::FixedPoint => self.with_basis_held(&best, time),
                 // Newton's basin is small; outside of it holding the basis is the better step
                 Method::Newton if best.angle > near => self.with_basis_held(&best, time),
-                Method::Newton => match self.newton(&best, time) {
+                Method::Newton => match self.newton(&best, time, &mut slope) {
                     Err(PlacementStatus::Stalled | PlacementStatus::Flow(_)) => {
                         near = 0.1 * best.angle;
                         self.with_basis_held(&best, time)
@@ -386,28 +388,65 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
         self.point(&p, time).map_err(PlacementStatus::Flow)
     }
 
-    fn newton(&mut self, at: &Point<N>, time: f64) -> Result<Point<N>, PlacementStatus> {
-        let dim = at.fast.dim();
-        let residual = head(&at.fast.project(&at.h), dim);
+    /// ŴᵀP h in the basis of `frame`.
+    fn residual(frame: &Subspace<N>, at: &Point<N>) -> DVector<f64> {
+        let projected = at.fast.basis().fold(SVector::zeros(), |sum, w| sum + w * w.dot(&at.h));
+        head(&frame.project(&projected), frame.dim())
+    }
+
+    fn slope_by_differences(
+        &mut self,
+        frame: &Subspace<N>,
+        at: &Point<N>,
+        time: f64,
+    ) -> Result<DMatrix<f64>, PlacementStatus> {
+        let residual = Self::residual(frame, at);
         let costates = at.p.rows(N / 2, N / 2).amax();
-        let mut slope = DMatrix::zeros(dim, dim);
-        for j in 0..dim {
+        let mut slope = DMatrix::zeros(frame.dim(), frame.dim());
+        for j in 0..frame.dim() {
             let entry = self.solved[j];
             let step = 1e-7 * at.p[entry].abs().max(0.1 * costates).max(1e-6);
             let mut p = at.p;
             p[entry] += step;
             let beside = self.point(&p, time).map_err(PlacementStatus::Flow)?;
-            // ŴᵀP h
-            let projected = beside.fast.basis().fold(SVector::zeros(), |sum, w| sum + w * w.dot(&beside.h));
-            let change = head(&at.fast.project(&projected), dim) - &residual;
+            let change = Self::residual(frame, &beside) - &residual;
             slope.set_column(j, &(change / (p[entry] - at.p[entry])));
         }
-        let step = slope.lu().solve(&-residual).ok_or(PlacementStatus::SingularCostates)?;
+        Ok(slope)
+    }
+
+    /// One damped step; `slope` is that of the last step, corrected by what the step did (Broyden), or none.
+    fn newton(
+        &mut self,
+        at: &Point<N>,
+        time: f64,
+        slope: &mut Option<(Subspace<N>, DMatrix<f64>)>,
+    ) -> Result<Point<N>, PlacementStatus> {
+        if let Some((frame, old)) = slope.take()
+            && let Some(step) = old.clone().lu().solve(&-Self::residual(&frame, at))
+            && let Ok(next) = self.point(&self.moved(&at.p, &step, 1.0), time)
+            && next.angle < 0.2 * at.angle
+        {
+            *slope = Some((frame, updated(old, &step, &Self::residual(&frame, &next))));
+            return Ok(next);
+        }
+        let frame = at.fast;
+        let fresh = self.slope_by_differences(&frame, at, time)?;
+        let full = fresh
+            .clone()
+            .lu()
+            .solve(&-Self::residual(&frame, at))
+            .ok_or(PlacementStatus::SingularCostates)?;
         let mut fraction = 1.0;
         let mut failure = PlacementStatus::Stalled;
         while fraction > 1e-3 {
-            match self.point(&self.moved(&at.p, &step, fraction), time) {
-                Ok(next) if next.angle < (1.0 - 0.1 * fraction) * at.angle => return Ok(next),
+            match self.point(&self.moved(&at.p, &full, fraction), time) {
+                Ok(next) if next.angle < (1.0 - 0.1 * fraction) * at.angle => {
+                    if fraction == 1.0 {
+                        *slope = Some((frame, updated(fresh, &full, &Self::residual(&frame, &next))));
+                    }
+                    return Ok(next);
+                }
                 Ok(_) => failure = PlacementStatus::Stalled,
                 Err(error) => failure = PlacementStatus::Flow(error),
             }
@@ -415,6 +454,12 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
         }
         Err(failure)
     }
+}
+
+/// Broyden's correction: a full step should have left no residual, and left `residual`.
+fn updated(slope: DMatrix<f64>, step: &DVector<f64>, residual: &DVector<f64>) -> DMatrix<f64> {
+    let square = step.norm_squared();
+    if square > 0.0 { slope + residual * step.transpose() / square } else { slope }
 }
 
 fn head<const N: usize>(v: &SVector<f64, N>, dim: usize) -> DVector<f64> {

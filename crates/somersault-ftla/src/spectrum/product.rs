@@ -2,8 +2,8 @@
 //!
 //! Formed and decomposed, Φ = Φ_K ⋯ Φ₁ keeps only singular values above 1e-16 σ₁. Instead
 //!
-//! 1. a sweep of QR factorisations over the transposes Φ₁ᵀ ⋯ Φ_Kᵀ, from the end, finds an orthogonal Q₀ near the right
-//!    singular vectors, in descending order;
+//! 1. QR factorisations along the product and back along its transpose find an orthogonal Q₀ near the right singular
+//!    vectors, in descending order;
 //! 2. a sweep Φ_k Q_{k−1} = Q_k R_k turns the product into Q_K R Q₀ᵀ, R = R_K ⋯ R₁ upper triangular with its rows graded:
 //!    R = diag(d) U with U well conditioned, and d held apart by its logarithms;
 //! 3. one-sided Jacobi rotations of Rᵀ, which is graded by columns, give all singular values to high relative accuracy
@@ -18,16 +18,11 @@ use nalgebra::{SMatrix, SVector};
 /// ln σ in descending order, with the right singular vectors as columns.
 pub(super) fn decompose<const N: usize>(links: &[Transition<N>]) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
     let mut q = SMatrix::<f64, N, N>::identity();
-    // a second pass brings vectors of close rates into order
-    for _ in 0..2 {
-        let mut forward = q;
-        for link in links {
-            forward = orthonormalise(link.matrix * forward).0;
-        }
-        for link in links.iter().rev() {
-            forward = orthonormalise(link.matrix.transpose() * forward).0;
-        }
-        q = forward;
+    for link in links {
+        q = orthonormalise(link.matrix * q).0;
+    }
+    for link in links.iter().rev() {
+        q = orthonormalise(link.matrix.transpose() * q).0;
     }
     // R = diag(exp(logs)) U
     let mut logs = SVector::<f64, N>::zeros();
