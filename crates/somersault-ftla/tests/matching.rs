@@ -71,7 +71,7 @@ fn the_grid_search_of_appendix_g_comes_below_two_thousandths_from_round_values()
     let grid = GridSearch { spacing: [vec![0.02, 0.1], vec![0.02, 0.1]], ..GridSearch::default() };
     let found = grid.run(&matching).expect("well posed");
     assert_eq!(found.status, MatchStatus::Matched);
-    assert!(found.mismatch < 2e-3 && found.arms == 18 * found.rounds);
+    assert!(found.mismatch < 2e-3 && found.branches == 18 * found.rounds);
     println!("{:e}, {} rounds, {} evaluations", found.mismatch, found.rounds, found.flow_evaluations);
     let few = GridSearch { max_rounds: 1, ..grid };
     let found = few.run(&matching).expect("well posed");
@@ -84,7 +84,7 @@ fn searches_without_a_start_say_so_and_malformed_ones_are_errors() {
     let arm = ArmMinimumTorque::default();
     let far = matching(loose(&arm).with_max_steps(60), [&[-90.0, 0.0, 70.0, 50.0], &GUESS[1]]);
     let found = LeastSquares::default().run(&far).expect("well posed");
-    assert_eq!((found.status, found.arms), (MatchStatus::NoStart, 2));
+    assert_eq!((found.status, found.branches), (MatchStatus::NoStart, 2));
     let near = matching(loose(&arm), [&GUESS[0], &GUESS[1]]);
     let wrong = LeastSquares { conserved: vec![1], ..LeastSquares::default() }.run(&near);
     assert!(matches!(wrong, Err(MatchingError::Argument { argument: "conserved", .. })));

@@ -6,7 +6,7 @@
 //! # Deviations
 //! Each grid is halved or moved by itself; appendix G leaves open whether one may be halved while the other moves.
 
-use super::{Arm, Counts, MatchStatus, Matched, Matching, MatchingError};
+use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
 use crate::system::HamiltonianSystem;
 use nalgebra::SVector;
 use rayon::prelude::*;
@@ -45,28 +45,28 @@ impl GridSearch {
         let mut scale = [1.0f64; 2];
         let points = 3usize.pow(held.len() as u32);
         let mut counts = Counts::default();
-        let mut best: Option<([Arm<N>; 2], f64)> = None;
+        let mut best: Option<([Branch<N>; 2], f64)> = None;
         let status = loop {
             if counts.rounds == self.max_rounds {
                 break MatchStatus::MaxRounds;
             }
             counts.rounds += 1;
-            counts.arms += 2 * points;
+            counts.branches += 2 * points;
             let value = |which: usize, point: usize| -> Vec<f64> {
                 let digit = |k: usize| (point / 3usize.pow(k as u32) % 3) as f64 - 1.0;
                 let spacing = self.spacing[which].iter().enumerate();
                 spacing.map(|(k, s)| center[which][k] + digit(k) * s * scale[which]).collect()
             };
-            let arms: Vec<Option<Arm<N>>> = (0..2 * points)
+            let branches: Vec<Option<Branch<N>>> = (0..2 * points)
                 .into_par_iter()
                 .map(|index| {
                     let (which, point) = (index / points, index % points);
-                    matching.arm(which, &value(which, point), &near[which], &counts.evaluations).ok()
+                    matching.branch(which, &value(which, point), &near[which], &counts.evaluations).ok()
                 })
                 .collect();
             let mut least: Option<(usize, usize, f64)> = None;
-            for (i, first) in arms[..points].iter().enumerate() {
-                for (j, second) in arms[points..].iter().enumerate() {
+            for (i, first) in branches[..points].iter().enumerate() {
+                for (j, second) in branches[points..].iter().enumerate() {
                     let (Some(first), Some(second)) = (first, second) else { continue };
                     let mismatch = (first.meeting - second.meeting).norm();
                     if least.is_none_or(|(_, _, m)| mismatch < m) {
@@ -75,7 +75,7 @@ impl GridSearch {
                 }
             }
             let Some((i, j, mismatch)) = least else { break MatchStatus::NoStart };
-            let pair = [arms[i].clone(), arms[points + j].clone()];
+            let pair = [branches[i].clone(), branches[points + j].clone()];
             if let [Some(first), Some(second)] = pair {
                 near = [first.end, second.end];
                 if best.as_ref().is_none_or(|(_, m)| mismatch < *m) {

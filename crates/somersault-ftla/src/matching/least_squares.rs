@@ -5,7 +5,7 @@
 //! propagation. Gauss–Newton steps with derivatives by differences, halved until the residual falls.
 
 use super::grid::held_of;
-use super::{Arm, Counts, MatchStatus, Matched, Matching, MatchingError};
+use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
 use crate::system::HamiltonianSystem;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -63,52 +63,54 @@ impl LeastSquares {
             (0..m).map(|k| if which == 0 { z[k] } else { z[slots[k]] }).collect()
         };
         let mut counts = Counts::default();
-        let both = |z: &[f64], near: &[_; 2], counts: &Counts| -> Option<[Arm<N>; 2]> {
+        let both = |z: &[f64], near: &[_; 2], counts: &Counts| -> Option<[Branch<N>; 2]> {
             let (first, second) = rayon::join(
-                || matching.arm(0, &values(z, 0), &near[0], &counts.evaluations).ok(),
-                || matching.arm(1, &values(z, 1), &near[1], &counts.evaluations).ok(),
+                || matching.branch(0, &values(z, 0), &near[0], &counts.evaluations).ok(),
+                || matching.branch(1, &values(z, 1), &near[1], &counts.evaluations).ok(),
             );
             Some([first?, second?])
         };
-        let residual = |arms: [&Arm<N>; 2]| -> DVector<f64> {
-            let gap = arms[0].meeting - arms[1].meeting;
-            let energy = arms.map(|arm| matching.flow.system().hamiltonian(&arm.end));
+        let residual = |branches: [&Branch<N>; 2]| -> DVector<f64> {
+            let gap = branches[0].meeting - branches[1].meeting;
+            let energy = branches.map(|branch| matching.flow.system().hamiltonian(&branch.end));
             DVector::from_iterator(N + 1, gap.iter().copied().chain([energy[0] - energy[1]]))
         };
-        counts.arms += 2;
-        let Some(mut arms) = both(&z, &matching.ends, &counts) else { return Ok(matching.unmatched(counts)) };
+        counts.branches += 2;
+        let Some(mut branches) = both(&z, &matching.ends, &counts) else {
+            return Ok(matching.unmatched(counts));
+        };
         let status = loop {
-            let r = residual([&arms[0], &arms[1]]);
-            if (arms[0].meeting - arms[1].meeting).norm() <= self.tolerance {
+            let r = residual([&branches[0], &branches[1]]);
+            if (branches[0].meeting - branches[1].meeting).norm() <= self.tolerance {
                 break MatchStatus::Matched;
             }
             if counts.rounds == self.max_rounds {
                 break MatchStatus::MaxRounds;
             }
             counts.rounds += 1;
-            let near = [arms[0].end, arms[1].end];
+            let near = [branches[0].end, branches[1].end];
             let size = z.iter().fold(1e-3, |s: f64, x| s.max(x.abs()));
-            // an unknown of one end moves one arm, a shared one both
+            // an unknown of one end moves one branch, a shared one both
             let columns: Vec<Option<DVector<f64>>> = (0..unknowns)
                 .into_par_iter()
                 .map(|j| {
                     let mut moved = z.clone();
                     moved[j] += DIFFERENCE * size;
                     let touched = |which: usize| if which == 0 { j < m } else { slots.contains(&j) };
-                    let arm = |which: usize| {
+                    let branch = |which: usize| {
                         if touched(which) {
                             matching
-                                .arm(which, &values(&moved, which), &near[which], &counts.evaluations)
+                                .branch(which, &values(&moved, which), &near[which], &counts.evaluations)
                                 .ok()
                         } else {
-                            Some(arms[which].clone())
+                            Some(branches[which].clone())
                         }
                     };
-                    let (first, second) = (arm(0)?, arm(1)?);
+                    let (first, second) = (branch(0)?, branch(1)?);
                     Some((residual([&first, &second]) - &r) / (DIFFERENCE * size))
                 })
                 .collect();
-            counts.arms += unknowns + shared.iter().filter(|s| **s).count();
+            counts.branches += unknowns + shared.iter().filter(|s| **s).count();
             let Some(columns) = columns.into_iter().collect::<Option<Vec<_>>>() else {
                 break MatchStatus::Exhausted;
             };
@@ -117,7 +119,7 @@ impl LeastSquares {
             let mut fraction = 1.0;
             let next = loop {
                 let trial: Vec<f64> = z.iter().zip(step.iter()).map(|(z, d)| z + fraction * d).collect();
-                counts.arms += 2;
+                counts.branches += 2;
                 if let Some(found) = both(&trial, &near, &counts)
                     && residual([&found[0], &found[1]]).norm() < (1.0 - 1e-2 * fraction) * r.norm()
                 {
@@ -129,10 +131,10 @@ impl LeastSquares {
                 }
             };
             match next {
-                Some((trial, found)) => (z, arms) = (trial, found),
+                Some((trial, found)) => (z, branches) = (trial, found),
                 None => break MatchStatus::Exhausted,
             }
         };
-        Ok(matching.report([&arms[0], &arms[1]], status, counts))
+        Ok(matching.report([&branches[0], &branches[1]], status, counts))
     }
 }

@@ -79,7 +79,7 @@ pub struct Matching<'a, S, const N: usize> {
 
 /// One end followed to t_m.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Arm<const N: usize> {
+pub(crate) struct Branch<const N: usize> {
     /// The placed end.
     pub(crate) end: SVector<f64, N>,
     /// Times and points of the end and after each correction, from the end to t_m.
@@ -102,7 +102,7 @@ pub struct Matched<const N: usize> {
     /// Rounds of the search.
     pub rounds: usize,
     /// Ends placed and followed.
-    pub arms: usize,
+    pub branches: usize,
     /// Spectra and segments computed for them.
     pub flow_evaluations: usize,
     courses: [Vec<(f64, SVector<f64, N>)>; 2],
@@ -175,13 +175,13 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
     }
 
     /// Places one end (0 or 1) with the costates `held`, starting from the costates of `near`, and follows it to t_m.
-    fn arm(
+    fn branch(
         &self,
         which: usize,
         held: &[f64],
         near: &SVector<f64, N>,
         evaluations: &AtomicUsize,
-    ) -> Result<Arm<N>, PlacementStatus> {
+    ) -> Result<Branch<N>, PlacementStatus> {
         let mut p = *near;
         self.held().iter().zip(held).for_each(|(&i, &value)| p[N / 2 + i] = value);
         let placement = &self.placements[which];
@@ -213,20 +213,20 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
             course.push((t, p));
         }
         let meeting = follow(&p, self.match_time - t)?;
-        Ok(Arm { end, course, meeting })
+        Ok(Branch { end, course, meeting })
     }
 
-    fn report(&self, arms: [&Arm<N>; 2], status: MatchStatus, counts: Counts) -> Matched<N> {
-        let meeting = arms.map(|arm| arm.meeting);
+    fn report(&self, branches: [&Branch<N>; 2], status: MatchStatus, counts: Counts) -> Matched<N> {
+        let meeting = branches.map(|branch| branch.meeting);
         Matched {
             status,
-            ends: arms.map(|arm| arm.end),
+            ends: branches.map(|branch| branch.end),
             meeting,
             mismatch: (meeting[0] - meeting[1]).norm(),
             rounds: counts.rounds,
-            arms: counts.arms,
+            branches: counts.branches,
             flow_evaluations: counts.evaluations.load(Ordering::Relaxed),
-            courses: arms.map(|arm| arm.course.clone()),
+            courses: branches.map(|branch| branch.course.clone()),
         }
     }
 
@@ -237,7 +237,7 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
             meeting: [SVector::repeat(f64::NAN); 2],
             mismatch: f64::INFINITY,
             rounds: counts.rounds,
-            arms: counts.arms,
+            branches: counts.branches,
             flow_evaluations: counts.evaluations.load(Ordering::Relaxed),
             courses: [Vec::new(), Vec::new()],
         }
@@ -247,7 +247,7 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
 #[derive(Debug, Default)]
 struct Counts {
     rounds: usize,
-    arms: usize,
+    branches: usize,
     evaluations: AtomicUsize,
 }
 
