@@ -30,8 +30,10 @@
 //! In the order of work: [`system`] poses, [`spectrum`] diagnoses, [`placement`] and [`matching`] approximate, [`shooting`]
 //! polishes, [`continuation`] starts from nothing and follows families.
 //!
-//! Source: the thesis, chapters 8–10 and appendices F–H; M. Maggia and K. D. Mease and their references on finite-time
-//! Lyapunov analysis.
+//! Source: the thesis, chapters 8–10 and appendices F–H; E. Aykutlug, M. Maggia and K. Mease, *Solving partially
+//! hyper-sensitive optimal control problems using manifold structure*, IFAC Proceedings Volumes 46 (2013); K. Mease,
+//! U. Topcu, E. Aykutluğ and M. Maggia, *Characterizing two-timescale nonlinear dynamics using finite-time Lyapunov
+//! exponents and vectors*, Commun. Nonlinear Sci. Numer. Simul. 36 (2016).
 #![forbid(unsafe_code)]
 
 pub mod continuation;

@@ -9,7 +9,7 @@
 //! A(y) = ∫₀^y √(1 + s²) ds = ½ (y√(1 + y²) + arsinh y). On a long horizon the cost is their sum up to terms of size e^−2T.
 //!
 //! Source: A. V. Rao and K. D. Mease, *Eigenvector approximate dichotomic basis method for solving hyper-sensitive
-//! optimal control problems*, Optimal Control Applications and Methods 20 (1999).
+//! optimal control problems*, Optimal Control Applications and Methods 21 (2000).
 
 use super::{HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls};
 use nalgebra::{Matrix2, Vector2};
