@@ -133,6 +133,12 @@ impl Tableau {
         Ok(Self { rows, weights, nodes: c.to_vec(), first_same_as_last })
     }
 
+    /// The twelve stages of DOP853, of order 8, with the weights of its error estimate.
+    pub fn dop853() -> (&'static Self, &'static ErrorWeights) {
+        let pair = &*DOP853;
+        (&pair.tableau, &pair.error)
+    }
+
     /// Number of stages.
     pub fn stages(&self) -> usize {
         self.nodes.len()
@@ -181,6 +187,16 @@ impl ErrorWeights {
             difference[j] += b;
         }
         Ok(Self { main: sparse(&difference), correction: None })
+    }
+
+    /// Weights of the slopes whose sum e₁ estimates the error.
+    pub fn main(&self) -> &[(usize, f64)] {
+        &self.main
+    }
+
+    /// Weights of a second estimate e₂ of lower order, if there is one: the error is then e₁²/√(e₁² + e₂²/100).
+    pub fn correction(&self) -> Option<&[(usize, f64)]> {
+        self.correction.as_deref()
     }
 }
 

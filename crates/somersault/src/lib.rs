@@ -16,6 +16,7 @@
 
 pub use somersault_contact as contact;
 pub use somersault_core as core;
+pub use somersault_ftla as ftla;
 pub use somersault_integrators as integrators;
 pub use somersault_motion as motion;
 pub use somersault_multibody as multibody;

@@ -1,0 +1,350 @@
+//! The steps of DOP853 on a state, its transition matrix and one integral.
+
+use super::{FlowError, Tolerances, Work};
+use crate::system::VectorField;
+use nalgebra::{SMatrix, SVector};
+use somersault_integrators::tableau::{ErrorWeights, Tableau};
+
+const STAGES: usize = 12;
+
+/// How an [`advance`](Kernel::advance) ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Progress {
+    Arrived,
+    Grown,
+}
+
+pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
+    system: &'a S,
+    tableau: &'static Tableau,
+    error: &'static ErrorWeights,
+    tolerances: Tolerances,
+    max_steps: usize,
+    pub(super) t: f64,
+    pub(super) state: SVector<f64, N>,
+    pub(super) matrix: SMatrix<f64, N, N>,
+    pub(super) integral: f64,
+    pub(super) work: Work,
+    /// The next step size, with the sign of the direction.
+    h: f64,
+    /// D at the current state, to restart Φ without an evaluation.
+    jacobian: SMatrix<f64, N, N>,
+    states: [SVector<f64, N>; STAGES],
+    matrices: [SMatrix<f64, N, N>; STAGES],
+    integrands: [f64; STAGES],
+}
+
+impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N, MATRIX> {
+    pub(super) fn start(
+        system: &'a S,
+        tolerances: Tolerances,
+        max_steps: usize,
+        p: &SVector<f64, N>,
+        duration: f64,
+    ) -> Result<Self, FlowError> {
+        let (tableau, error) = Tableau::dop853();
+        let mut kernel = Self {
+            system,
+            tableau,
+            error,
+            tolerances,
+            max_steps,
+            t: 0.0,
+            state: *p,
+            matrix: SMatrix::identity(),
+            integral: 0.0,
+            work: Work::default(),
+            h: 0.0,
+            jacobian: SMatrix::zeros(),
+            states: [SVector::zeros(); STAGES],
+            matrices: [SMatrix::zeros(); STAGES],
+            integrands: [0.0; STAGES],
+        };
+        if !kernel.first_stage() {
+            return Err(kernel.non_finite());
+        }
+        kernel.h = kernel.first_step_size().min(duration.abs()).copysign(duration);
+        Ok(kernel)
+    }
+
+    /// Continues with Φ = 1 from here.
+    pub(super) fn restart_matrix(&mut self) {
+        self.matrix = SMatrix::identity();
+        self.matrices[0] = self.jacobian;
+    }
+
+    pub(super) fn run(
+        &mut self,
+        end: f64,
+        integrand: impl Fn(&SVector<f64, N>) -> f64,
+    ) -> Result<(), FlowError> {
+        self.advance(end, f64::INFINITY, integrand).map(|_| ())
+    }
+
+    /// Steps to `end`, or to the end of the step in which Φ stretches or shrinks by more than `growth`.
+    pub(super) fn advance(
+        &mut self,
+        end: f64,
+        growth: f64,
+        integrand: impl Fn(&SVector<f64, N>) -> f64,
+    ) -> Result<Progress, FlowError> {
+        // the loops over columns are compiled for the widest vectors of the machine
+        pulp::Arch::new().dispatch(|| self.steps(end, growth, integrand))
+    }
+
+    #[inline(always)]
+    fn steps(
+        &mut self,
+        end: f64,
+        growth: f64,
+        integrand: impl Fn(&SVector<f64, N>) -> f64,
+    ) -> Result<Progress, FlowError> {
+        let mut rejected = false;
+        while self.t != end {
+            if self.work.steps + self.work.rejected >= self.max_steps {
+                let (t, steps) = (self.t, self.work.steps);
+                return Err(FlowError::TooManySteps { t, state: self.state.as_slice().to_vec(), steps });
+            }
+            let left = end - self.t;
+            let last = left.abs() <= 1.01 * self.h.abs();
+            // two equal steps rather than a long and a tiny one
+            let h = if last {
+                left
+            } else if left.abs() < 2.0 * self.h.abs() {
+                0.5 * left
+            } else {
+                self.h
+            };
+            if h.abs() <= 8.0 * f64::EPSILON * self.t.abs() || h.abs() < f64::MIN_POSITIVE {
+                return Err(if self.work.rejected > 0 && self.states.iter().any(|k| !k.sum().is_finite()) {
+                    self.non_finite()
+                } else {
+                    FlowError::StepUnderflow { t: self.t, state: self.state.as_slice().to_vec() }
+                });
+            }
+            let (state, matrix, size) = self.trial(h, &integrand);
+            let limit = if rejected { 1.0 } else { 6.0 };
+            // a NaN counts as far too large
+            let factor = if size.is_finite() { (0.9 * size.powf(-0.125)).clamp(0.2, limit) } else { 0.2 };
+            if size.is_nan() || size > 1.0 {
+                self.work.rejected += 1;
+                self.h = h * factor.min(0.9);
+                rejected = true;
+                continue;
+            }
+            let gain = self.combine_scalar(self.tableau.weights());
+            let before = (self.state, self.matrix, self.states[0], self.matrices[0]);
+            (self.state, self.matrix) = (state, matrix);
+            if !self.first_stage() {
+                (self.state, self.matrix, self.states[0], self.matrices[0]) = before;
+                self.work.rejected += 1;
+                self.h = 0.2 * h;
+                rejected = true;
+                continue;
+            }
+            self.integral += h * gain;
+            self.work.steps += 1;
+            self.t = if last { end } else { self.t + h };
+            // a step cut short to arrive says nothing against the size before it
+            self.h = if h.abs() < self.h.abs() {
+                self.h.abs().max((h * factor).abs()).copysign(h)
+            } else {
+                h * factor
+            };
+            rejected = false;
+            if MATRIX && growth.is_finite() && self.t != end && self.spread() > growth {
+                return Ok(Progress::Grown);
+            }
+        }
+        Ok(Progress::Arrived)
+    }
+
+    /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
+    /// before it do not have.
+    fn spread(&self) -> f64 {
+        let mut q = self.matrix;
+        let mut smallest = f64::INFINITY;
+        for j in 0..N {
+            for i in 0..j {
+                let column = q.column(i).into_owned();
+                let part = column.dot(&q.column(j));
+                q.column_mut(j).axpy(-part, &column, 1.0);
+            }
+            let norm = q.column(j).norm();
+            smallest = smallest.min(norm);
+            q.column_mut(j).unscale_mut(norm.max(f64::MIN_POSITIVE));
+        }
+        self.matrix.amax().max(1.0 / smallest)
+    }
+
+    /// Slopes at the current state; false if they are not finite.
+    #[inline(always)]
+    fn first_stage(&mut self) -> bool {
+        self.work.evaluations += 1;
+        if MATRIX {
+            let (field, jacobian) = self.system.linearize(&self.state);
+            self.states[0] = field;
+            self.jacobian = jacobian;
+            self.system.tangent(&jacobian, &self.matrix, &mut self.matrices[0]);
+        } else {
+            self.states[0] = self.system.field(&self.state);
+        }
+        self.states[0].sum().is_finite() && (!MATRIX || self.matrices[0].sum().is_finite())
+    }
+
+    /// One step of size h from the slopes at the current state: state, Φ, and the error in units of the tolerance.
+    #[inline(always)]
+    fn trial(
+        &mut self,
+        h: f64,
+        integrand: &impl Fn(&SVector<f64, N>) -> f64,
+    ) -> (SVector<f64, N>, SMatrix<f64, N, N>, f64) {
+        self.integrands[0] = integrand(&self.state);
+        let mut matrix = SMatrix::<f64, N, N>::zeros();
+        for i in 1..STAGES {
+            let row = self.tableau.row(i);
+            let state = self.combine_state(row, h);
+            if MATRIX {
+                let (field, jacobian) = self.system.linearize(&state);
+                self.states[i] = field;
+                self.combine_matrix(row, h, &mut matrix);
+                self.system.tangent(&jacobian, &matrix, &mut self.matrices[i]);
+            } else {
+                self.states[i] = self.system.field(&state);
+            }
+            self.integrands[i] = integrand(&state);
+        }
+        self.work.evaluations += STAGES - 1;
+        let weights = self.tableau.weights();
+        let state = self.combine_state(weights, h);
+        if MATRIX {
+            self.combine_matrix(weights, h, &mut matrix);
+        }
+        let size = self.error_of(h, &state, &matrix);
+        (state, matrix, size)
+    }
+
+    #[inline(always)]
+    fn combine_state(&self, row: &[(usize, f64)], h: f64) -> SVector<f64, N> {
+        let mut sum = SVector::<f64, N>::zeros();
+        for &(j, a) in row {
+            for i in 0..N {
+                sum[i] += a * self.states[j][i];
+            }
+        }
+        self.state + sum * h
+    }
+
+    #[inline(always)]
+    fn combine_matrix(&self, row: &[(usize, f64)], h: f64, out: &mut SMatrix<f64, N, N>) {
+        for c in 0..N {
+            let mut sum = [0.0; N];
+            for &(j, a) in row {
+                let column = &self.matrices[j].data.0[c];
+                for i in 0..N {
+                    sum[i] += a * column[i];
+                }
+            }
+            let start = &self.matrix.data.0[c];
+            let column = &mut out.data.0[c];
+            for i in 0..N {
+                column[i] = start[i] + h * sum[i];
+            }
+        }
+    }
+
+    fn combine_scalar(&self, row: &[(usize, f64)]) -> f64 {
+        row.iter().map(|&(j, a)| a * self.integrands[j]).sum()
+    }
+
+    /// The estimate of Hairer, Nørsett and Wanner, II.10: e₅²/√(e₅² + e₃²/100) in root mean square, the largest of state,
+    /// columns of Φ and integral.
+    #[inline(always)]
+    fn error_of(&self, h: f64, state: &SVector<f64, N>, matrix: &SMatrix<f64, N, N>) -> f64 {
+        let Tolerances { relative, absolute } = self.tolerances;
+        let correction = self.error.correction().unwrap_or_default();
+        let (mut fifth, mut third) = (0.0, 0.0);
+        let (mut e5, mut e3) = (SVector::<f64, N>::zeros(), SVector::<f64, N>::zeros());
+        for &(j, a) in self.error.main() {
+            e5 += self.states[j] * a;
+        }
+        for &(j, a) in correction {
+            e3 += self.states[j] * a;
+        }
+        for i in 0..N {
+            let scale = absolute + relative * self.state[i].abs().max(state[i].abs());
+            fifth += (e5[i] / scale).powi(2);
+            third += (e3[i] / scale).powi(2);
+        }
+        let mut size = ratio(fifth, third, N);
+        if MATRIX {
+            for c in 0..N {
+                let (mut e5, mut e3) = ([0.0; N], [0.0; N]);
+                for &(j, a) in self.error.main() {
+                    let column = &self.matrices[j].data.0[c];
+                    for i in 0..N {
+                        e5[i] += a * column[i];
+                    }
+                }
+                for &(j, a) in correction {
+                    let column = &self.matrices[j].data.0[c];
+                    for i in 0..N {
+                        e3[i] += a * column[i];
+                    }
+                }
+                let (mut fifth, mut third, mut large) = (0.0, 0.0, f64::MIN_POSITIVE);
+                for i in 0..N {
+                    fifth += e5[i] * e5[i];
+                    third += e3[i] * e3[i];
+                    large = large.max(self.matrix[(i, c)].abs()).max(matrix[(i, c)].abs());
+                }
+                let scale = (relative * large).powi(-2);
+                size = larger(size, ratio(fifth * scale, third * scale, N));
+            }
+        }
+        let scale = absolute + relative * self.integral.abs().max((h * self.integrands[0]).abs());
+        let main = self.combine_scalar(self.error.main());
+        if main != 0.0 && scale > 0.0 {
+            size = larger(
+                size,
+                ratio((main / scale).powi(2), (self.combine_scalar(correction) / scale).powi(2), 1),
+            );
+        }
+        h.abs() * size
+    }
+
+    /// From the size of the slope against that of the state, and of D: the estimate of Hairer, Nørsett and Wanner, II.4,
+    /// without its trial step.
+    fn first_step_size(&self) -> f64 {
+        let Tolerances { relative, absolute } = self.tolerances;
+        let mut rate = 0.0f64;
+        for i in 0..N {
+            let slope = self.states[0][i].abs();
+            rate = rate.max(
+                slope / (absolute / relative.max(1e-300) + self.state[i].abs()).max(slope.min(1.0) * 1e-2),
+            );
+        }
+        if MATRIX {
+            // ‖D‖ grows with the choice of units, √‖D²‖ less so
+            rate = rate.max((self.jacobian * self.jacobian).amax().sqrt());
+        }
+        if rate > 0.0 { 2.0 * relative.powf(0.125) / rate } else { f64::MAX }
+    }
+
+    fn non_finite(&self) -> FlowError {
+        let source = self.system.fault(&self.state);
+        FlowError::NonFinite { t: self.t, state: self.state.as_slice().to_vec(), source }
+    }
+}
+
+/// The larger one, or NaN if there is one.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a >= b || a.is_nan() { a } else { b }
+}
+
+#[inline(always)]
+fn ratio(fifth: f64, third: f64, n: usize) -> f64 {
+    let below = fifth + 0.01 * third;
+    if below > 0.0 { fifth / (below * n as f64).sqrt() } else { below }
+}

@@ -1,0 +1,311 @@
+//! State and transition matrix together: ṗ = h(p), Φ̇ = D(p) Φ, Φ = 1 at the start (thesis (8.9), (8.11)).
+//!
+//! DOP853 with the step size controlled by both: the state relative to each of its entries, Φ relative to the largest entry
+//! of each column, which says the same of v(T) = Φ v whatever the units. The steps of the state alone differ from those
+//! with Φ, but by no more than the tolerance.
+//!
+//! Where the singular values of Φ span more than sixteen digits, one matrix does not hold the small ones. A
+//! [`Chain`] keeps factors Φ = Φ_K ⋯ Φ₁, each ended where it has stretched or shrunk by a bound.
+//!
+//! Runs allocate nothing: the stages are on the stack, 96 N (N + 1) bytes, and a chain is written into one that the
+//! caller keeps. The coefficients are those of `somersault-integrators`.
+
+mod kernel;
+
+use crate::system::{OptimalControlSystem, SystemError, VectorField};
+use kernel::{Kernel, Progress};
+use nalgebra::{SMatrix, SVector};
+
+/// Accuracy of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerances {
+    /// Error of a step relative to the size of each entry of the state and of each column of Φ.
+    pub relative: f64,
+    /// Error of a step that is always allowed in an entry of the state.
+    pub absolute: f64,
+}
+
+impl Default for Tolerances {
+    /// 1e-12 and 1e-14.
+    fn default() -> Self {
+        Self { relative: 1e-12, absolute: 1e-14 }
+    }
+}
+
+/// Why a run ended before its time.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlowError {
+    /// An argument is out of range.
+    #[error("`{argument}` must be {allowed}, found {found}")]
+    Argument {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The field has no value at the state reached.
+    #[error("the field is not finite near t = {t}")]
+    NonFinite {
+        /// Time since the start of the run.
+        t: f64,
+        /// Last state with a value.
+        state: Vec<f64>,
+        /// Why, if the system knows.
+        source: Option<SystemError>,
+    },
+    /// The step size went below the rounding of the time, as where a motion runs off to infinity.
+    #[error("the step size underflows at t = {t}")]
+    StepUnderflow {
+        /// Time since the start of the run.
+        t: f64,
+        /// Last state.
+        state: Vec<f64>,
+    },
+    /// The run needs more steps than allowed.
+    #[error("{steps} steps reach only t = {t}")]
+    TooManySteps {
+        /// Time since the start of the run.
+        t: f64,
+        /// Last state.
+        state: Vec<f64>,
+        /// Steps made.
+        steps: usize,
+    },
+}
+
+/// What a run cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Evaluations of the field, or of field and Jacobian.
+    pub evaluations: usize,
+    /// Steps accepted.
+    pub steps: usize,
+    /// Steps rejected.
+    pub rejected: usize,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Self) {
+        self.evaluations += other.evaluations;
+        self.steps += other.steps;
+        self.rejected += other.rejected;
+    }
+}
+
+/// The end of a run with its transition matrix, ∂p(t + T)/∂p(t).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transition<const N: usize> {
+    /// T, negative backward in time.
+    pub duration: f64,
+    /// p(t + T).
+    pub end: SVector<f64, N>,
+    /// Φ(T, p).
+    pub matrix: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> Transition<N> {
+    /// The largest |φᵢᵀJφⱼ − J_ij| / max(1, ‖φᵢ‖‖φⱼ‖) over columns φ of Φ; zero for a symplectic matrix.
+    pub fn symplecticity_defect(&self) -> f64 {
+        let (n, phi) = (N / 2, &self.matrix);
+        let norm: SVector<f64, N> = SVector::from_fn(|i, _| phi.column(i).norm());
+        let mut defect = 0.0f64;
+        for i in 0..N {
+            for j in 0..i {
+                let form: f64 =
+                    (0..n).map(|k| phi[(k, i)] * phi[(n + k, j)] - phi[(n + k, i)] * phi[(k, j)]).sum();
+                let expected = if i == j + n { -1.0 } else { 0.0 };
+                defect = defect.max((form - expected).abs() / (norm[i] * norm[j]).max(1.0));
+            }
+        }
+        defect
+    }
+}
+
+/// Factors of a transition matrix, in the order of time: Φ = Φ_K ⋯ Φ₁.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Chain<const N: usize> {
+    pub(crate) links: Vec<Transition<N>>,
+    /// Number of links up to each of the times asked for.
+    pub(crate) marks: Vec<usize>,
+    pub(crate) times: Vec<f64>,
+    /// What the run cost.
+    pub work: Work,
+}
+
+impl<const N: usize> Chain<N> {
+    /// An empty chain.
+    pub fn new() -> Self {
+        Self { links: Vec::new(), marks: Vec::new(), times: Vec::new(), work: Work::default() }
+    }
+
+    /// A chain of given factors, with a mark after each: the segments of a motion known by its nodes.
+    pub fn from_links(links: Vec<Transition<N>>) -> Self {
+        let marks = (1..=links.len()).collect();
+        let times =
+            links.iter().scan(0.0, |t, link| Some(std::mem::replace(t, *t + link.duration) + link.duration));
+        let times = times.collect();
+        Self { links, marks, times, work: Work::default() }
+    }
+
+    /// The factors.
+    pub fn links(&self) -> &[Transition<N>] {
+        &self.links
+    }
+
+    /// The times asked for, since the start, negative backward.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// The factors up to time number `mark`.
+    pub fn until(&self, mark: usize) -> &[Transition<N>] {
+        &self.links[..self.marks[mark]]
+    }
+}
+
+/// Integrates a field with its transition matrix, forward and, for a negative duration, backward.
+#[derive(Debug)]
+pub struct VariationalFlow<'a, S, const N: usize> {
+    system: &'a S,
+    tolerances: Tolerances,
+    max_steps: usize,
+}
+
+impl<S, const N: usize> Clone for VariationalFlow<'_, S, N> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S, const N: usize> Copy for VariationalFlow<'_, S, N> {}
+
+impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
+    /// A flow of at most 100 000 steps a run. The relative tolerance must be in [1e-15, 0.1], the absolute one not negative.
+    pub fn try_new(system: &'a S, tolerances: Tolerances) -> Result<Self, FlowError> {
+        let Tolerances { relative, absolute } = tolerances;
+        if !(1e-15..=0.1).contains(&relative) {
+            let allowed = "in [1e-15, 0.1]";
+            return Err(FlowError::Argument { argument: "relative", allowed, found: relative });
+        }
+        if !(absolute >= 0.0 && absolute.is_finite()) {
+            let allowed = "finite and not negative";
+            return Err(FlowError::Argument { argument: "absolute", allowed, found: absolute });
+        }
+        Ok(Self { system, tolerances, max_steps: 100_000 })
+    }
+
+    /// Allows `max_steps` steps in a run.
+    pub fn with_max_steps(self, max_steps: usize) -> Self {
+        Self { max_steps, ..self }
+    }
+
+    /// The system.
+    pub fn system(&self) -> &'a S {
+        self.system
+    }
+
+    /// The tolerances.
+    pub fn tolerances(&self) -> Tolerances {
+        self.tolerances
+    }
+
+    /// p(T), without Φ.
+    pub fn state(&self, p: &SVector<f64, N>, duration: f64) -> Result<SVector<f64, N>, FlowError> {
+        let mut kernel = self.kernel::<false>(p, duration)?;
+        kernel.run(duration, |_| 0.0)?;
+        Ok(kernel.state)
+    }
+
+    /// p(T) and Φ(T, p).
+    pub fn transition(&self, p: &SVector<f64, N>, duration: f64) -> Result<Transition<N>, FlowError> {
+        self.transition_counted(p, duration).map(|(transition, _)| transition)
+    }
+
+    /// p(T) and Φ(T, p), with what they cost.
+    pub fn transition_counted(
+        &self,
+        p: &SVector<f64, N>,
+        duration: f64,
+    ) -> Result<(Transition<N>, Work), FlowError> {
+        let mut kernel = self.kernel::<true>(p, duration)?;
+        kernel.run(duration, |_| 0.0)?;
+        Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix }, kernel.work))
+    }
+
+    /// Factors of Φ up to the last of `times`, with a link ended at each of them and wherever Φ has come to
+    /// stretch or shrink by `growth`, into `chain`.
+    ///
+    /// `times` must be ascending from above zero, or descending from below zero. A `growth` of 100 loses up to four digits
+    /// of sixteen in a link.
+    pub fn chain_into(
+        &self,
+        p: &SVector<f64, N>,
+        times: &[f64],
+        growth: f64,
+        chain: &mut Chain<N>,
+    ) -> Result<(), FlowError> {
+        let Some(&last) = times.last() else {
+            return Err(FlowError::Argument {
+                argument: "times",
+                allowed: "of at least one entry",
+                found: 0.0,
+            });
+        };
+        let ordered = |pair: &[f64]| (pair[1] - pair[0]) * last > 0.0;
+        if !(times[0] * last > 0.0 && times.windows(2).all(ordered)) {
+            let allowed = "monotonic, away from zero, and of one sign";
+            return Err(FlowError::Argument { argument: "times", allowed, found: times[0] });
+        }
+        if growth.is_nan() || growth <= 1.0 {
+            return Err(FlowError::Argument { argument: "growth", allowed: "above one", found: growth });
+        }
+        chain.links.clear();
+        chain.marks.clear();
+        chain.times.clear();
+        let mut kernel = self.kernel::<true>(p, last)?;
+        let mut link_start = 0.0;
+        for &time in times {
+            loop {
+                let progress = kernel.advance(time, growth, |_| 0.0)?;
+                let duration = kernel.t - link_start;
+                chain.links.push(Transition { duration, end: kernel.state, matrix: kernel.matrix });
+                kernel.restart_matrix();
+                link_start = kernel.t;
+                if progress == Progress::Arrived {
+                    break;
+                }
+            }
+            chain.marks.push(chain.links.len());
+            chain.times.push(time);
+        }
+        chain.work = kernel.work;
+        Ok(())
+    }
+
+    fn kernel<const MATRIX: bool>(
+        &self,
+        p: &SVector<f64, N>,
+        duration: f64,
+    ) -> Result<Kernel<'a, S, N, MATRIX>, FlowError> {
+        if !duration.is_finite() {
+            return Err(FlowError::Argument { argument: "duration", allowed: "finite", found: duration });
+        }
+        if let Some(&found) = p.iter().find(|x| !x.is_finite()) {
+            return Err(FlowError::Argument { argument: "p", allowed: "finite", found });
+        }
+        Kernel::start(self.system, self.tolerances, self.max_steps, p, duration)
+    }
+}
+
+impl<S: OptimalControlSystem<N>, const N: usize> VariationalFlow<'_, S, N> {
+    /// p(T) and the cost ∫ ℓ(p, u*) dt on the way, by the weights of the step and to the tolerance of the state;
+    /// backward in time the cost is negative.
+    pub fn cost(&self, p: &SVector<f64, N>, duration: f64) -> Result<(SVector<f64, N>, f64), FlowError> {
+        let mut kernel = self.kernel::<false>(p, duration)?;
+        kernel.run(duration, |x| self.system.running_cost(x))?;
+        Ok((kernel.state, kernel.integral))
+    }
+}

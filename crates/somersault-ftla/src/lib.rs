@@ -1,0 +1,47 @@
+//! Finite-time Lyapunov analysis of hyper-sensitive optimal control.
+//!
+//! The necessary conditions of an optimal control problem are a boundary value problem of a Hamiltonian field in state
+//! and costate. Where it has rates that are fast against the horizon, shooting fails; the same rates split the tangent
+//! space, and extremals start near the centre-stable and end near the centre-unstable manifold. This crate measures the
+//! rates, places points on those manifolds, matches the two ends in the middle and polishes the result to rounding.
+//!
+//! | Symbol | Meaning | Here |
+//! |---|---|---|
+//! | p = (x, λ) | state and costate, N = 2n numbers | `SVector<f64, N>` |
+//! | ṗ = h(p), D = ∂h/∂p | field and Jacobian (8.9), (8.11) | [`system::VectorField`] |
+//! | H* | Hamiltonian at the optimal control | [`system::HamiltonianSystem`] |
+//! | Φ(T, p) | transition matrix, and its factors | [`flow::VariationalFlow`], [`flow::Chain`] |
+//! | μᵢ, lᵢ | finite-time exponents and vectors (9.1)–(9.4) | [`spectrum::Spectrum`] |
+//! | E^s, E^cs, E^c, E^cu, E^u | subspaces (9.5)–(9.9) | [`spectrum::Splitting`] |
+//! | p⁺, p⁻ | motions from both ends (9.12) | [`matching::Matching`] |
+//!
+//! ```
+//! use somersault_ftla::flow::{Tolerances, VariationalFlow};
+//! use somersault_ftla::spectrum::{TimeDirection, diagnose, spectra};
+//! use somersault_ftla::system::LinearRegulator;
+//!
+//! let flow = VariationalFlow::try_new(&LinearRegulator, Tolerances::default())?;
+//! let found = spectra(&flow, &[1.0, 0.4].into(), TimeDirection::Forward, &[1.0, 2.0, 4.0])?;
+//! assert!((found[2].exponents[1] - 2f64.sqrt()).abs() < 1e-10);
+//! assert!(diagnose(&found, 40.0)?.is_hyper_sensitive());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! In the order of work: [`system`] poses, [`spectrum`] diagnoses, [`placement`] and [`matching`] approximate, [`shooting`]
+//! polishes, [`continuation`] starts from nothing and follows families.
+//!
+//! Source: the thesis, chapters 8–10 and appendices F–H; E. Aykutlug, M. Maggia and K. Mease, *Solving partially
+//! hyper-sensitive optimal control problems using manifold structure*, IFAC Proceedings Volumes 46 (2013); K. Mease,
+//! U. Topcu, E. Aykutluğ and M. Maggia, *Characterizing two-timescale nonlinear dynamics using finite-time Lyapunov
+//! exponents and vectors*, Commun. Nonlinear Sci. Numer. Simul. 36 (2016).
+#![forbid(unsafe_code)]
+
+pub mod continuation;
+pub mod flow;
+pub mod matching;
+pub mod placement;
+pub mod shooting;
+pub mod spectrum;
+pub mod system;
+
+pub use nalgebra;

@@ -1,0 +1,140 @@
+//! The match by least squares, with conserved quantities.
+//!
+//! Unknown are the held costates at both ends, less one for each that is conserved: those are the same at both ends, as
+//! λ₁ of the arm is, whose θ₁ is cyclic. Residuals are p⁺ − p⁻ at t_m and H⁺ − H⁻ at the ends, which costs no
+//! propagation. Gauss–Newton steps with derivatives by differences, halved until the residual falls.
+
+use super::grid::held_of;
+use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
+use crate::system::HamiltonianSystem;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Settings of the match.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeastSquares {
+    /// Numbers, from 0, of held costates that are constant along motions.
+    pub conserved: Vec<usize>,
+    /// Mismatch at which to stop.
+    pub tolerance: f64,
+    /// Gauss–Newton steps allowed.
+    pub max_rounds: usize,
+}
+
+impl Default for LeastSquares {
+    /// Nothing conserved but H; 2e-3, 30 steps.
+    fn default() -> Self {
+        Self { conserved: Vec::new(), tolerance: 2e-3, max_rounds: 30 }
+    }
+}
+
+/// Relative step of the differences.
+const DIFFERENCE: f64 = 1e-4;
+
+impl LeastSquares {
+    /// Runs the match from the costates that `matching` was given.
+    pub fn run<S: HamiltonianSystem<N> + Sync, const N: usize>(
+        &self,
+        matching: &Matching<'_, S, N>,
+    ) -> Result<Matched<N>, MatchingError> {
+        let held = matching.held();
+        if let Some(&found) = self.conserved.iter().find(|c| !held.contains(c)) {
+            let allowed = "among the held costates";
+            return Err(MatchingError::Argument { argument: "conserved", allowed, found: found as f64 });
+        }
+        let m = held.len();
+        let shared: Vec<bool> = held.iter().map(|h| self.conserved.contains(h)).collect();
+        // of each held costate at the end, its unknown
+        let mut slots: Vec<usize> = (0..m).collect();
+        let mut unknowns = m;
+        for k in 0..m {
+            if !shared[k] {
+                slots[k] = unknowns;
+                unknowns += 1;
+            }
+        }
+        let mut z = vec![0.0; unknowns];
+        let starts = matching.ends.map(|p| held_of(held, &p));
+        for k in 0..m {
+            z[slots[k]] = starts[1][k];
+            z[k] = if shared[k] { 0.5 * (starts[0][k] + starts[1][k]) } else { starts[0][k] };
+        }
+        let values = |z: &[f64], which: usize| -> Vec<f64> {
+            (0..m).map(|k| if which == 0 { z[k] } else { z[slots[k]] }).collect()
+        };
+        let mut counts = Counts::default();
+        let both = |z: &[f64], near: &[_; 2], counts: &Counts| -> Option<[Branch<N>; 2]> {
+            let (first, second) = rayon::join(
+                || matching.branch(0, &values(z, 0), &near[0], &counts.evaluations).ok(),
+                || matching.branch(1, &values(z, 1), &near[1], &counts.evaluations).ok(),
+            );
+            Some([first?, second?])
+        };
+        let residual = |branches: [&Branch<N>; 2]| -> DVector<f64> {
+            let gap = branches[0].meeting - branches[1].meeting;
+            let energy = branches.map(|branch| matching.flow.system().hamiltonian(&branch.end));
+            DVector::from_iterator(N + 1, gap.iter().copied().chain([energy[0] - energy[1]]))
+        };
+        counts.branches += 2;
+        let Some(mut branches) = both(&z, &matching.ends, &counts) else {
+            return Ok(matching.unmatched(counts));
+        };
+        let status = loop {
+            let r = residual([&branches[0], &branches[1]]);
+            if (branches[0].meeting - branches[1].meeting).norm() <= self.tolerance {
+                break MatchStatus::Matched;
+            }
+            if counts.rounds == self.max_rounds {
+                break MatchStatus::MaxRounds;
+            }
+            counts.rounds += 1;
+            let near = [branches[0].end, branches[1].end];
+            let size = z.iter().fold(1e-3, |s: f64, x| s.max(x.abs()));
+            // an unknown of one end moves one branch, a shared one both
+            let columns: Vec<Option<DVector<f64>>> = (0..unknowns)
+                .into_par_iter()
+                .map(|j| {
+                    let mut moved = z.clone();
+                    moved[j] += DIFFERENCE * size;
+                    let touched = |which: usize| if which == 0 { j < m } else { slots.contains(&j) };
+                    let branch = |which: usize| {
+                        if touched(which) {
+                            matching
+                                .branch(which, &values(&moved, which), &near[which], &counts.evaluations)
+                                .ok()
+                        } else {
+                            Some(branches[which].clone())
+                        }
+                    };
+                    let (first, second) = (branch(0)?, branch(1)?);
+                    Some((residual([&first, &second]) - &r) / (DIFFERENCE * size))
+                })
+                .collect();
+            counts.branches += unknowns + shared.iter().filter(|s| **s).count();
+            let Some(columns) = columns.into_iter().collect::<Option<Vec<_>>>() else {
+                break MatchStatus::Exhausted;
+            };
+            let jacobian = DMatrix::from_columns(&columns);
+            let Ok(step) = jacobian.svd(true, true).solve(&-&r, 1e-12) else { break MatchStatus::Exhausted };
+            let mut fraction = 1.0;
+            let next = loop {
+                let trial: Vec<f64> = z.iter().zip(step.iter()).map(|(z, d)| z + fraction * d).collect();
+                counts.branches += 2;
+                if let Some(found) = both(&trial, &near, &counts)
+                    && residual([&found[0], &found[1]]).norm() < (1.0 - 1e-2 * fraction) * r.norm()
+                {
+                    break Some((trial, found));
+                }
+                fraction *= 0.4;
+                if fraction < 1e-2 {
+                    break None;
+                }
+            };
+            match next {
+                Some((trial, found)) => (z, branches) = (trial, found),
+                None => break MatchStatus::Exhausted,
+            }
+        };
+        Ok(matching.report([&branches[0], &branches[1]], status, counts))
+    }
+}

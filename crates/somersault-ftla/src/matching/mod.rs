@@ -1,0 +1,273 @@
+//! Matching a motion from the start with one from the end on the centre manifold (thesis 10.2).
+//!
+//! The held costates at both ends are the unknowns. Each choice is placed on the centre-stable manifold at t₀ and on the
+//! centre-unstable one at t_f, and followed to t_m with midcourse corrections, that is placed again at given times. The
+//! mismatch is ‖p⁺(t_m) − p⁻(t_m)‖ (9.12).
+//!
+//! * [`GridSearch`]: appendix G, a grid of three values of each unknown at each end, all pairs compared.
+//! * [`LeastSquares`]: Gauss–Newton on p⁺ − p⁻ and H⁺ − H⁻, in which costates that are conserved are one unknown for
+//!   both ends.
+//!
+//! Both are parallel over points. What they find carries the error of the finite averaging time, e^(−gap·T); the nodes of
+//! [`Matched::nodes`] are a guess from which [`Shooting`](crate::shooting::Shooting) goes to rounding.
+
+mod grid;
+mod least_squares;
+
+pub use grid::GridSearch;
+pub use least_squares::LeastSquares;
+
+use crate::flow::{FlowError, VariationalFlow};
+use crate::placement::{Placement, PlacementStatus};
+use crate::spectrum::TimeDirection;
+use crate::system::HamiltonianSystem;
+use nalgebra::SVector;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Why a search cannot begin.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MatchingError {
+    /// An argument has the wrong number of entries.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries expected.
+        expected: usize,
+        /// Entries found.
+        found: usize,
+    },
+    /// An argument is out of range.
+    #[error("`{argument}` must be {allowed}, found {found}")]
+    Argument {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// A placement is of the wrong direction in time.
+    #[error("the first placement must be forward and the second backward")]
+    Directions,
+}
+
+/// How a search ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MatchStatus {
+    /// The mismatch is below the tolerance.
+    Matched,
+    /// Grid spacing or steps have become too small to go on.
+    Exhausted,
+    /// The rounds are used up.
+    MaxRounds,
+    /// No point of the first grid, or not the first guess, could be placed and followed.
+    NoStart,
+}
+
+/// What is to be matched: end states, horizon, and how ends are placed and followed.
+#[derive(Debug, Clone)]
+pub struct Matching<'a, S, const N: usize> {
+    flow: VariationalFlow<'a, S, N>,
+    ends: [SVector<f64, N>; 2],
+    horizon: f64,
+    match_time: f64,
+    placements: [Placement; 2],
+    corrections: [Vec<f64>; 2],
+}
+
+/// One end followed to t_m.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Branch<const N: usize> {
+    /// The placed end.
+    pub(crate) end: SVector<f64, N>,
+    /// Times and points of the end and after each correction, from the end to t_m.
+    pub(crate) course: Vec<(f64, SVector<f64, N>)>,
+    /// p(t_m).
+    pub(crate) meeting: SVector<f64, N>,
+}
+
+/// A pair of ends whose motions nearly meet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matched<const N: usize> {
+    /// How the search ended.
+    pub status: MatchStatus,
+    /// Placed ends, at t₀ and t_f; the best pair found.
+    pub ends: [SVector<f64, N>; 2],
+    /// p⁺(t_m) and p⁻(t_m).
+    pub meeting: [SVector<f64, N>; 2],
+    /// ‖p⁺(t_m) − p⁻(t_m)‖.
+    pub mismatch: f64,
+    /// Rounds of the search.
+    pub rounds: usize,
+    /// Ends placed and followed.
+    pub branches: usize,
+    /// Spectra and segments computed for them.
+    pub flow_evaluations: usize,
+    courses: [Vec<(f64, SVector<f64, N>)>; 2],
+}
+
+impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
+    /// From state `initial` at 0 to `last` at `horizon`, met in the middle; `placements` are for the two ends and must hold
+    /// the same costates. The costates of `guess` at both ends start the placements.
+    pub fn try_new(
+        flow: VariationalFlow<'a, S, N>,
+        states: [&[f64]; 2],
+        guess: [&[f64]; 2],
+        horizon: f64,
+        placements: [Placement; 2],
+    ) -> Result<Self, MatchingError> {
+        let n = N / 2;
+        for (argument, given) in [("states", states), ("guess", guess)] {
+            for part in given {
+                if part.len() != n {
+                    return Err(MatchingError::Length { argument, expected: n, found: part.len() });
+                }
+                if let Some(&found) = part.iter().find(|x| !x.is_finite()) {
+                    return Err(MatchingError::Argument { argument, allowed: "finite", found });
+                }
+            }
+        }
+        if !horizon.is_finite() || horizon <= 0.0 {
+            let allowed = "positive and finite";
+            return Err(MatchingError::Argument { argument: "horizon", allowed, found: horizon });
+        }
+        let directions = placements.each_ref().map(Placement::direction);
+        if directions != [TimeDirection::Forward, TimeDirection::Backward] {
+            return Err(MatchingError::Directions);
+        }
+        if placements[0].held() != placements[1].held() {
+            let (expected, found) = (placements[0].held().len(), placements[1].held().len());
+            return Err(MatchingError::Length { argument: "held", expected, found });
+        }
+        let end = |k: usize| SVector::from_fn(|i, _| if i < n { states[k][i] } else { guess[k][i - n] });
+        Ok(Self {
+            flow,
+            ends: [end(0), end(1)],
+            horizon,
+            match_time: 0.5 * horizon,
+            placements,
+            corrections: [Vec::new(), Vec::new()],
+        })
+    }
+
+    /// Meets at `match_time`, and corrects at the given times, ascending, before and after it.
+    pub fn try_with_course(self, match_time: f64, corrections: &[f64]) -> Result<Self, MatchingError> {
+        if match_time.is_nan() || match_time <= 0.0 || match_time >= self.horizon {
+            let allowed = "inside the horizon";
+            return Err(MatchingError::Argument { argument: "match_time", allowed, found: match_time });
+        }
+        let mut before = 0.0;
+        for &found in corrections {
+            if found.is_nan() || found <= before || found >= self.horizon {
+                let allowed = "ascending, inside the horizon";
+                return Err(MatchingError::Argument { argument: "corrections", allowed, found });
+            }
+            before = found;
+        }
+        let (early, late): (Vec<f64>, Vec<f64>) = corrections.iter().partition(|t| **t < match_time);
+        Ok(Self { match_time, corrections: [early, late.into_iter().rev().collect()], ..self })
+    }
+
+    fn held(&self) -> &[usize] {
+        self.placements[0].held()
+    }
+
+    /// Places one end (0 or 1) with the costates `held`, starting from the costates of `near`, and follows it to t_m.
+    fn branch(
+        &self,
+        which: usize,
+        held: &[f64],
+        near: &SVector<f64, N>,
+        evaluations: &AtomicUsize,
+    ) -> Result<Branch<N>, PlacementStatus> {
+        let mut p = *near;
+        self.held().iter().zip(held).for_each(|(&i, &value)| p[N / 2 + i] = value);
+        let placement = &self.placements[which];
+        let place = |p: &SVector<f64, N>| {
+            // near a placed point the last averaging time alone will do
+            for attempt in [&placement.without_schedule(), placement] {
+                let placed = attempt.place(&self.flow, p);
+                evaluations.fetch_add(placed.flow_evaluations, Ordering::Relaxed);
+                if placed.status == PlacementStatus::Placed {
+                    return Ok(placed.p);
+                }
+                if attempt == placement {
+                    return Err(placed.status);
+                }
+            }
+            Err(PlacementStatus::Stalled)
+        };
+        let follow = |p: &SVector<f64, N>, duration: f64| {
+            evaluations.fetch_add(1, Ordering::Relaxed);
+            self.flow.state(p, duration).map_err(PlacementStatus::Flow)
+        };
+        let mut t = if which == 0 { 0.0 } else { self.horizon };
+        p = place(&p)?;
+        let end = p;
+        let mut course = vec![(t, p)];
+        for &time in &self.corrections[which] {
+            p = place(&follow(&p, time - t)?)?;
+            t = time;
+            course.push((t, p));
+        }
+        let meeting = follow(&p, self.match_time - t)?;
+        Ok(Branch { end, course, meeting })
+    }
+
+    fn report(&self, branches: [&Branch<N>; 2], status: MatchStatus, counts: Counts) -> Matched<N> {
+        let meeting = branches.map(|branch| branch.meeting);
+        Matched {
+            status,
+            ends: branches.map(|branch| branch.end),
+            meeting,
+            mismatch: (meeting[0] - meeting[1]).norm(),
+            rounds: counts.rounds,
+            branches: counts.branches,
+            flow_evaluations: counts.evaluations.load(Ordering::Relaxed),
+            courses: branches.map(|branch| branch.course.clone()),
+        }
+    }
+
+    fn unmatched(&self, counts: Counts) -> Matched<N> {
+        Matched {
+            status: MatchStatus::NoStart,
+            ends: self.ends,
+            meeting: [SVector::repeat(f64::NAN); 2],
+            mismatch: f64::INFINITY,
+            rounds: counts.rounds,
+            branches: counts.branches,
+            flow_evaluations: counts.evaluations.load(Ordering::Relaxed),
+            courses: [Vec::new(), Vec::new()],
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    rounds: usize,
+    branches: usize,
+    evaluations: AtomicUsize,
+}
+
+impl<const N: usize> Matched<N> {
+    /// The matched motion at `times`, a guess for shooting: forward from the start up to the corrections, backward from the
+    /// end.
+    pub fn nodes<S: HamiltonianSystem<N>>(
+        &self,
+        matching: &Matching<'_, S, N>,
+        times: &[f64],
+    ) -> Result<Vec<SVector<f64, N>>, FlowError> {
+        let at = |&t: &f64| {
+            let course = &self.courses[usize::from(t > matching.match_time)];
+            let reached = course
+                .iter()
+                .rev()
+                .find(|(from, _)| if t > matching.match_time { *from >= t } else { *from <= t });
+            let (from, p) = reached.copied().unwrap_or((t, self.ends[0]));
+            matching.flow.state(&p, t - from)
+        };
+        times.iter().map(at).collect()
+    }
+}

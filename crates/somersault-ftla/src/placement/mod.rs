@@ -1,0 +1,305 @@
+//! Placing a point on the centre-stable or centre-unstable manifold by its costates (thesis 10.1).
+//!
+//! Forward in time a point p = (x, λ) should satisfy h(p) ∈ E^cs(T, p), backward h(p) ∈ E^cu(T, p), (9.10) and (9.11).
+//! With W an orthonormal basis of the complement, that is of the directions that expand fast in that direction of time,
+//!
+//! ```text
+//! Wᵀ(p) h(p) = 0,   tested as asin(‖Wᵀh‖/‖h‖) ≤ θ̄,
+//! ```
+//! is as many equations as there are such directions; as many costates are solved for, the others and x are held.
+//!
+//! * [`Method::FixedPoint`]: algorithms 1 and 2. W is held while Wᵀh = 0 is solved, and computed anew. Converges linearly.
+//! * [`Method::Newton`]: the residual is ŴᵀP(p)h(p), P = WWᵀ the projector and Ŵ the basis at the last point, which is
+//!   smooth where W alone may turn. Its Jacobian has the change of the basis, by differences of P and Broyden's corrections of
+//!   them; steps are shortened until the angle falls. Converges superlinearly, but only from near: further off than 0.01 rad, and after a stall until the
+//!   angle is a tenth of what it was, steps are taken with the basis held.
+//!
+//! Long averaging times give better subspaces, but from a point off the manifold the motion leaves before they are over:
+//! algorithms 3 and 4 place for a [`Schedule`] of growing times. Here a time at which placing fails is approached in
+//! smaller steps before giving up.
+//!
+//! # Deviations
+//! Algorithms 1 and 2 are one, with a [`TimeDirection`]. The complements printed in their lines 3 and 8 contradict each
+//! other, and the angle they test is 90° at success; the last averaging time is T_max; every loop has an exit.
+
+mod search;
+
+use crate::flow::{FlowError, VariationalFlow};
+use crate::spectrum::{Diagnosis, Spectrum, SplittingDims, Subspace, TimeDirection};
+use crate::system::VectorField;
+use nalgebra::{DMatrix, SVector};
+use search::Search;
+
+/// Why a placement cannot begin.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlacementError {
+    /// An argument is out of range.
+    #[error("`{argument}` must be {allowed}, found {found}")]
+    Argument {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The numbers of held costates and of fast directions do not add up to n.
+    #[error("{held} costates held and {fast} fast directions must add up to {expected}")]
+    Held {
+        /// Costates held.
+        held: usize,
+        /// Directions that expand fast.
+        fast: usize,
+        /// n.
+        expected: usize,
+    },
+    /// Dimensions do not add up.
+    #[error(transparent)]
+    Dimensions(#[from] crate::spectrum::SpectrumError),
+}
+
+/// How Wᵀh = 0 is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// With the basis held, then computed anew (algorithms 1 and 2).
+    FixedPoint,
+    /// With the change of the basis in the Jacobian, damped.
+    Newton,
+}
+
+/// Averaging times, ascending.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Schedule(Vec<f64>);
+
+impl Schedule {
+    /// Explicit times, positive and ascending.
+    pub fn try_times(times: Vec<f64>) -> Result<Self, PlacementError> {
+        let allowed = "positive, finite and ascending";
+        let mut before = 0.0;
+        for &found in &times {
+            if !found.is_finite() || found <= before {
+                return Err(PlacementError::Argument { argument: "times", allowed, found });
+            }
+            before = found;
+        }
+        if times.is_empty() {
+            return Err(PlacementError::Argument { argument: "times", allowed, found: 0.0 });
+        }
+        Ok(Self(times))
+    }
+
+    /// `first`, `first` + `step`, … and `last` itself.
+    pub fn try_steps(first: f64, step: f64, last: f64) -> Result<Self, PlacementError> {
+        if step.is_nan() || step <= 0.0 {
+            return Err(PlacementError::Argument { argument: "step", allowed: "positive", found: step });
+        }
+        if last.is_nan() || last < first {
+            return Err(PlacementError::Argument {
+                argument: "last",
+                allowed: "not before the first",
+                found: last,
+            });
+        }
+        // a last step of less than a hundredth is one with the step before
+        let count = ((last - first) / step - 0.01).ceil().max(0.0) as usize;
+        if count > 100_000 {
+            return Err(PlacementError::Argument {
+                argument: "step",
+                allowed: "at least 1e-5 of the range",
+                found: step,
+            });
+        }
+        Self::try_times((0..count).map(|k| first + step * k as f64).chain([last]).collect())
+    }
+
+    /// From the spectrum: steps of 0.7 time constants of the slowest fast rate, to eight constants of the gap.
+    ///
+    /// For the thesis' arm these are steps of a quarter of a second up to 3.5 s.
+    pub fn of_diagnosis(diagnosis: &Diagnosis) -> Result<Self, PlacementError> {
+        let rate = diagnosis.fast_rates[0].min(diagnosis.fast_rates[1]);
+        if rate.is_nan() || rate <= 0.0 {
+            let allowed = "positive: there must be fast directions";
+            return Err(PlacementError::Argument { argument: "fast_rates", allowed, found: rate });
+        }
+        let last = 8.0 / diagnosis.gaps[0].min(diagnosis.gaps[1]);
+        Self::try_steps(0.7 / rate, 0.7 / rate, last.max(0.7 / rate))
+    }
+
+    /// The times.
+    pub fn times(&self) -> &[f64] {
+        &self.0
+    }
+}
+
+/// What to place on and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placement {
+    direction: TimeDirection,
+    dims: SplittingDims,
+    held: Vec<usize>,
+    schedule: Schedule,
+    /// How the condition is solved.
+    pub method: Method,
+    /// θ̄, rad.
+    pub tolerance: f64,
+    /// Iterations for one averaging time.
+    pub max_iterations: usize,
+}
+
+/// How a placement ended.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PlacementStatus {
+    /// The angle is within the tolerance at the last averaging time.
+    Placed,
+    /// No step lowers the angle: the point is out of reach of this averaging time.
+    Stalled,
+    /// The iterations for one averaging time are used up.
+    MaxIterations,
+    /// The costates solved for do not move the field along the fast directions: hold others.
+    SingularCostates,
+    /// The motion from the point cannot be followed for the averaging time.
+    Flow(FlowError),
+}
+
+/// A placed point, or the best one found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed<const N: usize> {
+    /// The point at the last averaging time that was placed, or where that failed first.
+    pub p: SVector<f64, N>,
+    /// How it ended; on failure at the first averaging time not reached.
+    pub status: PlacementStatus,
+    /// Angle between h and the slow subspace, rad.
+    pub angle: f64,
+    /// Averaging time of point and angle.
+    pub time: f64,
+    /// The spectrum there, if the motion could be followed.
+    pub spectrum: Option<Spectrum<N>>,
+    /// Iterations over all averaging times.
+    pub iterations: usize,
+    /// Spectra computed.
+    pub flow_evaluations: usize,
+}
+
+/// Halvings of the way to the next averaging time.
+const HALVINGS: usize = 4;
+
+impl Placement {
+    /// `held` are the numbers, from 0, of the costates that are held; with the fast directions they must add up to n.
+    ///
+    /// By default Newton's method to 1e-8 rad in at most 30 iterations for each averaging time.
+    pub fn try_new<const N: usize>(
+        direction: TimeDirection,
+        dims: SplittingDims,
+        held: &[usize],
+        schedule: Schedule,
+    ) -> Result<Self, PlacementError> {
+        dims.check::<N>()?;
+        let n = N / 2;
+        for (i, &h) in held.iter().enumerate() {
+            if h >= n || held[..i].contains(&h) {
+                let allowed = "different numbers of costates";
+                return Err(PlacementError::Argument { argument: "held", allowed, found: h as f64 });
+            }
+        }
+        let fast = dims.expanding(direction);
+        if held.len() + fast != n {
+            return Err(PlacementError::Held { held: held.len(), fast, expected: n });
+        }
+        let held = held.to_vec();
+        Ok(Self {
+            direction,
+            dims,
+            held,
+            schedule,
+            method: Method::Newton,
+            tolerance: 1e-8,
+            max_iterations: 30,
+        })
+    }
+
+    /// With another method.
+    pub fn with_method(self, method: Method) -> Self {
+        Self { method, ..self }
+    }
+
+    /// Direction in time.
+    pub fn direction(&self) -> TimeDirection {
+        self.direction
+    }
+
+    /// The costates held, by number from 0.
+    pub fn held(&self) -> &[usize] {
+        &self.held
+    }
+
+    /// The same with only the last averaging time and at most ten iterations, for points that are near the manifold
+    /// already.
+    pub fn without_schedule(&self) -> Self {
+        let last = self.schedule.0[self.schedule.0.len() - 1];
+        Self { schedule: Schedule(vec![last]), max_iterations: self.max_iterations.min(10), ..self.clone() }
+    }
+
+    /// Places `p`.
+    pub fn place<S: VectorField<N>, const N: usize>(
+        &self,
+        flow: &VariationalFlow<'_, S, N>,
+        p: &SVector<f64, N>,
+    ) -> Placed<N> {
+        let solved = (0..N / 2).filter(|i| !self.held.contains(i)).map(|i| N / 2 + i).collect();
+        let mut search = Search { placement: self, flow, solved, iterations: 0, flow_evaluations: 0 };
+        let mut placed = Placed {
+            p: *p,
+            status: PlacementStatus::Placed,
+            angle: f64::NAN,
+            time: 0.0,
+            spectrum: None,
+            iterations: 0,
+            flow_evaluations: 0,
+        };
+        'times: for &time in &self.schedule.0 {
+            let mut target = time;
+            let mut halvings = 0;
+            loop {
+                let attempt = search.at(&placed.p, target);
+                if attempt.status == PlacementStatus::Placed {
+                    placed = attempt;
+                    if target == time {
+                        break;
+                    }
+                    target = time;
+                } else if placed.time > 0.0 && halvings < HALVINGS {
+                    halvings += 1;
+                    target = 0.5 * (placed.time + target);
+                } else {
+                    // the last point placed, or the best of the first attempt
+                    placed =
+                        if placed.time > 0.0 { Placed { status: attempt.status, ..placed } } else { attempt };
+                    break 'times;
+                }
+            }
+        }
+        Placed { iterations: search.iterations, flow_evaluations: search.flow_evaluations, ..placed }
+    }
+}
+
+/// Every choice of costates to hold, best first, with the smallest singular value of the fast directions' components along
+/// the costates solved for: near zero where these cannot move the field out of the fast directions (10.1).
+pub fn rank_held_costates<const N: usize>(slow: &Subspace<N>) -> Vec<(Vec<usize>, f64)> {
+    let (n, fast) = (N / 2, slow.complement());
+    let basis: Vec<_> = fast.basis().collect();
+    if basis.len() > n {
+        return Vec::new();
+    }
+    let choices = (0u32..1 << n).filter(|bits| bits.count_ones() as usize == basis.len());
+    let mut ranked: Vec<(Vec<usize>, f64)> = choices
+        .map(|bits| {
+            let (solved, held): (Vec<usize>, Vec<usize>) = (0..n).partition(|i| bits >> i & 1 == 1);
+            let part = DMatrix::from_fn(basis.len(), basis.len(), |i, j| basis[i][n + solved[j]]);
+            let smallest = part.singular_values().iter().copied().fold(f64::INFINITY, f64::min);
+            (held, smallest)
+        })
+        .collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ranked
+}

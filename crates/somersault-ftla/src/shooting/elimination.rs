@@ -1,0 +1,186 @@
+//! The linear system of multiple shooting, by orthogonal elimination from the left.
+//!
+//! Unknown are the corrections δ₀ … δ_K; given C₀δ₀ = b₀ (n rows), Φ_kδ_k − δ_{k+1} = r_k and C_Kδ_K = b_K (n rows). With
+//! n rows known of δ_k,
+//!
+//! ```text
+//! ( C_k  0 )        ( R  E       )
+//! ( Φ_k −1 )  =  Q  ( 0  C_{k+1} )
+//! ```
+//! leaves n rows on δ_{k+1}. Householder reflections keep growing and decaying directions apart whatever Φ_k does, which a
+//! product of the Φ_k does not: S. J. Wright, *Stable parallel algorithms for two-point boundary value problems*, SIAM J.
+//! Sci. Stat. Comput. 13 (1992). Cost O(K N³).
+
+use super::End;
+use crate::flow::Transition;
+use nalgebra::SVector;
+
+/// The factorisation; kept, so that several right-hand sides can be solved.
+#[derive(Debug, Default)]
+pub(super) struct Elimination<const N: usize> {
+    /// For each interval, n + N rows by 2N columns, column by column: reflectors and R, then E over C.
+    blocks: Vec<f64>,
+    /// 2/vᵀv of each reflector.
+    scales: Vec<f64>,
+    /// The last N by N block, with its reflectors.
+    last: Vec<f64>,
+    last_scales: Vec<f64>,
+    ends: Option<[End<N>; 2]>,
+    rhs: Vec<f64>,
+    intervals: usize,
+}
+
+/// A diagonal entry of R below rounding: the boundary values do not determine the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Singular;
+
+impl<const N: usize> Elimination<N> {
+    const ROWS: usize = N + N / 2;
+
+    pub(super) fn factor(&mut self, links: &[Transition<N>], ends: &[End<N>; 2]) -> Result<(), Singular> {
+        let (n, rows) = (N / 2, Self::ROWS);
+        let size = rows * 2 * N;
+        self.intervals = links.len();
+        self.ends = Some(*ends);
+        self.blocks.clear();
+        self.blocks.resize(links.len() * size, 0.0);
+        self.scales.clear();
+        self.scales.resize(links.len() * N, 0.0);
+        let mut known = vec![0.0; n * N];
+        for i in 0..n {
+            known[ends[0].columns[i] * n + i] = 1.0;
+        }
+        for (k, link) in links.iter().enumerate() {
+            let block = &mut self.blocks[k * size..(k + 1) * size];
+            for j in 0..N {
+                let column = &mut block[j * rows..(j + 1) * rows];
+                column[..n].copy_from_slice(&known[j * n..(j + 1) * n]);
+                column[n..].copy_from_slice(link.matrix.column(j).as_slice());
+                block[(N + j) * rows + n + j] = -1.0;
+            }
+            triangularise(block, rows, N, 2 * N, &mut self.scales[k * N..(k + 1) * N])?;
+            for j in 0..N {
+                known[j * n..(j + 1) * n].copy_from_slice(&block[(N + j) * rows + N..(N + j + 1) * rows]);
+            }
+        }
+        self.last.clear();
+        self.last.resize(N * N, 0.0);
+        self.last_scales.clear();
+        self.last_scales.resize(N, 0.0);
+        for j in 0..N {
+            self.last[j * N..j * N + n].copy_from_slice(&known[j * n..(j + 1) * n]);
+        }
+        for i in 0..n {
+            self.last[ends[1].columns[i] * N + n + i] = 1.0;
+        }
+        triangularise(&mut self.last, N, N, N, &mut self.last_scales)
+    }
+
+    /// Corrections for the defects `defect` and the boundary residuals of `first` and `last`, such that nodes plus
+    /// corrections solve the linearised equations.
+    pub(super) fn solve(
+        &mut self,
+        defects: &[SVector<f64, N>],
+        first: &SVector<f64, N>,
+        last: &SVector<f64, N>,
+        out: &mut Vec<SVector<f64, N>>,
+    ) {
+        let (n, rows) = (N / 2, Self::ROWS);
+        let (size, intervals) = (rows * 2 * N, self.intervals);
+        let Some(ends) = &self.ends else { return };
+        self.rhs.clear();
+        self.rhs.resize(intervals * N, 0.0);
+        let mut known = vec![0.0; rows];
+        for i in 0..n {
+            known[i] = ends[0].values[i] - first[ends[0].columns[i]];
+        }
+        for k in 0..intervals {
+            let block = &self.blocks[k * size..(k + 1) * size];
+            for i in 0..N {
+                known[n + i] = -defects[k][i];
+            }
+            reflect(block, rows, &self.scales[k * N..(k + 1) * N], &mut known);
+            self.rhs[k * N..(k + 1) * N].copy_from_slice(&known[..N]);
+            known.copy_within(N.., 0);
+        }
+        for i in 0..n {
+            known[n + i] = ends[1].values[i] - last[ends[1].columns[i]];
+        }
+        let mut tail = known[..N].to_vec();
+        reflect(&self.last, N, &self.last_scales, &mut tail);
+        out.clear();
+        out.resize(intervals + 1, SVector::zeros());
+        let mut next = SVector::<f64, N>::from_column_slice(&tail);
+        back_substitute(&self.last, N, &mut next);
+        out[intervals] = next;
+        for k in (0..intervals).rev() {
+            let block = &self.blocks[k * size..(k + 1) * size];
+            let mut delta = SVector::<f64, N>::from_column_slice(&self.rhs[k * N..(k + 1) * N]);
+            for j in 0..N {
+                let coupling = &block[(N + j) * rows..(N + j) * rows + N];
+                for i in 0..N {
+                    delta[i] -= coupling[i] * next[j];
+                }
+            }
+            back_substitute(block, rows, &mut delta);
+            out[k] = delta;
+            next = delta;
+        }
+    }
+}
+
+/// Householder reflections on the first `pivots` of `columns` columns. The reflectors take the place of what they remove;
+/// their first entries are moved aside, the diagonal of R is stored in their place, and `scales` holds what applies them.
+fn triangularise(
+    block: &mut [f64],
+    rows: usize,
+    pivots: usize,
+    columns: usize,
+    scales: &mut [f64],
+) -> Result<(), Singular> {
+    for j in 0..pivots {
+        let (head, tail) = block.split_at_mut((j + 1) * rows);
+        let pivot = &mut head[j * rows..];
+        let norm = pivot[j..].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let size = pivot.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if norm.is_nan() || norm <= 1e-15 * size {
+            return Err(Singular);
+        }
+        let diagonal = -norm.copysign(pivot[j]);
+        // v normalised to a first entry of one needs no room for it
+        let first = pivot[j] - diagonal;
+        pivot[j + 1..].iter_mut().for_each(|x| *x /= first);
+        scales[j] = -first / diagonal;
+        pivot[j] = diagonal;
+        for column in tail.chunks_exact_mut(rows).take(columns - j - 1) {
+            apply(&pivot[j + 1..], scales[j], &mut column[j..]);
+        }
+    }
+    Ok(())
+}
+
+/// x −= s v (vᵀx) with v = (1, `rest`).
+#[inline(always)]
+fn apply(rest: &[f64], scale: f64, x: &mut [f64]) {
+    let dot = x[0] + rest.iter().zip(&x[1..]).map(|(v, x)| v * x).sum::<f64>();
+    let factor = scale * dot;
+    x[0] -= factor;
+    for (v, x) in rest.iter().zip(&mut x[1..]) {
+        *x -= factor * v;
+    }
+}
+
+fn reflect(block: &[f64], rows: usize, scales: &[f64], x: &mut [f64]) {
+    for (j, &scale) in scales.iter().enumerate() {
+        apply(&block[j * rows + j + 1..(j + 1) * rows], scale, &mut x[j..]);
+    }
+}
+
+fn back_substitute<const N: usize>(block: &[f64], rows: usize, x: &mut SVector<f64, N>) {
+    for j in (0..N).rev() {
+        x[j] /= block[j * rows + j];
+        for i in 0..j {
+            x[i] -= block[j * rows + i] * x[j];
+        }
+    }
+}

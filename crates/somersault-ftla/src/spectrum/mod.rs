@@ -1,0 +1,243 @@
+//! Finite-time Lyapunov exponents and vectors, and the splittings they define (thesis 9).
+//!
+//! With Φ(T, p) = N Σ Lᵀ and σᵢ = e^{μᵢT} the exponents are μᵢ = ln σᵢ / T and the vectors the columns of L. Columns are
+//! counted from the most stable to the most unstable direction of forward time: exponents ascend forward, and descend
+//! backward, where l₁⁻ is the direction of largest backward stretch.
+//!
+//! | Subspace | Spanned by | |
+//! |---|---|---|
+//! | E^s | l₁⁺ … l⁺_{n^s} | (9.5) |
+//! | E^cs | l₁⁺ … l⁺_{n^s+n^c} | (9.6) |
+//! | E^c | E^cs ∩ E^cu | (9.7) |
+//! | E^cu | l⁻_{n^s+1} … l⁻_{2n} | (9.8) |
+//! | E^u | l⁻_{n^s+n^c+1} … l⁻_{2n} | (9.9) |
+
+mod diagnosis;
+mod product;
+mod subspace;
+
+pub use diagnosis::{Diagnosis, diagnose};
+pub use subspace::Subspace;
+
+use crate::flow::{Chain, FlowError, Transition, VariationalFlow};
+use crate::system::VectorField;
+use nalgebra::{SMatrix, SVector};
+
+/// The direction in which a motion is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeDirection {
+    /// From t₀ on: expanding directions are unstable.
+    Forward,
+    /// From t_f back: expanding directions are stable.
+    Backward,
+}
+
+impl TimeDirection {
+    /// 1 forward, −1 backward.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Forward => 1.0,
+            Self::Backward => -1.0,
+        }
+    }
+}
+
+/// Growth or decay at which a factor ends: four digits are lost in it.
+const GROWTH: f64 = 1e2;
+
+/// Exponents and vectors at one point for one averaging time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spectrum<const N: usize> {
+    /// Direction in time.
+    pub direction: TimeDirection,
+    /// The averaging time T > 0.
+    pub time: f64,
+    /// μᵢ, ascending forward and descending backward.
+    pub exponents: SVector<f64, N>,
+    /// lᵢ as columns, orthonormal.
+    pub vectors: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> Spectrum<N> {
+    /// From the factors of Φ in the order of time; the sign of their durations gives the direction.
+    ///
+    /// Exponents are right to about ε Σ κ(Φ_k)/T, however far apart they are. The factors of a motion known by its nodes
+    /// ([`Extremal::links`](crate::shooting::Extremal)) serve as well as those of one run.
+    pub fn of_factors(links: &[Transition<N>]) -> Self {
+        let duration: f64 = links.iter().map(|link| link.duration).sum();
+        let (logs, vectors) = product::decompose(links);
+        let time = duration.abs();
+        if duration < 0.0 {
+            let exponents = logs / time;
+            return Self { direction: TimeDirection::Backward, time, exponents, vectors };
+        }
+        Self {
+            direction: TimeDirection::Forward,
+            time,
+            exponents: SVector::from_fn(|i, _| logs[N - 1 - i] / time),
+            vectors: SMatrix::from_fn(|i, j| vectors[(i, N - 1 - j)]),
+        }
+    }
+
+    /// max |μᵢ + μ_{2n+1−i}|: zero for a Hamiltonian system.
+    pub fn pairing_defect(&self) -> f64 {
+        (0..N / 2).fold(0.0, |m: f64, i| m.max((self.exponents[i] + self.exponents[N - 1 - i]).abs()))
+    }
+
+    /// The exponents in forward order, ascending, whatever the direction: backward ones with their sign changed.
+    pub fn rates(&self) -> SVector<f64, N> {
+        self.exponents * self.direction.sign()
+    }
+}
+
+/// Spectra at `p` for all averaging times `times` > 0, ascending, from one run.
+pub fn spectra<S: VectorField<N>, const N: usize>(
+    flow: &VariationalFlow<'_, S, N>,
+    p: &SVector<f64, N>,
+    direction: TimeDirection,
+    times: &[f64],
+) -> Result<Vec<Spectrum<N>>, FlowError> {
+    let signed: Vec<f64> = times.iter().map(|t| t * direction.sign()).collect();
+    if let Some(&found) = times.iter().find(|t| t.is_nan() || **t <= 0.0) {
+        return Err(FlowError::Argument { argument: "times", allowed: "positive", found });
+    }
+    let mut chain = Chain::new();
+    flow.chain_into(p, &signed, GROWTH, &mut chain)?;
+    Ok((0..times.len()).map(|mark| Spectrum::of_factors(chain.until(mark))).collect())
+}
+
+/// The spectrum at `p` for one averaging time.
+pub fn spectrum<S: VectorField<N>, const N: usize>(
+    flow: &VariationalFlow<'_, S, N>,
+    p: &SVector<f64, N>,
+    direction: TimeDirection,
+    time: f64,
+) -> Result<Spectrum<N>, FlowError> {
+    if time.is_nan() || time <= 0.0 {
+        return Err(FlowError::Argument { argument: "time", allowed: "positive", found: time });
+    }
+    let mut chain = Chain::new();
+    flow.chain_into(p, &[time * direction.sign()], GROWTH, &mut chain)?;
+    Ok(Spectrum::of_factors(chain.links()))
+}
+
+/// Why there is no splitting.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SpectrumError {
+    /// Dimensions do not add up to that of the space.
+    #[error("the dimensions {stable} + {center} + {unstable} must add up to {expected}")]
+    Dimensions {
+        /// n^s.
+        stable: usize,
+        /// n^c.
+        center: usize,
+        /// n^u.
+        unstable: usize,
+        /// 2n.
+        expected: usize,
+    },
+    /// A spectrum is of the other direction.
+    #[error("`{argument}` must be a spectrum of the other direction in time")]
+    Direction {
+        /// Name of the argument.
+        argument: &'static str,
+    },
+    /// There is nothing to diagnose.
+    #[error("`spectra` must have at least one entry")]
+    Empty,
+}
+
+/// (n^s, n^c, n^u).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SplittingDims {
+    /// Fast contracting directions.
+    pub stable: usize,
+    /// Directions of slow rates.
+    pub center: usize,
+    /// Fast expanding directions.
+    pub unstable: usize,
+}
+
+impl SplittingDims {
+    /// Fails unless the three add up to `N`.
+    pub fn check<const N: usize>(self) -> Result<Self, SpectrumError> {
+        let Self { stable, center, unstable } = self;
+        if stable + center + unstable == N {
+            Ok(self)
+        } else {
+            Err(SpectrumError::Dimensions { stable, center, unstable, expected: N })
+        }
+    }
+
+    /// How many directions expand fast in a direction of time.
+    pub fn expanding(self, direction: TimeDirection) -> usize {
+        match direction {
+            TimeDirection::Forward => self.unstable,
+            TimeDirection::Backward => self.stable,
+        }
+    }
+}
+
+/// The directions that do not expand fast: E^cs of a forward spectrum, E^cu of a backward one.
+pub fn slow_subspace<const N: usize>(spectrum: &Spectrum<N>, dims: SplittingDims) -> Subspace<N> {
+    match spectrum.direction {
+        TimeDirection::Forward => Subspace::of_columns(&spectrum.vectors, 0..dims.stable + dims.center),
+        TimeDirection::Backward => Subspace::of_columns(&spectrum.vectors, dims.stable..N),
+    }
+}
+
+/// The subspaces at a point from which motions were followed both ways.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Splitting<const N: usize> {
+    dims: SplittingDims,
+    forward: Spectrum<N>,
+    backward: Spectrum<N>,
+}
+
+impl<const N: usize> Splitting<N> {
+    /// From spectra at the same point.
+    pub fn try_new(
+        dims: SplittingDims,
+        forward: Spectrum<N>,
+        backward: Spectrum<N>,
+    ) -> Result<Self, SpectrumError> {
+        if forward.direction != TimeDirection::Forward {
+            return Err(SpectrumError::Direction { argument: "forward" });
+        }
+        if backward.direction != TimeDirection::Backward {
+            return Err(SpectrumError::Direction { argument: "backward" });
+        }
+        Ok(Self { dims: dims.check::<N>()?, forward, backward })
+    }
+
+    /// (n^s, n^c, n^u).
+    pub fn dims(&self) -> SplittingDims {
+        self.dims
+    }
+
+    /// E^s (9.5).
+    pub fn stable(&self) -> Subspace<N> {
+        Subspace::of_columns(&self.forward.vectors, 0..self.dims.stable)
+    }
+
+    /// E^cs (9.6).
+    pub fn center_stable(&self) -> Subspace<N> {
+        slow_subspace(&self.forward, self.dims)
+    }
+
+    /// E^c (9.7).
+    pub fn center(&self) -> Subspace<N> {
+        self.center_stable().intersection(&self.center_unstable())
+    }
+
+    /// E^cu (9.8).
+    pub fn center_unstable(&self) -> Subspace<N> {
+        slow_subspace(&self.backward, self.dims)
+    }
+
+    /// E^u (9.9).
+    pub fn unstable(&self) -> Subspace<N> {
+        Subspace::of_columns(&self.backward.vectors, self.dims.stable + self.dims.center..N)
+    }
+}

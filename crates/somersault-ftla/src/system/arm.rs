@@ -1,0 +1,249 @@
+//! Minimum-torque motions of the two-link arm (thesis 8.2, 8.3), field and Jacobian in closed form.
+//!
+//! x = (θ₁, θ₂, θ̇₁, θ̇₂) and M(θ₂) q̈ + C(θ₂, q̇) = u as in [`somersault_multibody::models::TwoLinkArm`], that is (8.2) with
+//! M₁₂ corrected; ℓ = ½ (γ₁u₁² + γ₂u₂²). With μ = M⁻¹λ_v, W = M⁻¹ and α = W(u − C):
+//!
+//! ```text
+//! u* = −μ/γ, cut off at the limits,   q̈ = α,
+//! λ̇_θ₁ = 0,   λ̇_θ₂ = μᵀ(M'α + C_θ),   λ̇_v = −λ_q + C_vᵀμ.
+//! ```
+//! The Jacobian follows from μ_θ = −WM'μ, α_θ = W(u_θ − C_θ − M'α), α_v = −WC_v, α_λ = W u_μ W; where a limit acts u does
+//! not vary, so that the field has a kink there and the Jacobian a jump.
+
+use super::{
+    HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls, expect_positive,
+};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use somersault_multibody::models::TwoLinkArm;
+
+/// The state–costate system of the arm, p = (θ₁, θ₂, θ̇₁, θ̇₂, λ₁, …, λ₄).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArmMinimumTorque {
+    arm: TwoLinkArm,
+    weights: [f64; 2],
+    limits: [f64; 2],
+    /// M = (a + 2b cos θ₂, d + b cos θ₂; ·, d).
+    inertia: [f64; 3],
+}
+
+/// What field and Jacobian share.
+struct Pose {
+    b_cos: f64,
+    b_sin: f64,
+    /// M⁻¹.
+    inverse: Matrix2<f64>,
+    /// M'(θ₂) α.
+    turned: Vector2<f64>,
+    c_angle: Vector2<f64>,
+    c_rate: Matrix2<f64>,
+    mu: Vector2<f64>,
+    torque: Vector2<f64>,
+    /// −∂u/∂μ.
+    compliance: Vector2<f64>,
+    acceleration: Vector2<f64>,
+}
+
+impl Default for ArmMinimumTorque {
+    /// The arm of Table 8.1 with γ = (1, 0.5), without limits.
+    fn default() -> Self {
+        Self::new_unchecked(TwoLinkArm::default(), [1.0, 0.5])
+    }
+}
+
+impl ArmMinimumTorque {
+    /// `weights` are γ₁ and γ₂. Masses, lengths and weights must be positive, friction not negative.
+    pub fn try_new(arm: TwoLinkArm, weights: [f64; 2]) -> Result<Self, SystemError> {
+        for i in 0..2 {
+            expect_positive("masses", arm.masses[i])?;
+            expect_positive("lengths", arm.lengths[i])?;
+            expect_positive("weights", weights[i])?;
+            if !(arm.damping[i] >= 0.0 && arm.damping[i].is_finite()) {
+                let found = arm.damping[i];
+                return Err(SystemError::Parameter {
+                    argument: "damping",
+                    allowed: "finite and not negative",
+                    found,
+                });
+            }
+        }
+        Ok(Self::new_unchecked(arm, weights))
+    }
+
+    /// Bounds |uᵢ| by `limits`, N m; infinite for none.
+    pub fn try_with_torque_limits(self, limits: [f64; 2]) -> Result<Self, SystemError> {
+        for &found in &limits {
+            if found.is_nan() || found <= 0.0 {
+                return Err(SystemError::Parameter { argument: "limits", allowed: "positive", found });
+            }
+        }
+        Ok(Self { limits, ..self })
+    }
+
+    fn new_unchecked(arm: TwoLinkArm, weights: [f64; 2]) -> Self {
+        let TwoLinkArm { masses: [m1, m2], lengths: [l1, l2], .. } = arm;
+        let d = m2 * l2 * l2 / 3.0;
+        let inertia = [(m1 / 3.0 + m2) * l1 * l1 + d, 0.5 * m2 * l1 * l2, d];
+        Self { arm, weights, limits: [f64::INFINITY; 2], inertia }
+    }
+
+    /// The arm.
+    pub fn arm(&self) -> &TwoLinkArm {
+        &self.arm
+    }
+
+    /// γ₁ and γ₂.
+    pub fn weights(&self) -> [f64; 2] {
+        self.weights
+    }
+
+    /// The bounds of |u₁| and |u₂|.
+    pub fn torque_limits(&self) -> [f64; 2] {
+        self.limits
+    }
+
+    #[inline(always)]
+    fn pose(&self, p: &SVector<f64, 8>) -> Pose {
+        let [a, b, d] = self.inertia;
+        let (sin, cos) = p[1].sin_cos();
+        let (b_sin, b_cos) = (b * sin, b * cos);
+        let (w1, w2) = (p[2], p[3]);
+        let (m11, m12) = (a + 2.0 * b_cos, d + b_cos);
+        let inverse = Matrix2::new(d, -m12, -m12, m11) / (m11 * d - m12 * m12);
+        let mu = inverse * Vector2::new(p[6], p[7]);
+        let (mut torque, mut compliance) = (Vector2::zeros(), Vector2::zeros());
+        for i in 0..2 {
+            let free = -mu[i] / self.weights[i];
+            torque[i] = free.clamp(-self.limits[i], self.limits[i]);
+            compliance[i] = if torque[i] == free { 1.0 / self.weights[i] } else { 0.0 };
+        }
+        let [c1, c2] = self.arm.damping;
+        let (swing, square) = (w2 * (2.0 * w1 + w2), w1 * w1);
+        let c = Vector2::new(-b_sin * swing + c1 * w1, b_sin * square + c2 * w2);
+        let acceleration = inverse * (torque - c);
+        Pose {
+            b_cos,
+            b_sin,
+            inverse,
+            turned: Vector2::new(2.0 * acceleration.x + acceleration.y, acceleration.x) * -b_sin,
+            c_angle: Vector2::new(-swing, square) * b_cos,
+            c_rate: Matrix2::new(c1 - 2.0 * b_sin * w2, -2.0 * b_sin * (w1 + w2), 2.0 * b_sin * w1, c2),
+            mu,
+            torque,
+            compliance,
+            acceleration,
+        }
+    }
+
+    #[inline(always)]
+    fn field_at(pose: &Pose, p: &SVector<f64, 8>) -> SVector<f64, 8> {
+        let rate = pose.c_rate.tr_mul(&pose.mu);
+        let turn = pose.mu.dot(&(pose.turned + pose.c_angle));
+        let a = &pose.acceleration;
+        SVector::from([p[2], p[3], a.x, a.y, 0.0, turn, rate.x - p[4], rate.y - p[5]])
+    }
+
+    #[inline(always)]
+    fn jacobian_at(pose: &Pose, p: &SVector<f64, 8>) -> SMatrix<f64, 8, 8> {
+        let Pose {
+            b_cos, b_sin, inverse, turned, c_angle, c_rate, mu, compliance, acceleration: acc, ..
+        } = pose;
+        let (w1, w2) = (p[2], p[3]);
+        let slope = |x: &Vector2<f64>| Vector2::new(2.0 * x.x + x.y, x.x) * -b_sin;
+        let mu_angle = -(inverse * slope(mu));
+        let acc_angle = inverse * (-compliance.component_mul(&mu_angle) - c_angle - turned);
+        let acc_rate = -(inverse * c_rate);
+        let acc_costate = -(inverse * Matrix2::from_diagonal(compliance) * inverse);
+        // second derivatives of −H by (θ₂, q̇)
+        let swing = w2 * (2.0 * w1 + w2);
+        let bent = Vector2::new(2.0 * acc.x + acc.y, acc.x) * -b_cos;
+        let c_bent = Vector2::new(swing, -w1 * w1) * *b_sin;
+        let turn_angle = mu_angle.dot(&(turned + c_angle)) + mu.dot(&(bent + slope(&acc_angle) + c_bent));
+        let c_rate_angle = Matrix2::new(-2.0 * w2, -2.0 * (w1 + w2), 2.0 * w1, 0.0) * *b_cos;
+        let rate_angle = c_rate_angle.tr_mul(mu) + c_rate.tr_mul(&mu_angle);
+        let mixed = -2.0 * b_sin * mu.x;
+
+        let mut d = SMatrix::zeros();
+        d[(0, 2)] = 1.0;
+        d[(1, 3)] = 1.0;
+        d[(6, 4)] = -1.0;
+        d[(7, 5)] = -1.0;
+        d[(5, 1)] = turn_angle;
+        d[(6, 2)] = 2.0 * b_sin * mu.y;
+        d[(6, 3)] = mixed;
+        d[(7, 2)] = mixed;
+        d[(7, 3)] = mixed;
+        for i in 0..2 {
+            d[(2 + i, 1)] = acc_angle[i];
+            d[(5, 6 + i)] = -acc_angle[i];
+            d[(5, 2 + i)] = rate_angle[i];
+            d[(6 + i, 1)] = rate_angle[i];
+            for j in 0..2 {
+                d[(2 + i, 2 + j)] = acc_rate[(i, j)];
+                d[(6 + j, 6 + i)] = -acc_rate[(i, j)];
+                d[(2 + i, 6 + j)] = acc_costate[(i, j)];
+            }
+        }
+        d
+    }
+}
+
+impl VectorField<8> for ArmMinimumTorque {
+    #[inline]
+    fn field(&self, p: &SVector<f64, 8>) -> SVector<f64, 8> {
+        Self::field_at(&self.pose(p), p)
+    }
+
+    #[inline]
+    fn jacobian(&self, p: &SVector<f64, 8>) -> SMatrix<f64, 8, 8> {
+        Self::jacobian_at(&self.pose(p), p)
+    }
+
+    #[inline(always)]
+    fn linearize(&self, p: &SVector<f64, 8>) -> (SVector<f64, 8>, SMatrix<f64, 8, 8>) {
+        let pose = self.pose(p);
+        (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
+    }
+
+    /// Columns 1, 5 and 6 of D hold nothing but ∂λ̇_v/∂λ_q = −1.
+    #[inline(always)]
+    fn tangent(&self, d: &SMatrix<f64, 8, 8>, phi: &SMatrix<f64, 8, 8>, out: &mut SMatrix<f64, 8, 8>) {
+        for c in 0..8 {
+            let column = &phi.data.0[c];
+            let mut sum = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -column[4], -column[5]];
+            for k in [1, 2, 3, 6, 7] {
+                for i in 0..8 {
+                    sum[i] += column[k] * d.data.0[k][i];
+                }
+            }
+            out.data.0[c] = sum;
+        }
+    }
+}
+
+impl HamiltonianSystem<8> for ArmMinimumTorque {
+    fn hamiltonian(&self, p: &SVector<f64, 8>) -> f64 {
+        let pose = self.pose(p);
+        p[4] * p[2]
+            + p[5] * p[3]
+            + p[6] * pose.acceleration.x
+            + p[7] * pose.acceleration.y
+            + self.running_cost(p)
+    }
+}
+
+impl OptimalControlSystem<8> for ArmMinimumTorque {
+    fn n_controls(&self) -> usize {
+        2
+    }
+
+    fn control_into(&self, p: &SVector<f64, 8>, u: &mut [f64]) -> Result<(), SystemError> {
+        expect_controls(u, 2)?;
+        u.copy_from_slice(self.pose(p).torque.as_slice());
+        Ok(())
+    }
+
+    fn running_cost(&self, p: &SVector<f64, 8>) -> f64 {
+        let torque = self.pose(p).torque;
+        0.5 * (self.weights[0] * torque.x * torque.x + self.weights[1] * torque.y * torque.y)
+    }
+}

@@ -1,0 +1,152 @@
+//! Vector fields, Hamiltonian systems, and the state–costate systems of optimal control.
+//!
+//! Minimise ∫ ℓ(x, u) dt subject to ẋ = f(x, u). With K(x, λ, u) = λᵀf + ℓ and u* = argmin K the extremals obey (8.9)
+//!
+//! ```text
+//! ẋ = ∂H*/∂λ = f(x, u*),   λ̇ = −∂H*/∂x = −∂K/∂x,   H*(x, λ) = K(x, λ, u*)
+//! ```
+//! for p = (x, λ). The running cost carries its ½ (thesis (8.7) and appendix H; the Hamiltonian printed in 8.3 lacks it).
+
+mod arm;
+mod scalar;
+mod state_costate;
+mod tree;
+
+pub use arm::ArmMinimumTorque;
+pub use scalar::{CubicRegulator, LinearRegulator};
+pub use state_costate::{ControlProblem, StateCostate};
+pub use tree::TreeMinimumTorque;
+
+use nalgebra::{SMatrix, SVector};
+use somersault_multibody::{DynamicsError, ModelError};
+
+/// Why a system has no value at a point, or cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SystemError {
+    /// A parameter is outside of its range.
+    #[error("`{argument}` must be {allowed}, found {found}")]
+    Parameter {
+        /// Name of the parameter.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// Dimensions do not add up.
+    #[error("`{argument}` must have {expected} entries, found {found}")]
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Entries expected.
+        expected: usize,
+        /// Entries found.
+        found: usize,
+    },
+    /// ∂²K/∂u² is not positive definite, so that no control minimises K.
+    #[error("the control Hessian must be positive definite, found pivot {pivot:e} for control {control}")]
+    SingularControlHessian {
+        /// The control whose pivot fails.
+        control: usize,
+        /// Pivot of the Cholesky factorisation.
+        pivot: f64,
+    },
+    /// The minimisation over the controls did not converge.
+    #[error(
+        "the minimisation over the controls stopped at a gradient of {gradient:e} after {iterations} iterations"
+    )]
+    ControlNotConverged {
+        /// Largest entry of the gradient over the free controls.
+        gradient: f64,
+        /// Iterations made.
+        iterations: usize,
+    },
+    /// Dynamics or cost are NaN or infinite at a finite point.
+    #[error("dynamics or running cost are not finite at this point")]
+    NonFinite,
+    /// A joint of the tree is not of one degree of freedom with its angle or length as coordinate.
+    #[error("joint `{joint}` must have one coordinate and one degree of freedom")]
+    Joint {
+        /// Name of the body that the joint carries.
+        joint: String,
+    },
+    /// The model cannot be built.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The dynamics of the tree fail.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+}
+
+/// An autonomous field ṗ = h(p) with its Jacobian.
+///
+/// Where the field has no value it returns NaN, and [`fault`](Self::fault) says why.
+pub trait VectorField<const N: usize> {
+    /// h(p).
+    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N>;
+
+    /// D = ∂h/∂p.
+    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N>;
+
+    /// Field and Jacobian at once, for systems in which they share work.
+    #[inline(always)]
+    fn linearize(&self, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        (self.field(p), self.jacobian(p))
+    }
+
+    /// D Φ into `out`. For systems that know where D is zero; the default does not.
+    #[inline(always)]
+    fn tangent(&self, d: &SMatrix<f64, N, N>, phi: &SMatrix<f64, N, N>, out: &mut SMatrix<f64, N, N>) {
+        for c in 0..N {
+            let column = &phi.data.0[c];
+            let mut sum = [0.0; N];
+            for k in 0..N {
+                for i in 0..N {
+                    sum[i] += column[k] * d.data.0[k][i];
+                }
+            }
+            out.data.0[c] = sum;
+        }
+    }
+
+    /// Why there is no value at `p`, if there is none.
+    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
+        let finite = self.field(p).iter().all(|h| h.is_finite());
+        (!finite).then_some(SystemError::NonFinite)
+    }
+}
+
+/// A field h = J ∇H with J = (0, 1; −1, 0): its flow conserves H and its transition matrices are symplectic.
+pub trait HamiltonianSystem<const N: usize>: VectorField<N> {
+    /// H(p).
+    fn hamiltonian(&self, p: &SVector<f64, N>) -> f64;
+}
+
+/// The state–costate system of an optimal control problem.
+pub trait OptimalControlSystem<const N: usize>: HamiltonianSystem<N> {
+    /// Number of controls.
+    fn n_controls(&self) -> usize;
+
+    /// Writes the optimal control u*(p) to `u`, of [`n_controls`](Self::n_controls) entries.
+    fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError>;
+
+    /// ℓ at the optimal control.
+    fn running_cost(&self, p: &SVector<f64, N>) -> f64;
+}
+
+fn expect_controls(u: &[f64], expected: usize) -> Result<(), SystemError> {
+    if u.len() == expected {
+        Ok(())
+    } else {
+        Err(SystemError::Length { argument: "u", expected, found: u.len() })
+    }
+}
+
+fn expect_positive(argument: &'static str, found: f64) -> Result<(), SystemError> {
+    if found > 0.0 && found.is_finite() {
+        Ok(())
+    } else {
+        Err(SystemError::Parameter { argument, allowed: "positive and finite", found })
+    }
+}

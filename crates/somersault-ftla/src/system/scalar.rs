@@ -1,0 +1,79 @@
+//! Two scalar problems of the literature with two-timescale extremals: minimise ½ ∫ x² + u² dt.
+//!
+//! **ẋ = −x + u.** u* = −λ, λ̇ = −x + λ: linear with rates ±√2. On the stable direction λ = (√2 − 1) x, on the unstable
+//! one λ = −(√2 + 1) x.
+//!
+//! **ẋ = −x³ + u.** u* = −λ, λ̇ = −x + 3x²λ, H* = ½(x² − λ²) − λx³, so that (λ + x³)² = x² + x⁶ − 2H*. The manifolds of
+//! the equilibrium have H* = 0: stable λ = −x³ + x√(1 + x⁴), unstable λ = −x³ − x√(1 + x⁴). With λ = ∂V/∂x the cost of
+//! coming from x₀ to rest is V = −x₀⁴/4 + ½ A(x₀²), that of leaving rest for x_f is x_f⁴/4 + ½ A(x_f²), where
+//! A(y) = ∫₀^y √(1 + s²) ds = ½ (y√(1 + y²) + arsinh y). On a long horizon the cost is their sum up to terms of size e^−2T.
+//!
+//! Source: A. V. Rao and K. D. Mease, *Eigenvector approximate dichotomic basis method for solving hyper-sensitive
+//! optimal control problems*, Optimal Control Applications and Methods 21 (2000).
+
+use super::{HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls};
+use nalgebra::{Matrix2, Vector2};
+
+/// ẋ = −x + u with cost ½ ∫ x² + u² dt.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LinearRegulator;
+
+/// ẋ = −x³ + u with cost ½ ∫ x² + u² dt.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct CubicRegulator;
+
+impl VectorField<2> for LinearRegulator {
+    fn field(&self, p: &Vector2<f64>) -> Vector2<f64> {
+        Vector2::new(-p.x - p.y, -p.x + p.y)
+    }
+
+    fn jacobian(&self, _: &Vector2<f64>) -> Matrix2<f64> {
+        Matrix2::new(-1.0, -1.0, -1.0, 1.0)
+    }
+}
+
+impl HamiltonianSystem<2> for LinearRegulator {
+    fn hamiltonian(&self, p: &Vector2<f64>) -> f64 {
+        0.5 * (p.x * p.x - p.y * p.y) - p.x * p.y
+    }
+}
+
+impl VectorField<2> for CubicRegulator {
+    fn field(&self, p: &Vector2<f64>) -> Vector2<f64> {
+        let square = p.x * p.x;
+        Vector2::new(-p.x * square - p.y, -p.x + 3.0 * square * p.y)
+    }
+
+    fn jacobian(&self, p: &Vector2<f64>) -> Matrix2<f64> {
+        let stretch = 3.0 * p.x * p.x;
+        Matrix2::new(-stretch, -1.0, -1.0 + 6.0 * p.x * p.y, stretch)
+    }
+}
+
+impl HamiltonianSystem<2> for CubicRegulator {
+    fn hamiltonian(&self, p: &Vector2<f64>) -> f64 {
+        0.5 * (p.x * p.x - p.y * p.y) - p.y * p.x.powi(3)
+    }
+}
+
+macro_rules! regulator {
+    ($($name:ty),*) => {$(
+        impl OptimalControlSystem<2> for $name {
+            fn n_controls(&self) -> usize {
+                1
+            }
+
+            fn control_into(&self, p: &Vector2<f64>, u: &mut [f64]) -> Result<(), SystemError> {
+                expect_controls(u, 1)?;
+                u[0] = -p.y;
+                Ok(())
+            }
+
+            fn running_cost(&self, p: &Vector2<f64>) -> f64 {
+                0.5 * p.norm_squared()
+            }
+        }
+    )*};
+}
+
+regulator!(LinearRegulator, CubicRegulator);

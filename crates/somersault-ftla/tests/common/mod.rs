@@ -1,0 +1,91 @@
+//! What several of these tests share.
+#![allow(dead_code)] // each test file is a crate of its own and uses a part
+
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
+use somersault_ftla::system::{ControlProblem, StateCostate};
+use somersault_multibody::Scalar;
+use somersault_multibody::models::TwoLinkArm;
+
+/// Numbers in [−1, 1) from a fixed seed (SplitMix64).
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// The largest difference of two entries.
+pub(crate) fn matrix_gap<const N: usize>(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, N>) -> f64 {
+    (a - b).amax()
+}
+
+/// The arm as the thesis writes it, (8.2) corrected, (8.3), (8.7).
+#[derive(Clone, Copy)]
+pub(crate) struct ArmProblem {
+    pub(crate) arm: TwoLinkArm,
+    pub(crate) weights: [f64; 2],
+    pub(crate) limits: [f64; 2],
+}
+
+pub(crate) fn arm_problem(arm: TwoLinkArm, weights: [f64; 2]) -> StateCostate<ArmProblem, 4, 2, 8> {
+    StateCostate::try_new(ArmProblem { arm, weights, limits: [f64::INFINITY; 2] }).expect("no bounds")
+}
+
+fn k<T: Scalar>(x: f64) -> T {
+    nalgebra::convert(x)
+}
+
+impl ControlProblem<4, 2> for ArmProblem {
+    fn dynamics<T: Scalar>(&self, x: &SVector<T, 4>, u: &SVector<T, 2>) -> SVector<T, 4> {
+        let TwoLinkArm { masses: [m1, m2], lengths: [l1, l2], damping: [c1, c2] } = self.arm;
+        let (i1, i2) = (m1 * l1 * l1 / 12.0, m2 * l2 * l2 / 12.0);
+        let (s, c, w1, w2) = (x[1].sin(), x[1].cos(), x[2], x[3]);
+        let coupling = k::<T>(m2 * l1 * l2);
+        let m11 = k::<T>(m1 / 4.0 * l1 * l1 + m2 * (l1 * l1 + l2 * l2 / 4.0) + i1 + i2) + coupling * c;
+        let m12 = k::<T>(m2 * l2 * l2 / 4.0 + i2) + coupling * c * k(0.5);
+        let m22 = k::<T>(m2 * l2 * l2 / 4.0 + i2);
+        let half = coupling * k(0.5) * s;
+        let bias =
+            Vector2::new(-half * w2 * (w1 * k(2.0) + w2) + k::<T>(c1) * w1, half * w1 * w1 + k::<T>(c2) * w2);
+        let a = Matrix2::new(m22, -m12, -m12, m11) * (u - bias) / (m11 * m22 - m12 * m12);
+        Vector4::new(w1, w2, a.x, a.y)
+    }
+
+    fn running_cost<T: Scalar>(&self, _: &SVector<T, 4>, u: &SVector<T, 2>) -> T {
+        (u[0] * u[0] * k(self.weights[0]) + u[1] * u[1] * k(self.weights[1])) * k(0.5)
+    }
+
+    fn bounds(&self) -> [SVector<f64, 2>; 2] {
+        let limits = Vector2::from(self.limits);
+        [-limits, limits]
+    }
+}
+
+/// Start of the thesis' motion: the first node of tests/reference/arm_nodes.txt, its rounding of the rates removed.
+pub(crate) const START: [f64; 8] = [
+    -std::f64::consts::FRAC_PI_2,
+    0.05,
+    0.0,
+    0.0,
+    -0.20342284657942628,
+    -0.013000184725439342,
+    -1.3301476310359088,
+    -0.12234910357574813,
+];
+
+/// The thesis' motion by 41 nodes, as tests/extremals.rs finds it: time and p.
+pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
+    let text = include_str!("../reference/arm_nodes.txt");
+    let numbers =
+        |line: &str| line.split(' ').map(|x| x.parse::<f64>().expect("a number")).collect::<Vec<_>>();
+    text.lines().map(numbers).map(|row| (row[0], SVector::from_column_slice(&row[1..]))).collect()
+}

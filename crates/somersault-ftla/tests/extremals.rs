@@ -1,0 +1,275 @@
+//! Extremals to rounding from their boundary states: the thesis' arm from rest, and the regulators in closed form.
+
+mod common;
+
+use common::arm_nodes;
+use nalgebra::{SVector, Vector2};
+use somersault_ftla::continuation::{Continuation, Continued, Member};
+use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::shooting::{End, Extremal, Shooting, ShootingError, Status, graded_times};
+use somersault_ftla::system::{
+    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
+};
+use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
+
+/// The thesis' problem from a rest folded to `fold`, by travelling folded and unfolding at the ends.
+fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
+    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
+    let stages = [
+        [end(0.0, fold), end(0.0, fold)],
+        [end(-FRAC_PI_2, fold), end(FRAC_PI_2, fold)],
+        [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, unfolded)],
+    ];
+    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
+    let arm = ArmMinimumTorque::default();
+    Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed")
+}
+
+fn cost(extremal: &Extremal<8>) -> f64 {
+    let arm = ArmMinimumTorque::default();
+    let flow = VariationalFlow::try_new(&arm, Tolerances::default()).expect("in range");
+    extremal.cost(&flow).expect("regular")
+}
+
+#[test]
+fn the_thesis_motion_is_found_from_boundary_states_and_fold_alone() {
+    let arm = ArmMinimumTorque::default();
+    let found = arm_motion(PI, 0.05);
+    let extremal = &found.extremal;
+    assert_eq!((found.s, extremal.status), (1.0, Status::Converged));
+    assert!(extremal.residual <= 1e-10, "{:e}", extremal.residual);
+    let [low, high] = extremal.range_of(|p| arm.hamiltonian(p));
+    assert!(high - low < 1e-10, "{:e}", high - low);
+    // Table 10.1, its mismatch being 6e-4
+    let middle = extremal
+        .at(&VariationalFlow::try_new(&arm, Tolerances::default()).expect("in range"), 5.0)
+        .expect("regular");
+    let table = [-0.027597, 3.068603, 0.477425, 0.009792, -0.203408, 0.019078, -0.209560, 0.019651];
+    assert!((middle - SVector::from(table)).amax() < 6e-4, "{middle}");
+    // the nodes that other tests start from
+    let (start, recorded) = (extremal.nodes[0], arm_nodes()[0].1);
+    assert!((start - recorded).amax() < 1e-9, "{}", start - recorded);
+    println!("{:?} {} iterations, {:?}, cost {}", found.steps, found.iterations, found.work, cost(extremal));
+}
+
+#[test]
+fn the_thesis_motion_is_not_the_cheapest_extremal() {
+    // link 2 the other way round costs more, and the same arm reached with θ₂ less by 2π less
+    let costs: Vec<f64> = [(PI, 0.05), (-PI, 0.05), (-PI, 0.05 - 2.0 * PI)]
+        .into_iter()
+        .map(|(fold, unfolded)| {
+            let found = arm_motion(fold, unfolded);
+            assert_eq!(found.extremal.status, Status::Converged, "{fold} {unfolded}");
+            cost(&found.extremal)
+        })
+        .collect();
+    println!("{costs:?}");
+    assert!(costs[0] < costs[1] && costs[2] < costs[0], "{costs:?}");
+}
+
+/// x from `ends[0]` to `ends[1]` over `horizon`, from rest at the origin.
+fn regulator<S: OptimalControlSystem<2> + Sync + Clone>(
+    system: &S,
+    ends: [f64; 2],
+    horizon: f64,
+) -> (Extremal<2>, f64) {
+    let times = graded_times(horizon, 0.2, 12.0).expect("positive");
+    let fractions: Vec<f64> = times.iter().map(|t| t / horizon).collect();
+    let stages = [[vec![0.0], vec![0.0]], [vec![ends[0]], vec![ends[1]]]];
+    let found = Continuation::default().through(system, &stages, horizon, &fractions).expect("well posed");
+    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged), "{ends:?} {horizon}");
+    let flow = VariationalFlow::try_new(system, Tolerances::default()).expect("in range");
+    let cost = found.extremal.cost(&flow).expect("regular");
+    (found.extremal, cost)
+}
+
+const CASES: [[f64; 2]; 2] = [[1.0, 1.5], [1.5, 1.0]];
+
+fn assert_solution(found: &(Extremal<2>, f64), expected: [f64; 3], what: &str) {
+    let (extremal, cost) = found;
+    let costates = [extremal.nodes[0].y, extremal.nodes[extremal.nodes.len() - 1].y];
+    for (found, expected) in [*cost, costates[0], costates[1]].into_iter().zip(expected) {
+        assert!(
+            (found - expected).abs() < 1e-10,
+            "{what}: {found} is not {expected}, off by {:e}",
+            found - expected
+        );
+    }
+}
+
+#[test]
+fn the_linear_regulator_is_its_closed_form_at_any_horizon() {
+    for [a, b] in CASES {
+        for horizon in [1.0, 10.0, 40.0, 1e4] {
+            // x = (a sinh r(T − t) + b sinh rt)/sinh rT, λ = −x − ẋ, J = ½(x₀λ₀ − x_fλ_f)
+            let r = SQRT_2;
+            let (coth, csch) = (1.0 / (r * horizon).tanh(), 1.0 / (r * horizon).sinh());
+            let costates = [-a + r * (a * coth - b * csch), -b - r * (b * coth - a * csch)];
+            let cost = 0.5 * (a * costates[0] - b * costates[1]);
+            let found = regulator(&LinearRegulator, [a, b], horizon);
+            assert_solution(&found, [cost, costates[0], costates[1]], &format!("{a} to {b} in {horizon}"));
+        }
+    }
+}
+
+#[test]
+fn the_cubic_regulator_is_on_its_closed_manifolds_at_long_horizons() {
+    let root = |x: f64| (1.0 + x.powi(4)).sqrt();
+    let value = |x: f64| 0.25 * (x * x * root(x) + (x * x).asinh());
+    for [a, b] in CASES {
+        let costates = [-a.powi(3) + a * root(a), -b.powi(3) - b * root(b)];
+        let cost = value(a) - 0.25 * a.powi(4) + value(b) + 0.25 * b.powi(4);
+        for horizon in [40.0, 1e4] {
+            let found = regulator(&CubicRegulator, [a, b], horizon);
+            assert_solution(&found, [cost, costates[0], costates[1]], &format!("{a} to {b} in {horizon}"));
+        }
+    }
+}
+
+/// ∫₀^end f by Simpson's rule on 4000 intervals: the integrands are smooth over ranges of about ten.
+fn simpson(end: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let n = 4000;
+    let h = end / n as f64;
+    let weight = |k: usize| {
+        if k == 0 || k == n {
+            1.0
+        } else if k % 2 == 1 {
+            4.0
+        } else {
+            2.0
+        }
+    };
+    (0..=n).map(|k| weight(k) * f(k as f64 * h)).sum::<f64>() * h / 3.0
+}
+
+/// Cost and end costates of the cubic regulator by quadrature on the conserved Hamiltonian.
+///
+/// With y = x² and m its least value, 2H = m + m³ and ẋ² = (y − m)(1 + y² + ym + m²); y = m cosh² v makes it smooth:
+/// dt = dv/√(1 + y² + ym + m²).
+fn by_quadrature([a, b]: [f64; 2], horizon: f64) -> [f64; 3] {
+    let rate = |m: f64, v: f64| {
+        let y = m * v.cosh().powi(2);
+        (1.0 + y * y + y * m + m * m).sqrt()
+    };
+    let last = |m: f64, x: f64| (x / m.sqrt()).acosh();
+    let time = |m: f64| [a, b].map(|x| simpson(last(m, x), |v| 1.0 / rate(m, v))).iter().sum::<f64>();
+    let (mut low, mut high) = ((1e-12f64).ln(), (0.999f64).ln());
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if time(middle.exp()) > horizon { low = middle } else { high = middle }
+    }
+    let m = (0.5 * (low + high)).exp();
+    // λ = −x³ − ẋ, with ẋ < 0 before the turn
+    let speed = |v: f64| m.sqrt() * v.sinh() * rate(m, v);
+    let part = |x: f64, sign: f64| {
+        simpson(last(m, x), |v| {
+            let x = m.sqrt() * v.cosh();
+            let costate = -x.powi(3) + sign * speed(v);
+            0.5 * (x * x + costate * costate) / rate(m, v)
+        })
+    };
+    let costate = |x: f64, sign: f64| -x.powi(3) + sign * speed(last(m, x));
+    [part(a, 1.0) + part(b, -1.0), costate(a, 1.0), costate(b, -1.0)]
+}
+
+#[test]
+fn the_cubic_regulator_at_horizon_ten_is_a_quadrature() {
+    for ends in CASES {
+        let expected = by_quadrature(ends, 10.0);
+        let found = regulator(&CubicRegulator, ends, 10.0);
+        assert_solution(&found, expected, &format!("{ends:?}"));
+    }
+}
+
+#[test]
+fn a_free_end_has_a_zero_costate() {
+    // x free at the end: λ(T) = 0, so that x₀λ₀/2 is the cost
+    let times = graded_times(3.0, 0.2, 1.0).expect("positive");
+    let ends = [End::try_state(&[1.0]), End::try_state(&[0.0]).and_then(|end| end.with_free(0))];
+    let ends = ends.map(|end| end.expect("one state"));
+    let nodes = vec![Vector2::zeros(); times.len()];
+    let extremal = Shooting::default().solve(&LinearRegulator, &ends, &times, &nodes).expect("well posed");
+    assert_eq!(extremal.status, Status::Converged);
+    // λ = (r coth rT + 1)⁻¹ x at the start, the Riccati solution
+    let expected = 1.0 / (SQRT_2 / (3.0 * SQRT_2).tanh() + 1.0);
+    assert!((extremal.nodes[0].y - expected).abs() < 1e-11, "{}", extremal.nodes[0].y);
+    assert!(extremal.nodes[times.len() - 1].y.abs() < 1e-11);
+}
+
+#[test]
+fn what_does_not_converge_has_a_status_and_what_is_malformed_an_error() {
+    let arm = ArmMinimumTorque::default();
+    let times = graded_times(10.0, 0.1, 0.4).expect("positive");
+    let ends = [-1.0, 1.0].map(|s| End::try_state(&[s * FRAC_PI_2, 0.05, 0.0, 0.0]).expect("four states"));
+    let nodes = vec![SVector::<f64, 8>::zeros(); times.len()];
+    let few = Shooting { max_iterations: 2, ..Shooting::default() };
+    let extremal = few.solve(&arm, &ends, &times, &nodes).expect("well posed");
+    assert!(matches!(extremal.status, Status::MaxIterations | Status::Stalled));
+    assert!(extremal.residual > 1e-3 && extremal.nodes.len() == times.len());
+
+    let solve =
+        |times: &[f64], nodes: &[SVector<f64, 8>]| Shooting::default().solve(&arm, &ends, times, nodes).err();
+    assert!(matches!(solve(&times[..4], &nodes), Some(ShootingError::Length { argument: "nodes", .. })));
+    assert!(matches!(solve(&[0.0], &nodes[..1]), Some(ShootingError::Length { argument: "times", .. })));
+    assert!(matches!(
+        solve(&[0.0, 0.0], &nodes[..2]),
+        Some(ShootingError::Argument { argument: "times", .. })
+    ));
+    let nan = [SVector::repeat(f64::NAN); 2];
+    assert!(matches!(solve(&[0.0, 1.0], &nan), Some(ShootingError::Argument { argument: "nodes", .. })));
+    let length = End::<8>::try_state(&[0.0; 3]).expect_err("three states");
+    assert_eq!(length.to_string(), "`x` must have 4 entries, found 3");
+    assert!(End::<8>::try_state(&[f64::NAN; 4]).is_err());
+    assert!(End::<8>::try_state(&[0.0; 4]).and_then(|e| e.with_free(4)).is_err());
+    assert!(graded_times(0.0, 1.0, 1.0).is_err() && graded_times(1.0, 1.0, f64::NAN).is_err());
+    assert!(Continuation::default().through::<_, 8>(&arm, &[], 10.0, &times).is_err());
+}
+
+/// The largest |u| of each joint, on a grid of 5 ms.
+fn peak_torques(arm: &ArmMinimumTorque, extremal: &Extremal<8>) -> [f64; 2] {
+    let flow = VariationalFlow::try_new(arm, Tolerances::default()).expect("in range");
+    let mut peak = [0.0f64; 2];
+    for k in 0..=2000 {
+        let mut u = [0.0; 2];
+        let p = extremal.at(&flow, 0.005 * k as f64).expect("regular");
+        arm.control_into(&p, &mut u).expect("two controls");
+        peak = [peak[0].max(u[0].abs()), peak[1].max(u[1].abs())];
+    }
+    peak
+}
+
+#[test]
+fn torques_are_limited_to_four_fifths_of_their_peak() {
+    let arm = ArmMinimumTorque::default();
+    let free = arm_motion(PI, 0.05).extremal;
+    let peak = peak_torques(&arm, &free);
+    let fractions: Vec<f64> = free.times.iter().map(|t| t / 10.0).collect();
+    let ends = [-1.0, 1.0].map(|s| End::try_state(&[s * FRAC_PI_2, 0.05, 0.0, 0.0]).expect("four states"));
+    let family = |s: f64| {
+        let system = arm.try_with_torque_limits(peak.map(|u| u * (1.0 - 0.2 * s))).expect("positive");
+        Member { system, ends, horizon: 10.0 }
+    };
+    let found = Continuation::default().follow(family, &fractions, &free.nodes).expect("well posed");
+    let (limited, system) = (&found.extremal, family(1.0).system);
+    assert_eq!((found.s, limited.status), (1.0, Status::Converged));
+    let [low, high] = limited.range_of(|p| system.hamiltonian(p));
+    assert!(high - low < 1e-10, "{:e}", high - low);
+    // both limits are reached and the cost is higher
+    let reached = peak_torques(&system, limited);
+    assert!((0..2).all(|i| (reached[i] / peak[i] - 0.8).abs() < 1e-12), "{reached:?} of {peak:?}");
+    let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
+    let price = limited.cost(&flow).expect("regular") - cost(&free);
+    assert!((1e-4..0.05).contains(&price), "{price}");
+}
+
+#[test]
+fn a_whole_turn_in_twenty_seconds_is_found_from_rest_too() {
+    let arm = ArmMinimumTorque::default();
+    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
+    let stages = [[end(0.0, PI), end(0.0, PI)], [end(-PI, PI), end(PI, PI)], [end(-PI, 0.05), end(PI, 0.05)]];
+    let fractions = graded_times(1.0, 0.005, 0.02).expect("positive");
+    let found = Continuation::default().through(&arm, &stages, 20.0, &fractions).expect("well posed");
+    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged));
+    let [low, high] = found.extremal.range_of(|p| arm.hamiltonian(p));
+    assert!(found.extremal.residual <= 1e-10 && high - low < 1e-10);
+}

@@ -1,0 +1,297 @@
+//! Exponents and vectors against linear systems, extended precision and the literature; splittings and subspaces.
+
+mod common;
+
+use common::{Random, START, arm_nodes};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
+use somersault_ftla::flow::{FlowError, Tolerances, VariationalFlow};
+use somersault_ftla::placement::rank_held_costates;
+use somersault_ftla::spectrum::{
+    Spectrum, SpectrumError, Splitting, SplittingDims, Subspace, TimeDirection, diagnose, spectra, spectrum,
+};
+use somersault_ftla::system::{ArmMinimumTorque, LinearRegulator, VectorField};
+use std::f64::consts::{FRAC_PI_2, SQRT_2};
+
+const TIGHT: Tolerances = Tolerances { relative: 1e-14, absolute: 1e-16 };
+const ARM_DIMS: SplittingDims = SplittingDims { stable: 2, center: 4, unstable: 2 };
+
+/// ẋ = A x.
+struct Linear<const N: usize>(SMatrix<f64, N, N>);
+
+impl<const N: usize> VectorField<N> for Linear<N> {
+    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
+        self.0 * p
+    }
+
+    fn jacobian(&self, _: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+        self.0
+    }
+}
+
+/// Orthogonal, from a fixed seed.
+fn rotation<const N: usize>(seed: u64) -> SMatrix<f64, N, N> {
+    let mut random = Random::new(seed);
+    let columns: Vec<SVector<f64, N>> = (0..N).map(|_| SVector::from_fn(|_, _| random.unit())).collect();
+    let basis: Vec<_> = Subspace::spanned_by(&columns).basis().collect();
+    SMatrix::from_columns(&basis)
+}
+
+#[test]
+fn symmetric_linear_fields_have_their_eigenvalues_whatever_their_spread() {
+    // singular values span e^500 at the last time
+    let rates = Vector4::new(-30.0, -1.0, 0.5, 20.0);
+    let q = rotation::<4>(4);
+    let system = Linear(q * Matrix4::from_diagonal(&rates) * q.transpose());
+    let flow = VariationalFlow::try_new(&system, TIGHT).expect("in range");
+    let origin = Vector4::zeros();
+    for (direction, sign) in [(TimeDirection::Forward, 1.0), (TimeDirection::Backward, -1.0)] {
+        for s in spectra(&flow, &origin, direction, &[0.1, 1.0, 10.0]).expect("linear") {
+            for i in 0..4 {
+                assert!(
+                    (s.exponents[i] - sign * rates[i]).abs() < 1e-11 * 30.0,
+                    "{direction:?} {}: {i}",
+                    s.time
+                );
+                assert!(
+                    (s.vectors.column(i).dot(&q.column(i)).abs() - 1.0).abs() < 1e-12,
+                    "{direction:?} {i}"
+                );
+            }
+        }
+    }
+    let flow = VariationalFlow::try_new(&LinearRegulator, TIGHT).expect("in range");
+    let s = spectrum(&flow, &SVector::zeros(), TimeDirection::Forward, 40.0).expect("linear");
+    assert!((s.exponents[1] - SQRT_2).abs() < 1e-12 && (s.exponents[0] + SQRT_2).abs() < 1e-12);
+}
+
+#[test]
+fn vectors_and_exponents_are_covariant_under_rotations() {
+    let mut random = Random::new(9);
+    let a = SMatrix::<f64, 4, 4>::from_fn(|_, _| 3.0 * random.unit());
+    let q = rotation::<4>(10);
+    let (plain, turned) = (Linear(a), Linear(q * a * q.transpose()));
+    let origin = Vector4::zeros();
+    for direction in [TimeDirection::Forward, TimeDirection::Backward] {
+        let of = |system: &Linear<4>| {
+            let flow = VariationalFlow::try_new(system, TIGHT).expect("in range");
+            spectrum(&flow, &origin, direction, 2.5).expect("linear")
+        };
+        let (one, two) = (of(&plain), of(&turned));
+        assert!((one.exponents - two.exponents).amax() < 1e-11);
+        for i in 0..4 {
+            let overlap = (q * one.vectors.column(i)).dot(&two.vectors.column(i));
+            assert!((overlap.abs() - 1.0).abs() < 1e-10, "{direction:?} {i}: {overlap}");
+        }
+    }
+}
+
+/// tests/reference/exponents.py, 60 digits.
+const REFERENCE: [(f64, [f64; 4]); 4] = [
+    (1.0, [0.386835296802606, 0.562286173201768, 5.40164844816846, 8.14916237220599]),
+    (2.0, [0.394746429866988, 0.520276312392858, 4.14612466842201, 4.4682202552221]),
+    (3.5, [0.362443777472533, 0.461019426201522, 2.93710197024761, 3.61274932616804]),
+    (5.0, [0.293676890574938, 0.428228058800708, 2.71509930623798, 3.27130256991292]),
+];
+
+#[test]
+fn all_eight_exponents_of_the_arm_are_right_to_1e_8_at_five_seconds() {
+    let arm = ArmMinimumTorque::default();
+    let flow = VariationalFlow::try_new(&arm, TIGHT).expect("in range");
+    let times = REFERENCE.map(|(t, _)| t);
+    let found = spectra(&flow, &SVector::from(START), TimeDirection::Forward, &times).expect("regular");
+    for (s, (t, positive)) in found.iter().zip(REFERENCE) {
+        for (i, reference) in positive.into_iter().enumerate() {
+            assert!((s.exponents[4 + i] - reference).abs() < 1e-10, "{t}, {i}: {}", s.exponents[4 + i]);
+            assert!((s.exponents[3 - i] + reference).abs() < 1e-10, "{t}, −{i}: {}", s.exponents[3 - i]);
+        }
+        assert!(s.pairing_defect() < 1e-10, "{t}: {:e}", s.pairing_defect());
+    }
+    // what a plain decomposition makes of the same matrix
+    let phi = flow.transition(&SVector::from(START), 5.0).expect("regular").matrix;
+    let plain = phi.singular_values()[7].ln() / 5.0;
+    assert!((plain + REFERENCE[3].1[3]).abs() > 1e-8, "{plain}");
+}
+
+/// The same script with the nodes of tests/reference/arm_nodes.txt, over ten seconds.
+const ALONG_NODES: [f64; 4] = [0.170930667245478, 0.366193707870553, 2.44973248446746, 2.6598381683833];
+
+#[test]
+fn all_eight_exponents_along_the_nodes_of_a_motion_are_right_to_1e_8_at_ten_seconds() {
+    let arm = ArmMinimumTorque::default();
+    let flow = VariationalFlow::try_new(&arm, TIGHT).expect("in range");
+    let nodes = arm_nodes();
+    let segments = nodes.windows(2).map(|pair| flow.transition(&pair[0].1, pair[1].0 - pair[0].0));
+    let links = segments.collect::<Result<Vec<_>, FlowError>>().expect("regular");
+    let s = Spectrum::of_factors(&links);
+    for (i, reference) in ALONG_NODES.into_iter().enumerate() {
+        assert!((s.exponents[4 + i] - reference).abs() < 1e-10, "{i}: {}", s.exponents[4 + i]);
+        assert!((s.exponents[3 - i] + reference).abs() < 1e-10, "−{i}: {}", s.exponents[3 - i]);
+    }
+    assert!(s.exponents[7] - s.exponents[0] > 53.0 / 10.0, "σ₁/σ₈ is above 1e23");
+}
+
+#[test]
+fn the_arm_splits_into_two_four_and_two_with_gaps_above_two() {
+    let arm = ArmMinimumTorque::default();
+    let flow = VariationalFlow::try_new(&arm, TIGHT).expect("in range");
+    let nodes = arm_nodes();
+    let times: Vec<f64> = (1..=20).map(|k| 0.25 * k as f64).collect();
+    // the four panels of Figure 10.1
+    let (start, middle, end) = (nodes[0].1, nodes[20].1, nodes[40].1);
+    let panels = [
+        (start, TimeDirection::Forward),
+        (middle, TimeDirection::Forward),
+        (middle, TimeDirection::Backward),
+        (end, TimeDirection::Backward),
+    ];
+    for (p, direction) in panels {
+        let found = spectra(&flow, &p, direction, &times).expect("regular");
+        let diagnosis = diagnose(&found, 10.0).expect("not empty");
+        assert_eq!(diagnosis.dims, ARM_DIMS, "{direction:?}: {diagnosis}");
+        assert!(diagnosis.is_partially_hyper_sensitive());
+        assert!(
+            diagnosis.to_string().starts_with("partially hyper-sensitive: 2 stable, 4 centre and 2 unstable")
+        );
+        for s in found.iter().filter(|s| (0.75..=4.25).contains(&s.time)) {
+            let rates = s.rates();
+            let sorted = {
+                let mut r: Vec<f64> = rates.iter().copied().collect();
+                r.sort_by(f64::total_cmp);
+                r[6] - r[5]
+            };
+            assert!(sorted > 2.0, "{direction:?} {}: {sorted}", s.time);
+            assert!(s.pairing_defect() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn subspaces_of_the_arm_contain_the_field_and_leave_costates_one_and_three_free() {
+    let arm = ArmMinimumTorque::default();
+    let flow = VariationalFlow::try_new(&arm, TIGHT).expect("in range");
+    let middle = arm_nodes()[20].1;
+    let [forward, backward] = [TimeDirection::Forward, TimeDirection::Backward]
+        .map(|direction| spectrum(&flow, &middle, direction, 3.5).expect("regular"));
+    let splitting = Splitting::try_new(ARM_DIMS, forward, backward).expect("they add up");
+    let h = arm.field(&middle);
+    assert_eq!(splitting.stable().dim(), 2);
+    assert_eq!(splitting.unstable().dim(), 2);
+    assert_eq!(splitting.center().dim(), 4);
+    assert!(splitting.center().angle_to(&h) < 2e-2, "{}", splitting.center().angle_to(&h));
+    // the centre is in both, the fast subspaces are apart from it
+    for larger in [splitting.center_stable(), splitting.center_unstable()] {
+        assert!(splitting.center().angles(&larger).iter().all(|a| *a < 1e-12));
+    }
+    assert!(splitting.stable().angles(&splitting.unstable())[0] > 1e-3);
+    // at the start, λ₁ and λ₃ are the costates to hold: (10.1)
+    let start = spectrum(&flow, &SVector::from(START), TimeDirection::Forward, 3.5).expect("regular");
+    let slow =
+        Subspace::spanned_by(&(0..6).map(|j| start.vectors.column(j).into_owned()).collect::<Vec<_>>());
+    let ranked = rank_held_costates(&slow);
+    println!("{ranked:?}");
+    assert_eq!(ranked.len(), 6);
+    assert_eq!(ranked[0].0, vec![0, 2], "{ranked:?}");
+}
+
+#[test]
+fn subspaces_know_their_angles_complements_and_intersections() {
+    let e = |i: usize| Vector4::from_fn(|j, _| if i == j { 1.0 } else { 0.0 });
+    let small = 1e-9f64;
+    let a = Subspace::spanned_by(&[e(0), e(1), e(0) + e(1)]);
+    assert_eq!(a.dim(), 2);
+    let b = Subspace::spanned_by(&[e(0) * small.cos() + e(2) * small.sin(), e(1) * 0.6 + e(3) * 0.8]);
+    let angles = a.angles(&b);
+    assert!((angles[0] - 1e-9).abs() < 1e-15 && (angles[1] - 0.8f64.asin()).abs() < 1e-14, "{angles:?}");
+    assert!((a.angle_to(&(e(1) + e(2))) - FRAC_PI_2 / 2.0).abs() < 1e-15);
+    let both = a.complement();
+    assert!(both.dim() == 2 && both.angles(&a).iter().all(|x| (x - FRAC_PI_2).abs() < 1e-15));
+    let c = Subspace::spanned_by(&[e(1), e(2), e(3)]);
+    let common = a.intersection(&c);
+    assert!(common.dim() == 1 && common.angle_to(&e(1)) < 1e-15);
+    assert_eq!(Subspace::<4>::spanned_by(&[]).angles(&a), Vec::<f64>::new());
+    assert_eq!(Subspace::<4>::spanned_by(&[]).complement().dim(), 4);
+}
+
+/// ẋ = 10(y − x), ẏ = x(28 − z) − y, ż = xy − 8z/3.
+struct Lorenz;
+
+impl VectorField<3> for Lorenz {
+    fn field(&self, p: &Vector3<f64>) -> Vector3<f64> {
+        Vector3::new(10.0 * (p.y - p.x), p.x * (28.0 - p.z) - p.y, p.x * p.y - 8.0 / 3.0 * p.z)
+    }
+
+    fn jacobian(&self, p: &Vector3<f64>) -> Matrix3<f64> {
+        Matrix3::new(-10.0, 10.0, 0.0, 28.0 - p.z, -1.0, -p.x, p.y, p.x, -8.0 / 3.0)
+    }
+}
+
+#[test]
+fn lorenz_exponents_are_those_of_the_literature() {
+    // Sprott, Chaos and Time-Series Analysis (2003): 0.9056, 0, −14.5723; over 1000 units within about 0.02
+    let flow =
+        VariationalFlow::try_new(&Lorenz, Tolerances { relative: 1e-10, absolute: 1e-12 }).expect("in range");
+    let p = flow.state(&Vector3::new(1.0, 1.0, 20.0), 50.0).expect("bounded");
+    let s = spectrum(&flow, &p, TimeDirection::Forward, 1000.0).expect("bounded");
+    assert!((s.exponents[2] - 0.9056).abs() < 0.02, "{}", s.exponents);
+    assert!(s.exponents[1].abs() < 0.01 && (s.exponents[0] + 14.5723).abs() < 0.02, "{}", s.exponents);
+    // the trace of the Jacobian is constant
+    assert!((s.exponents.sum() + 10.0 + 1.0 + 8.0 / 3.0).abs() < 1e-9, "{}", s.exponents.sum());
+}
+
+/// H = ½(p_x² + p_y² + x² + y²) + x²y − y³/3.
+struct HenonHeiles;
+
+impl VectorField<4> for HenonHeiles {
+    fn field(&self, p: &Vector4<f64>) -> Vector4<f64> {
+        Vector4::new(p.z, p.w, -p.x - 2.0 * p.x * p.y, -p.y - p.x * p.x + p.y * p.y)
+    }
+
+    fn jacobian(&self, p: &Vector4<f64>) -> Matrix4<f64> {
+        let (x, y) = (2.0 * p.x, 2.0 * p.y);
+        Matrix4::new(0., 0., 1., 0., 0., 0., 0., 1., -1. - y, -x, 0., 0., -x, -1. + y, 0., 0.)
+    }
+}
+
+#[test]
+fn henon_heiles_is_chaotic_where_the_literature_says_so_and_its_exponents_pair() {
+    // Skokos, Lect. Notes Phys. 790 (2010): at H = 1/8 the orbit from (0, −0.25, 0.42, 0) is chaotic with a largest exponent
+    // near 0.047, that from (0, 0.55, 0.2417, 0) regular
+    let flow = VariationalFlow::try_new(&HenonHeiles, Tolerances { relative: 1e-11, absolute: 1e-13 });
+    let flow = flow.expect("in range");
+    let chaotic = Vector4::new(0.0, -0.25, 0.42, 0.0);
+    let regular = Vector4::new(0.0, 0.55, 0.2417, 0.0);
+    let of = |p| spectrum(&flow, &p, TimeDirection::Forward, 5000.0).expect("bounded");
+    let (c, r) = (of(chaotic), of(regular));
+    println!("{} {}", c.exponents, r.exponents);
+    assert!((0.037..0.057).contains(&c.exponents[3]), "{}", c.exponents);
+    assert!(r.exponents[3] < 0.004, "{}", r.exponents);
+    for s in [c, r] {
+        assert!(s.pairing_defect() < 1e-7, "{:e}", s.pairing_defect());
+    }
+}
+
+#[test]
+fn misuse_is_a_typed_error() {
+    let flow = VariationalFlow::try_new(&LinearRegulator, TIGHT).expect("in range");
+    let origin = SVector::zeros();
+    assert!(spectrum(&flow, &origin, TimeDirection::Forward, 0.0).is_err());
+    assert!(spectra(&flow, &origin, TimeDirection::Backward, &[1.0, -1.0]).is_err());
+    assert!(spectra(&flow, &origin, TimeDirection::Forward, &[2.0, 1.0]).is_err());
+    assert_eq!(diagnose::<2>(&[], 1.0).err(), Some(SpectrumError::Empty));
+    let s = spectrum(&flow, &origin, TimeDirection::Forward, 1.0).expect("linear");
+    let dims = SplittingDims { stable: 1, center: 1, unstable: 1 };
+    assert!(matches!(Splitting::try_new(dims, s, s), Err(SpectrumError::Direction { argument: "backward" })));
+    assert!(matches!(dims.check::<2>(), Err(SpectrumError::Dimensions { expected: 2, .. })));
+}
+
+#[test]
+fn slow_problems_are_not_called_hyper_sensitive_and_fast_ones_completely_so() {
+    let flow = VariationalFlow::try_new(&LinearRegulator, TIGHT).expect("in range");
+    let found = spectra(&flow, &SVector::zeros(), TimeDirection::Forward, &[1.0, 2.0, 4.0]).expect("linear");
+    let long = diagnose(&found, 40.0).expect("not empty");
+    assert_eq!(long.dims, SplittingDims { stable: 1, center: 0, unstable: 1 });
+    assert!(long.is_hyper_sensitive() && !long.is_partially_hyper_sensitive());
+    assert!(long.to_string().starts_with("completely hyper-sensitive: 1 stable"), "{long}");
+    let short = diagnose(&found, 1.0).expect("not empty");
+    assert!(!short.is_hyper_sensitive() && short.to_string().starts_with("not hyper-sensitive"));
+}

@@ -1,0 +1,272 @@
+//! State–costate systems: one problem written in three ways, differences, the thesis' appendix F, and what is refused.
+
+mod common;
+
+use common::{ArmProblem, Random, arm_problem, matrix_gap};
+use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use somersault_ftla::system::{
+    ArmMinimumTorque, ControlProblem, CubicRegulator, HamiltonianSystem, LinearRegulator,
+    OptimalControlSystem, StateCostate, SystemError, TreeMinimumTorque, VectorField,
+};
+use somersault_multibody::Scalar;
+use somersault_multibody::models::TwoLinkArm;
+
+/// The Jacobian by central differences of fourth order.
+fn differences<const N: usize>(system: &impl VectorField<N>, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+    let h = 1e-3;
+    let mut d = SMatrix::<f64, N, N>::zeros();
+    for j in 0..N {
+        let at = |s: f64| {
+            let mut q = *p;
+            q[j] += s * h;
+            system.field(&q)
+        };
+        d.set_column(j, &((at(-2.0) - at(2.0) + (at(1.0) - at(-1.0)) * 8.0) / (12.0 * h)));
+    }
+    d
+}
+
+/// h = J ∇H with ∇H by central differences.
+fn field_of_hamiltonian<const N: usize>(
+    system: &impl HamiltonianSystem<N>,
+    p: &SVector<f64, N>,
+) -> SVector<f64, N> {
+    let h = 1e-3;
+    SVector::from_fn(|i, _| {
+        let (j, sign) = if i < N / 2 { (i + N / 2, 1.0) } else { (i - N / 2, -1.0) };
+        let at = |s: f64| {
+            let mut q = *p;
+            q[j] += s * h;
+            system.hamiltonian(&q)
+        };
+        sign * (at(-2.0) - at(2.0) + (at(1.0) - at(-1.0)) * 8.0) / (12.0 * h)
+    })
+}
+
+#[test]
+fn the_arm_in_closed_form_is_the_generic_problem_and_the_tree() {
+    let mut random = Random::new(8);
+    for case in 0..50 {
+        let arm = TwoLinkArm {
+            masses: [0.5 + random.unit().abs(), 0.5 + random.unit().abs()],
+            lengths: [1.0 + random.unit().abs(), 0.5 + random.unit().abs()],
+            damping: [random.unit().abs(), random.unit().abs()],
+        };
+        let weights = [0.5 + random.unit().abs(), 0.5 + random.unit().abs()];
+        let closed = ArmMinimumTorque::try_new(arm, weights).expect("in range");
+        let generic = arm_problem(arm, weights);
+        let tree = TreeMinimumTorque::<8>::try_new(&arm.model().expect("a model"), &weights).expect("fits");
+        let p = SVector::<f64, 8>::from_fn(|_, _| 2.0 * random.unit());
+        let (h, d) = closed.linearize(&p);
+        assert!((h - closed.field(&p)).amax() == 0.0 && (d - closed.jacobian(&p)).amax() == 0.0);
+        let (hs, ds) = (h.amax(), d.amax());
+        assert!((h - generic.field(&p)).amax() < 1e-12 * hs, "{case}: generic field");
+        assert!((h - tree.field(&p)).amax() < 1e-12 * hs, "{case}: field of the tree");
+        assert!(matrix_gap(&d, &generic.jacobian(&p)) < 1e-12 * ds, "{case}: generic Jacobian");
+        assert!(matrix_gap(&d, &tree.jacobian(&p)) < 1e-12 * ds, "{case}: Jacobian of the tree");
+        assert!(matrix_gap(&d, &differences(&closed, &p)) < 1e-7 * ds, "{case}: differences");
+        assert!((h - field_of_hamiltonian(&closed, &p)).amax() < 1e-7 * hs, "{case}: ∇H");
+        for hamiltonian in [generic.hamiltonian(&p), tree.hamiltonian(&p)] {
+            assert!((hamiltonian - closed.hamiltonian(&p)).abs() < 1e-12 * (1.0 + hs), "{case}: H");
+        }
+        let mut u = [[0.0; 2]; 3];
+        closed.control_into(&p, &mut u[0]).expect("two controls");
+        generic.control_into(&p, &mut u[1]).expect("two controls");
+        tree.control_into(&p, &mut u[2]).expect("two controls");
+        for other in &u[1..] {
+            assert!((u[0][0] - other[0]).abs() + (u[0][1] - other[1]).abs() < 1e-11 * hs, "{case}: controls");
+        }
+        for cost in [generic.running_cost(&p), tree.running_cost(&p)] {
+            assert!((cost - closed.running_cost(&p)).abs() < 1e-11 * (1.0 + cost), "{case}: cost");
+        }
+    }
+}
+
+/// The third row of D at the thesis' parameters, as appendix F prints it, (F.54)–(F.61).
+fn appendix_f(p: &SVector<f64, 8>) -> [f64; 8] {
+    let (th, w1, w2, l3, l4) = (p[1], p[2], p[3], p[6], p[7]);
+    let s = |k: f64| (k * th).sin();
+    let c = |k: f64| (k * th).cos();
+    let (w1s, w2s, cs) = (w1 * w1, w2 * w2, th.cos());
+    let d32 = -(9330.0 * w1s * c(1.0) + 9330.0 * w2s * c(1.0) + 19872.0 * w1 * s(2.0) - 3888.0 * w1 * s(4.0)
+        + 8812800.0 * l3 * s(2.0)
+        + 933120.0 * l3 * s(3.0)
+        - 30585600.0 * l4 * s(2.0)
+        + 933120.0 * l3 * s(4.0)
+        - 31492800.0 * l4 * s(3.0)
+        - 1866240.0 * l4 * s(4.0)
+        + 219600.0 * w1s * c(2.0)
+        + 3645.0 * w1s * c(3.0)
+        - 37260.0 * w1s * c(4.0)
+        + 3645.0 * w2s * c(3.0)
+        - 1215.0 * w1s * c(5.0)
+        - 1215.0 * w2s * c(5.0)
+        + 3144960.0 * l3 * s(1.0)
+        - 106142400.0 * l4 * s(1.0)
+        - 111780.0 * w1s
+        + 18660.0 * w1 * w2 * c(1.0)
+        + 7290.0 * w1 * w2 * c(3.0)
+        - 2430.0 * w1 * w2 * c(5.0))
+        / (20.0 * (9.0 * c(2.0) - 23.0).powi(3));
+    let d33 = -3.0 * (10.0 * w1 * s(1.0) + 10.0 * w2 * s(1.0) + 60.0 * w1 * cs * s(1.0) - 4.0)
+        / (10.0 * (9.0 * cs * cs - 16.0));
+    let d34 = s(1.0) * (3.0 * w1 + 3.0 * w2) / (9.0 * s(1.0) * s(1.0) + 7.0);
+    let square = (9.0 * cs * cs - 16.0).powi(2);
+    let d37 = -(2592.0 * cs * cs + 864.0 * cs + 108.0) / square;
+    let d38 = (5184.0 * cs * cs + 29160.0 * cs + 4716.0) / square;
+    [0.0, d32, d33, d34, 0.0, 0.0, d37, d38]
+}
+
+#[test]
+fn the_third_row_of_the_jacobian_is_that_of_appendix_f() {
+    let mut random = Random::new(3);
+    let arm = ArmMinimumTorque::default();
+    for case in 0..200 {
+        let p = SVector::<f64, 8>::from_fn(|_, _| 3.0 * random.unit());
+        let (d, printed) = (arm.jacobian(&p), appendix_f(&p));
+        let scale = printed.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+        for j in 0..8 {
+            assert!((d[(2, j)] - printed[j]).abs() < 1e-13 * scale, "{case}: d3{}", j + 1);
+        }
+    }
+}
+
+/// Regulators, general costs and bounds in one scalar: ẋ = drift(x) + u + skew u², ℓ = ½x² + cost(u).
+#[derive(Clone, Copy)]
+struct Scalar1 {
+    cubic: bool,
+    cost: Cost,
+    bounds: [f64; 2],
+}
+
+#[derive(Clone, Copy)]
+enum Cost {
+    Square,
+    Cosh,
+    Nothing,
+    NotANumber,
+}
+
+impl ControlProblem<1, 1> for Scalar1 {
+    fn dynamics<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> Vector1<T> {
+        let drift = if self.cubic { x.x * x.x * x.x } else { x.x };
+        Vector1::new(u.x - drift)
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> T {
+        let half: T = nalgebra::convert(0.5);
+        let control = match self.cost {
+            Cost::Square => u.x * u.x * half,
+            Cost::Cosh => u.x.cosh() - T::one(),
+            Cost::Nothing => T::zero(),
+            Cost::NotANumber => u.x * nalgebra::convert::<f64, T>(f64::NAN),
+        };
+        x.x * x.x * half + control
+    }
+
+    fn bounds(&self) -> [Vector1<f64>; 2] {
+        self.bounds.map(Vector1::new)
+    }
+}
+
+const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+fn scalar(cubic: bool, cost: Cost, bounds: [f64; 2]) -> StateCostate<Scalar1, 1, 1, 2> {
+    StateCostate::try_new(Scalar1 { cubic, cost, bounds }).expect("ordered bounds")
+}
+
+#[test]
+fn the_regulators_are_their_problems() {
+    let mut random = Random::new(1);
+    for _ in 0..50 {
+        let p = Vector2::new(2.0 * random.unit(), 2.0 * random.unit());
+        let (linear, cubic) = (scalar(false, Cost::Square, FREE), scalar(true, Cost::Square, FREE));
+        assert!((linear.field(&p) - LinearRegulator.field(&p)).amax() < 1e-14);
+        assert!((linear.jacobian(&p) - LinearRegulator.jacobian(&p)).amax() < 1e-14);
+        assert!((linear.hamiltonian(&p) - LinearRegulator.hamiltonian(&p)).abs() < 1e-14);
+        assert!((cubic.field(&p) - CubicRegulator.field(&p)).amax() < 1e-13);
+        assert!((cubic.jacobian(&p) - CubicRegulator.jacobian(&p)).amax() < 1e-13);
+        assert!((cubic.hamiltonian(&p) - CubicRegulator.hamiltonian(&p)).abs() < 1e-13);
+        assert!((cubic.running_cost(&p) - CubicRegulator.running_cost(&p)).abs() < 1e-14);
+        let mut u = [0.0; 1];
+        CubicRegulator.control_into(&p, &mut u).expect("one control");
+        assert!((u[0] - cubic.control(&p).expect("convex").x).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn a_general_convex_cost_is_minimised_and_differentiated() {
+    // ℓ(u) = cosh u − 1: sinh u* = −λ
+    let mut random = Random::new(2);
+    let system = scalar(true, Cost::Cosh, FREE);
+    for case in 0..50 {
+        let p = Vector2::new(2.0 * random.unit(), 60.0 * random.unit());
+        let u = system.control(&p).expect("convex").x;
+        assert!((u + p.y.asinh()).abs() < 1e-14 * (1.0 + u.abs()), "{case}: {u}");
+        let gap = matrix_gap(&system.jacobian(&p), &differences(&system, &p));
+        assert!(gap < 1e-8 * system.jacobian(&p).amax(), "{case}: {gap:e}");
+    }
+}
+
+#[test]
+fn bounds_cut_the_control_off_and_leave_the_jacobian() {
+    let system = scalar(false, Cost::Square, [-0.4, 0.3]);
+    for costate in [-2.0, -0.5, -0.2, 0.1, 0.6, 3.0f64] {
+        let p = Vector2::new(0.7, costate);
+        let expected = (-costate).clamp(-0.4, 0.3);
+        assert_eq!(system.control(&p).expect("convex").x, expected);
+        let slope = if expected == -costate { -1.0 } else { 0.0 };
+        assert_eq!(system.jacobian(&p)[(0, 1)], slope);
+        assert!(matrix_gap(&system.jacobian(&p), &differences(&system, &p)) < 1e-9);
+    }
+    // the arm in closed form against the problem with bounds
+    let arm = ArmMinimumTorque::default().try_with_torque_limits([0.6, 0.2]).expect("positive");
+    let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
+    let generic = StateCostate::<_, 4, 2, 8>::try_new(problem).expect("ordered bounds");
+    let mut random = Random::new(11);
+    let mut cut = 0;
+    for _ in 0..40 {
+        let p = SVector::<f64, 8>::from_fn(|i, _| if i > 5 { 0.2 * random.unit() } else { random.unit() });
+        let mut u = [0.0; 2];
+        arm.control_into(&p, &mut u).expect("two controls");
+        assert!(u[0].abs() <= 0.6 && u[1].abs() <= 0.2);
+        cut += usize::from(u[0].abs() == 0.6) + usize::from(u[1].abs() == 0.2);
+        let (h, d) = (arm.field(&p), arm.jacobian(&p));
+        assert!((h - generic.field(&p)).amax() < 1e-12 * h.amax());
+        assert!(matrix_gap(&d, &generic.jacobian(&p)) < 1e-12 * d.amax());
+        assert!((arm.hamiltonian(&p) - generic.hamiltonian(&p)).abs() < 1e-12 * h.amax());
+    }
+    assert!(cut > 10);
+}
+
+#[test]
+fn a_singular_control_hessian_is_an_error() {
+    let p = Vector2::new(0.3, 0.2);
+    let nothing = scalar(false, Cost::Nothing, FREE);
+    assert_eq!(nothing.control(&p), Err(SystemError::SingularControlHessian { control: 0, pivot: 0.0 }));
+    assert_eq!(nothing.fault(&p), Some(SystemError::SingularControlHessian { control: 0, pivot: 0.0 }));
+    assert!(nothing.field(&p)[0].is_nan() && nothing.jacobian(&p)[0].is_nan());
+    let nan = scalar(false, Cost::NotANumber, FREE);
+    assert_eq!(nan.fault(&p), Some(SystemError::NonFinite));
+}
+
+#[test]
+fn parameters_out_of_range_are_named() {
+    let bounds =
+        StateCostate::<_, 1, 1, 2>::try_new(Scalar1 { cubic: false, cost: Cost::Square, bounds: [1.0, 0.0] });
+    assert!(matches!(bounds.err(), Some(SystemError::Parameter { argument: "lower bound", .. })));
+    let arm = TwoLinkArm::default();
+    let light = TwoLinkArm { masses: [0.5, 0.0], ..arm };
+    let error = ArmMinimumTorque::try_new(light, [1.0, 0.5]).expect_err("no mass");
+    assert_eq!(error.to_string(), "`masses` must be positive and finite, found 0");
+    assert!(ArmMinimumTorque::try_new(arm, [f64::NAN, 1.0]).is_err());
+    assert!(ArmMinimumTorque::try_new(TwoLinkArm { damping: [-0.1, 0.0], ..arm }, [1.0, 1.0]).is_err());
+    assert!(ArmMinimumTorque::default().try_with_torque_limits([0.0, 1.0]).is_err());
+    let model = arm.model().expect("a model");
+    let error = TreeMinimumTorque::<4>::try_new(&model, &[1.0, 1.0]).expect_err("too few");
+    assert_eq!(error, SystemError::Length { argument: "p", expected: 8, found: 4 });
+    assert!(TreeMinimumTorque::<8>::try_new(&model, &[1.0]).is_err());
+    let mut short = [0.0; 1];
+    let p = SVector::<f64, 8>::zeros();
+    assert!(ArmMinimumTorque::default().control_into(&p, &mut short).is_err());
+}
