@@ -168,7 +168,7 @@ impl Dive {
         expect_positive("duration", self.duration.lower)?;
         for range in &self.windows {
             let Range { lower, upper } = *range;
-            if !(lower <= upper) {
+            if lower.is_nan() || upper.is_nan() || lower > upper {
                 return Err(DiveError::Range { argument: "windows", lower, upper });
             }
         }
