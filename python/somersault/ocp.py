@@ -2,7 +2,8 @@
 
 A `MotionProblem` is a tree whose driven joints follow splines and whose passive ones follow the equations of
 motion. Costs and constraints are made of terms: `entries` of the motion, `displacement` from a configuration,
-`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own.
+`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own. A `Dive`
+is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thesis.
 
 >>> import numpy as np
 >>> from somersault import multibody, ocp
@@ -22,6 +23,9 @@ motion. Costs and constraints are made of terms: `entries` of the motion, `displ
 from somersault._somersault import (
     Constraint,
     Cost,
+    Dive,
+    DiveSolution,
+    DiveVerification,
     EigenpostureBase,
     Motion,
     MotionProblem,
@@ -32,6 +36,8 @@ from somersault._somersault import (
     axis_direction,
     body_orientation,
     displacement,
+    dive_107b,
+    dive_5174d,
     entries,
     function,
     momentum,
@@ -41,6 +47,9 @@ from somersault._somersault import (
 __all__ = [
     "Constraint",
     "Cost",
+    "Dive",
+    "DiveSolution",
+    "DiveVerification",
     "EigenpostureBase",
     "Motion",
     "MotionProblem",
@@ -51,6 +60,8 @@ __all__ = [
     "axis_direction",
     "body_orientation",
     "displacement",
+    "dive_107b",
+    "dive_5174d",
     "entries",
     "function",
     "momentum",

@@ -75,7 +75,7 @@ def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> Non
 def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     for path in folder.glob("*.html"):
         text = path.read_text(encoding="utf-8")
-        assert ("<script" in text) == (path.name in ("top.html", "postures.html"))
+        assert ("<script" in text) == (path.name in ("top.html", "postures.html", "dive.html", "twist.html"))
         assert "<script src" not in text and "@import" not in text and "url(" not in text
         assert "fetch(" not in text and "import(" not in text and "XMLHttpRequest" not in text
         for link in read(path).links:
@@ -99,6 +99,7 @@ def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
     contact = {f"top-{name}.png" for name in ("section", "rendered", "gap", "thesis", "located")}
     assert contact | {"diver-spatial.png", "diver-planar.png"} < set(used)
     assert cases | {"stability-regions.png", "energy-ratios.png", "twist.png", "polhode.png"} < set(used)
+    assert {"string.png", "splines.png", "dive-frames.png", "dive-weight.png", "twist-frames.png"} < set(used)
     for picture in pictures:
         content = picture.read_bytes()
         assert content.startswith(b"\x89PNG") and len(content) > 10_000, picture.name
@@ -190,6 +191,14 @@ def test_the_diver_takes_every_posture(folder: Path) -> None:
     text = (folder / "postures.html").read_text(encoding="utf-8")
     assert all(f'"{letter}: ' in text for letter in "ABCDEFGHI")
     assert 'src="postures.html"' in (folder / "divers.html").read_text(encoding="utf-8")
+
+
+def test_the_dives_are_shown_and_told(folder: Path, measurements: tour.Measurements) -> None:
+    cells = read(folder / "dives.html").cells
+    for (found, _), name in ((measurements.pike, "dive"), (measurements.twisting, "twist")):
+        assert page.number(found.momentum, 3) in cells
+        assert "const SCENE = " in (folder / f"{name}.html").read_text(encoding="utf-8")
+        assert f'src="{name}.html"' in (folder / "dives.html").read_text(encoding="utf-8")
 
 
 def test_located_events_keep_the_orders_of_the_top(measurements: tour.Measurements) -> None:

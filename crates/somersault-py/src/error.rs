@@ -24,6 +24,7 @@ use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 use somersault::ocp::OcpError;
+use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::ocp::motion::MotionError as JointMotionError;
 use somersault::ocp::solver::SolverError;
 
@@ -278,6 +279,38 @@ impl From<SolverError> for Error {
         match error {
             SolverError::Failed { source, .. } => Self::ocp(&source),
             error => Self::own("OcpInputError", &error),
+        }
+    }
+}
+
+impl From<DiveError> for Error {
+    fn from(error: DiveError) -> Self {
+        match error {
+            DiveError::Dynamics(error) => error.into(),
+            DiveError::Flight(error) => error.into(),
+            DiveError::Model(error) => error.into(),
+            DiveError::Posture(error) => error.into(),
+            error => Self::own("OcpInputError", &error),
+        }
+    }
+}
+
+impl From<DiveSearchError> for Error {
+    fn from(error: DiveSearchError) -> Self {
+        match error {
+            DiveSearchError::Dive(error) => error.into(),
+            DiveSearchError::Solver(error) => error.into(),
+            error => Self::ocp(&error),
+        }
+    }
+}
+
+impl From<DiveJudgementError> for Error {
+    fn from(error: DiveJudgementError) -> Self {
+        match error {
+            DiveJudgementError::Dive(error) => error.into(),
+            DiveJudgementError::Motion(error) => error.into(),
+            error => Self::ocp(&error),
         }
     }
 }

@@ -1,10 +1,12 @@
 //! Optimal motions.
 
+mod dive;
 mod joint_motion;
 mod problem;
 mod solver;
 mod term;
 
+pub(crate) use dive::{Dive, DiveSolution, DiveVerification, dive_107b, dive_5174d};
 pub(crate) use joint_motion::{EigenpostureBase, SplineMotion};
 pub(crate) use problem::{Constraint, Cost, Motion, MotionProblem, Phase};
 pub(crate) use solver::Report;

@@ -24,6 +24,8 @@ ORDER = (
     "beyond",
     "contact",
     "divers",
+    "eigenpostures",
+    "dives",
     "deviations",
 )
 
