@@ -1,4 +1,5 @@
 //! Optimal motions: shooting, problems and their gradients.
 
 mod gradients;
+mod swing_up;
 mod systems;

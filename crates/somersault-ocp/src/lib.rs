@@ -16,6 +16,7 @@ pub mod nlp;
 pub mod problem;
 pub mod shooting;
 pub mod solver;
+pub mod swing_up;
 pub mod term;
 pub mod transcription;
 

@@ -125,7 +125,7 @@ impl Start {
 }
 
 impl Scheme {
-    pub(super) fn n_stages(self) -> usize {
+    pub(crate) fn n_stages(self) -> usize {
         match self {
             Self::ExplicitEuler => 1,
             Self::RungeKutta4 => 4,
@@ -133,7 +133,7 @@ impl Scheme {
     }
 
     /// Places in a step at which the channels are needed.
-    pub(super) fn points_per_step(self) -> usize {
+    pub(crate) fn points_per_step(self) -> usize {
         match self {
             Self::ExplicitEuler => 1,
             Self::RungeKutta4 => 2,
@@ -141,7 +141,7 @@ impl Scheme {
     }
 
     /// The point of a stage after the start of a step.
-    pub(super) fn point(self, stage: usize) -> usize {
+    pub(crate) fn point(self, stage: usize) -> usize {
         match self {
             Self::ExplicitEuler => 0,
             Self::RungeKutta4 => [0, 1, 1, 2][stage],
@@ -149,7 +149,7 @@ impl Scheme {
     }
 
     /// Weights of n + 1 nodes in integrals over [0, 1].
-    pub(super) fn quadrature(self, n: usize) -> Vec<f64> {
+    pub(crate) fn quadrature(self, n: usize) -> Vec<f64> {
         let mut weights = vec![1.0; n + 1];
         match self {
             Self::ExplicitEuler => weights[n] = 0.0,

@@ -1,0 +1,155 @@
+//! A pendulum on a cart is brought from one state to another (thesis appendix A), open in all its numbers.
+//!
+//! ```text
+//! minimise  ½ (x(T) − x_f)ᵀ Q (x(T) − x_f) + ½ ∫ ρ F² + (x − x_f)ᵀ W (x − x_f) dt,    x = (θ, r, θ̇, ṙ)
+//! ```
+//! The cart moves along a spline that starts at r(0), ṙ(0); its other parameters p are the variables. The pendulum is
+//! passive. With the defaults this is thesis A.2, read so that Table A.1 reproduces: ½ in both costs, R = Δt once,
+//! g = 9.81, explicit Euler, N = 200, and n_par = p + 2 splines, since two of them go to r(0) and ṙ(0).
+//!
+//! The same problem comes in two forms. [`CartPendulumProblem::motion_problem`] composes it of terms, as any problem.
+//! [`CartPendulumProblem::swing_up`] is written out for speed: closed-form dynamics, tables of the basis, one pass
+//! forwards and one backwards, and the exact Hessian. Both have the same cost and gradient.
+
+mod exact;
+mod program;
+mod tables;
+
+pub use program::SwingUp;
+
+use crate::dynamics::CartPendulumDynamics;
+use crate::error::{OcpError, expect_finite, expect_not_negative, expect_positive};
+use crate::motion::{Condition, EigenpostureBase, End, MotionError, SplineMotion};
+use crate::nlp::Bounds;
+use crate::problem::{At, Loss, MotionProblem};
+use crate::shooting::{Drive, Phase, Scheme, Shooting, ShootingOptions, Start};
+use crate::term::{Displacement, Entries, Part};
+use crate::transcription::Transcription;
+use somersault_core::spline::UniformBasis;
+use somersault_multibody::models::CartPendulum;
+
+/// The problem in numbers. States are (θ, r, θ̇, ṙ), θ from the upright.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CartPendulumProblem {
+    /// Masses, length and gravity.
+    pub system: CartPendulum,
+    /// x(0).
+    pub start: [f64; 4],
+    /// x_f, met by a penalty.
+    pub target: [f64; 4],
+    /// T, s.
+    pub duration: f64,
+    /// N.
+    pub n_steps: usize,
+    /// n_par ≥ 6: splines of the cart, two more than there are variables.
+    pub n_coefficients: usize,
+    /// How the pendulum is integrated, and the costs.
+    pub scheme: Scheme,
+    /// Diagonal of Q, on the final state.
+    pub terminal_weights: [f64; 4],
+    /// ρ, on the square of the force.
+    pub force_weight: f64,
+    /// Diagonal of W, on the state on its way.
+    pub running_weights: [f64; 4],
+}
+
+impl Default for CartPendulumProblem {
+    /// Thesis A.2, case A.
+    fn default() -> Self {
+        Self {
+            system: CartPendulum::default(),
+            start: [std::f64::consts::PI, -1.0, 0.0, 0.0],
+            target: [0.0; 4],
+            duration: 2.0,
+            n_steps: 200,
+            n_coefficients: 7,
+            scheme: Scheme::ExplicitEuler,
+            terminal_weights: [1e5; 4],
+            force_weight: 1.0,
+            running_weights: [0.0; 4],
+        }
+    }
+}
+
+impl CartPendulumProblem {
+    /// Thesis A.2 with p free parameters, as Table A.1 counts them.
+    pub fn with_parameters(p: usize) -> Self {
+        Self { n_coefficients: p + 2, ..Self::default() }
+    }
+
+    /// The motion of the cart.
+    pub fn motion(&self) -> Result<SplineMotion, OcpError> {
+        let basis = UniformBasis::try_new(5, self.n_coefficients).map_err(MotionError::from)?;
+        let [_, r, _, rate] = self.start;
+        let conditions = [
+            Condition { end: End::Start, derivative: 0, value: r },
+            Condition { end: End::Start, derivative: 1, value: rate * self.duration },
+        ];
+        Ok(SplineMotion::try_new(basis, EigenpostureBase::joints(1), &conditions)?)
+    }
+
+    fn expect_valid(&self) -> Result<(), OcpError> {
+        expect_finite("start", &self.start)?;
+        expect_finite("target", &self.target)?;
+        expect_positive("duration", self.duration)?;
+        expect_positive("n_steps", self.n_steps as f64)?;
+        expect_not_negative("terminal_weights", &self.terminal_weights)?;
+        expect_not_negative("force_weight", &[self.force_weight])?;
+        expect_not_negative("running_weights", &self.running_weights)
+    }
+
+    /// The problem for a solver, in its fast form.
+    pub fn swing_up(&self) -> Result<SwingUp, OcpError> {
+        SwingUp::try_new(self)
+    }
+
+    /// The transcription, with the tree's order q = (r, θ).
+    pub fn shooting(&self) -> Result<Shooting<CartPendulumDynamics>, OcpError> {
+        self.expect_valid()?;
+        let [angle, r, angle_rate, rate] = self.start;
+        let start = Start::fixed(&[r, angle], &[rate, angle_rate]);
+        let phase = Phase::new(self.motion()?, self.n_steps, self.duration);
+        let options = ShootingOptions { scheme: self.scheme, drive: Drive::Motion };
+        Shooting::try_new(CartPendulumDynamics::try_new(self.system)?, start, vec![phase], options)
+    }
+
+    /// The problem composed of terms.
+    pub fn motion_problem(&self) -> Result<MotionProblem<Shooting<CartPendulumDynamics>>, OcpError> {
+        let shooting = self.shooting()?;
+        let (sizes, dynamics) = (shooting.outline().sizes, shooting.dynamics().clone());
+        // (r, θ) from (θ, r, θ̇, ṙ)
+        let half = |weights: &[f64; 4], first: usize, target: [f64; 2]| Loss::HalfSquares {
+            weights: vec![weights[first + 1], weights[first]],
+            target: target.to_vec(),
+        };
+        let [angle, r, angle_rate, rate] = self.target;
+        let position = Displacement::try_new(dynamics, &[r, angle], &[0, 1])?;
+        let velocity = Entries::all(&sizes, Part::Velocity);
+        let force = Entries::try_new(&sizes, Part::Torque, &[0])?;
+        let mut problem = MotionProblem::builder(shooting)
+            .mayer(At::End, position.clone(), half(&self.terminal_weights, 0, [0.0; 2]))?
+            .mayer(At::End, velocity.clone(), half(&self.terminal_weights, 2, [rate, angle_rate]))?
+            .lagrange(force, Loss::HalfSquares { weights: vec![self.force_weight], target: vec![0.0] })?;
+        if self.running_weights != [0.0; 4] {
+            problem = problem
+                .lagrange(position, half(&self.running_weights, 0, [0.0; 2]))?
+                .lagrange(velocity, half(&self.running_weights, 2, [rate, angle_rate]))?;
+        }
+        problem.build()
+    }
+
+    /// A box of parameters to draw starts from: coefficients of the cart within `reach` of the line from the start to
+    /// the target.
+    pub fn start_range(&self, reach: f64) -> Result<Bounds, OcpError> {
+        expect_positive("reach", reach)?;
+        let motion = self.motion()?;
+        let n = self.n_coefficients;
+        let [from, to] = [self.start[1], self.target[1]];
+        let line: Vec<f64> = (0..n).map(|k| from + (to - from) * k as f64 / (n - 1) as f64).collect();
+        let middle = motion.parameters_of(&line);
+        Ok(Bounds {
+            lower: middle.iter().map(|x| x - reach).collect(),
+            upper: middle.iter().map(|x| x + reach).collect(),
+        })
+    }
+}
