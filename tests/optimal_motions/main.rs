@@ -3,3 +3,4 @@
 mod gradients;
 mod swing_up;
 mod systems;
+mod table_a_1;

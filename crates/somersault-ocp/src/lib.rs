@@ -19,6 +19,7 @@ pub mod solver;
 pub mod swing_up;
 pub mod term;
 pub mod transcription;
+pub mod verification;
 
 pub use error::OcpError;
 pub use nalgebra;

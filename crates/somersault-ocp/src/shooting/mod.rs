@@ -26,7 +26,7 @@ pub use phase::{Drive, Duration, Phase, Scheme, Start};
 
 use crate::dynamics::{Carry, HybridDynamics};
 use crate::error::{OcpError, expect_below, expect_length};
-use crate::motion::EigenpostureBase;
+use crate::motion::{EigenpostureBase, SplineMotion};
 use crate::nlp::{Bounds, EvaluationError};
 use crate::term::Node;
 use crate::transcription::{NodeSizes, Outline, RolloutGradient, Transcription};
@@ -58,6 +58,7 @@ pub struct Shooting<D> {
 
 /// A phase with its tables.
 struct Prepared {
+    motion: SplineMotion,
     base: EigenpostureBase,
     table: Table,
     n_steps: usize,
@@ -205,6 +206,7 @@ impl<D: HybridDynamics> Shooting<D> {
             };
             self.outline.phases.push(n_nodes..n_nodes + phase.n_steps + 1);
             self.phases.push(Prepared {
+                motion: phase.motion.clone(),
                 base: phase.motion.base().clone(),
                 table,
                 n_steps: phase.n_steps,
@@ -294,6 +296,19 @@ impl<D: HybridDynamics> Shooting<D> {
     /// What the channels drive.
     pub fn drive(&self) -> &Drive {
         &self.drive
+    }
+
+    /// The degrees of freedom that the channels drive, in the order of the joints of the base.
+    pub fn driven_dofs(&self) -> impl Iterator<Item = usize> + '_ {
+        self.driven.iter().map(|(dof, _)| *dof)
+    }
+
+    /// The channels of a phase.
+    ///
+    /// # Panics
+    /// Where there is no such phase.
+    pub fn motion(&self, phase: usize) -> &SplineMotion {
+        &self.phases[phase].motion
     }
 
     /// How steps are made.

@@ -88,6 +88,12 @@ impl CartPendulumProblem {
         Ok(SplineMotion::try_new(basis, EigenpostureBase::joints(1), &conditions)?)
     }
 
+    /// The same problem integrated `factor` times as finely by Runge–Kutta steps: its cost at parameters found with
+    /// this one is their cost after accurate integration.
+    pub fn refined(&self, factor: usize) -> Self {
+        Self { scheme: Scheme::RungeKutta4, n_steps: self.n_steps * factor, ..self.clone() }
+    }
+
     fn expect_valid(&self) -> Result<(), OcpError> {
         expect_finite("start", &self.start)?;
         expect_finite("target", &self.target)?;

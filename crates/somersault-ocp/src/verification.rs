@@ -1,0 +1,199 @@
+//! What an independent, accurate integration says about a motion that was found.
+//!
+//! A transcription satisfies its own recursion, whatever that is worth. Here the equations of motion are integrated anew
+//! with adapted steps of order 8 and tolerances of 1e-12: from each node to the next one, which shows what the motion is
+//! worth there, and once from start to end. Where the two differ from the motion by more than its use allows, the
+//! optimum lives off its discretisation.
+
+use crate::dynamics::HybridDynamics;
+use crate::error::{OcpError, expect_length};
+use crate::nlp::EvaluationError;
+use crate::shooting::{Drive, Shooting};
+use crate::transcription::Transcription;
+use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::state::Tolerances;
+use somersault_integrators::step_size::Adaptive;
+use somersault_multibody::motion::{MotionError as TreeMotionError, TreeMotion, TreeSystem};
+use somersault_multibody::{Data, DynamicsError, Model, Split};
+
+/// Tolerances of the integration, relative and absolute.
+const TOLERANCE: f64 = 1e-12;
+
+/// Why a motion could not be integrated anew.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VerificationError {
+    /// The arguments.
+    #[error(transparent)]
+    Problem(#[from] OcpError),
+    /// The motion itself has no value.
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
+    /// The accurate integration.
+    #[error(transparent)]
+    Integration(#[from] TreeMotionError),
+    /// The model.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+}
+
+/// How far a motion is from one integrated accurately. Distances are the largest entry of the displacement of the positions
+/// (m, rad) and of the difference of the velocities (m/s, rad/s).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verification {
+    /// For each step from a node to the next one in the same phase, the distance at its end.
+    pub defects: Vec<f64>,
+    /// The distance at the end of one integration from start to end.
+    pub terminal_error: f64,
+    /// Largest change of the angular momentum about the centre of mass over the nodes, kg m²/s; meant for flight.
+    pub momentum_drift: f64,
+}
+
+impl Verification {
+    /// The largest defect.
+    pub fn largest_defect(&self) -> f64 {
+        self.defects.iter().fold(0.0, |largest, d| d.max(largest))
+    }
+
+    /// One sentence: what the motion is worth, given the distance that its use allows and, if known, its cost as found
+    /// and after accurate integration.
+    pub fn sentence(&self, allowed: f64, costs: Option<(f64, f64)>) -> String {
+        let cost = costs.map_or_else(String::new, |(found, accurate)| {
+            format!(" Integrated accurately it costs {accurate:.6} instead of {found:.6}.")
+        });
+        let (defect, end) = (self.largest_defect(), self.terminal_error);
+        if defect <= allowed && end <= allowed {
+            format!(
+                "The motion holds when integrated anew: defects ≤ {defect:.1e}, error at the end {end:.1e}.{cost}"
+            )
+        } else {
+            format!(
+                "The optimum lives off its discretisation: integrated anew it has defects up to {defect:.1e} and ends {end:.1e} away.{cost}"
+            )
+        }
+    }
+}
+
+/// Integrates the motion of `z` anew as a motion of `model`, the tree of the dynamics of the shooting.
+pub fn verify<D: HybridDynamics>(
+    shooting: &mut Shooting<D>,
+    model: &Model,
+    z: &[f64],
+) -> Result<Verification, VerificationError> {
+    expect_length("z", z.len(), shooting.outline().n_variables())?;
+    let dofs = shooting.dynamics().dofs().clone();
+    expect_length("model", model.n_velocities(), dofs.n_velocities())?;
+    expect_length("model", model.n_positions(), dofs.n_positions)?;
+    shooting.rollout(z)?;
+    let phases = shooting.outline().phases.clone();
+    let mut defects = Vec::new();
+    let first = shooting.node(0);
+    let mut through = (first.position.to_vec(), first.velocity.to_vec());
+    for (i, nodes) in phases.iter().enumerate() {
+        let leg = Leg::new(shooting, model, i, z);
+        for k in nodes.start..nodes.end - 1 {
+            let (from, to) = (shooting.node(k), shooting.node(k + 1));
+            let end = leg.integrate(from.position, from.velocity, from.time, to.time)?;
+            defects.push(distance(model, &end, to.position, to.velocity)?);
+        }
+        let (start, end) = (shooting.node(nodes.start).time, shooting.node(nodes.end - 1).time);
+        through = leg.integrate(&through.0, &through.1, start, end)?;
+    }
+    let last = shooting.node(shooting.outline().n_nodes() - 1);
+    let terminal_error = distance(model, &through, last.position, last.velocity)?;
+    Ok(Verification { defects, terminal_error, momentum_drift: drift(shooting, model)? })
+}
+
+/// One phase, to be integrated.
+struct Leg<'a> {
+    model: &'a Model,
+    split: Split,
+    drive: Drive,
+    motion: crate::motion::SplineMotion,
+    coefficients: Vec<f64>,
+    driven: Vec<usize>,
+    start: f64,
+    duration: f64,
+}
+
+impl<'a> Leg<'a> {
+    fn new<D: HybridDynamics>(shooting: &Shooting<D>, model: &'a Model, phase: usize, z: &[f64]) -> Self {
+        let motion = shooting.motion(phase).clone();
+        let mut coefficients = vec![0.0; motion.n_coefficients()];
+        motion.coefficients_into(&z[shooting.layout().parameters[phase].clone()], &mut coefficients);
+        Self {
+            model,
+            split: Split::new(shooting.dynamics().dofs().active.clone()),
+            drive: shooting.drive().clone(),
+            driven: shooting.driven_dofs().collect(),
+            start: shooting.node(shooting.outline().phases[phase].start).time,
+            duration: shooting.durations()[phase],
+            motion,
+            coefficients,
+        }
+    }
+
+    /// Writes what drives the joints at time `t`: accelerations, or forces.
+    fn drive(&self, t: f64, out: &mut [f64]) {
+        let share = (t - self.start) / self.duration;
+        let mut channels = vec![0.0; self.motion.n_channels()];
+        let mut joints = vec![0.0; self.driven.len()];
+        if self.drive == Drive::Motion {
+            self.motion.channels_into(&self.coefficients, share, 2, &mut channels);
+            self.motion.base().rates_into(&channels, &mut joints);
+            joints.iter_mut().for_each(|a| *a /= self.duration * self.duration);
+        } else {
+            self.motion.channels_into(&self.coefficients, share, 0, &mut channels);
+            self.motion.base().positions_into(&channels, &mut joints);
+        }
+        self.driven.iter().zip(joints).for_each(|(dof, x)| out[*dof] = x);
+    }
+
+    fn integrate(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        from: f64,
+        to: f64,
+    ) -> Result<(Vec<f64>, Vec<f64>), VerificationError> {
+        let state = self.model.state(q, v)?;
+        let control = Adaptive {
+            tolerances: Tolerances { relative: TOLERANCE, absolute: TOLERANCE },
+            ..Adaptive::default()
+        };
+        let write = |t: f64, _: &[f64], _: &[f64], out: &mut [f64]| self.drive(t, out);
+        let (method, options) = (Method::Rkmk8, Options::default());
+        let end = if self.drive == Drive::Motion {
+            let system = TreeSystem::new(self.model, ()).driven(self.split.clone(), write)?;
+            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut ())?
+        } else {
+            let system = TreeSystem::new(self.model, write);
+            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut ())?
+        };
+        let mut velocity = vec![0.0; v.len()];
+        self.model.joint_velocities(&end.state, &mut velocity)?;
+        Ok((end.state.configuration.as_slice().to_vec(), velocity))
+    }
+}
+
+fn distance(model: &Model, end: &(Vec<f64>, Vec<f64>), q: &[f64], v: &[f64]) -> Result<f64, DynamicsError> {
+    let mut apart = vec![0.0; v.len()];
+    model.difference(&end.0, q, &mut apart)?;
+    let velocities = end.1.iter().zip(v).map(|(a, b)| (a - b).abs());
+    Ok(apart.iter().map(|d| d.abs()).chain(velocities).fold(0.0, f64::max))
+}
+
+fn drift<D: HybridDynamics>(shooting: &Shooting<D>, model: &Model) -> Result<f64, DynamicsError> {
+    let mut data = Data::new(model);
+    let mut momentum = |k: usize| {
+        let node = shooting.node(k);
+        let centroidal = model.centroidal(&mut data, node.position)?;
+        Ok::<_, DynamicsError>(centroidal.momentum(node.velocity)?.angular)
+    };
+    let first = momentum(0)?;
+    let mut largest = 0.0_f64;
+    for k in 1..shooting.outline().n_nodes() {
+        largest = largest.max((momentum(k)? - first).norm());
+    }
+    Ok(largest)
+}
