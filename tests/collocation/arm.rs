@@ -63,10 +63,10 @@ fn the_arm_from_a_straight_and_from_a_folded_guess_is_the_motion_of_the_thesis()
         assert!(report.confirmation.max_defect() < 1e-7);
         assert!((report.confirmation.cost - report.cost).abs() < 1e-7);
         assert!(report.confirmation.end_to_end_error() < 1e-3);
-        // θ₁ is cyclic: its costate is constant, and with the angle that it is dual to, momentum is what friction leaves
+        // θ₁ is cyclic, so its costate is constant
         let cyclic = phase.costates.iter().map(|l| (l[0] - phase.costates[0][0]).abs());
         assert!(cyclic.fold(0.0, f64::max) < 1e-6, "λ₁ changes");
-        // Pontryagin: u = −γ⁻¹ M⁻¹ᵀ λ, so that ∂H/∂u = 0; here through the Hamiltonian, which is constant
+        // nothing names the time, so the Hamiltonian is constant
         assert!(phase.hamiltonian_spread() < 1e-4, "spread {}", phase.hamiltonian_spread());
     }
 }
@@ -93,7 +93,7 @@ fn the_other_fold_costs_more_and_a_turn_of_the_second_link_less() {
     assert!(other.cost > thesis.cost + 1e-2, "{} and {}", other.cost, thesis.cost);
 }
 
-/// ERRATA to 8.4: a solver's success is no evidence. On ten intervals it is a motion at a tenth of the true cost.
+/// A solver's success is no evidence of a motion: on ten intervals it comes at a fifth of the true cost.
 #[test]
 fn success_on_a_coarse_mesh_is_named_false_convergence() {
     let collocation = Collocation { max_meshes: 1, ..Collocation::default() };

@@ -315,11 +315,13 @@ fn a_cart_swings_its_pole_up_and_the_motion_holds_when_integrated_anew() {
         .final_state([0.0; 4])
         .control_bounds([Interval::new(-30.0, 30.0)])
         .horizon(0.0, 2.0);
-    let report = solve(phase, uniform(10, 5), 1e-7);
+    let report = solve(phase, uniform(20, 5), 1e-7);
     let confirmation = &report.confirmation;
-    assert!(confirmation.max_defect() < 1e-7 && confirmation.max_violation() < 1e-9);
+    assert!(confirmation.max_defect() < 1e-7, "{}", confirmation.max_defect());
     assert!((confirmation.cost - report.cost).abs() < 1e-6 * report.cost);
     assert!(confirmation.end_to_end_error() < 1e-5, "{}", confirmation.end_to_end_error());
-    // u is the effort that the momentum of the cart asks for: F = −∂(λᵀf)/∂F
+    // 30 N are asked for in full at some time, and not exceeded by more than polynomials overshoot
+    let strongest = report.phases[0].controls.iter().fold(0.0, |m: f64, u| m.max(u[0].abs()));
+    assert!((strongest - 30.0).abs() < 1e-6 && confirmation.max_violation() < 0.1, "{strongest} N");
     assert!(report.phases[0].hamiltonian_spread() < 1e-3 * report.cost);
 }

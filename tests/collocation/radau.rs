@@ -66,7 +66,7 @@ fn quadrature_is_exact_to_degree_2n_minus_2_and_no_further() {
             let terms = radau.points().iter().zip(radau.weights());
             terms.map(|(&x, w)| w * monomial(x, degree)).sum::<f64>()
         };
-        let exact = |degree: usize| if degree % 2 == 0 { 2.0 / (degree as f64 + 1.0) } else { 0.0 };
+        let exact = |degree: usize| if degree.is_multiple_of(2) { 2.0 / (degree as f64 + 1.0) } else { 0.0 };
         for degree in 0..=2 * n - 2 {
             let error = integral(degree) - exact(degree);
             assert!(error.abs() < 2e-15 * n as f64, "N = {n}, degree {degree}: {error}");

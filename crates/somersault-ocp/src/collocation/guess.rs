@@ -2,7 +2,8 @@
 
 use super::error::CollocationError;
 use super::function::Sizes;
-use super::problem::{Interval, PhaseBounds, expect_length};
+use super::interval::Interval;
+use super::problem::{PhaseBounds, expect_length};
 
 /// States and controls at times, straight lines between them.
 #[derive(Debug, Clone, PartialEq, Default)]

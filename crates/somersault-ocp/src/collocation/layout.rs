@@ -1,8 +1,10 @@
 //! Where each quantity has its place: among all variables of a problem, and among those that are free.
 
 use super::function::Sizes;
+use super::interval::Interval;
+use super::linkage::{End, Place, Quantity};
 use super::mesh::Grid;
-use super::problem::{End, Interval, Phase, Place, Problem, Quantity};
+use super::problem::{Phase, Problem};
 use crate::nlp::Bounds;
 
 /// Place of the quantities of one phase among all variables: x and u of each point, x at the end, t₀, t_f, p.

@@ -1,10 +1,72 @@
-//! Direct collocation at Legendre–Gauss–Radau points.
+//! Direct collocation at Legendre–Gauss–Radau points, with meshes refined to a tolerance.
+//!
+//! A [`Problem`] has one or several [`Phase`]s: equations ẋ = f(x, u, p, t), costs, path and end constraints,
+//! bounds, ends and horizons that are fixed or free. On a [`Mesh`] a [`Transcription`] makes a sparse nonlinear
+//! program of it, with exact Jacobian and Hessian; [`Collocation`] solves programs and refines meshes until the
+//! estimated error is below its tolerance, and integrates what it found anew ([`confirm`]).
+//!
+//! | Symbol | Meaning | Here |
+//! |---|---|---|
+//! | x, u, p | states, controls, parameters that are constant in time | [`Point`], [`PhaseSolution`] |
+//! | L, Φ | running cost, end cost | [`Terms::running_cost`], [`Terms::end_cost`] |
+//! | g, b | path constraints, end constraints | [`Terms::path_constraints`], [`Terms::end_constraints`] |
+//! | λ | costates: ∂(least cost from here on)/∂x | [`PhaseSolution::costates`] |
+//! | H | L + λᵀf | [`PhaseSolution::hamiltonian`] |
+//!
+//! Equations and costs are written once over a scalar ([`Dynamics`], [`Terms`]) and differentiated by dual numbers;
+//! trees of bodies are [`TreeDynamics`]; functions that bring their derivatives are [`VectorFunction`]s.
+//!
+//! ```
+//! use somersault_multibody::Scalar;
+//! use somersault_ocp::collocation::{Collocation, Dynamics, Mesh, Phase, Point, Problem, Terms};
+//! use somersault_ocp::solver::Flow;
+//!
+//! /// ẋ = −x + u, cost ∫ x² + u² dt.
+//! struct Decay;
+//! impl Dynamics for Decay {
+//!     fn n_states(&self) -> usize { 1 }
+//!     fn n_controls(&self) -> usize { 1 }
+//!     fn rates<T: Scalar>(&self, at: &Point<'_, T>, rates: &mut [T]) {
+//!         rates[0] = at.control[0] - at.state[0];
+//!     }
+//! }
+//! impl Terms for Decay {
+//!     fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+//!         at.state[0] * at.state[0] + at.control[0] * at.control[0]
+//!     }
+//! }
+//!
+//! let phase = Phase::new(Decay, Decay).initial_state([1.0]).final_state([1.5]).horizon(0.0, 40.0);
+//! let mut problem = Problem::try_new(phase)?;
+//! let found = Collocation::default().solve(&mut problem, &[Mesh::try_uniform(10, 4)?], &mut |_| Flow::Continue)?;
+//! // at first the state decays as e^{−√2 t}
+//! assert!((found.phases[0].state(1.0)[0] - (-2f64.sqrt()).exp()).abs() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Where the program is not convex a step needs a convex model: the Hessian is handed on as it is, and
+//! [`Sqp`](crate::solver::Sqp) shifts it as far as the null space of the active constraints needs. Next to a solution that
+//! is not at all, and convergence is quadratic.
+//!
+//! Bounds and path constraints hold at the collocation points; [`Confirmation`] says how far they are violated
+//! between them. Nothing is collocated at the end of a phase, where a control is extrapolated. A start
+//! mesh should resolve what is expected to be fast: on a coarse one a program often has solutions that are no
+//! motions, and the refinement follows them.
+//!
+//! Sources: D. Garg et al., *Direct trajectory optimization and costate estimation of finite-horizon and
+//! infinite-horizon optimal control problems using a Radau pseudospectral method*, Comput. Optim. Appl. 49 (2011);
+//! M. A. Patterson, W. W. Hager and A. V. Rao, *A ph mesh refinement method for optimal control*, Optim. Control
+//! Appl. Methods 36 (2015); F. Liu, W. W. Hager and A. V. Rao, *Adaptive mesh refinement method for optimal control
+//! using decay rates of Legendre polynomial coefficients*, IEEE Trans. Control Syst. Technol. 26 (2018).
+
 mod confirmation;
 mod entries;
 mod error;
 mod function;
 mod guess;
+mod interval;
 mod layout;
+mod linkage;
 mod mesh;
 mod problem;
 pub mod radau;
@@ -14,13 +76,16 @@ mod solve;
 mod transcription;
 mod tree;
 mod vector;
+mod view;
 
 pub use confirmation::{Confirmation, PhaseConfirmation, confirm};
 pub use error::CollocationError;
 pub use function::{Dynamics, Ends, Point, Terms, VectorFunction};
 pub use guess::Guess;
+pub use interval::Interval;
+pub use linkage::{End, Linkage, Place, Quantity};
 pub use mesh::Mesh;
-pub use problem::{End, Interval, Linkage, Phase, Place, Problem, Quantity};
+pub use problem::{Phase, Problem};
 pub use radau::Radau;
 pub use solution::PhaseSolution;
 pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord};

@@ -10,79 +10,10 @@ use super::function::{
     ByDuals, Dynamics, DynamicsFormula, EndFormula, PathFormula, Sizes, Terms, VectorFunction,
 };
 use super::guess::Guess;
+use super::interval::{Interval, NO_BOUND};
+use super::linkage::{Linkage, Quantity};
 use super::tree::TreeDynamics;
 use std::sync::Arc;
-
-/// What a quantity may be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Interval {
-    /// −∞ where there is no bound.
-    pub lower: f64,
-    /// ∞ where there is no bound.
-    pub upper: f64,
-}
-
-impl Interval {
-    /// Anything.
-    pub const FREE: Self = Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
-
-    /// From `lower` to `upper`.
-    pub fn new(lower: f64, upper: f64) -> Self {
-        Self { lower, upper }
-    }
-
-    /// `value` and nothing else.
-    pub fn fixed(value: f64) -> Self {
-        Self::new(value, value)
-    }
-
-    /// At least `lower`.
-    pub fn at_least(lower: f64) -> Self {
-        Self::new(lower, f64::INFINITY)
-    }
-
-    /// At most `upper`.
-    pub fn at_most(upper: f64) -> Self {
-        Self::new(f64::NEG_INFINITY, upper)
-    }
-
-    /// Whether there is one value only.
-    pub fn is_fixed(&self) -> bool {
-        self.lower == self.upper
-    }
-
-    /// Whether there is a finite value within.
-    fn is_possible(&self) -> bool {
-        self.lower <= self.upper && self.lower < f64::INFINITY && self.upper > f64::NEG_INFINITY
-    }
-
-    pub(super) fn clamp(&self, x: f64) -> f64 {
-        x.max(self.lower).min(self.upper)
-    }
-
-    /// How far `x` is outside.
-    pub(super) fn distance(&self, x: f64) -> f64 {
-        (self.lower - x).max(x - self.upper).max(0.0)
-    }
-
-    pub(super) fn intersection(&self, other: &Self) -> Self {
-        Self::new(self.lower.max(other.lower), self.upper.min(other.upper))
-    }
-}
-
-/// Fixed.
-impl From<f64> for Interval {
-    fn from(value: f64) -> Self {
-        Self::fixed(value)
-    }
-}
-
-/// Lower and upper bound.
-impl From<(f64, f64)> for Interval {
-    fn from((lower, upper): (f64, f64)) -> Self {
-        Self::new(lower, upper)
-    }
-}
 
 /// A stretch of time with its equations, costs, constraints and bounds.
 ///
@@ -311,7 +242,7 @@ impl Scales {
         bounds: &PhaseBounds,
     ) -> Result<(), CollocationError> {
         let size = |rows: &[Vec<f64>], entry: usize, intervals: &[&Interval]| {
-            let numbers = intervals.iter().flat_map(|i| [i.lower, i.upper]).filter(|x| x.is_finite());
+            let numbers = intervals.iter().flat_map(|i| [i.lower, i.upper]).filter(|x| x.abs() < NO_BOUND);
             let largest =
                 rows.iter().map(|row| row[entry]).chain(numbers).fold(0.0, |m: f64, x| m.max(x.abs()));
             if largest > 0.0 { largest } else { 1.0 }
@@ -330,68 +261,6 @@ impl Scales {
             Some(&found) => Err(CollocationError::NotPositive { argument: "scales", found }),
             None => Ok(()),
         }
-    }
-}
-
-/// Which end of a phase.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum End {
-    /// t₀.
-    Start,
-    /// t_f.
-    Finish,
-}
-
-/// A number at an end of a phase.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    /// Entry of x there.
-    State(usize),
-    /// The time itself.
-    Time,
-    /// Entry of p.
-    Parameter(usize),
-}
-
-/// A quantity of a phase.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
-    /// Number of the phase.
-    pub phase: usize,
-    /// Which end of it.
-    pub end: End,
-    /// What of it.
-    pub quantity: Quantity,
-}
-
-/// `right` − `left` lies in `difference`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Linkage {
-    /// What is subtracted.
-    pub left: Place,
-    /// What it is subtracted from.
-    pub right: Place,
-    /// What the difference may be.
-    pub difference: Interval,
-}
-
-impl Linkage {
-    /// A phase does not end before it begins.
-    fn forward(phase: usize) -> Self {
-        let time = |end| Place { phase, end, quantity: Quantity::Time };
-        Self { left: time(End::Start), right: time(End::Finish), difference: Interval::at_least(0.0) }
-    }
-
-    /// Time and all `n_states` states go on from the end of one phase to the start of the other.
-    pub fn continuous(from: usize, to: usize, n_states: usize) -> Vec<Self> {
-        let quantities = (0..n_states).map(Quantity::State).chain([Quantity::Time]);
-        quantities
-            .map(|quantity| Self {
-                left: Place { phase: from, end: End::Finish, quantity },
-                right: Place { phase: to, end: End::Start, quantity },
-                difference: Interval::fixed(0.0),
-            })
-            .collect()
     }
 }
 

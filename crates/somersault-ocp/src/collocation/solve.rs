@@ -11,13 +11,16 @@ use super::transcription::Transcription;
 use crate::solver::{Flow, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
+/// Points back to which the solver's merit function may rise again: defects curve.
+const MERIT_MEMORY: usize = 8;
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
 
 /// Collocation with mesh refinement.
 #[derive(Debug, Clone)]
 pub struct Collocation<S = Sqp> {
-    /// Relative error of the states that each interval may have, by the estimate of the refinement.
+    /// Relative error of the states that each interval may have: by the estimate of the refinement, and then as a
+    /// defect when it is integrated anew.
     pub tolerance: f64,
     /// Meshes to try at most, the first among them.
     pub max_meshes: usize,
@@ -25,8 +28,6 @@ pub struct Collocation<S = Sqp> {
     pub min_points: usize,
     /// Points at which an interval is divided rather than given more.
     pub max_points: usize,
-    /// Largest defect, integrated anew, with which a solution is confirmed.
-    pub confirmation_tol: f64,
     /// What solves the nonlinear programs.
     pub solver: S,
 }
@@ -38,8 +39,7 @@ impl Default for Collocation {
             max_meshes: 20,
             min_points: 3,
             max_points: 12,
-            confirmation_tol: 1e-5,
-            solver: Sqp::default(),
+            solver: Sqp { merit_memory: MERIT_MEMORY, ..Sqp::default() },
         }
     }
 }
@@ -50,7 +50,7 @@ impl Default for Collocation {
 pub enum CollocationStatus {
     /// The program converged on a mesh that meets the tolerance, and the motion was confirmed.
     Converged,
-    /// The program converged, and its motion is none: integrated anew it leaves its own nodes, or its bounds, by more than the
+    /// The program converged, and its motion is none: integrated anew it leaves its own nodes by more than the
     /// tolerance.
     FalseConvergence,
     /// The last mesh allowed does not meet the tolerance.
@@ -161,7 +161,7 @@ impl<S: NlpSolver> Collocation<S> {
         let error = history.last().map_or(f64::INFINITY, |mesh| mesh.error);
         let status = if !program.status.is_converged() {
             CollocationStatus::NotSolved(program.status)
-        } else if confirmation.max_defect() > self.confirmation_tol {
+        } else if confirmation.max_defect() > self.tolerance {
             CollocationStatus::FalseConvergence
         } else if error > self.tolerance {
             CollocationStatus::MeshLimit
@@ -174,7 +174,6 @@ impl<S: NlpSolver> Collocation<S> {
     fn check(&self) -> Result<(), CollocationError> {
         for (argument, found) in [
             ("tolerance", self.tolerance),
-            ("confirmation_tol", self.confirmation_tol),
             ("max_meshes", self.max_meshes as f64),
             ("min_points", self.min_points as f64),
         ] {

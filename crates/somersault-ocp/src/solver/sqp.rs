@@ -34,6 +34,9 @@ pub struct Sqp {
     pub feasibility_tol: f64,
     /// Tolerance of [`KktResiduals::complementarity`].
     pub complementarity_tol: f64,
+    /// Points back to which the merit function may rise again (Grippo, Lampariello & Lucidi 1986). Along curved
+    /// constraints full steps may need it (Maratos), in a valley it costs steps; with 0 it never rises.
+    pub merit_memory: usize,
     /// Limit of steps.
     pub max_iterations: usize,
     /// Limit of time, looked at after each step.
@@ -49,6 +52,7 @@ impl Default for Sqp {
             stationarity_tol: 1e-8,
             feasibility_tol: 1e-8,
             complementarity_tol: 1e-8,
+            merit_memory: 0,
             max_iterations: 500,
             max_time: None,
             cost_floor: -1e15,
@@ -56,9 +60,6 @@ impl Default for Sqp {
     }
 }
 
-/// Points back to which the merit function may rise again (Grippo, Lampariello & Lucidi 1986): a full step that
-/// follows curved constraints need not reduce it at once (Maratos).
-const MEMORY: usize = 8;
 /// Attempts to repair a step that the line search refuses.
 const REPAIRS: usize = 6;
 /// Steps without a decrease beyond rounding, of merit function and residuals, before giving up.
@@ -141,7 +142,7 @@ impl<'a> Run<'a> {
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
             penalty: 0.0,
-            recent: VecDeque::with_capacity(MEMORY),
+            recent: VecDeque::with_capacity(options.merit_memory + 1),
             reductions: 0,
             floor: 0.0,
             iterations: 0,
@@ -307,10 +308,10 @@ impl<'a> Run<'a> {
         let n = self.point.z.len();
         let merit = self.merit(&self.point);
         let decreased = self.merit(&self.trial) < merit - 1e-13 * merit.abs();
-        if self.recent.len() == MEMORY {
+        self.recent.push_back((self.point.cost, self.program.violation(&self.point.constraints)));
+        if self.recent.len() > self.options.merit_memory {
             self.recent.pop_front();
         }
-        self.recent.push_back((self.point.cost, self.program.violation(&self.point.constraints)));
         for (y, next) in self.y.iter_mut().zip(&self.subproblem.y[n..]) {
             *y += length * (next - *y);
         }

@@ -59,6 +59,8 @@ impl Run<'_> {
             return Ok(None);
         }
         let descent = descent.min(0.0);
+        let recent = self.recent.iter().map(|(cost, violation)| cost + self.penalty * violation);
+        let reference = recent.fold(merit, f64::max);
         // Where cost and constraints agree in all digits they have, residuals must tell which point is better.
         let rounding = ROUNDING * terms;
         let indistinct = -descent <= rounding;
