@@ -4,6 +4,9 @@ A `MotionProblem` is a tree whose driven joints follow splines and whose passive
 motion. Costs and constraints are made of terms: `entries` of the motion, `displacement` from a configuration,
 `momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own.
 
+`CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
+tolerance; `CartPendulumProblem` and `arm_problem` are the two examples of the thesis.
+
 >>> import numpy as np
 >>> from somersault import multibody, ocp
 >>> conditions = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
@@ -19,7 +22,11 @@ motion. Costs and constraints are made of terms: `entries` of the motion, `displ
 2.85
 """
 
+from somersault._arm import arm_motion, arm_problem
 from somersault._somersault import (
+    CartPendulumProblem,
+    CollocationProblem,
+    CollocationResult,
     Constraint,
     Cost,
     EigenpostureBase,
@@ -28,6 +35,8 @@ from somersault._somersault import (
     Phase,
     Report,
     SplineMotion,
+    SwingUpSearch,
+    SwingUpVerification,
     Term,
     axis_direction,
     body_orientation,
@@ -39,6 +48,9 @@ from somersault._somersault import (
 )
 
 __all__ = [
+    "CartPendulumProblem",
+    "CollocationProblem",
+    "CollocationResult",
     "Constraint",
     "Cost",
     "EigenpostureBase",
@@ -47,7 +59,11 @@ __all__ = [
     "Phase",
     "Report",
     "SplineMotion",
+    "SwingUpSearch",
+    "SwingUpVerification",
     "Term",
+    "arm_motion",
+    "arm_problem",
     "axis_direction",
     "body_orientation",
     "displacement",

@@ -65,6 +65,10 @@ mod _somersault {
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
     use crate::ocp::{
+        CartPendulumProblem, CollocationProblem, CollocationResult, SwingUpSearch, SwingUpVerification,
+    };
+    #[pymodule_export]
+    use crate::ocp::{
         Constraint, Cost, EigenpostureBase, Motion, MotionProblem, Phase, Report, SplineMotion, Term,
         axis_direction, body_orientation, displacement, entries, function, momentum, point_position,
     };

@@ -11,7 +11,7 @@ use somersault::ocp::solver::{
 use std::time::{Duration, Instant};
 
 /// How often a solve looks whether it is to stop.
-const ATTENTION: Duration = Duration::from_millis(50);
+pub(crate) const ATTENTION: Duration = Duration::from_millis(50);
 
 /// What a solver found: always the best iterate, with the residuals it has.
 #[pyclass(frozen, module = "somersault.ocp")]
@@ -135,7 +135,7 @@ pub(crate) struct SolverArguments<'a, 'py> {
     pub(crate) on_interrupt: &'a str,
 }
 
-fn duration(max_time: Option<f64>) -> Result<Option<Duration>, Error> {
+pub(crate) fn duration(max_time: Option<f64>) -> Result<Option<Duration>, Error> {
     let refused = |_| Error::input("`max_time` must be a positive number of seconds");
     max_time.map(|seconds| Duration::try_from_secs_f64(seconds).map_err(refused)).transpose()
 }
@@ -187,28 +187,8 @@ impl SolverArguments<'_, '_> {
     ) -> Result<Report, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let solver = self.solver()?;
-        let callback = self.callback.map(|f| f.clone().unbind());
-        let mut raised = None;
-        let mut last_look = Instant::now();
-        let mut watch = |iteration: &Iteration<'_>| {
-            let looked = if callback.is_some() || last_look.elapsed() >= ATTENTION {
-                last_look = Instant::now();
-                Python::attach(|py| {
-                    py.check_signals()?;
-                    callback.as_ref().map_or(Ok(false), |f| asks_to_stop(py, f, iteration))
-                })
-            } else {
-                Ok(false)
-            };
-            match looked {
-                Ok(false) => Flow::Continue,
-                Ok(true) => Flow::Stop,
-                Err(error) => {
-                    raised = Some(error);
-                    Flow::Stop
-                }
-            }
-        };
+        let mut watcher = Watcher::new(self.callback);
+        let mut watch = |iteration: &Iteration<'_>| watcher.look(iteration);
         let found = if calls_python {
             solver.solve(nlp, start, &mut watch)
         } else {
@@ -225,12 +205,48 @@ impl SolverArguments<'_, '_> {
             }
             Err(error) => return Err(error.into()),
         };
-        match raised {
-            Some(error) if !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
-                Err(with_report(py, error, report))
-            }
-            _ => Ok(Report { report }),
+        match watcher.to_raise(py, returned) {
+            Some(error) => Err(with_report(py, error, report)),
+            None => Ok(Report { report }),
         }
+    }
+}
+
+/// Looks at a solve from Python: for a callback after each step, for Ctrl-C now and then.
+pub(crate) struct Watcher {
+    callback: Option<Py<PyAny>>,
+    raised: Option<PyErr>,
+    last_look: Instant,
+}
+
+impl Watcher {
+    pub(crate) fn new(callback: Option<&Bound<'_, PyAny>>) -> Self {
+        Self { callback: callback.map(|f| f.clone().unbind()), raised: None, last_look: Instant::now() }
+    }
+
+    /// Whether the solve is to go on.
+    pub(crate) fn look(&mut self, iteration: &Iteration<'_>) -> Flow {
+        if self.callback.is_none() && self.last_look.elapsed() < ATTENTION {
+            return Flow::Continue;
+        }
+        self.last_look = Instant::now();
+        let looked = Python::attach(|py| {
+            py.check_signals()?;
+            self.callback.as_ref().map_or(Ok(false), |f| asks_to_stop(py, f, iteration))
+        });
+        match looked {
+            Ok(false) => Flow::Continue,
+            Ok(true) => Flow::Stop,
+            Err(error) => {
+                self.raised = Some(error);
+                Flow::Stop
+            }
+        }
+    }
+
+    /// What was raised, unless it is an interruption that ends in a result.
+    pub(crate) fn to_raise(self, py: Python<'_>, returned: bool) -> Option<PyErr> {
+        self.raised.filter(|error| !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)))
     }
 }
 

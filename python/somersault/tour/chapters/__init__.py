@@ -24,6 +24,8 @@ ORDER = (
     "beyond",
     "contact",
     "divers",
+    "swing_up",
+    "arm",
     "deviations",
 )
 
