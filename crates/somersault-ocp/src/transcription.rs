@@ -183,6 +183,9 @@ fn add_scaled(out: &mut [f64], factor: f64, column: &DVectorView<'_, f64>) {
     out.iter_mut().zip(column.iter()).for_each(|(out, x)| *out += factor * x);
 }
 
+/// What looks at the nodes of a forward sweep: number, node, quadrature weight, tangents.
+pub type Visit<'a> = dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError> + 'a;
+
 /// Makes of a decision vector a motion at nodes.
 ///
 /// [`rollout`](Self::rollout) comes first; all else is at the z of the last one. After construction nothing allocates.
@@ -213,9 +216,5 @@ pub trait Transcription: Send {
 
     /// Hands the tangents of all nodes to `visit`, in their order, and writes the gradient of each defect by its
     /// [`variables_of_defect`](Self::variables_of_defect) to `defects`, one after the other.
-    fn push_forward(
-        &mut self,
-        defects: &mut [f64],
-        visit: &mut dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError>,
-    ) -> Result<(), EvaluationError>;
+    fn push_forward(&mut self, defects: &mut [f64], visit: &mut Visit<'_>) -> Result<(), EvaluationError>;
 }

@@ -6,8 +6,7 @@ use super::trajectory::moves_per_step;
 use super::{Drive, Segment, Shooting};
 use crate::dynamics::{Carry, HybridDynamics};
 use crate::nlp::EvaluationError;
-use crate::term::Node;
-use crate::transcription::{NodeSizes, NodeTangent};
+use crate::transcription::{NodeSizes, NodeTangent, Visit};
 use nalgebra::DMatrix;
 
 /// Tangents of a segment: one row for each of its variables, one column for each degree of freedom.
@@ -108,7 +107,7 @@ impl<D: HybridDynamics> Shooting<D> {
     pub(super) fn sweep_forward(
         &mut self,
         defects: &mut [f64],
-        visit: &mut dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError>,
+        visit: &mut Visit<'_>,
     ) -> Result<(), EvaluationError> {
         self.linearise()?;
         let mut defects = defects;
@@ -154,7 +153,7 @@ impl<D: HybridDynamics> Shooting<D> {
         &self,
         number: usize,
         work: &mut Work,
-        visit: &mut dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError>,
+        visit: &mut Visit<'_>,
     ) -> Result<(), EvaluationError> {
         let segment = &self.segments[number];
         let prepared = &self.phases[segment.phase];

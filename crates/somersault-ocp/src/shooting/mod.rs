@@ -389,12 +389,7 @@ impl<D: HybridDynamics> Transcription for Shooting<D> {
     fn push_forward(
         &mut self,
         defects: &mut [f64],
-        visit: &mut dyn FnMut(
-            usize,
-            &Node<'_>,
-            f64,
-            &crate::transcription::NodeTangent,
-        ) -> Result<(), EvaluationError>,
+        visit: &mut crate::transcription::Visit<'_>,
     ) -> Result<(), EvaluationError> {
         self.sweep_forward(defects, visit)
     }

@@ -18,7 +18,7 @@ mod tables;
 pub use program::SwingUp;
 
 use crate::dynamics::CartPendulumDynamics;
-use crate::error::{OcpError, expect_finite, expect_not_negative, expect_positive};
+use crate::error::{OcpError, expect_finite, expect_length, expect_not_negative, expect_positive};
 use crate::motion::{Condition, EigenpostureBase, End, MotionError, SplineMotion};
 use crate::nlp::Bounds;
 use crate::problem::{At, Loss, MotionProblem};
@@ -142,6 +142,23 @@ impl CartPendulumProblem {
                 .lagrange(velocity, half(&self.running_weights, 2, [rate, angle_rate]))?;
         }
         problem.build()
+    }
+
+    /// The parameters for which the cart moves most nearly as it does in `other` with `z`: a start on more splines from an
+    /// optimum on fewer.
+    pub fn carry_over(&self, other: &Self, z: &[f64]) -> Result<Vec<f64>, OcpError> {
+        let (from, to) = (other.motion()?, self.motion()?);
+        expect_length("z", z.len(), from.n_parameters())?;
+        let mut coefficients = vec![0.0; from.n_coefficients()];
+        from.coefficients_into(z, &mut coefficients);
+        let shares: Vec<f64> = (0..=400).map(|k| f64::from(k) / 400.0).collect();
+        let sample = |share: &f64| {
+            let mut r = [0.0];
+            from.channels_into(&coefficients, *share, 0, &mut r);
+            r
+        };
+        let samples: Vec<[f64; 1]> = shares.iter().map(sample).collect();
+        Ok(to.fit(&shares, &samples)?)
     }
 
     /// A box of parameters to draw starts from: coefficients of the cart within `reach` of the line from the start to
