@@ -917,11 +917,13 @@ class CartPendulumProblem:
         self,
         n_starts: int = 32,
         *,
+        starts: Sequence[ArrayLike] | _Floats | None = None,
         seed: int = 0,
         reach: float = 2.0,
         distance_tol: float = 1e-4,
         on_interrupt: Literal["return", "raise"] = "return",
     ) -> SwingUpSearch: ...
+    def carry_over(self, other: CartPendulumProblem, z: ArrayLike) -> _Floats: ...
     def motion(self, z: ArrayLike) -> Motion: ...
     def verify(self, z: ArrayLike) -> SwingUpVerification: ...
 

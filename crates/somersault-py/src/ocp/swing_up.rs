@@ -12,12 +12,19 @@ use pyo3::types::PyType;
 use somersault::multibody::models::CartPendulum;
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::shooting::Scheme;
-use somersault::ocp::solver::{FailureCause, MultiStart, MultiStartReport, Sqp, samples};
+use somersault::ocp::solver::{FailureCause, MultiStart, MultiStartReport, Sqp, Start, samples};
 use somersault::ocp::swing_up::{self, SwingUp};
 use somersault::ocp::transcription::Transcription;
 use somersault::ocp::verification::{Verification, VerificationError, verify};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
+
+/// Coefficients up to which random starts are of use.
+const MOST_AT_RANDOM: usize = 22;
+/// Coefficients that are added at once.
+const LEVEL: usize = 10;
+/// Minima that start a problem with more coefficients.
+const CARRIED: usize = 8;
 
 /// A pendulum on a cart is brought from one state to another (thesis appendix A).
 ///
@@ -73,6 +80,40 @@ impl CartPendulumProblem {
         // the tree, and the transcription, must exist as well
         problem.shooting()?;
         Ok(Self { problem, nlp })
+    }
+
+    /// Solves from random starts with few variables first, and starts each problem with more from the minima of the one
+    /// before.
+    fn climb(
+        &self,
+        many: &MultiStart<Sqp>,
+        given: Vec<Start>,
+        n_starts: usize,
+        (reach, seed): (f64, u64),
+        stop: &AtomicBool,
+    ) -> Result<MultiStartReport, Error> {
+        let last = self.problem.n_coefficients;
+        let mut levels = vec![last];
+        while n_starts > 0 && levels[0] > MOST_AT_RANDOM {
+            levels.insert(0, levels[0] - LEVEL);
+        }
+        let mut known: Option<(swing_up::CartPendulumProblem, MultiStartReport)> = None;
+        for n_coefficients in levels {
+            let problem = swing_up::CartPendulumProblem { n_coefficients, ..self.problem.clone() };
+            let mut starts = if n_coefficients == last { given.clone() } else { Vec::new() };
+            match &known {
+                Some((coarse, found)) if !found.minima.is_empty() => {
+                    for minimum in found.minima.iter().take(CARRIED) {
+                        starts.push(problem.carry_over(coarse, &minimum.report.z)?.into());
+                    }
+                }
+                _ => starts.extend(samples(&problem.start_range(reach)?, n_starts, seed)?),
+            }
+            let nlp = problem.swing_up()?;
+            let found = many.solve(|| nlp.clone(), &starts, || stop.load(Ordering::Relaxed))?;
+            known = Some((problem, found));
+        }
+        known.map(|(_, found)| found).ok_or_else(|| Error::ocp(&"the search has no start"))
     }
 
     fn variables(&self, z: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
@@ -282,12 +323,17 @@ impl CartPendulumProblem {
 
     /// Solves from many starts, in parallel, and gathers the distinct minima.
     ///
-    /// Starts are a Latin hypercube of coefficients within `reach` of the line from the cart's start to its target.
-    /// The same arguments give the same minima for any number of threads.
+    /// Starts are a Latin hypercube of coefficients within `reach` of the line from the cart's start to its target. With
+    /// more than twenty variables hardly one of these converges: then they are for the same problem with at most
+    /// twenty, whose minima start one with ten more, and so on. The same arguments give the same minima for any
+    /// number of threads.
     ///
     /// Parameters
     /// ----------
     /// n_starts : int, optional
+    ///     Random ones.
+    /// starts : array_like, shape (m, n_variables), optional
+    ///     Others, numbered before the random ones.
     /// seed : int, optional
     /// reach : float, optional
     ///     m.
@@ -299,28 +345,33 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// SwingUpSearch
-    #[pyo3(signature = (n_starts=32, *, seed=0, reach=2.0, distance_tol=1e-4, on_interrupt="return"))]
+    #[pyo3(signature = (
+        n_starts=32, *, starts=None, seed=0, reach=2.0, distance_tol=1e-4, on_interrupt="return"
+    ))]
     fn search(
         &self,
         py: Python<'_>,
         n_starts: usize,
+        starts: Option<Vec<Bound<'_, PyAny>>>,
         seed: u64,
         reach: f64,
         distance_tol: f64,
         on_interrupt: &str,
     ) -> Result<SwingUpSearch, Error> {
         let returned = returns_interrupted(on_interrupt)?;
-        if n_starts == 0 {
-            return Err(Error::input("`n_starts` must be positive, found 0"));
+        if n_starts == 0 && starts.is_none() {
+            return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
         }
-        let starts = samples(&self.problem.start_range(reach)?, n_starts, seed)?;
+        let given = starts
+            .iter()
+            .flatten()
+            .map(|z| Ok(self.variables(z)?.into()))
+            .collect::<Result<Vec<Start>, Error>>()?;
         let many = MultiStart { distance_tol, ..MultiStart::new(Sqp::default()) };
         let stop = AtomicBool::new(false);
-        let nlp = &self.nlp;
         let (found, raised) = py.detach(|| {
             thread::scope(|scope| {
-                let run = || many.solve(|| nlp.clone(), &starts, || stop.load(Ordering::Relaxed));
-                let search = scope.spawn(run);
+                let search = scope.spawn(|| self.climb(&many, given, n_starts, (reach, seed), &stop));
                 let mut raised = None;
                 while !search.is_finished() {
                     thread::park_timeout(ATTENTION / 10);
@@ -341,6 +392,27 @@ impl CartPendulumProblem {
             }
             _ => SwingUpSearch::of(py, found),
         }
+    }
+
+    /// The decision vector with which this problem has the motion nearest to one of another problem.
+    ///
+    /// Parameters
+    /// ----------
+    /// other : CartPendulumProblem
+    ///     With another number of variables, say.
+    /// z : array_like, shape (other.n_variables,)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_variables,)
+    fn carry_over<'py>(
+        &self,
+        py: Python<'py>,
+        other: &Bound<'py, CartPendulumProblem>,
+        z: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let z = other.get().variables(z)?;
+        Ok(numpy::PyArray1::from_vec(py, self.problem.carry_over(&other.get().problem, &z)?).into_any())
     }
 
     /// The motion that a decision vector makes, q = (r, θ).

@@ -64,8 +64,6 @@ impl Run<'_> {
         // Where cost and constraints agree in all digits they have, residuals must tell which point is better.
         let rounding = ROUNDING * terms;
         let indistinct = -descent <= rounding;
-        let recent = self.recent.iter().map(|(cost, violation)| cost + self.penalty * violation);
-        let reference = recent.fold(merit, f64::max);
         self.step.copy_from_slice(&self.subproblem.p);
         let shortest =
             f64::EPSILON * max_norm(&self.point.z).max(1e-8) / max_norm(&self.step).max(f64::MIN_POSITIVE);
