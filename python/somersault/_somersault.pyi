@@ -24,6 +24,7 @@ _Parameter: TypeAlias = (
 )
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "turn", "other"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
+_Entry: TypeAlias = float | tuple[float, float] | None
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 _End: TypeAlias = Literal["start", "finish"]
 _Part: TypeAlias = Literal[
@@ -75,6 +76,9 @@ class _DiveChanges(_DiveOptions, total=False):
     postures: Sequence[str | ArrayLike]
 
 __all__ = [
+    "CartPendulumProblem",
+    "CollocationProblem",
+    "CollocationResult",
     "CompliantLaw",
     "Constraint",
     "Contact",
@@ -120,6 +124,8 @@ __all__ = [
     "StabilityRegion",
     "State",
     "Surface",
+    "SwingUpSearch",
+    "SwingUpVerification",
     "Term",
     "Torque",
     "Trajectory",
@@ -1240,6 +1246,165 @@ def integrate_batch(
 ) -> Trajectory: ...
 def method(name: str) -> MethodInfo: ...
 def methods() -> MethodTable: ...
+
+@final
+class CartPendulumProblem:
+    def __new__(
+        cls,
+        start: ArrayLike | None = None,
+        target: ArrayLike | None = None,
+        *,
+        duration: float = 2.0,
+        n_steps: int = 200,
+        n_par: int = 7,
+        scheme: Literal["euler", "rk4"] = "euler",
+        terminal_weights: ArrayLike | None = None,
+        force_weight: float = 1.0,
+        running_weights: ArrayLike | None = None,
+        cart_mass: float = 2.0,
+        mass: float = 1.0,
+        length: float = 1.0,
+        gravity: float = 9.81,
+    ) -> CartPendulumProblem: ...
+    @classmethod
+    def case(cls, name: Literal["A", "B", "C", "D", "E", "F", "G"]) -> CartPendulumProblem: ...
+    @property
+    def n_variables(self) -> int: ...
+    @property
+    def model(self) -> Model: ...
+    def cost(self, z: ArrayLike) -> float: ...
+    def gradient(self, z: ArrayLike) -> _Floats: ...
+    def hessian(self, z: ArrayLike) -> _Floats: ...
+    def solve(
+        self,
+        z: ArrayLike | Report,
+        *,
+        solver: Literal["sqp", "sqp_bfgs", "lbfgs", "gradient_descent"] = "sqp",
+        tol: float | None = None,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        callback: Callable[[int, _Floats, float, float], object] | None = None,
+        on_interrupt: Literal["return", "raise"] = "return",
+    ) -> Report: ...
+    def search(
+        self,
+        n_starts: int = 32,
+        *,
+        starts: Sequence[ArrayLike] | _Floats | None = None,
+        seed: int = 0,
+        reach: float = 2.0,
+        distance_tol: float = 1e-4,
+        on_interrupt: Literal["return", "raise"] = "return",
+    ) -> SwingUpSearch: ...
+    def carry_over(self, other: CartPendulumProblem, z: ArrayLike) -> _Floats: ...
+    def motion(self, z: ArrayLike) -> Motion: ...
+    def verify(self, z: ArrayLike) -> SwingUpVerification: ...
+
+@final
+class SwingUpSearch:
+    @property
+    def minima(self) -> list[Report]: ...
+    @property
+    def best(self) -> Report: ...
+    @property
+    def starts(self) -> list[list[int]]: ...
+    @property
+    def failures(self) -> list[tuple[int, str]]: ...
+
+@final
+class SwingUpVerification:
+    @property
+    def cost(self) -> float: ...
+    @property
+    def cost_error(self) -> float: ...
+    @property
+    def terminal_error(self) -> float: ...
+    @property
+    def defects(self) -> _Floats: ...
+    @property
+    def max_defect(self) -> float: ...
+    def sentence(self, allowed: float = 1e-4) -> str: ...
+
+@final
+class CollocationProblem:
+    def __new__(
+        cls,
+        model: Model,
+        initial_state: Sequence[_Entry],
+        final_state: Sequence[_Entry],
+        duration: float | tuple[float, float],
+        *,
+        actuated: _Active | None = None,
+        control_weights: ArrayLike | None = None,
+        state_weights: ArrayLike | None = None,
+        final_weights: ArrayLike | None = None,
+        target: ArrayLike | None = None,
+        time_weight: float = 0.0,
+        control_lower: ArrayLike | None = None,
+        control_upper: ArrayLike | None = None,
+        state_lower: ArrayLike | None = None,
+        state_upper: ArrayLike | None = None,
+    ) -> CollocationProblem: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def n_states(self) -> int: ...
+    @property
+    def n_controls(self) -> int: ...
+    def solve(
+        self,
+        guess: ArrayLike | tuple[ArrayLike, ArrayLike, ArrayLike | None] | CollocationResult | None = None,
+        *,
+        tol: float = 1e-6,
+        n_intervals: int = 40,
+        n_points: int = 4,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        callback: Callable[[int, _Floats, float, float], object] | None = None,
+        on_interrupt: Literal["return", "raise"] = "return",
+    ) -> CollocationResult: ...
+
+@final
+class CollocationResult:
+    @property
+    def status(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def verified_cost(self) -> float: ...
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def x(self) -> _Floats: ...
+    @property
+    def u(self) -> _Floats: ...
+    @property
+    def costates(self) -> _Floats: ...
+    @property
+    def hamiltonian(self) -> _Floats: ...
+    @property
+    def hamiltonian_spread(self) -> float: ...
+    def state(self, t: ArrayLike) -> _Floats: ...
+    def control(self, t: ArrayLike) -> _Floats: ...
+    def costate(self, t: ArrayLike) -> _Floats: ...
+    @property
+    def defects(self) -> _Floats: ...
+    @property
+    def max_defect(self) -> float: ...
+    @property
+    def terminal_error(self) -> float: ...
+    @property
+    def violation(self) -> float: ...
+    @property
+    def meshes(self) -> list[dict[str, Any]]: ...
+    @property
+    def report(self) -> Report: ...
+
 def bouncing_ball(
     mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
 ) -> Scene: ...

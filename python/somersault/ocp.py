@@ -5,6 +5,9 @@ motion. Costs and constraints are made of terms: `entries` of the motion, `displ
 `momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own. A `Dive`
 is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thesis.
 
+`CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
+tolerance; `CartPendulumProblem` and `arm_problem` are the two examples of the thesis.
+
 >>> import numpy as np
 >>> from somersault import multibody, ocp
 >>> conditions = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
@@ -20,7 +23,11 @@ is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thes
 2.85
 """
 
+from somersault._arm import arm_motion, arm_problem
 from somersault._somersault import (
+    CartPendulumProblem,
+    CollocationProblem,
+    CollocationResult,
     Constraint,
     Cost,
     Dive,
@@ -32,6 +39,8 @@ from somersault._somersault import (
     Phase,
     Report,
     SplineMotion,
+    SwingUpSearch,
+    SwingUpVerification,
     Term,
     axis_direction,
     body_orientation,
@@ -45,6 +54,9 @@ from somersault._somersault import (
 )
 
 __all__ = [
+    "CartPendulumProblem",
+    "CollocationProblem",
+    "CollocationResult",
     "Constraint",
     "Cost",
     "Dive",
@@ -56,7 +68,11 @@ __all__ = [
     "Phase",
     "Report",
     "SplineMotion",
+    "SwingUpSearch",
+    "SwingUpVerification",
     "Term",
+    "arm_motion",
+    "arm_problem",
     "axis_direction",
     "body_orientation",
     "displacement",

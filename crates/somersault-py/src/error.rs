@@ -24,6 +24,7 @@ use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 use somersault::ocp::OcpError;
+use somersault::ocp::collocation::CollocationError;
 use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::ocp::motion::MotionError as JointMotionError;
 use somersault::ocp::solver::SolverError;
@@ -50,6 +51,11 @@ impl Error {
     /// A problem that could not be solved for a reason of its own.
     pub(crate) fn ocp(error: &impl ToString) -> Self {
         Self::own("OcpError", error)
+    }
+
+    /// An optimal control problem that is none.
+    pub(crate) fn ocp_input(message: String) -> Self {
+        Self::Own { class: "OcpInputError", message }
     }
 
     /// The error of one of many rows.
@@ -278,6 +284,16 @@ impl From<SolverError> for Error {
     fn from(error: SolverError) -> Self {
         match error {
             SolverError::Failed { source, .. } => Self::ocp(&source),
+            error => Self::own("OcpInputError", &error),
+        }
+    }
+}
+
+impl From<CollocationError> for Error {
+    fn from(error: CollocationError) -> Self {
+        match error {
+            CollocationError::Solver(error) => error.into(),
+            CollocationError::Evaluation(error) => Self::ocp(&error),
             error => Self::own("OcpInputError", &error),
         }
     }

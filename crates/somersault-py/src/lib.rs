@@ -66,8 +66,9 @@ mod _somersault {
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
     use crate::ocp::{
-        Constraint, Cost, Dive, DiveSolution, DiveVerification, EigenpostureBase, Motion, MotionProblem,
-        Phase, Report, SplineMotion, Term, axis_direction, body_orientation, displacement, dive_107b,
+        CartPendulumProblem, CollocationProblem, CollocationResult, Constraint, Cost, Dive, DiveSolution,
+        DiveVerification, EigenpostureBase, Motion, MotionProblem, Phase, Report, SplineMotion,
+        SwingUpSearch, SwingUpVerification, Term, axis_direction, body_orientation, displacement, dive_107b,
         dive_5174d, entries, function, momentum, point_position,
     };
     #[pymodule_export]

@@ -120,3 +120,17 @@ CASE_SECONDS = 10.0
 
 #: Section 7.3.2: radius and thickness of the disk of the top, m.
 TOP_DISK = (0.04, 0.01)
+
+#: Table A.1: free parameters p and final cost.
+SWING_UP = {
+    "A": (5, 478.39),
+    "B": (10, 392.94),
+    "C": (15, 362.30),
+    "D": (20, 358.14),
+    "E": (30, 355.00),
+    "F": (40, 351.17),
+    "G": (50, 345.02),
+}
+
+#: Table 10.1, column p⁺: states and costates of the arm at t = 5 s.
+ARM_MIDDLE = (-0.027597, 3.068603, 0.477425, 0.009792, -0.203408, 0.019078, -0.209560, 0.019651)

@@ -26,6 +26,8 @@ ORDER = (
     "divers",
     "eigenpostures",
     "dives",
+    "swing_up",
+    "arm",
     "deviations",
 )
 

@@ -1,0 +1,83 @@
+"""The arm of thesis 8.4 by direct collocation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from somersault._somersault import CollocationProblem, CollocationResult, two_link_arm
+
+__all__ = ["arm_motion", "arm_problem"]
+
+_START = (-np.pi / 2, 0.05, 0.0, 0.0)
+_FINISH = (np.pi / 2, 0.05, 0.0, 0.0)
+
+
+def arm_problem(
+    initial_state: Sequence[Any] = _START,
+    final_state: Sequence[Any] = _FINISH,
+    duration: float | tuple[float, float] = 10.0,
+    *,
+    control_weights: ArrayLike = (1.0, 0.5),
+    masses: tuple[float, float] = (0.5, 0.5),
+    lengths: tuple[float, float] = (2.0, 0.5),
+    damping: tuple[float, float] = (0.2, 0.0),
+) -> CollocationProblem:
+    """The two-link arm from one posture to another with least effort ½ ∫ γ₁ u₁² + γ₂ u₂² dt.
+
+    Without arguments it is the motion of thesis 8.4: ten seconds from one stretched posture to the
+    opposite one.
+
+    Parameters
+    ----------
+    initial_state, final_state : sequence, length 4
+        (θ₁, θ₂, θ̇₁, θ̇₂), each a number, a pair of bounds, or None where it is free.
+    duration : float or tuple of float
+        s; a pair makes it a variable.
+    control_weights : array_like, shape (2,)
+        γ.
+    masses, lengths, damping : tuple of float
+        Of the links and their joints, kg, m, N m s.
+
+    Returns
+    -------
+    CollocationProblem
+    """
+    arm = two_link_arm(masses, lengths, damping)
+    return CollocationProblem(arm, initial_state, final_state, duration, control_weights=control_weights)
+
+
+def arm_motion(fold: float | None = None, turn: float = 0.0, **options: Any) -> CollocationResult:
+    """The motion of thesis 8.4, or one of its other extremals.
+
+    Parameters
+    ----------
+    fold : float, optional
+        θ₂ along the middle of the guess, rad: ``numpy.pi`` as in the thesis, ``-numpy.pi`` for the other
+        way round. A straight line from start to end unless given.
+    turn : float, optional
+        Added to the last θ₂, rad: ``-2 * numpy.pi`` ends in the same posture at less cost.
+    options
+        As those of `CollocationProblem.solve`.
+
+    Returns
+    -------
+    CollocationResult
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ocp
+    >>> found = ocp.arm_motion(np.pi, tol=1e-5)
+    >>> found.status, bool(found.hamiltonian_spread < 1e-2)
+    ('converged', True)
+    """
+    final = (_FINISH[0], _FINISH[1] + turn, 0.0, 0.0)
+    problem = arm_problem(_START, final)
+    if fold is None:
+        return problem.solve(**options)
+    folded = [(angle, fold, np.pi / 10, 0.0) for angle in (-0.4 * np.pi, 0.4 * np.pi)]
+    return problem.solve(([0.0, 1.0, 9.0, 10.0], [_START, *folded, final], None), **options)
