@@ -156,7 +156,8 @@ fn bad_numbers_are_named() {
     let (fast, composed) = with(|p| p.n_coefficients = 5);
     assert!(matches!(fast, Err(OcpError::Motion(MotionError::Spline(_)))), "{fast:?}");
     assert_eq!(fast, composed);
-    let cases: [(fn(&mut CartPendulumProblem), &str); 6] = [
+    type Change = fn(&mut CartPendulumProblem);
+    let cases: [(Change, &str); 6] = [
         (|p| p.start[0] = f64::NAN, "start"),
         (|p| p.target[3] = f64::INFINITY, "target"),
         (|p| p.duration = 0.0, "duration"),

@@ -14,7 +14,7 @@ use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect
 use crate::motion::SplineMotion;
 use crate::nlp::{Bounds, EvaluationError};
 use crate::term::Node;
-use crate::transcription::{NodeSizes, NodeTangent, Outline, RolloutGradient, Transcription};
+use crate::transcription::{NodeSizes, NodeTangent, Outline, RolloutGradient, Transcription, Visit};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use somersault_core::so3;
 use somersault_core::spline::MAX_DEGREE;
@@ -477,11 +477,7 @@ impl Transcription for FlightShooting {
         Ok(())
     }
 
-    fn push_forward(
-        &mut self,
-        _defects: &mut [f64],
-        visit: &mut dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError>,
-    ) -> Result<(), EvaluationError> {
+    fn push_forward(&mut self, _defects: &mut [f64], visit: &mut Visit<'_>) -> Result<(), EvaluationError> {
         self.linearise()?;
         let Some(mut room) = self.forward.take() else { return Ok(()) };
         let swept = self.sweep(&mut room, visit);
@@ -512,9 +508,6 @@ impl FlightShooting {
         Ok(())
     }
 }
-
-/// What sees the tangents of a node.
-type Visit<'a> = dyn FnMut(usize, &Node<'_>, f64, &NodeTangent) -> Result<(), EvaluationError> + 'a;
 
 fn quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(nalgebra::Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
