@@ -334,13 +334,13 @@ class TestMotionProblem:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"lower": 1.0, "upper": -1.0}, "lower"),
+            ({"lower": 1.0, "upper": -1.0}, "`variables` has bounds 1 to -1"),
             ({"drive": "wind"}, "drive"),
             ({"scheme": "magic"}, "scheme"),
             ({"lower": [0.0, 0.0]}, "lower"),
             (
                 {"constraints": [ocp.Constraint(ocp.entries("velocity"), 1.0, -1.0)]},
-                "lower",
+                "`bounds` has bounds 1 to -1",
             ),
             ({"constraints": [ocp.Constraint(ocp.point_position("wing"), 0.0, 1.0)]}, "wing"),
             ({"constraints": [ocp.Constraint(ocp.entries("velocity", [7]), 0.0, 1.0)]}, "7"),
