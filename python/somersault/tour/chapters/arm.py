@@ -142,8 +142,8 @@ def write(page: Page, measurements: Measurements) -> None:
         "An arm of two rods on a table turns by 180° in ten seconds with least effort"
         " ½ ∫ u₁² + ½ u₂² dt. The joint at the wall is damped, the elbow is not: the arm first folds its"
         " short second link, turns slowly, and unfolds it at the end. The library finds the motion in the"
-        " place of GPOPS: collocation at Legendre–Gauss–Radau points, on meshes refined until each interval is"
-        " as accurate as asked for, with exact derivatives; the multipliers of its program are the"
+        " place of GPOPS: collocation at Legendre–Gauss–Radau points, on meshes refined until each interval"
+        " is as accurate as asked for, with exact derivatives; the multipliers of its program are the"
         " costates.",
     )
     page.code(
