@@ -796,21 +796,27 @@ impl DiveSolution {
         if plan.dive.channels == Channels::Joints {
             return Vec::new();
         }
-        let mut phases: Vec<(String, f64, f64)> = Vec::new();
-        for (t, weights) in self.motion.times.iter().zip(self.motion.channels.chunks_exact(self.n_channels)) {
+        let shares = |weights: &[f64]| -> Vec<f64> {
             let rest = 1.0 - weights.iter().sum::<f64>();
-            let all = std::iter::once(rest).chain(weights.iter().copied());
-            let heaviest = all.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(k, _)| k);
-            let name = &plan.names[heaviest];
-            match phases.last_mut() {
-                Some((last, _, end)) if last == name => *end = *t,
-                _ => {
-                    if let Some((_, _, end)) = phases.last_mut() {
-                        *end = *t;
-                    }
-                    phases.push((name.clone(), *t, *t));
+            std::iter::once(rest).chain(weights.iter().copied()).collect()
+        };
+        let mut phases: Vec<(String, f64, f64)> = Vec::new();
+        let (mut last, mut before, mut t_before) = (None, Vec::new(), 0.0);
+        for (t, weights) in self.motion.times.iter().zip(self.motion.channels.chunks_exact(self.n_channels)) {
+            let now = shares(weights);
+            let heaviest = (0..now.len()).max_by(|a, b| now[*a].total_cmp(&now[*b])).unwrap_or_default();
+            if last != Some(heaviest) {
+                // where the two weigh the same, between two times
+                let change = last.map_or(*t, |last: usize| {
+                    let lead = [&before, &now].map(|w: &Vec<f64>| w[last] - w[heaviest]);
+                    t_before + (t - t_before) * lead[0] / (lead[0] - lead[1])
+                });
+                if let Some((_, _, end)) = phases.last_mut() {
+                    *end = change;
                 }
+                phases.push((plan.names[heaviest].clone(), change, self.duration));
             }
+            (last, before, t_before) = (Some(heaviest), now, *t);
         }
         phases
     }

@@ -179,7 +179,8 @@ def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     page.lead(
         "A diver's 9 or 21 joints move in a few patterns. With a weight for each posture and splines for the"
-        " weights, the planar dive of the next chapter is a matter of seven numbers instead of 1806."
+        " weights, the planar dive of the next chapter is a matter of"
+        f" {ocp.dive_107b().n_variables} numbers; the thesis counts 1806 without them, and 16 with them."
     )
     page.section("Modes of a string")
     _string(page)
