@@ -1,11 +1,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
-from typing_extensions import disjoint_base
+from typing_extensions import Unpack, disjoint_base
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Wrench: TypeAlias = tuple[ArrayLike, ArrayLike]
@@ -21,20 +21,74 @@ _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Entry: TypeAlias = float | tuple[float, float] | None
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
+_End: TypeAlias = Literal["start", "finish"]
+_Part: TypeAlias = Literal[
+    "time", "velocity", "acceleration", "torque", "channel", "channel_rate", "channel_second_rate"
+]
+_At: TypeAlias = Literal["path", "start", "finish", "node"]
+_Solver: TypeAlias = Literal["sqp", "sqp_bfgs", "lbfgs", "gradient_descent"]
+_SolveStatus: TypeAlias = Literal[
+    "converged",
+    "stalled",
+    "iteration_limit",
+    "time_limit",
+    "infeasible",
+    "unbounded",
+    "undefined",
+    "stopped",
+    "failed",
+]
+_Template: TypeAlias = Sequence[tuple[float, str | int]]
+_OnIteration: TypeAlias = Callable[[int, _Floats, float, float], object]
+_NumberOrRange: TypeAlias = float | tuple[float, float]
+
+class _DiveOptions(TypedDict, total=False):
+    first: str | int
+    last: str | int
+    channels: Literal["weights", "joints"]
+    windows: Sequence[tuple[float, float]]
+    square_out: float
+    n_par: int
+    somersaults: float
+    twists: float
+    lean: _NumberOrRange
+    entry_lean: float
+    duration: _NumberOrRange
+    momentum: _NumberOrRange
+    platform: float
+    entry_distance: float
+    momentum_penalty: float
+    rate_penalty: float
+    acceleration_penalty: float
+    clearance: float | None
+    clearance_times: int
+    n_steps: int
+    n_pieces: int
+    template: _Template
+
+class _DiveChanges(_DiveOptions, total=False):
+    diver: Diver
+    postures: Sequence[str | ArrayLike]
 
 __all__ = [
     "CartPendulumProblem",
     "CollocationProblem",
     "CollocationResult",
     "CompliantLaw",
+    "Constraint",
     "Contact",
     "Convergence",
+    "Cost",
     "CoulombFriction",
     "CreepFriction",
     "Cylinder",
     "DenseOutput",
+    "Dive",
+    "DiveSolution",
+    "DiveVerification",
     "Diver",
     "Drag",
+    "EigenpostureBase",
     "EnergyStudy",
     "Event",
     "Force",
@@ -48,40 +102,55 @@ __all__ = [
     "MethodInfo",
     "MethodTable",
     "Model",
+    "Motion",
+    "MotionProblem",
+    "Phase",
     "Problem",
     "RegularisedFriction",
+    "Report",
     "Resistance",
     "RigidBody",
     "Scene",
     "Solution",
     "Sphere",
     "SpherePair",
+    "SplineMotion",
     "Spring",
     "StabilityRegion",
     "State",
     "Surface",
     "SwingUpSearch",
     "SwingUpVerification",
+    "Term",
     "Torque",
     "Trajectory",
     "TreeDenseOutput",
     "TreeSolution",
     "WorkPrecision",
     "__version__",
+    "axis_direction",
+    "body_orientation",
     "bouncing_ball",
     "cart_pendulum",
     "convergence",
     "damping_ratio",
+    "displacement",
+    "dive_107b",
+    "dive_5174d",
     "diver_planar",
     "diver_spatial",
     "energy_study",
+    "entries",
     "falling_box",
+    "function",
     "integrate",
     "integrate_batch",
     "integrate_flight",
     "integrate_tree",
     "method",
     "methods",
+    "momentum",
+    "point_position",
     "prisms",
     "restitution",
     "rolling_disk",
@@ -794,6 +863,277 @@ class WorkPrecision:
     def seconds(self) -> _Floats: ...
     def __len__(self) -> int: ...
 
+@final
+class EigenpostureBase:
+    def __new__(cls, postures: ArrayLike) -> EigenpostureBase: ...
+    @property
+    def n_joints(self) -> int: ...
+    @property
+    def n_weights(self) -> int: ...
+    def positions(self, weights: ArrayLike) -> _Floats: ...
+    def project(self, positions: ArrayLike) -> tuple[_Floats, float]: ...
+
+@final
+class SplineMotion:
+    def __new__(
+        cls,
+        base: EigenpostureBase | int,
+        n_coefficients: int,
+        conditions: Sequence[tuple[_End, int, float]] = ...,
+        *,
+        degree: int = 5,
+    ) -> SplineMotion: ...
+    @property
+    def n_parameters(self) -> int: ...
+    @property
+    def n_channels(self) -> int: ...
+    def coefficients(self, parameters: ArrayLike) -> _Floats: ...
+    def __call__(self, parameters: ArrayLike, share: ArrayLike, derivative: int = 0) -> _Floats: ...
+    def fit(self, share: ArrayLike, samples: ArrayLike) -> _Floats: ...
+
+@final
+class Phase:
+    def __new__(
+        cls, motion: SplineMotion, duration: _NumberOrRange, n_steps: int, *, n_segments: int = 1
+    ) -> Phase: ...
+
+@final
+class Cost:
+    def __new__(
+        cls,
+        term: Term,
+        weights: ArrayLike | None = None,
+        target: ArrayLike | None = None,
+        *,
+        at: _At = "path",
+        node: int | None = None,
+        linear: bool = False,
+    ) -> Cost: ...
+
+@final
+class Constraint:
+    def __new__(
+        cls,
+        term: Term,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        *,
+        at: _At | Literal["integral"] = "path",
+        node: int | None = None,
+    ) -> Constraint: ...
+
+@final
+class Term: ...
+
+@final
+class MotionProblem:
+    def __new__(
+        cls,
+        model: Model,
+        q: ArrayLike,
+        v: ArrayLike,
+        phases: Sequence[Phase],
+        *,
+        active: _Active,
+        drive: Literal["motion", "torque"] = "motion",
+        scheme: Literal["rk4", "euler"] = "rk4",
+        costs: Sequence[Cost] = ...,
+        constraints: Sequence[Constraint] = ...,
+        free_positions: Sequence[bool] | None = None,
+        free_velocities: Sequence[bool] | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+    ) -> MotionProblem: ...
+    @property
+    def n_variables(self) -> int: ...
+    @property
+    def constraint_names(self) -> list[str]: ...
+    @property
+    def parts(self) -> dict[str, Any]: ...
+    def cost(self, z: ArrayLike) -> float: ...
+    def gradient(self, z: ArrayLike) -> _Floats: ...
+    def constraints(self, z: ArrayLike) -> _Floats: ...
+    def jacobian(self, z: ArrayLike) -> _Floats: ...
+    def solve(
+        self,
+        z: ArrayLike | Report,
+        *,
+        solver: _Solver = "sqp",
+        tol: float | None = None,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        callback: _OnIteration | None = None,
+        on_interrupt: Literal["raise", "return"] = "return",
+    ) -> Report: ...
+    def motion(self, z: ArrayLike) -> Motion: ...
+
+@final
+class Motion:
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def a(self) -> _Floats: ...
+    @property
+    def torque(self) -> _Floats: ...
+    @property
+    def channels(self) -> _Floats: ...
+    @property
+    def channel_rates(self) -> _Floats: ...
+    @property
+    def channel_second_rates(self) -> _Floats: ...
+    def __len__(self) -> int: ...
+
+@final
+class Report:
+    @property
+    def status(self) -> _SolveStatus: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def z(self) -> _Floats: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def constraint_multipliers(self) -> _Floats: ...
+    @property
+    def bound_multipliers(self) -> _Floats: ...
+    @property
+    def stationarity(self) -> float: ...
+    @property
+    def feasibility(self) -> float: ...
+    @property
+    def complementarity(self) -> float: ...
+    @property
+    def nit(self) -> int: ...
+    @property
+    def nfev(self) -> int: ...
+    @property
+    def njev(self) -> int: ...
+
+@final
+class Dive:
+    def __new__(
+        cls, diver: Diver, postures: Sequence[str | ArrayLike], **options: Unpack[_DiveOptions]
+    ) -> Dive: ...
+    def replace(self, **changes: Unpack[_DiveChanges]) -> Dive: ...
+    @property
+    def diver(self) -> Diver: ...
+    @property
+    def postures(self) -> tuple[str, ...]: ...
+    @property
+    def template(self) -> list[tuple[float, str]] | None: ...
+    @property
+    def options(self) -> dict[str, Any]: ...
+    @property
+    def n_variables(self) -> int: ...
+    def start(self, template: _Template | None = None) -> _Floats: ...
+    def solve(
+        self,
+        z: ArrayLike | DiveSolution | None = None,
+        *,
+        soft_weights: Sequence[float] | None = None,
+        tol: float | None = None,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        callback: _OnIteration | None = None,
+        on_interrupt: Literal["raise", "return"] = "return",
+    ) -> DiveSolution: ...
+    def search(
+        self,
+        n_starts: int = 16,
+        *,
+        seed: int = 1,
+        soft_weights: Sequence[float] | None = None,
+        tol: float | None = None,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        on_interrupt: Literal["raise", "return"] = "return",
+    ) -> list[DiveSolution]: ...
+
+@final
+class DiveSolution:
+    @property
+    def dive(self) -> Dive: ...
+    @property
+    def report(self) -> Report: ...
+    @property
+    def status(self) -> _SolveStatus: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def z(self) -> _Floats: ...
+    @property
+    def momentum(self) -> float: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def lean(self) -> float: ...
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def channels(self) -> _Floats: ...
+    @property
+    def channel_rates(self) -> _Floats: ...
+    @property
+    def somersaults(self) -> _Floats: ...
+    @property
+    def twists(self) -> _Floats: ...
+    @property
+    def tilt(self) -> _Floats: ...
+    @property
+    def somersault_rate(self) -> _Floats: ...
+    @property
+    def tilt_rate(self) -> _Floats: ...
+    @property
+    def twist_rate(self) -> _Floats: ...
+    @property
+    def angular_momentum(self) -> _Floats: ...
+    @property
+    def entry_angle(self) -> float: ...
+    @property
+    def phases(self) -> list[tuple[str, float, float]]: ...
+    def verify(self) -> DiveVerification: ...
+    def __len__(self) -> int: ...
+
+@final
+class DiveVerification:
+    @property
+    def somersaults(self) -> float: ...
+    @property
+    def twists(self) -> float: ...
+    @property
+    def tilt(self) -> float: ...
+    @property
+    def entry_angle(self) -> float: ...
+    @property
+    def defect(self) -> float: ...
+    @property
+    def momentum_drift(self) -> float: ...
+    @property
+    def full_dynamics_defect(self) -> float: ...
+    @property
+    def least_channel(self) -> float: ...
+    @property
+    def greatest_sum(self) -> float: ...
+    @property
+    def least_distance(self) -> float | None: ...
+    @property
+    def nearest_limbs(self) -> tuple[str, str] | None: ...
+    @property
+    def take_off(self) -> _Floats: ...
+    @property
+    def take_off_velocity(self) -> _Floats: ...
+
 def integrate(
     body: RigidBody | Sequence[RigidBody],
     state: State | Sequence[State],
@@ -1116,3 +1456,19 @@ def work_precision_study(
     repeats: int = 3,
     start_up: Literal["one_step", "ladder"] = "one_step",
 ) -> WorkPrecision: ...
+def entries(part: _Part, indices: Sequence[int] | None = None) -> Term: ...
+def displacement(reference: ArrayLike, dofs: Sequence[int] | None = None) -> Term: ...
+def momentum(part: Literal["angular", "linear", "center_of_mass"]) -> Term: ...
+def point_position(body: str, point: ArrayLike | None = None) -> Term: ...
+def axis_direction(body: str, axis: ArrayLike) -> Term: ...
+def body_orientation(body: str, target: Rotation | ArrayLike) -> Term: ...
+def function(
+    # The node has the parts of a motion at one time as attributes.
+    f: Callable[[Any], ArrayLike],
+    n_rows: int = 1,
+    *,
+    gradient: Callable[[Any], dict[str, ArrayLike]] | None = None,
+    reads: Sequence[_Part | Literal["position"]] | None = None,
+) -> Term: ...
+def dive_107b(**changes: Unpack[_DiveChanges]) -> Dive: ...
+def dive_5174d(**changes: Unpack[_DiveChanges]) -> Dive: ...

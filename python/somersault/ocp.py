@@ -2,7 +2,8 @@
 
 A `MotionProblem` is a tree whose driven joints follow splines and whose passive ones follow the equations of
 motion. Costs and constraints are made of terms: `entries` of the motion, `displacement` from a configuration,
-`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own.
+`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own. A `Dive`
+is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thesis.
 
 `CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
 tolerance; `CartPendulumProblem` and `arm_problem` are the two examples of the thesis.
@@ -29,6 +30,9 @@ from somersault._somersault import (
     CollocationResult,
     Constraint,
     Cost,
+    Dive,
+    DiveSolution,
+    DiveVerification,
     EigenpostureBase,
     Motion,
     MotionProblem,
@@ -41,6 +45,8 @@ from somersault._somersault import (
     axis_direction,
     body_orientation,
     displacement,
+    dive_107b,
+    dive_5174d,
     entries,
     function,
     momentum,
@@ -53,6 +59,9 @@ __all__ = [
     "CollocationResult",
     "Constraint",
     "Cost",
+    "Dive",
+    "DiveSolution",
+    "DiveVerification",
     "EigenpostureBase",
     "Motion",
     "MotionProblem",
@@ -67,6 +76,8 @@ __all__ = [
     "axis_direction",
     "body_orientation",
     "displacement",
+    "dive_107b",
+    "dive_5174d",
     "entries",
     "function",
     "momentum",

@@ -19,6 +19,11 @@ from somersault.tour.chapters import divers
 
 mpl.use("Agg")
 
+#: Pages that play a motion.
+ANIMATIONS = frozenset(
+    f"{name}.html" for name in ("top", "postures", "dive", "twist", "swing_up_motion", "arm_motion")
+)
+
 
 class Reader(HTMLParser):
     """Collects links, images and cells, and checks that elements are closed."""
@@ -75,9 +80,7 @@ def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> Non
 def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     for path in folder.glob("*.html"):
         text = path.read_text(encoding="utf-8")
-        assert ("<script" in text) == (
-            path.name in ("top.html", "postures.html", "swing_up_motion.html", "arm_motion.html")
-        )
+        assert ("<script" in text) == (path.name in ANIMATIONS)
         assert "<script src" not in text and "@import" not in text and "url(" not in text
         assert "fetch(" not in text and "import(" not in text and "XMLHttpRequest" not in text
         for link in read(path).links:
@@ -101,6 +104,9 @@ def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
     contact = {f"top-{name}.png" for name in ("section", "rendered", "gap", "thesis", "located")}
     assert contact | {"diver-spatial.png", "diver-planar.png"} < set(used)
     assert cases | {"stability-regions.png", "energy-ratios.png", "twist.png", "polhode.png"} < set(used)
+    assert {"string.png", "splines.png", "dive-frames.png", "dive-weight.png", "twist-frames.png"} < set(used)
+    assert {f"swing-up-{name}.png" for name in ("costs", "frames", "curves")} < set(used)
+    assert {f"arm-{name}.png" for name in ("states", "torques", "hamiltonian")} < set(used)
     for picture in pictures:
         content = picture.read_bytes()
         assert content.startswith(b"\x89PNG") and len(content) > 10_000, picture.name
@@ -192,6 +198,28 @@ def test_the_diver_takes_every_posture(folder: Path) -> None:
     text = (folder / "postures.html").read_text(encoding="utf-8")
     assert all(f'"{letter}: ' in text for letter in "ABCDEFGHI")
     assert 'src="postures.html"' in (folder / "divers.html").read_text(encoding="utf-8")
+
+
+def test_the_dives_are_shown_and_told(folder: Path, measurements: tour.Measurements) -> None:
+    cells = read(folder / "dives.html").cells
+    for (found, _), name in ((measurements.pike, "dive"), (measurements.twisting, "twist")):
+        assert page.number(found.momentum, 3) in cells
+        assert "const SCENE = " in (folder / f"{name}.html").read_text(encoding="utf-8")
+        assert f'src="{name}.html"' in (folder / "dives.html").read_text(encoding="utf-8")
+
+
+def test_table_a_1_reproduces_but_for_cases_c_and_f(folder: Path) -> None:
+    text = (folder / "swing_up.html").read_text(encoding="utf-8")
+    rows = re.findall(r'<td class="text">([A-G])</td>.*?<td class="(same|off)">([\d.]+)</td>', text)
+    assert {name for name, verdict, _ in rows if verdict == "off"} == {"C", "F"}
+    for name, verdict, found in rows:
+        assert verdict == "off" or float(found) == thesis.SWING_UP[name][1], name
+    assert float(dict((name, found) for name, _, found in rows)["F"]) < thesis.SWING_UP["F"][1]
+
+
+def test_the_arm_names_its_false_convergence(folder: Path) -> None:
+    cells = read(folder / "arm.html").cells
+    assert cells.count("false convergence") == 1 and cells.count("converged") == 7
 
 
 def test_located_events_keep_the_orders_of_the_top(measurements: tour.Measurements) -> None:

@@ -4,8 +4,13 @@
 //! cargo run --release -p somersault-ocp --example dives [starts]
 //! ```
 
-use somersault_ocp::dive::{Dive, DiveProgram, DiveSearch, KeyFrame};
-use somersault_ocp::solver::{Flow, Report};
+use somersault_multibody::models::Posture;
+use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, Range, momentum_along};
+use somersault_ocp::dynamics::Tree;
+use somersault_ocp::problem::MotionProblem;
+use somersault_ocp::shooting::Shooting;
+use somersault_ocp::solver::{Flow, HessianSource, NlpSolver, Report, Sqp, Start};
+use somersault_ocp::transcription::Transcription;
 use std::error::Error;
 use std::f64::consts::TAU;
 use std::time::Instant;
@@ -14,12 +19,32 @@ fn main() -> Result<(), Box<dyn Error>> {
     let n_starts = std::env::args().nth(1).map_or(Ok(1), |n| n.parse())?;
     println!("107B, forward three and a half somersaults, pike, in the plane");
     let planar = Dive::forward_pike()?.program()?;
-    show(&planar, &DiveSearch::direct(), &Dive::pike_template(), &["H"])?;
+    let best = show(&planar, &DiveSearch::direct(), &Dive::pike_template(), &["H"])?;
+    show_literal(&planar, &best)?;
+    show_others()?;
 
     println!("\n5174D, forward three and a half somersaults with two twists, free, in space");
     let spatial = Dive::forward_twisting().program()?;
     let names = ["A", "D", "E", "I", "H"];
     show(&spatial, &DiveSearch::staged(), &Dive::twisting_template(), &names)?;
+
+    println!("\n5174D in other times");
+    for (name, duration) in [("1.8 s", Range::fixed(1.8)), ("1.7 s to 2.1 s", Range::new(1.7, 2.1))] {
+        let program = Dive { duration, ..Dive::forward_twisting() }.program()?;
+        let cpu = cpu_seconds();
+        let z = program.start(&Dive::twisting_template())?;
+        let found = DiveSearch::staged().solve(&program, z, &mut |_| Flow::Continue)?;
+        let cpu = cpu_seconds() - cpu;
+        let report = program.report(&found.z)?;
+        println!(
+            "  {name:14}  {:.3} s, L = {:.2} kg m²/s, {:.4} somersaults, {:.4} twists, entry {:.3}° off, {cpu:.1} s of CPU",
+            report.duration,
+            report.momentum,
+            report.somersaults,
+            report.twists,
+            report.entry_angle.to_degrees()
+        );
+    }
 
     if n_starts > 1 {
         let templates = KeyFrame::variations(&Dive::twisting_template(), n_starts, 1);
@@ -49,7 +74,7 @@ fn show(
     search: &DiveSearch,
     template: &[KeyFrame],
     names: &[&str],
-) -> Result<(), Box<dyn Error>> {
+) -> Result<Vec<f64>, Box<dyn Error>> {
     let (began, cpu) = (Instant::now(), cpu_seconds());
     let mut iterations = 0;
     let z = program.start(template)?;
@@ -107,6 +132,68 @@ fn show(
             at.tilt.to_degrees(),
             at.twist / TAU,
             weights.join(" ")
+        );
+    }
+    Ok(found.z)
+}
+
+/// The same dive by explicit Euler with 200 steps, as the thesis has it: rolled out, and optimised.
+fn show_literal(program: &DiveProgram, z: &[f64]) -> Result<(), Box<dyn Error>> {
+    println!("\n107B as in the thesis, explicit Euler with 200 steps on the full dynamics");
+    let (mut problem, start) = program.literal(z, 200)?;
+    let model = program.path().model();
+    let tell = |name: &str,
+                problem: &mut MotionProblem<Shooting<Tree>>,
+                z: &[f64]|
+     -> Result<(), Box<dyn Error>> {
+        problem.transcription_mut().rollout(z)?;
+        let along = momentum_along(model, problem.transcription())?;
+        let (first, last) = (along[0], along[along.len() - 1]);
+        let turned = |k: usize| problem.transcription().node(k).position[2];
+        println!(
+            "  {name}  momentum {first:.2} at take-off, {last:.2} at the entry: {:+.1} %; {:.3} somersaults in the air",
+            100.0 * (last / first - 1.0),
+            (turned(0) - turned(along.len() - 1)) / TAU
+        );
+        Ok(())
+    };
+    tell("that motion rolled out", &mut problem, &start)?;
+    for n_steps in [200, 400, 800] {
+        let along = program.momentum_in_coordinates(z, n_steps)?;
+        let change = 100.0 * (along[along.len() - 1] / along[0] - 1.0);
+        println!("  in coordinates, {n_steps} steps: momentum {change:+.1} % at the entry");
+    }
+    let solver = Sqp { hessian: HessianSource::QuasiNewton, stationarity_tol: 1e-6, ..Sqp::default() };
+    let began = Instant::now();
+    let report = solver.solve(&mut problem, &Start::from(start), &mut |_| Flow::Continue)?;
+    tell("optimised             ", &mut problem, &report.z)?;
+    println!("  {}, {} iterations, {:.2} s", report.status, report.iterations, began.elapsed().as_secs_f64());
+    Ok(())
+}
+
+/// The planar dive with a third posture, and without eigenpostures.
+fn show_others() -> Result<(), Box<dyn Error>> {
+    println!("\n107B with other joint motions");
+    let dive = Dive::forward_pike()?;
+    let mut third = dive.clone();
+    third.postures.push(Posture::G.planar()?.to_vec());
+    let joints = Dive { channels: Channels::Joints, ..dive.clone() };
+    let long = Dive { duration: Range::fixed(2.0), ..dive.clone() };
+    let dives =
+        [("A, H", dive), ("A, H, G", third), ("a spline for each joint", joints), ("A, H, in 2 s", long)];
+    for (name, dive) in dives {
+        let program = dive.program()?;
+        let began = Instant::now();
+        let z = program.start(&Dive::pike_template())?;
+        let found = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue)?;
+        println!(
+            "  {name:24} {:3} unknowns  L = {:.3} kg m²/s  cost {:.6}  {:.3} s  {} iterations  {}",
+            found.z.len(),
+            program.momentum(&found.z),
+            found.cost,
+            began.elapsed().as_secs_f64(),
+            found.iterations,
+            found.status
         );
     }
     Ok(())

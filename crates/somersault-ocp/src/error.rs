@@ -1,6 +1,7 @@
 //! What can be wrong with a problem.
 
 use crate::motion::MotionError;
+use somersault_multibody::flight::FlightError;
 use somersault_multibody::{DynamicsError, ModelError};
 
 /// Why a problem cannot be posed.
@@ -16,6 +17,9 @@ pub enum OcpError {
     /// The description of the model.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A flight, or what was asked of it.
+    #[error(transparent)]
+    Flight(#[from] FlightError),
     /// Something has the wrong number of entries.
     #[error("`{argument}` must have {expected} entries, found {found}")]
     Length {

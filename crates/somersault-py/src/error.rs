@@ -24,6 +24,7 @@ use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
+use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::ocp::motion::MotionError as JointMotionError;
 use somersault::ocp::solver::SolverError;
 
@@ -283,6 +284,38 @@ impl From<CollocationError> for Error {
             CollocationError::Solver(error) => error.into(),
             CollocationError::Evaluation(error) => Self::ocp(&error),
             error => Self::own("OcpInputError", &error),
+        }
+    }
+}
+
+impl From<DiveError> for Error {
+    fn from(error: DiveError) -> Self {
+        match error {
+            DiveError::Dynamics(error) => error.into(),
+            DiveError::Flight(error) => error.into(),
+            DiveError::Model(error) => error.into(),
+            DiveError::Posture(error) => error.into(),
+            error => Self::own("OcpInputError", &error),
+        }
+    }
+}
+
+impl From<DiveSearchError> for Error {
+    fn from(error: DiveSearchError) -> Self {
+        match error {
+            DiveSearchError::Dive(error) => error.into(),
+            DiveSearchError::Solver(error) => error.into(),
+            error => Self::ocp(&error),
+        }
+    }
+}
+
+impl From<DiveJudgementError> for Error {
+    fn from(error: DiveJudgementError) -> Self {
+        match error {
+            DiveJudgementError::Dive(error) => error.into(),
+            DiveJudgementError::Motion(error) => error.into(),
+            error => Self::ocp(&error),
         }
     }
 }

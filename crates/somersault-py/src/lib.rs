@@ -69,8 +69,9 @@ mod _somersault {
     };
     #[pymodule_export]
     use crate::ocp::{
-        Constraint, Cost, EigenpostureBase, Motion, MotionProblem, Phase, Report, SplineMotion, Term,
-        axis_direction, body_orientation, displacement, entries, function, momentum, point_position,
+        Constraint, Cost, Dive, DiveSolution, DiveVerification, EigenpostureBase, Motion, MotionProblem,
+        Phase, Report, SplineMotion, Term, axis_direction, body_orientation, displacement, dive_107b,
+        dive_5174d, entries, function, momentum, point_position,
     };
     #[pymodule_export]
     use crate::scene::{

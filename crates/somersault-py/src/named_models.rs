@@ -66,12 +66,12 @@ pub(crate) fn two_link_arm(masses: [f64; 2], lengths: [f64; 2], damping: [f64; 2
 /// height, masses with the mass, inertias with mass times height squared.
 #[pyclass(frozen, module = "somersault.multibody")]
 pub(crate) struct Diver {
-    diver: models::Diver,
+    pub(crate) diver: models::Diver,
     model: Py<Model>,
 }
 
 impl Diver {
-    fn of(py: Python<'_>, diver: models::Diver) -> Result<Self, Error> {
+    pub(crate) fn of(py: Python<'_>, diver: models::Diver) -> Result<Self, Error> {
         Ok(Self { diver, model: Py::new(py, Model::of(diver.model()?))? })
     }
 }

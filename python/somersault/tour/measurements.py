@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import somersault
-from somersault import contact, forces, studies
+from somersault import contact, forces, ocp, studies
 from somersault.tour import thesis
 from somersault.tour.runs import Runs
 from somersault.tour.top import Top, distance, orders
@@ -243,6 +243,16 @@ class Measurements:
         )
 
     @cached_property
+    def pike(self) -> tuple[ocp.DiveSolution, float]:
+        """The planar dive, and the seconds it took to find."""
+        return _timed(ocp.dive_107b())
+
+    @cached_property
+    def twisting(self) -> tuple[ocp.DiveSolution, float]:
+        """The spatial dive, and the seconds it took to find."""
+        return _timed(ocp.dive_5174d())
+
+    @cached_property
     def top_motion(self) -> somersault.Solution:
         """A second of the top, as accurate as it gets: at every step, and at all times between."""
         top = self.top
@@ -334,3 +344,9 @@ class Measurements:
         if self.setting.finest > -5:
             return None
         return distance(Top(1.0).run("rkmk", 1e-6, False)[-1], self.top_references[1.0][0])
+
+
+def _timed(dive: ocp.Dive) -> tuple[ocp.DiveSolution, float]:
+    began = time.perf_counter()
+    found = dive.solve()
+    return found, time.perf_counter() - began

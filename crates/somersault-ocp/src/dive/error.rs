@@ -25,6 +25,12 @@ pub enum DiveError {
     /// Sizes do not fit the diver.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
+    /// A problem cannot be posed.
+    #[error(transparent)]
+    Problem(crate::error::OcpError),
+    /// The literal form is that of thesis 3.1 alone.
+    #[error("the literal form needs a planar dive by weights with fixed lean and duration")]
+    NotLiteral,
     /// A number is out of its range.
     #[error("`{argument}` must be {allowed}, found {found}")]
     OutOfRange {

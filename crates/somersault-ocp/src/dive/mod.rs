@@ -1,8 +1,8 @@
 //! Dives: the optimal motions of thesis chapter 3, and others like them.
 //!
 //! ```text
-//! minimise   ½ a (L/L₀)² + ½ ∫ Σ_i (b_i ẇ_i² + c_i ẅ_i²) dt
-//! subject to ψ(T) = somersaults, φ(T) = twists, τ(T) = 0,
+//! minimise   ½ a (L/L₀)² + ½ ∫ Σ_i (b ẇ_i² + c ẅ_i²) dt
+//! subject to ψ(T) = somersaults, φ = twists and τ = 0 at the square-out,
 //!            w ≥ 0, Σ w ≤ 1 at all times (or joints within their ranges),
 //!            capsules apart at the clearance times
 //! ```
@@ -12,8 +12,15 @@
 //! to rounding and the centre of mass stays on its parabola; platform, entry and duration give its velocity at
 //! take-off.
 //!
+//! After the square-out the diver moves symmetrically and without tilt, so twists stay whole and the tilt zero. A pike
+//! amplifies what tilt it begins with; so the orientation starts anew there,
+//! straightened ([`OrientationPath::with_restart`](crate::flight::OrientationPath::with_restart)), and the tilt left is
+//! the defect that the constraints remove.
+//!
+//! Quasi-Newton steps converge slowly along the valley of nearly equal twisting dives: reports tell how far they came.
+//!
 //! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,
-//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`]).
+//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`](crate::flight::Counting)).
 
 mod body;
 mod bounds;
@@ -21,6 +28,8 @@ mod capsule;
 mod clearance;
 mod cost;
 mod error;
+mod literal;
+mod motion;
 mod named;
 mod program;
 mod report;
@@ -30,6 +39,8 @@ mod template;
 pub use body::Body;
 pub use capsule::{Capsule, NearestPoints, nearest_points};
 pub use error::DiveError;
+pub use literal::momentum_along;
+pub use motion::DiveMotion;
 pub use program::DiveProgram;
 pub use report::{DiveJudgementError, DiveReport};
 pub use search::{DiveSearch, DiveSearchError};
@@ -168,7 +179,7 @@ impl Dive {
         expect_positive("duration", self.duration.lower)?;
         for range in &self.windows {
             let Range { lower, upper } = *range;
-            if !(lower <= upper) {
+            if lower.is_nan() || upper.is_nan() || lower > upper {
                 return Err(DiveError::Range { argument: "windows", lower, upper });
             }
         }

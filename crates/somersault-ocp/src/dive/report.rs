@@ -167,7 +167,7 @@ impl DiveProgram {
 
     /// Centre of mass and its velocity at take-off: feet on the platform's end at the start, hands at the water's level
     /// at the entry distance at the finish.
-    fn ballistics(
+    pub(super) fn ballistics(
         &self,
         program: &Self,
         coefficients: &[f64],

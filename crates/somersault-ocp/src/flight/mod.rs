@@ -1,12 +1,15 @@
-//! Flight, reduced by its momentum, as a transcription.
+//! Flight, reduced by its momentum.
 //!
 //! In the air nothing of a tree's state is free but its orientation: the centre of mass keeps to its parabola and
 //! the angular momentum to its value ([`somersault_multibody::flight`]). So of the passive states one rotation is
-//! left to integrate ([`OrientationPath`]), and momentum is exact at every node whatever the step.
+//! left to integrate ([`OrientationPath`], and [`FlightShooting`] for whole states), and momentum is exact at every node whatever the step.
 
 mod counting;
 mod path;
+mod response;
 mod step;
+mod transcription;
 
 pub use counting::{BodyAngles, Counting};
 pub use path::{NodeDerivatives, OrientationPath, PathGradient};
+pub use transcription::{FlightShooting, FlightStart, FlightVariables};

@@ -59,6 +59,15 @@ impl NodeDerivatives {
     }
 }
 
+impl NodeDerivatives {
+    /// Those at the first node.
+    pub(super) fn begin(&mut self) {
+        self.by_start = Matrix3::identity();
+        self.by_momentum = Matrix3::zeros();
+        self.by_coefficients.fill(Vector3::zeros());
+    }
+}
+
 /// The gradient of a number by all that a path depends on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathGradient {
@@ -68,6 +77,21 @@ pub struct PathGradient {
     pub by_momentum: Vector3<f64>,
     /// By each coefficient.
     pub by_coefficients: Vec<f64>,
+}
+
+impl PathGradient {
+    /// Room for it, zero.
+    pub fn new(n_coefficients: usize) -> Self {
+        let by_start = Vector3::zeros();
+        Self { by_start, by_momentum: by_start, by_coefficients: vec![0.0; n_coefficients] }
+    }
+
+    /// Zero in all entries.
+    pub fn clear(&mut self) {
+        self.by_start = Vector3::zeros();
+        self.by_momentum = Vector3::zeros();
+        self.by_coefficients.fill(0.0);
+    }
 }
 
 /// Where the orientation is straightened.
@@ -316,6 +340,24 @@ impl OrientationPath {
             transition *= derivative.by_start;
         }
         out.by_start = transition;
+    }
+
+    /// Takes the derivatives at the start of a step to its end.
+    pub(super) fn carry(&self, step: usize, derivatives: &mut NodeDerivatives) {
+        let own = &self.derivatives[step];
+        let NodeDerivatives { by_start, by_momentum, by_coefficients } = derivatives;
+        *by_start = own.by_start * *by_start;
+        *by_momentum = own.by_start * *by_momentum;
+        by_coefficients.iter_mut().for_each(|by| *by = own.by_start * *by);
+        for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
+            let to_end = own.by_stage[stage];
+            *by_momentum += to_end * self.by_momentum[step * STAGES + stage];
+            self.add_inputs(step, stage, |coefficient, by| by_coefficients[coefficient] += to_end * by);
+        }
+        let passage = self.passage(step + 1);
+        *by_start = passage * *by_start;
+        *by_momentum = passage * *by_momentum;
+        by_coefficients.iter_mut().for_each(|by| *by = passage * *by);
     }
 
     /// What a restart at this node makes of a displacement.

@@ -156,6 +156,7 @@ impl SplineMotion {
     ) -> Result<Self, Error> {
         let base = match base {
             BaseOrJoints::Base(base) => base.get().base.clone(),
+            BaseOrJoints::Joints(0) => return Err(Error::input("`base` must be at least 1 joint, found 0")),
             BaseOrJoints::Joints(n) => motion::EigenpostureBase::joints(n),
         };
         let basis = UniformBasis::try_new(degree, n_coefficients).map_err(motion::MotionError::from)?;

@@ -14,7 +14,9 @@ use somersault::ocp::nlp::{Bounds, EvaluationError, Nlp};
 use somersault::ocp::problem::{At, Loss};
 use somersault::ocp::shooting::{self, Drive, Duration, Scheme, Shooting, ShootingOptions, Start};
 use somersault::ocp::transcription::Transcription;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::thread::ThreadId;
 
 /// A phase of a motion.
 ///
@@ -197,7 +199,11 @@ impl Constraint {
 ///     If the parts do not fit each other, or bounds contradict.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct MotionProblem {
-    problem: Mutex<ocp::problem::MotionProblem<Shooting<Tree>>>,
+    problem: Mutex<Inner>,
+    /// The thread that holds the problem.
+    holder: Mutex<Option<ThreadId>>,
+    n_variables: usize,
+    n_constraints: usize,
     calls_python: bool,
 }
 
@@ -290,26 +296,33 @@ impl MotionProblem {
         for (variable, (lower, upper)) in lower.into_iter().zip(upper).enumerate() {
             builder = builder.bound_variable(variable, lower, upper)?;
         }
-        Ok(Self { problem: Mutex::new(builder.build()?), calls_python })
+        let problem = builder.build()?;
+        Ok(Self {
+            n_variables,
+            n_constraints: problem.structure().constraints.len(),
+            problem: Mutex::new(problem),
+            holder: Mutex::new(None),
+            calls_python,
+        })
     }
 
     /// int: Length of z.
     #[getter]
     fn n_variables(&self) -> usize {
-        self.lock().structure().variables.len()
+        self.n_variables
     }
 
     /// list of str: A name for each constraint.
     #[getter]
-    fn constraint_names(&self) -> Vec<String> {
-        self.lock().constraint_names()
+    fn constraint_names(&self, py: Python<'_>) -> Result<Vec<String>, Error> {
+        Ok(self.acquire(py)?.constraint_names())
     }
 
     /// dict of str to slice or list of slice: Where z has its parts: ``'start'``, ``'parameters'`` of each phase,
     /// ``'durations'`` that are free, and ``'lifted'`` states.
     #[getter]
-    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let layout = self.lock().transcription().layout().clone();
+    fn parts<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyDict>, Error> {
+        let layout = self.acquire(py)?.transcription().layout().clone();
         let slice = |range: &std::ops::Range<usize>| {
             // lengths of decision vectors are far below the limits of isize
             PySlice::new(py, range.start as isize, range.end as isize, 1)
@@ -376,7 +389,7 @@ impl MotionProblem {
     fn jacobian<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let values = self.derivatives(py, z)?.1;
         let (shape, dense) = {
-            let problem = self.lock();
+            let problem = self.acquire(py)?;
             let pattern = &problem.structure().jacobian;
             let (m, n) = (pattern.n_rows, pattern.n_columns());
             let mut dense = vec![0.0; m * n];
@@ -433,7 +446,7 @@ impl MotionProblem {
         };
         let arguments = SolverArguments { solver, tol, max_iterations, max_time, callback, on_interrupt };
         let calls_python = self.calls_python;
-        let mut problem = self.acquire(py);
+        let mut problem = self.acquire(py)?;
         arguments.solve(py, &mut *problem, &start, calls_python)
     }
 
@@ -448,52 +461,77 @@ impl MotionProblem {
     /// Motion
     fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let (z, _) = self.room(z)?;
-        let mut problem = self.acquire(py);
+        let mut problem = self.acquire(py)?;
         let shooting = problem.transcription_mut();
         shooting.rollout(&z).map_err(undefined)?;
         Ok(Motion::of(shooting))
     }
 
     fn __repr__(&self) -> String {
-        let problem = self.lock();
-        let structure = problem.structure();
-        format!(
-            "<MotionProblem: {} variables, {} constraints, {} nodes>",
-            structure.variables.len(),
-            structure.constraints.len(),
-            problem.transcription().outline().n_nodes()
-        )
+        format!("<MotionProblem: {} variables, {} constraints>", self.n_variables, self.n_constraints)
     }
 }
 
 type Inner = ocp::problem::MotionProblem<Shooting<Tree>>;
 
-impl MotionProblem {
-    fn lock(&self) -> MutexGuard<'_, Inner> {
-        self.problem.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+/// A problem that no one else uses meanwhile.
+struct Held<'a> {
+    problem: MutexGuard<'a, Inner>,
+    holder: &'a Mutex<Option<ThreadId>>,
+}
 
-    /// The problem, while other threads that wait for it do not hold the interpreter.
-    fn acquire(&self, py: Python<'_>) -> MutexGuard<'_, Inner> {
-        match self.problem.try_lock() {
-            Ok(problem) => problem,
-            Err(_) => {
-                py.detach(|| drop(self.lock()));
-                self.lock()
-            }
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        *self.holder.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+impl Deref for Held<'_> {
+    type Target = Inner;
+
+    fn deref(&self) -> &Inner {
+        &self.problem
+    }
+}
+
+impl DerefMut for Held<'_> {
+    fn deref_mut(&mut self) -> &mut Inner {
+        &mut self.problem
+    }
+}
+
+impl MotionProblem {
+    /// The problem, once other threads have done with it; they need the interpreter meanwhile.
+    ///
+    /// A callback or a term that asks for the problem that called it would wait for itself: an error.
+    fn acquire(&self, py: Python<'_>) -> Result<Held<'_>, Error> {
+        let own = std::thread::current().id();
+        let holder = || self.holder.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            let problem = match self.problem.try_lock() {
+                Ok(problem) => problem,
+                Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+                Err(TryLockError::WouldBlock) if *holder() == Some(own) => {
+                    return Err(Error::input(
+                        "a problem cannot be evaluated by a callback or a function that it has called",
+                    ));
+                }
+                Err(TryLockError::WouldBlock) => {
+                    py.detach(|| drop(self.problem.lock()));
+                    continue;
+                }
+            };
+            *holder() = Some(own);
+            return Ok(Held { problem, holder: &self.holder });
         }
     }
 
     fn room(&self, z: &Bound<'_, PyAny>) -> Result<(Vec<f64>, Vec<f64>), Error> {
-        let (n, m) = {
-            let problem = self.lock();
-            (problem.structure().variables.len(), problem.structure().constraints.len())
-        };
-        let z = with_shape("z", &[n], z)?;
+        let z = with_shape("z", &[self.n_variables], z)?;
         for x in &z {
             finite("z", *x)?;
         }
-        Ok((z, vec![0.0; m]))
+        Ok((z, vec![0.0; self.n_constraints]))
     }
 
     fn run<T: Send>(
@@ -501,7 +539,7 @@ impl MotionProblem {
         py: Python<'_>,
         run: impl FnOnce(&mut Inner) -> Result<T, EvaluationError> + Send,
     ) -> Result<T, Error> {
-        run(&mut self.acquire(py)).map_err(undefined)
+        run(&mut *self.acquire(py)?).map_err(undefined)
     }
 
     fn derivatives(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<(Vec<f64>, Vec<f64>), Error> {

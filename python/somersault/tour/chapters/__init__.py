@@ -24,6 +24,8 @@ ORDER = (
     "beyond",
     "contact",
     "divers",
+    "eigenpostures",
+    "dives",
     "swing_up",
     "arm",
     "deviations",

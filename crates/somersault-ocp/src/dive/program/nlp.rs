@@ -1,0 +1,149 @@
+//! Cost, constraints and their derivatives.
+
+use super::DiveProgram;
+use super::channels::LinearRow;
+use crate::dive::DiveError;
+use crate::nlp::{Curvature, EvaluationError, Nlp, Structure};
+
+impl DiveProgram {
+    fn cost(&self, z: &[f64], mut gradient: Option<&mut [f64]>) -> f64 {
+        let n_p = self.free.len();
+        let (p, duration) = (&z[..n_p], self.duration(z));
+        let penalties = &self.dive.penalties;
+        let momentum = self.momentum(z) / self.momentum_unit;
+        let mut cost = 0.5 * penalties.momentum * momentum * momentum;
+        if let (Some(gradient), Some(k)) = (&mut gradient, self.extra.momentum) {
+            gradient[k] += penalties.momentum * momentum;
+        }
+        for (quadratic, penalty, power) in
+            [(&self.rates[0], penalties.rate, 1), (&self.rates[1], penalties.acceleration, 3)]
+        {
+            // by the share of the duration: dt = T dx, d/dt = (1/T) d/dx
+            let factor = penalty * self.rate_unit * duration.powi(-power);
+            let value = factor * quadratic.evaluate(p, factor, gradient.as_deref_mut());
+            cost += value;
+            if let (Some(gradient), Some(k)) = (&mut gradient, self.extra.duration) {
+                gradient[k] -= f64::from(power) * value / duration;
+            }
+        }
+        cost
+    }
+}
+
+impl Nlp for DiveProgram {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError> {
+        self.fly(z, false).map_err(undefined)?;
+        for (value, LinearRow { factors }) in constraints.iter_mut().zip(&self.linear) {
+            *value = factors.iter().map(|(k, factor)| z[*k] * factor).sum();
+        }
+        let angles = self.entry_angles();
+        let rest = &mut constraints[self.linear.len()..];
+        let n_angles = self.n_angles();
+        rest[..n_angles].copy_from_slice(&angles[..n_angles]);
+        if let Some(clearance) = &mut self.clearance {
+            let found = clearance.evaluate(
+                self.path.model(),
+                self.path.motion(),
+                &self.coefficients,
+                &mut rest[n_angles..],
+            );
+            found.map_err(|error| undefined(error.into()))?;
+        }
+        let mut cost = self.cost(z, None);
+        if let Some(soft) = &mut self.soft {
+            cost += soft.evaluate(constraints, self.linear.len());
+        }
+        if cost.is_finite() && constraints.iter().all(|c| c.is_finite()) {
+            return Ok(cost);
+        }
+        Err(EvaluationError::Undefined { what: "the dive".into() })
+    }
+
+    fn differentiate(
+        &mut self,
+        z: &[f64],
+        gradient: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.fly(z, true).map_err(undefined)?;
+        gradient.fill(0.0);
+        self.cost(z, Some(gradient));
+        jacobian.copy_from_slice(&self.jacobian);
+        let n_angles = self.n_angles();
+        let mut rows = std::mem::take(&mut self.angle_rows);
+        self.angle_gradients(z, &mut rows);
+        let pattern = &self.structure.jacobian;
+        for (k, row) in rows.iter().enumerate().take(n_angles) {
+            for (column, value) in row.iter().enumerate() {
+                jacobian[pattern.position(self.linear.len() + k, column).unwrap_or_default()] = *value;
+            }
+        }
+        self.angle_rows = rows;
+        if let Some(clearance) = &mut self.clearance {
+            let (model, motion) = (self.path.model(), self.path.motion());
+            let found = clearance.differentiate(
+                model,
+                motion,
+                &self.column_of,
+                &self.coefficients,
+                pattern,
+                jacobian,
+            );
+            found.map_err(|error| undefined(error.into()))?;
+        }
+        if let Some(soft) = &mut self.soft {
+            soft.jacobian.copy_from_slice(jacobian);
+            for (column, out) in gradient.iter_mut().enumerate() {
+                for k in pattern.columns[column]..pattern.columns[column + 1] {
+                    *out += soft.weight * soft.violations[pattern.rows[k]] * jacobian[k];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn curvature(&self) -> Curvature {
+        if self.soft.is_some() { Curvature::GaussNewton } else { Curvature::None }
+    }
+
+    /// Of the cost, and of the soft constraints after Gauss and Newton.
+    fn hessian(
+        &mut self,
+        z: &[f64],
+        cost_factor: f64,
+        _multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let n_p = self.free.len();
+        let duration = self.duration(z);
+        let penalties = &self.dive.penalties;
+        hessian.fill(0.0);
+        let mut at = 0;
+        for j in 0..z.len() {
+            for i in 0..=j {
+                if j < n_p {
+                    hessian[at] = cost_factor
+                        * self.rate_unit
+                        * (penalties.rate / duration * self.rates[0].matrix[(i, j)]
+                            + penalties.acceleration / duration.powi(3) * self.rates[1].matrix[(i, j)]);
+                }
+                at += 1;
+            }
+        }
+        if let Some(k) = self.extra.momentum {
+            hessian[k * (k + 3) / 2] += cost_factor * penalties.momentum;
+        }
+        if let Some(soft) = &self.soft {
+            soft.add_hessian(&self.structure.jacobian, self.linear.len(), cost_factor, hessian);
+        }
+        Ok(())
+    }
+}
+
+fn undefined(error: DiveError) -> EvaluationError {
+    EvaluationError::Undefined { what: error.to_string() }
+}

@@ -1,0 +1,630 @@
+//! The dives of thesis chapter 3: gradients, counting, conservation, requirements, bad input.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use num_dual::Dual64;
+use somersault_core::spline::{SplineError, UniformBasis};
+use somersault_multibody::flight::{Flight, FlightData, TakeOff};
+use somersault_multibody::models::{Dimension, Diver, Posture};
+use somersault_multibody::{Data, DynamicsError, Model};
+use somersault_ocp::OcpError;
+use somersault_ocp::dive::{
+    Body, Capsule, Channels, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame, Penalties, Range,
+    momentum_along, nearest_points,
+};
+use somersault_ocp::flight::{
+    Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
+};
+use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
+use somersault_ocp::nlp::Nlp;
+use somersault_ocp::solver::Flow;
+use somersault_ocp::transcription::{RolloutGradient, Transcription};
+use std::f64::consts::{PI, TAU};
+
+/// The path of the spatial diver by three weights, and its coefficients.
+fn spatial_path(n_steps: usize) -> (OrientationPath, Vec<f64>) {
+    let postures = [Posture::C, Posture::E, Posture::I, Posture::H].map(Posture::spatial);
+    let base = EigenpostureBase::try_new(&postures).unwrap();
+    let basis = UniformBasis::try_new(5, 8).unwrap();
+    let motion = SplineMotion::try_new(basis, base, &[]).unwrap();
+    let coefficients = (0..motion.n_coefficients()).map(|k| 0.15 + 0.1 * (k as f64 * 1.7).sin()).collect();
+    (OrientationPath::try_new(Diver::spatial().model().unwrap(), motion, n_steps).unwrap(), coefficients)
+}
+
+const ORIENTATION: [f64; 4] = [0.1, 0.2, -0.1, 0.969_535_971_483_266];
+const MOMENTUM: Vector3<f64> = Vector3::new(5.0, 90.0, -8.0);
+
+fn end_of(path: &mut OrientationPath, c: &[f64], q: &[f64], momentum: Vector3<f64>) -> UnitQuaternion<f64> {
+    path.integrate(c, q, momentum, false).unwrap();
+    path.orientations()[path.n_steps()]
+}
+
+fn displaced(q: &[f64], by: Vector3<f64>) -> Vec<f64> {
+    let start = UnitQuaternion::new_normalize(Quaternion::new(q[3], q[0], q[1], q[2]));
+    (start * UnitQuaternion::from_scaled_axis(by)).coords.as_slice().to_vec()
+}
+
+#[test]
+fn derivatives_of_the_orientation_are_differences() {
+    let (mut path, coefficients) = spatial_path(12);
+    path.integrate(&coefficients, &ORIENTATION, MOMENTUM, true).unwrap();
+    let n = path.n_steps();
+    let end = path.orientations()[n];
+    let mut found = NodeDerivatives::new(coefficients.len());
+    path.node_derivatives(n, &mut found);
+    let h = 1e-5;
+    let difference = |plus: UnitQuaternion<f64>, minus: UnitQuaternion<f64>| {
+        ((end.inverse() * plus).scaled_axis() - (end.inverse() * minus).scaled_axis()) / (2.0 * h)
+    };
+    for k in 0..coefficients.len() {
+        let mut at = |sign: f64| {
+            let mut moved = coefficients.clone();
+            moved[k] += sign * h;
+            end_of(&mut path, &moved, &ORIENTATION, MOMENTUM)
+        };
+        let expected = difference(at(1.0), at(-1.0));
+        assert!(
+            (found.by_coefficients[k] - expected).norm() < 1e-7 * (1.0 + expected.norm()),
+            "coefficient {k}"
+        );
+    }
+    for axis in 0..3 {
+        let unit = Vector3::ith(axis, 1.0);
+        let mut at = |sign: f64| end_of(&mut path, &coefficients, &ORIENTATION, MOMENTUM + unit * (sign * h));
+        let expected = difference(at(1.0), at(-1.0));
+        let off = (found.by_momentum * unit - expected).norm();
+        assert!(off < 1e-7 * (1.0 + expected.norm()), "momentum {axis}: {off:e} of {expected}");
+        let mut at = |sign: f64| {
+            end_of(&mut path, &coefficients, &displaced(&ORIENTATION, unit * (sign * h)), MOMENTUM)
+        };
+        let expected = difference(at(1.0), at(-1.0));
+        let off = (found.by_start * unit - expected).norm();
+        assert!(off < 1e-7 * (1.0 + expected.norm()), "start {axis}: {off:e} of {expected}");
+    }
+}
+
+#[test]
+fn the_adjoint_is_the_transpose_of_the_derivatives() {
+    let (mut path, coefficients) = spatial_path(12);
+    path.integrate(&coefficients, &ORIENTATION, MOMENTUM, true).unwrap();
+    let n = path.n_steps();
+    let by_nodes: Vec<_> = (0..=n).map(|k| Vector3::new(k as f64, 1.0, (k as f64).sin())).collect();
+    let mut pulled = PathGradient {
+        by_start: Vector3::zeros(),
+        by_momentum: Vector3::zeros(),
+        by_coefficients: vec![0.0; coefficients.len()],
+    };
+    path.pull_back(&by_nodes, &mut pulled);
+    let (mut start, mut momentum) = (Vector3::zeros(), Vector3::zeros());
+    let mut by_coefficients = vec![0.0; coefficients.len()];
+    let mut at = NodeDerivatives::new(coefficients.len());
+    for (node, weight) in by_nodes.iter().enumerate() {
+        path.node_derivatives(node, &mut at);
+        start += at.by_start.tr_mul(weight);
+        momentum += at.by_momentum.tr_mul(weight);
+        by_coefficients.iter_mut().zip(&at.by_coefficients).for_each(|(sum, by)| *sum += by.dot(weight));
+    }
+    let scale = 1e-12 * by_coefficients.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+    assert!((pulled.by_start - start).norm() < scale && (pulled.by_momentum - momentum).norm() < scale);
+    assert!(pulled.by_coefficients.iter().zip(&by_coefficients).all(|(a, b)| (a - b).abs() < scale));
+}
+
+/// Two Simpson steps for each interval of the planar diver, in dual numbers through the flight itself.
+fn planar_angle(model: &Model<Dual64>, c: &[Dual64], momentum: Dual64, n_steps: usize) -> Dual64 {
+    let postures = [Posture::A, Posture::H].map(|p| p.planar().unwrap());
+    let basis = UniformBasis::try_new(5, c.len()).unwrap();
+    let zero = Dual64::from(0.0);
+    let take_off = TakeOff {
+        time: zero,
+        center_of_mass: nalgebra::Vector3::from_element(zero),
+        velocity: nalgebra::Vector3::from_element(zero),
+        angular_momentum: nalgebra::Vector3::new(zero, momentum, zero),
+    };
+    let flight = Flight::try_new(model, take_off).unwrap();
+    let mut data = FlightData::new(model);
+    let (mut q, mut v) = (vec![zero; 12], vec![zero; 12]);
+    let mut rate = |share: f64| {
+        let mut values = [0.0; 6];
+        for (derivative, out) in [(0, &mut q), (1, &mut v)] {
+            let first = basis.evaluate(share, derivative, &mut values);
+            let weight = (0..6).fold(zero, |sum, j| sum + c[first + j] * values[j]);
+            for joint in 0..9 {
+                let fixed = if derivative == 0 { postures[0][joint] } else { 0.0 };
+                out[3 + joint] = weight * (postures[1][joint] - postures[0][joint]) + fixed;
+            }
+        }
+        flight.angular_velocity(&mut data, &q, &v).unwrap().z
+    };
+    let h = 1.0 / n_steps as f64;
+    (0..n_steps).fold(zero, |angle, step| {
+        let at = |part: f64| (step as f64 + part) * h;
+        angle + (rate(at(0.0)) + rate(at(0.5)) * 4.0 + rate(at(1.0))) * (h / 6.0)
+    })
+}
+
+#[test]
+fn planar_derivatives_are_dual_numbers() {
+    let model = Diver::planar().model().unwrap();
+    let postures = [Posture::A, Posture::H].map(|p| p.planar().unwrap());
+    let base = EigenpostureBase::try_new(&postures).unwrap();
+    let motion = SplineMotion::try_new(UniformBasis::try_new(5, 8).unwrap(), base, &[]).unwrap();
+    let mut path = OrientationPath::try_new(model.clone(), motion, 12).unwrap();
+    let coefficients: Vec<f64> = (0..8).map(|k| 0.4 + 0.3 * (f64::from(k) * 1.3).sin()).collect();
+    path.integrate(&coefficients, &[0.0], Vector3::y() * 80.0, true).unwrap();
+    let n = path.n_steps();
+    let mut found = NodeDerivatives::new(8);
+    path.node_derivatives(n, &mut found);
+    let dual = model.cast::<Dual64>();
+    for k in 0..9 {
+        let mut c: Vec<Dual64> = coefficients.iter().map(|x| Dual64::from(*x)).collect();
+        let mut momentum = Dual64::from(80.0);
+        if k < 8 {
+            c[k].eps = 1.0
+        } else {
+            momentum.eps = 1.0
+        }
+        let angle = planar_angle(&dual, &c, momentum, n);
+        assert!((angle.re - path.angles()[n]).abs() < 1e-13);
+        let derivative = if k < 8 { found.by_coefficients[k].z } else { found.by_momentum[(2, 1)] };
+        assert!(
+            (derivative - angle.eps).abs() < 1e-12 * (1.0 + angle.eps.abs()),
+            "{k}: {derivative} {}",
+            angle.eps
+        );
+    }
+}
+
+#[test]
+fn the_orientation_converges_with_order_four() {
+    let error = |n: usize| {
+        let (mut path, c) = spatial_path(n);
+        let (mut fine, _) = spatial_path(3 * 1024);
+        let exact = end_of(&mut fine, &c, &ORIENTATION, MOMENTUM);
+        let found = end_of(&mut path, &c, &ORIENTATION, MOMENTUM);
+        (exact.inverse() * found).angle()
+    };
+    let order = (error(96) / error(192)).log2();
+    assert!((order - 4.0).abs() < 0.3, "{order}");
+}
+
+/// A diver in flight with everything free, and a point to look at.
+fn flight(diver: Diver) -> (FlightShooting, Vec<f64>) {
+    let letters = match diver.dimension {
+        Dimension::Planar => vec![Posture::A, Posture::H, Posture::F],
+        Dimension::Spatial => vec![Posture::C, Posture::E, Posture::H],
+    };
+    let angles = |p: &Posture| match diver.dimension {
+        Dimension::Planar => p.planar().unwrap().to_vec(),
+        Dimension::Spatial => p.spatial().to_vec(),
+    };
+    let postures: Vec<Vec<f64>> = letters.iter().map(angles).collect();
+    let base = EigenpostureBase::try_new(&postures).unwrap();
+    let motion = SplineMotion::try_new(UniformBasis::try_new(5, 7).unwrap(), base, &[]).unwrap();
+    let start = FlightStart {
+        orientation: match diver.dimension {
+            Dimension::Planar => vec![0.2],
+            Dimension::Spatial => ORIENTATION.to_vec(),
+        },
+        take_off: TakeOff {
+            time: 0.5,
+            center_of_mass: Vector3::new(0.1, 0.0, 11.0),
+            velocity: Vector3::new(1.0, 0.0, 2.0),
+            angular_momentum: MOMENTUM,
+        },
+        duration: 1.1,
+    };
+    let variables = FlightVariables {
+        orientation: true,
+        angular_momentum: true,
+        center_of_mass: true,
+        velocity: true,
+        duration: Some([0.5, 2.0]),
+    };
+    let flight = FlightShooting::try_new(diver.model().unwrap(), motion, start, variables, 10).unwrap();
+    let n = flight.outline().n_variables();
+    let mut z: Vec<f64> = (0..n).map(|k| 0.3 + 0.2 * (k as f64 * 2.3).sin()).collect();
+    z[n - 1] = 0.9;
+    (flight, z)
+}
+
+/// Displacement of each node's positions from `reference`, then velocities, channels and their rates, time and weight.
+fn numbers(flight: &mut FlightShooting, z: &[f64], reference: &[Vec<f64>]) -> Vec<f64> {
+    flight.rollout(z).unwrap();
+    let model = flight.path().model();
+    let mut all = Vec::new();
+    for (k, reference) in reference.iter().enumerate() {
+        let node = flight.node(k);
+        let mut off = vec![0.0; model.n_velocities()];
+        model.difference(reference, node.position, &mut off).unwrap();
+        for part in [&off[..], node.velocity, node.channel, node.channel_rate, node.channel_second_rate] {
+            all.extend_from_slice(part);
+        }
+        all.extend([node.time, flight.weight(k)]);
+    }
+    all
+}
+
+#[test]
+fn tangents_and_adjoint_of_whole_flights_are_differences() {
+    for diver in [Diver::planar(), Diver::spatial()] {
+        let (mut flight, z) = flight(diver);
+        flight.rollout(&z).unwrap();
+        let n_nodes = flight.outline().n_nodes();
+        let reference: Vec<Vec<f64>> = (0..n_nodes).map(|k| flight.node(k).position.to_vec()).collect();
+        let here = numbers(&mut flight, &z, &reference);
+        let mut tangents = vec![Vec::new(); z.len()];
+        flight
+            .push_forward(&mut [], &mut |_, _, _, tangent| {
+                for (row, out) in tangents.iter_mut().enumerate() {
+                    let parts = [
+                        &tangent.position,
+                        &tangent.velocity,
+                        &tangent.channel,
+                        &tangent.channel_rate,
+                        &tangent.channel_second_rate,
+                    ];
+                    parts.iter().for_each(|part| out.extend(part.row(row).iter()));
+                    out.extend([tangent.time[row], tangent.weight[row]]);
+                }
+                Ok(())
+            })
+            .unwrap();
+        // one number of all of these, and its gradient by the adjoint
+        let seeds: Vec<f64> = (0..here.len()).map(|i| (i as f64 * 0.7).cos()).collect();
+        let mut by = RolloutGradient::new(flight.outline());
+        let mut rest = seeds.iter().copied();
+        for (node, weight) in by.nodes.iter_mut().zip(&mut by.weights) {
+            let parts = [
+                &mut node.position,
+                &mut node.velocity,
+                &mut node.channel,
+                &mut node.channel_rate,
+                &mut node.channel_second_rate,
+            ];
+            parts.into_iter().for_each(|part| part.iter_mut().for_each(|x| *x = rest.next().unwrap()));
+            (node.time, *weight) = (rest.next().unwrap(), rest.next().unwrap());
+        }
+        let mut pulled = vec![0.0; z.len()];
+        flight.pull_back(&by, &mut pulled).unwrap();
+        let h = 1e-5;
+        for k in 0..z.len() {
+            let mut at = |sign: f64| {
+                let mut moved = z.clone();
+                moved[k] += sign * h;
+                numbers(&mut flight, &moved, &reference)
+            };
+            let (plus, minus) = (at(1.0), at(-1.0));
+            for (i, tangent) in tangents[k].iter().enumerate() {
+                let expected = (plus[i] - minus[i]) / (2.0 * h);
+                assert!(
+                    (tangent - expected).abs() < 2e-7 * (1.0 + expected.abs() + here[i].abs()),
+                    "{:?}: number {i} by variable {k}: {tangent} {expected}",
+                    diver.dimension
+                );
+            }
+            let sum: f64 = tangents[k].iter().zip(&seeds).map(|(t, s)| t * s).sum();
+            assert!((pulled[k] - sum).abs() < 1e-9 * (1.0 + sum.abs()), "{k}: {} {sum}", pulled[k]);
+        }
+    }
+}
+
+#[test]
+fn momentum_is_exact_at_every_node_of_a_flight() {
+    let (mut flight, z) = flight(Diver::spatial());
+    flight.rollout(&z).unwrap();
+    let wanted = flight.now().take_off.angular_momentum;
+    let model = flight.path().model();
+    let mut data = Data::new(model);
+    for k in 0..flight.outline().n_nodes() {
+        let node = flight.node(k);
+        let momentum = model.centroidal(&mut data, node.position).unwrap().momentum(node.velocity).unwrap();
+        assert!((momentum.angular - wanted).norm() < 1e-12 * (1.0 + wanted.norm()));
+    }
+}
+
+/// A body that turns somersaults and twists with a constant tilt: R = R_y(a t) R_x(tilt) R_z(b t).
+fn tilted(somersault: f64, tilt: f64, twist: f64) -> UnitQuaternion<f64> {
+    let about = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle);
+    about(Vector3::y_axis(), somersault) * about(Vector3::x_axis(), tilt) * about(Vector3::z_axis(), twist)
+}
+
+#[test]
+fn whole_turns_are_counted() {
+    let counting = Counting::default();
+    let path: Vec<_> = (0..=400)
+        .map(|k| {
+            let x = f64::from(k) / 400.0;
+            tilted(7.0 * PI * x, 0.3 * (PI * x).sin(), 4.0 * PI * x)
+        })
+        .collect();
+    let end = *counting.along(&path).last().unwrap();
+    assert!((end.somersault - 7.0 * PI).abs() < 1e-12 && (end.twist - 4.0 * PI).abs() < 1e-12);
+}
+
+#[test]
+fn projected_rates_miscount_a_tilted_dive() {
+    // thesis 3.2 integrates ω_y and ω_zb; with tilt τ these are ψ̇ − φ̇ sin τ and φ̇ − ψ̇ sin τ
+    let (somersault, tilt, twist) = (7.0 * PI, -0.2f64, 4.0 * PI);
+    let (n, counting) = (2000, Counting::default());
+    let (mut projected, mut counted) = ([0.0; 2], [0.0; 2]);
+    for k in 0..n {
+        let x = (f64::from(k) + 0.5) / f64::from(n);
+        let orientation = tilted(somersault * x, tilt, twist * x);
+        let ahead = tilted(somersault * (x + 1e-6), tilt, twist * (x + 1e-6));
+        let omega = (orientation.inverse() * ahead).scaled_axis() / 1e-6;
+        projected[0] += (orientation * omega).y / f64::from(n);
+        projected[1] += omega.z / f64::from(n);
+        let rates = counting.rates(&orientation, &omega);
+        counted[0] += rates.somersault / f64::from(n);
+        counted[1] += rates.twist / f64::from(n);
+    }
+    assert!((counted[0] - somersault).abs() < 1e-4 && (counted[1] - twist).abs() < 1e-4, "{counted:?}");
+    assert!((projected[0] - (somersault - twist * tilt.sin())).abs() < 1e-4);
+    assert!((projected[1] - (twist - somersault * tilt.sin())).abs() < 1e-4);
+    assert!((projected[0] - counted[0]) / TAU > 0.3);
+}
+
+/// Largest difference between derivatives and central differences, over the scale of each row.
+fn worst_difference(program: &mut DiveProgram, z: &[f64]) -> f64 {
+    let structure = program.structure().clone();
+    let (n, m) = (z.len(), structure.constraints.len());
+    let (mut c, mut gradient) = (vec![0.0; m], vec![0.0; n]);
+    let mut jacobian = vec![0.0; structure.jacobian.n_entries()];
+    program.evaluate(z, &mut c).unwrap();
+    program.differentiate(z, &mut gradient, &mut jacobian).unwrap();
+    let (h, mut worst) = (1e-6, 0.0f64);
+    let (mut plus, mut minus) = (c.clone(), c.clone());
+    for k in 0..n {
+        let mut moved = z.to_vec();
+        moved[k] = z[k] + h;
+        let cost_plus = program.evaluate(&moved, &mut plus).unwrap();
+        moved[k] = z[k] - h;
+        let cost_minus = program.evaluate(&moved, &mut minus).unwrap();
+        let expected = (cost_plus - cost_minus) / (2.0 * h);
+        worst = worst.max((gradient[k] - expected).abs() / (1.0 + expected.abs()));
+        for i in 0..m {
+            let expected = (plus[i] - minus[i]) / (2.0 * h);
+            let found = structure.jacobian.position(i, k).map_or(0.0, |at| jacobian[at]);
+            worst = worst.max((found - expected).abs() / (1.0 + expected.abs()));
+        }
+    }
+    worst
+}
+
+#[test]
+fn derivatives_of_the_programs_are_differences() {
+    let planar =
+        Dive { lean: Range::new(0.0, 0.3), duration: Range::new(1.5, 1.8), ..Dive::forward_pike().unwrap() };
+    let spatial = Dive {
+        lean: Range::new(0.0, 0.3),
+        duration: Range::new(1.5, 2.0),
+        penalties: Penalties { momentum: 1.0, rate: 1e-3, acceleration: 1e-5 },
+        ..Dive::forward_twisting()
+    };
+    for (dive, template) in [(planar, Dive::pike_template()), (spatial, Dive::twisting_template())] {
+        let mut program = dive.program().unwrap();
+        let z = program.start(&template).unwrap();
+        let worst = worst_difference(&mut program, &z);
+        assert!(worst < 1e-5, "{worst:e}");
+        let mut soft = program.softened(3.0).unwrap();
+        let worst = worst_difference(&mut soft, &z);
+        assert!(worst < 1e-5, "soft: {worst:e}");
+    }
+}
+
+fn found(program: &DiveProgram, search: &DiveSearch, template: &[KeyFrame]) -> Vec<f64> {
+    let z = program.start(template).unwrap();
+    let report = search.solve(program, z, &mut |_| Flow::Continue).unwrap();
+    assert!(report.residuals.feasibility < 1e-6, "{}: {:?}", report.status, report.residuals);
+    report.z
+}
+
+#[test]
+fn the_planar_dive_does_what_is_asked() {
+    let program = Dive::forward_pike().unwrap().program().unwrap();
+    let z = program.start(&Dive::pike_template()).unwrap();
+    let solved = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
+    assert!(solved.status.is_converged(), "{}", solved.status);
+    let report = program.report(&solved.z).unwrap();
+    assert!((report.somersaults - 3.5).abs() < 1e-5, "{report:?}");
+    assert!(report.entry_angle < 1f64.to_radians());
+    assert!(report.momentum_drift < 1e-12 && report.full_dynamics_defect < 1e-8);
+    assert!(report.least_channel > -1e-12 && report.greatest_sum < 1.0 + 1e-12);
+    // near 1 through the middle, at rest at both ends, and out of the pike only in the last quarter (4.2.1)
+    let coefficients = program.coefficients(&solved.z);
+    let weight = |share: f64, derivative: usize| {
+        let mut w = [0.0];
+        program.path().motion().channels_into(&coefficients, share, derivative, &mut w);
+        w[0]
+    };
+    assert!((20..=80).all(|k| weight(f64::from(k) / 100.0, 0) > 0.95));
+    for end in [0.0, 1.0] {
+        assert!(weight(end, 0).abs() < 1e-12 && weight(end, 1).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn the_twisting_dive_does_what_is_asked() {
+    let dive = Dive::forward_twisting();
+    let program = dive.program().unwrap();
+    let z = found(&program, &DiveSearch::staged(), &Dive::twisting_template());
+    assert!(z.len() + 12 <= 92, "{}", z.len());
+    let report = program.report(&z).unwrap();
+    assert!((report.somersaults - 3.5).abs() < 1e-3 && (report.twists - 2.0).abs() < 1e-2, "{report:?}");
+    assert!(report.entry_angle < 1f64.to_radians(), "{report:?}");
+    assert!(report.momentum_drift < 1e-12, "{report:?}");
+    assert!(report.least_channel > -1e-12 && report.greatest_sum < 1.0 + 1e-12, "{report:?}");
+    assert!(report.least_distance.unwrap().0 >= 0.0, "{report:?}");
+    // the order of a competition dive: twists between the throw and the square-out, pike after it
+    let angles = program.angles(&z).unwrap();
+    let at = |share: f64| angles[(share * (angles.len() - 1) as f64) as usize];
+    assert!(at(0.6).twist > TAU * 1.99 && at(0.6).tilt.abs() < 1e-3);
+    let coefficients = program.coefficients(&z);
+    let mut weights = [0.0; 5];
+    program.path().motion().channels_into(&coefficients, 0.76, 0, &mut weights);
+    assert!(weights[1] == 0.0 && weights[4] > 0.5, "{weights:?}");
+}
+
+#[test]
+fn another_diver_takes_another_momentum() {
+    let momentum = |height: f64| {
+        let dive = Dive { diver: Diver { height, ..Diver::planar() }, ..Dive::forward_pike().unwrap() };
+        let program = dive.program().unwrap();
+        program.momentum(&found(&program, &DiveSearch::direct(), &Dive::pike_template()))
+    };
+    // all inertias go with the square of the height, and L/L₀ is what the cost sees
+    assert!((momentum(1.87) / momentum(1.70) - (1.87f64 / 1.70).powi(2)).abs() < 1e-4);
+}
+
+#[test]
+fn without_eigenpostures_the_dive_costs_less_and_needs_more_unknowns() {
+    let with = Dive::forward_pike().unwrap();
+    let without = Dive { channels: Channels::Joints, ..with.clone() };
+    let cost = |dive: &Dive| {
+        let program = dive.program().unwrap();
+        let z = program.start(&Dive::pike_template()).unwrap();
+        let report = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
+        assert!(report.residuals.feasibility < 1e-6, "{}: {:?}", report.status, report.residuals);
+        (report.cost, report.z.len())
+    };
+    let (reduced, full) = (cost(&with), cost(&without));
+    assert!(full.0 < reduced.0 && full.1 > 7 * reduced.1, "{reduced:?} {full:?}");
+}
+
+#[test]
+fn a_third_posture_changes_little() {
+    let two = Dive::forward_pike().unwrap();
+    let mut three = two.clone();
+    three.postures.push(Posture::G.planar().unwrap().to_vec());
+    let momentum = |dive: &Dive| {
+        let program = dive.program().unwrap();
+        program.momentum(&found(&program, &DiveSearch::direct(), &Dive::pike_template()))
+    };
+    assert!((momentum(&three) / momentum(&two) - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn explicit_euler_loses_the_momentum_with_order_one() {
+    let program = Dive::forward_pike().unwrap().program().unwrap();
+    let z = found(&program, &DiveSearch::direct(), &Dive::pike_template());
+    let drift = |n: usize| {
+        let along = program.momentum_in_coordinates(&z, n).unwrap();
+        along[n] / along[0] - 1.0
+    };
+    let (coarse, fine) = (drift(400), drift(800));
+    assert!(drift(200).abs() > 0.01 && (coarse / fine - 2.0).abs() < 0.1, "{coarse} {fine}");
+    // and the same through the shooting
+    let (mut problem, start) = program.literal(&z, 200).unwrap();
+    problem.transcription_mut().rollout(&start).unwrap();
+    let along = momentum_along(program.path().model(), problem.transcription()).unwrap();
+    assert!((along[200] / along[0] - 1.0).abs() > 0.01);
+}
+
+#[test]
+fn bad_flights_are_refused() {
+    let build = |change: &dyn Fn(&mut FlightStart, &mut FlightVariables)| {
+        let (flight, _) = flight(Diver::spatial());
+        let (model, motion) = (flight.path().model().clone(), flight.path().motion().clone());
+        let (mut start, mut variables) = (flight.now().clone(), FlightVariables::default());
+        change(&mut start, &mut variables);
+        FlightShooting::try_new(model, motion, start, variables, 10).map(|_| ()).unwrap_err()
+    };
+    assert!(matches!(build(&|s, _| s.duration = 0.0), OcpError::NotPositive { .. }));
+    assert!(matches!(build(&|s, _| s.orientation = vec![0.0]), OcpError::Length { .. }));
+    assert!(matches!(build(&|s, _| s.orientation = vec![0.0; 4]), OcpError::NotPositive { .. }));
+    assert!(matches!(build(&|s, _| s.orientation[0] = f64::NAN), OcpError::NonFinite { .. }));
+    assert!(matches!(build(&|s, _| s.take_off.velocity.x = f64::NAN), OcpError::Flight(_)));
+    assert!(matches!(build(&|_, v| v.duration = Some([2.0, 1.0])), OcpError::ContradictoryBounds { .. }));
+}
+
+#[test]
+fn capsules_have_the_distances_of_closed_form() {
+    let point = |x: f64, y: f64, z: f64| Vector3::new(x, y, z);
+    let parallel = nearest_points(
+        &[point(0.0, 0.0, 0.0), point(0.0, 0.0, 1.0)],
+        &[point(0.3, 0.0, 0.2), point(0.3, 0.0, 0.9)],
+    );
+    assert!((parallel.distance - 0.3).abs() < 1e-6);
+    let crossing = nearest_points(
+        &[point(-1.0, 0.0, 0.0), point(1.0, 0.0, 0.0)],
+        &[point(0.0, -1.0, 0.1), point(0.0, 1.0, 0.1)],
+    );
+    assert!((crossing.distance - 0.1).abs() < 1e-12);
+}
+
+#[test]
+fn the_standing_diver_is_as_wide_as_its_table() {
+    let model = Diver::spatial().model().unwrap();
+    let body = Body::try_new(&model).unwrap();
+    let radius = |name: &str| {
+        let number = model.body(name).unwrap();
+        body.capsules().iter().find(|c: &&Capsule| c.body == number).unwrap().radius
+    };
+    for (name, millimetres) in [
+        ("torso", 120.0),
+        ("pelvis", 119.0),
+        ("head", 99.0),
+        ("right_thigh", 82.0),
+        ("left_shank", 44.0),
+        ("left_foot", 55.0),
+        ("right_upper_arm", 44.0),
+        ("left_forearm", 34.0),
+        ("right_hand", 24.0),
+    ] {
+        assert!((radius(name) * 1e3 - millimetres).abs() < 0.6, "{name} {}", radius(name));
+    }
+}
+
+#[test]
+fn bad_dives_are_refused() {
+    let good = Dive::forward_pike().unwrap();
+    let of = |change: &dyn Fn(&mut Dive)| {
+        let mut dive = good.clone();
+        change(&mut dive);
+        dive.program().map(|_| ()).unwrap_err()
+    };
+    let too_few = MotionError::Spline(SplineError::TooFewCoefficients { degree: 5, found: 5 });
+    assert_eq!(of(&|d| d.n_par = 5), DiveError::Motion(too_few));
+    assert_eq!(
+        of(&|d| d.postures[1] = d.postures[0].clone()),
+        DiveError::Motion(MotionError::DependentPostures { rank: 0, expected: 1 })
+    );
+    assert!(matches!(
+        of(&|d| d.momentum = Range::new(2.0, 1.0)),
+        DiveError::Range { argument: "momentum", lower: 2.0, upper: 1.0 }
+    ));
+    assert!(matches!(
+        of(&|d| d.duration = Range::fixed(0.0)),
+        DiveError::OutOfRange { argument: "duration", .. }
+    ));
+    assert!(matches!(of(&|d| d.lean = Range::fixed(f64::NAN)), DiveError::Range { argument: "lean", .. }));
+    assert!(matches!(
+        of(&|d| d.somersaults = f64::NAN),
+        DiveError::OutOfRange { argument: "somersaults", .. }
+    ));
+    assert!(matches!(
+        of(&|d| d.penalties.rate = -1.0),
+        DiveError::OutOfRange { argument: "penalties.rate", .. }
+    ));
+    assert!(matches!(of(&|d| d.n_steps = 0), DiveError::OutOfRange { argument: "n_steps", .. }));
+    assert!(matches!(of(&|d| d.square_out = 1.5), DiveError::OutOfRange { argument: "square_out", .. }));
+    assert!(matches!(
+        of(&|d| d.last = 2),
+        DiveError::NoSuchPosture { argument: "last", n_postures: 2, found: 2 }
+    ));
+    assert!(matches!(of(&|d| d.postures[1][1] = f64::NAN), DiveError::Motion(MotionError::NonFinite { .. })));
+    assert!(matches!(of(&|d| d.postures[1][2] = -0.5), DiveError::JointLimit { posture: 1, .. }));
+    assert!(matches!(of(&|d| d.diver.mass = -1.0), DiveError::Model(_)));
+    assert!(matches!(of(&|d| d.diver = Diver::spatial()), DiveError::Dynamics(DynamicsError::Length { .. })));
+    let program = good.program().unwrap();
+    let frame = |share, posture| KeyFrame { share, posture };
+    for frames in [
+        vec![],
+        vec![frame(0.0, 0)],
+        vec![frame(0.0, 0), frame(0.5, 1)],
+        vec![frame(0.0, 0), frame(f64::NAN, 1), frame(1.0, 0)],
+    ] {
+        assert!(matches!(program.start(&frames), Err(DiveError::KeyFrames { .. })), "{frames:?}");
+    }
+    assert!(matches!(program.start(&[frame(0.0, 0), frame(1.0, 7)]), Err(DiveError::NoSuchPosture { .. })));
+    assert!(matches!(program.softened(0.0), Err(DiveError::OutOfRange { argument: "weight", .. })));
+}

@@ -1,0 +1,329 @@
+"""Dives: what is asked of them, what they keep to, and what ends a search."""
+
+import itertools
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from somersault import errors, multibody, ocp
+
+Array = NDArray[np.float64]
+
+COURSE = ((0.0, "A"), (0.25, "H"), (0.75, "H"), (1.0, "A"))
+
+
+@pytest.fixture(scope="module")
+def pike() -> ocp.DiveSolution:
+    return ocp.dive_107b().solve()
+
+
+@pytest.fixture(scope="module")
+def twisting() -> ocp.DiveSolution:
+    return ocp.dive_5174d().solve()
+
+
+class TestForwardPike:
+    """107B in the plane (thesis 3.1)."""
+
+    def test_turns_three_and_a_half_somersaults_into_an_upright_entry(self, pike: ocp.DiveSolution) -> None:
+        assert pike.success and pike.status == "converged"
+        assert pike.somersaults[0] == pytest.approx(np.radians(10.0) / (2.0 * np.pi), abs=1e-12)
+        assert pike.somersaults[-1] == pytest.approx(3.5, abs=1e-6)
+        assert np.degrees(pike.entry_angle) < 1.0
+        assert not pike.twists.any() and not pike.tilt.any()
+        report = pike.report
+        assert report.stationarity < 1e-5 and report.feasibility < 1e-7
+        assert report.z.shape == pike.z.shape == (pike.dive.n_variables,)
+        assert pike.duration == 1.7 and pike.lean == pytest.approx(np.radians(10.0))
+
+    def test_sixteen_parameters_or_fewer(self, pike: ocp.DiveSolution) -> None:
+        assert pike.dive.n_variables <= 16
+
+    def test_the_weight_stays_between_the_postures(self, pike: ocp.DiveSolution) -> None:
+        assert pike.channels.shape == (len(pike), 1)
+        assert pike.channels.min() > -1e-8 and pike.channels.max() < 1.0 + 1e-8
+        assert pike.channels[[0, -1]] == pytest.approx(0.0, abs=1e-12)
+        assert pike.channel_rates[[0, -1]] == pytest.approx(0.0, abs=1e-10)
+        middle = (pike.t > 0.45 * pike.duration) & (pike.t < 0.6 * pike.duration)
+        assert pike.channels[middle].min() > 0.95
+
+    def test_joints_are_those_of_the_weights(self, pike: ocp.DiveSolution) -> None:
+        diver = multibody.diver_planar()
+        a, h = (diver.configuration(p)[3:] for p in "AH")
+        np.testing.assert_allclose(pike.q[:, 3:], a + pike.channels * (h - a), atol=1e-14)
+        np.testing.assert_allclose(pike.v[:, 3:], pike.channel_rates * (h - a), atol=1e-12)
+
+    def test_angular_momentum_is_constant_to_rounding(self, pike: ocp.DiveSolution) -> None:
+        # of the states themselves, by the model
+        model = pike.dive.diver.model
+        own = np.array([(model.centroidal_matrix(q) @ v)[4] for q, v in zip(pike.q, pike.v, strict=True)])
+        np.testing.assert_allclose(pike.angular_momentum[:, 1], own, rtol=1e-12)
+        np.testing.assert_allclose(own, pike.momentum, rtol=1e-12)
+
+    def test_the_centre_of_mass_falls_freely(self, pike: ocp.DiveSolution) -> None:
+        model = pike.dive.diver.model
+        height = np.array([model.center_of_mass(q)[2] for q in pike.q])
+        start = pike.verify()
+        expected = start.take_off[2] + start.take_off_velocity[2] * pike.t - 0.5 * 9.81 * pike.t**2
+        np.testing.assert_allclose(height, expected, atol=1e-9)
+
+    def test_feet_leave_the_platform_and_hands_enter_ahead(self, pike: ocp.DiveSolution) -> None:
+        model = pike.dive.diver.model
+        toes, hand = model.body("toes"), model.body("hand")
+        np.testing.assert_allclose(model.poses(pike.q[0])[toes][[0, 2], 3], (0.0, 10.0), atol=1e-9)
+        np.testing.assert_allclose(model.poses(pike.q[-1])[hand][[0, 2], 3], (2.0, 0.0), atol=1e-9)
+
+    def test_holds_when_integrated_anew(self, pike: ocp.DiveSolution) -> None:
+        verified = pike.verify()
+        assert verified.somersaults == pytest.approx(3.5, abs=1e-4)
+        assert np.degrees(verified.entry_angle) < 1.0
+        assert verified.defect < 1e-3
+        assert verified.momentum_drift < 1e-12
+        assert verified.full_dynamics_defect < 1e-8
+        assert verified.least_channel > -1e-8 and verified.greatest_sum < 1.0 + 1e-8
+        assert verified.least_distance is None and verified.nearest_limbs is None
+
+    def test_holds_in_a_flight_of_the_library(self, pike: ocp.DiveSolution) -> None:
+        """`multibody.fly` with the joints as splines of the solution, made by SciPy."""
+        from scipy.interpolate import make_interp_spline
+
+        spline = make_interp_spline(pike.t, pike.q[:, 3:], k=5)
+        rate = spline.derivative()
+        flown = multibody.fly(
+            pike.dive.diver.model,
+            pike.q[0],
+            pike.v[0],
+            lambda t: (spline(t), rate(t)),
+            (0.0, pike.duration),
+            rtol=1e-9,
+            atol=1e-9,
+        )
+        assert flown.q[-1, 2] == pytest.approx(pike.q[-1, 2], abs=2e-3)
+
+    def test_phases_are_layout_pike_layout(self, pike: ocp.DiveSolution) -> None:
+        assert [name for name, _, _ in pike.phases] == ["A", "H", "A"]
+        starts, ends = zip(*((start, end) for _, start, end in pike.phases), strict=True)
+        assert starts[0] == 0.0 and ends[-1] == pike.duration
+        assert starts[1:] == ends[:-1]
+        # a late exit, as in 4.2.1
+        assert starts[-1] > 0.7 * pike.duration
+
+    def test_a_warm_start_is_there_at_once(self, pike: ocp.DiveSolution) -> None:
+        again = pike.dive.solve(pike)
+        assert again.success
+        assert again.report.nit < pike.report.nit
+        assert again.report.cost == pytest.approx(pike.report.cost, rel=1e-6)
+
+    def test_starts_find_what_the_template_finds(self, pike: ocp.DiveSolution) -> None:
+        found = pike.dive.search(3, seed=7)
+        assert len(found) == 3
+        assert found[0].report.cost == pytest.approx(pike.report.cost, rel=1e-4)
+        assert all(a.report.cost <= b.report.cost for a, b in itertools.pairwise(found) if b.success)
+
+
+class TestOptions:
+    """Every argument is open."""
+
+    def test_another_diver_and_another_flight(self) -> None:
+        small = multibody.diver_planar(mass=50.0, height=1.55)
+        dive = ocp.dive_107b(diver=small, duration=1.6, lean=0.1, entry_distance=1.5, n_par=12)
+        found = dive.solve()
+        assert found.success
+        assert found.duration == 1.6 and found.lean == 0.1
+        assert found.somersaults[-1] == pytest.approx(3.5, abs=1e-6)
+        assert dive.diver.mass == 50.0
+        assert dive.options["n_par"] == 12 and dive.options["duration"] == (1.6, 1.6)
+
+    def test_a_free_duration_stays_in_its_range(self) -> None:
+        found = ocp.dive_107b(duration=(1.5, 1.75)).solve()
+        assert found.success
+        assert 1.5 <= found.duration <= 1.75
+        # longer flight, less momentum
+        assert found.momentum < ocp.dive_107b(duration=1.5).solve().momentum
+
+    def test_a_third_posture_changes_little(self, pike: ocp.DiveSolution) -> None:
+        third = ocp.dive_107b(postures="AHG", template=COURSE).solve()
+        assert third.success and third.channels.shape[1] == 2
+        assert third.report.cost <= pike.report.cost * (1.0 + 1e-6)
+        assert third.momentum == pytest.approx(pike.momentum, rel=0.05)
+
+    def test_joints_without_eigenpostures(self, pike: ocp.DiveSolution) -> None:
+        free_joints = ocp.dive_107b(channels="joints").solve(max_iterations=300)
+        assert free_joints.channels.shape[1] == 9
+        assert free_joints.phases == []
+        assert free_joints.report.cost < pike.report.cost
+
+    def test_replace_keeps_the_rest(self) -> None:
+        dive = ocp.dive_107b(n_par=12, rate_penalty=5e-3)
+        other = dive.replace(somersaults=2.5)
+        assert other.options | {"somersaults": 3.5} == dive.options
+        assert other.template == dive.template == [(s, p) for s, p in COURSE]
+
+    def test_postures_as_angles(self, pike: ocp.DiveSolution) -> None:
+        diver = multibody.diver_planar()
+        angles = [diver.configuration(p)[3:] for p in "AH"]
+        dive = ocp.Dive(diver, angles, template=[(s, "AH".index(p)) for s, p in COURSE])
+        assert dive.postures == ("0", "1")
+        assert dive.solve().report.cost == pytest.approx(pike.report.cost, rel=1e-9)
+
+    def test_a_start_is_near_its_course(self) -> None:
+        dive = ocp.dive_107b()
+        np.testing.assert_array_equal(dive.start(), dive.start(COURSE))
+        assert dive.start([(0.0, "A"), (0.5, "H"), (1.0, "A")]).shape == (dive.n_variables,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"n_par": 5}, "coefficients"),
+        ({"duration": -1.0}, "duration"),
+        ({"duration": np.nan}, "duration"),
+        ({"duration": (1.8, 1.2)}, "duration"),
+        ({"lean": (0.2, 0.1)}, "lean"),
+        ({"momentum": (0.0, np.inf)}, "momentum"),
+        ({"momentum_penalty": -1.0}, "momentum"),
+        ({"rate_penalty": np.nan}, "rate"),
+        ({"somersaults": np.inf}, "somersaults"),
+        ({"platform": np.nan}, "platform"),
+        ({"square_out": 0.0}, "square_out"),
+        ({"n_steps": 0}, "n_steps"),
+        ({"n_pieces": 0}, "n_pieces"),
+        ({"postures": ["A", "A"]}, "posture"),
+        ({"postures": ["A", "X"]}, "X"),
+        ({"postures": ["A", "C"]}, "planar"),
+        ({"postures": [[0.0] * 8, [0.1] * 8]}, "postures"),
+        ({"postures": [[0.0] * 9, [9.0] * 9]}, "range"),
+        ({"first": "G"}, "first"),
+        ({"last": 5}, "last"),
+        ({"channels": "wings"}, "channels"),
+        ({"template": [(0.0, "F"), (1.0, "A")]}, "template"),
+    ],
+)
+def test_bad_arguments_are_named(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(errors.InputError, match=message):
+        ocp.dive_107b(**changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "template",
+    [
+        [],
+        [(0.0, "A")],
+        [(0.1, "A"), (1.0, "A")],
+        [(0.0, "A"), (0.9, "A")],
+        [(0.0, "A"), (0.0, "H"), (1.0, "A")],
+    ],
+)
+def test_a_template_runs_from_start_to_end(template: list[tuple[float, str]]) -> None:
+    with pytest.raises(errors.OcpInputError, match="key_frames"):
+        ocp.dive_107b().start(template)
+
+
+def test_an_unknown_argument_is_named() -> None:
+    with pytest.raises(TypeError, match="somersalts"):
+        ocp.dive_107b(somersalts=3.5)  # type: ignore[call-arg]
+
+
+def test_a_dive_without_a_template_asks_for_a_start() -> None:
+    dive = ocp.Dive(multibody.diver_planar(), "AH")
+    with pytest.raises(errors.InputError, match="template"):
+        dive.solve()
+    with pytest.raises(errors.InputError, match="`z`"):
+        dive.solve(np.zeros(3))
+    with pytest.raises(errors.InputError, match="`z`"):
+        dive.solve(np.full(dive.n_variables, np.nan))
+    with pytest.raises(errors.InputError, match="on_interrupt"):
+        dive.solve(np.zeros(dive.n_variables), on_interrupt="ignore")  # type: ignore[arg-type]
+
+
+class TestEndings:
+    """What ends a search keeps its best iterate."""
+
+    def test_a_callback_stops(self) -> None:
+        seen = []
+
+        def callback(iteration: int, z: Array, cost: float, residual: float) -> bool:
+            seen.append(iteration)
+            return iteration >= 2
+
+        found = ocp.dive_107b().solve(callback=callback)
+        assert found.status == "stopped" and not found.success
+        assert seen[-1] == 2 and np.isfinite(found.report.cost)
+
+    def test_an_error_in_a_callback_keeps_the_solution(self) -> None:
+        def callback(*_: object) -> bool:
+            raise KeyError("mine")
+
+        with pytest.raises(KeyError, match="mine") as caught:
+            ocp.dive_107b().solve(callback=callback)
+        assert caught.value.solution.q.shape[1] == 12  # type: ignore[attr-defined]
+
+    def test_limits_end_in_a_status(self) -> None:
+        assert ocp.dive_107b().solve(max_iterations=1).status == "iteration_limit"
+        found = ocp.dive_5174d().solve(max_time=0.2)
+        assert found.status == "time_limit" and np.isfinite(found.q).all()
+
+    @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
+    @pytest.mark.parametrize("call", ["solve(tol=1e-300, max_iterations=10**6)", "search(8)[0]"])
+    def test_ctrl_c_gives_the_best_iterate(self, call: str) -> None:
+        script = f"""
+import time
+import numpy as np
+from somersault import ocp
+dive = ocp.dive_5174d()
+print("ready", flush=True)
+found = dive.{call}
+print(time.monotonic(), found.status, np.isfinite(found.q).all(), sep="|")
+"""
+        process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+        with process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            time.sleep(0.5)
+            sent = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            fields = process.communicate(timeout=60)[0].strip().split("|")
+        assert float(fields[0]) - sent < 5.0
+        assert fields[1:] == ["stopped", "True"]
+
+
+class TestForwardTwisting:
+    """5174D in space (thesis 3.2), found once."""
+
+    def test_turns_and_twists_into_an_upright_entry(self, twisting: ocp.DiveSolution) -> None:
+        assert twisting.dive.n_variables <= 92
+        assert twisting.report.feasibility < 1e-6
+        assert twisting.somersaults[-1] == pytest.approx(3.5, abs=2e-3)
+        assert twisting.twists[-1] == pytest.approx(2.0, abs=2e-3)
+        assert np.degrees(twisting.entry_angle) < 1.0
+
+    def test_keeps_momentum_bounds_and_distances(self, twisting: ocp.DiveSolution) -> None:
+        np.testing.assert_allclose(
+            twisting.angular_momentum, np.tile((0.0, twisting.momentum, 0.0), (len(twisting), 1)), atol=1e-9
+        )
+        verified = twisting.verify()
+        assert verified.least_channel > -1e-6 and verified.greatest_sum < 1.0 + 1e-6
+        assert verified.momentum_drift < 1e-11
+        assert np.degrees(verified.entry_angle) < 1.0
+        assert verified.somersaults == pytest.approx(3.5, abs=2e-3)
+        assert verified.twists == pytest.approx(2.0, abs=2e-3)
+        assert verified.least_distance is not None and verified.least_distance >= 0.0
+
+    def test_rates_are_those_of_the_angles(self, twisting: ocp.DiveSolution) -> None:
+        for angle, rate in (
+            (2.0 * np.pi * twisting.somersaults, twisting.somersault_rate),
+            (2.0 * np.pi * twisting.twists, twisting.twist_rate),
+            (twisting.tilt, twisting.tilt_rate),
+        ):
+            found = np.gradient(angle, twisting.t, edge_order=2)
+            assert np.abs(found - rate).max() < 0.05 * np.abs(rate).max()
+
+    def test_the_order_is_that_of_a_competition(self, twisting: ocp.DiveSolution) -> None:
+        names = [name for name, _, _ in twisting.phases]
+        assert names[0] == "C" and names[-1] == "A"
+        assert names.index("I") < names.index("H")
