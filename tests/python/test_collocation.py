@@ -161,7 +161,12 @@ def test_what_a_callback_raises_comes_out_with_the_result() -> None:
     ],
 )
 def test_bad_problems_are_named(arguments: dict[str, Any], named: str) -> None:
-    given = {"model": block(), "initial_state": [0.0, 0.0], "final_state": [1.0, 0.0], "duration": 1.0}
+    given: dict[str, Any] = {
+        "model": block(),
+        "initial_state": [0.0, 0.0],
+        "final_state": [1.0, 0.0],
+        "duration": 1.0,
+    }
     with pytest.raises(errors.InputError, match=named) as caught:
         ocp.CollocationProblem(**(given | arguments))
     assert isinstance(caught.value, ValueError)

@@ -19,6 +19,11 @@ from somersault.tour.chapters import divers
 
 mpl.use("Agg")
 
+#: Pages that play a motion.
+ANIMATIONS = frozenset(
+    f"{name}.html" for name in ("top", "postures", "dive", "twist", "swing_up_motion", "arm_motion")
+)
+
 
 class Reader(HTMLParser):
     """Collects links, images and cells, and checks that elements are closed."""
@@ -111,6 +116,8 @@ def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
     assert contact | {"diver-spatial.png", "diver-planar.png"} < set(used)
     assert cases | {"stability-regions.png", "energy-ratios.png", "twist.png", "polhode.png"} < set(used)
     assert {"string.png", "splines.png", "dive-frames.png", "dive-weight.png", "twist-frames.png"} < set(used)
+    assert {f"swing-up-{name}.png" for name in ("costs", "frames", "curves")} < set(used)
+    assert {f"arm-{name}.png" for name in ("states", "torques", "hamiltonian")} < set(used)
     for picture in pictures:
         content = picture.read_bytes()
         assert content.startswith(b"\x89PNG") and len(content) > 10_000, picture.name
@@ -210,6 +217,20 @@ def test_the_dives_are_shown_and_told(folder: Path, measurements: tour.Measureme
         assert page.number(found.momentum, 3) in cells
         assert "const SCENE = " in (folder / f"{name}.html").read_text(encoding="utf-8")
         assert f'src="{name}.html"' in (folder / "dives.html").read_text(encoding="utf-8")
+
+
+def test_table_a_1_reproduces_but_for_cases_c_and_f(folder: Path) -> None:
+    text = (folder / "swing_up.html").read_text(encoding="utf-8")
+    rows = re.findall(r'<td class="text">([A-G])</td>.*?<td class="(same|off)">([\d.]+)</td>', text)
+    assert {name for name, verdict, _ in rows if verdict == "off"} == {"C", "F"}
+    for name, verdict, found in rows:
+        assert verdict == "off" or float(found) == thesis.SWING_UP[name][1], name
+    assert float(dict((name, found) for name, _, found in rows)["F"]) < thesis.SWING_UP["F"][1]
+
+
+def test_the_arm_names_its_false_convergence(folder: Path) -> None:
+    cells = read(folder / "arm.html").cells
+    assert cells.count("false convergence") == 1 and cells.count("converged") == 7
 
 
 def test_located_events_keep_the_orders_of_the_top(measurements: tour.Measurements) -> None:

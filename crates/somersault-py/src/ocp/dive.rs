@@ -480,7 +480,7 @@ impl Dive {
             report.status = Status::TimeLimit;
         }
         let solution = DiveSolution::of(slf, report)?;
-        match watcher.to_raise(py, returned) {
+        match watcher.into_raised(py, returned) {
             Some(error) => Err(with_solution(py, error, solution)),
             None => Ok(solution),
         }

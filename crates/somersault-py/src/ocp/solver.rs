@@ -205,7 +205,7 @@ impl SolverArguments<'_, '_> {
             }
             Err(error) => return Err(error.into()),
         };
-        match watcher.to_raise(py, returned) {
+        match watcher.into_raised(py, returned) {
             Some(error) => Err(with_report(py, error, report)),
             None => Ok(Report { report }),
         }
@@ -245,7 +245,7 @@ impl Watcher {
     }
 
     /// What was raised, unless it is an interruption that ends in a result.
-    pub(crate) fn to_raise(self, py: Python<'_>, returned: bool) -> Option<PyErr> {
+    pub(crate) fn into_raised(self, py: Python<'_>, returned: bool) -> Option<PyErr> {
         self.raised.filter(|error| !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)))
     }
 }

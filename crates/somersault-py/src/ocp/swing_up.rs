@@ -20,9 +20,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 /// Coefficients up to which random starts are of use.
-const MOST_AT_RANDOM: usize = 22;
+const MOST_AT_RANDOM: usize = 12;
 /// Coefficients that are added at once.
-const LEVEL: usize = 10;
+const LEVEL: usize = 5;
 /// Minima that start a problem with more coefficients.
 const CARRIED: usize = 8;
 
@@ -324,8 +324,8 @@ impl CartPendulumProblem {
     /// Solves from many starts, in parallel, and gathers the distinct minima.
     ///
     /// Starts are a Latin hypercube of coefficients within `reach` of the line from the cart's start to its target. With
-    /// more than twenty variables hardly one of these converges: then they are for the same problem with at most
-    /// twenty, whose minima start one with ten more, and so on. The same arguments give the same minima for any
+    /// more than ten variables few of these converge: then they are for the same problem with at most ten, whose best
+    /// minima start one with five more, and so on. The same arguments give the same minima for any
     /// number of threads.
     ///
     /// Parameters

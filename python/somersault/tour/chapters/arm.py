@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from somersault import multibody, ocp, viewer
 from somersault.tour import thesis
 from somersault.tour.measurements import Measurements
-from somersault.tour.page import Cell, Page, error_size, words
+from somersault.tour.page import Cell, Page, error_size, power, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +65,7 @@ def _hamiltonians(results: dict[float, ocp.CollocationResult]) -> Axes:
     for (tolerance, result), colour in zip(
         results.items(), (_COLOURS[2], "#c1121f", _COLOURS[0]), strict=True
     ):
-        label = f"tolerance {error_size(tolerance)}"
+        label = f"tolerance {power(tolerance)}"
         axes[0].plot(result.t[:-1], result.hamiltonian, color=colour, lw=1.2, label=label)
         away = np.maximum(np.abs(result.hamiltonian - level), 1e-13)
         axes[1].semilogy(result.t[:-1], away, color=colour, lw=1.0)
@@ -142,8 +142,8 @@ def write(page: Page, measurements: Measurements) -> None:
         "An arm of two rods on a table turns by 180° in ten seconds with least effort"
         " ½ ∫ u₁² + ½ u₂² dt. The joint at the wall is damped, the elbow is not: the arm first folds its"
         " short second link, turns slowly, and unfolds it at the end. The library finds the motion in the"
-        " place of GPOPS: collocation at Legendre–Gauss–Radau points, on meshes refined until each interval is"
-        " as accurate as asked for, with exact derivatives; the multipliers of its program are the"
+        " place of GPOPS: collocation at Legendre–Gauss–Radau points, on meshes refined until each interval"
+        " is as accurate as asked for, with exact derivatives; the multipliers of its program are the"
         " costates.",
     )
     page.code(
@@ -196,7 +196,7 @@ def write(page: Page, measurements: Measurements) -> None:
     )
     page.table(
         _HEADER,
-        [_row(f"tolerance {error_size(tolerance)}", result) for tolerance, result in tolerances.items()],
+        [_row(f"tolerance {power(tolerance)}", result) for tolerance, result in tolerances.items()],
         "Defects: each interval of the mesh integrated anew from its first node, relative. The error at"
         " the end is that of one integration from start to end, which the system makes grow; it is no measure"
         " of the solution.",

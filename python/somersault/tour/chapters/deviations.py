@@ -22,6 +22,8 @@ _READINGS = (
     ("(7.3), (7.5), (7.7)", "rounded moments", "from the edges, to full precision"),
     ("Figure 7.1", "points missing", "none: angles are taken by arctangents"),
     ("Figure 7.2", "caption: orientation", "angular velocity"),
+    ("Table A.1", "number of parameters p", "free ones, after r(0) and ṙ(0) are imposed: n_par = p + 2"),
+    ("8.4", "one optimal motion", "that which folds to θ₂ > 0; there are others, and a cheaper one"),
     ("7.3", "spinning top with contact", "not part of the library yet"),
 )
 
