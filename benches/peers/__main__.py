@@ -15,9 +15,10 @@ import box
 import contact
 import long_run
 import multibody
+import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, arm)
+COMPARISONS = (box, long_run, contact, batch, multibody, arm, swing_up)
 
 
 def main() -> None:

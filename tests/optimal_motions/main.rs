@@ -1,6 +1,9 @@
 //! Optimal motions: shooting, problems and their gradients.
 
+mod cold_starts;
 mod gradients;
+mod orders;
 mod swing_up;
 mod systems;
 mod table_a_1;
+mod terms;

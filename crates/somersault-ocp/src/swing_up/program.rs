@@ -15,6 +15,8 @@ use somersault_multibody::models::CartPendulum;
 #[derive(Debug, Clone)]
 pub struct SwingUp {
     pub(super) system: CartPendulum,
+    /// 1/ℓ: no division in the passes.
+    inverse_length: f64,
     pub(super) scheme: Scheme,
     pub(super) n_steps: usize,
     pub(super) step: f64,
@@ -71,6 +73,7 @@ impl SwingUp {
         let quadrature: Vec<f64> = scheme.quadrature(n_steps).iter().map(|w| w * problem.duration).collect();
         Ok(Self {
             system: problem.system,
+            inverse_length: 1.0 / problem.system.length,
             scheme,
             n_steps,
             step: problem.duration / n_steps as f64,
@@ -101,7 +104,7 @@ impl SwingUp {
         let CartPendulum { mass, length, gravity, .. } = self.system;
         let push = self.tables.places[place].value(2, &self.coefficients);
         let (sin, cos) = angle.sin_cos();
-        let acceleration = (push * cos + gravity * sin) / length;
+        let acceleration = (push * cos + gravity * sin) * self.inverse_length;
         let total = self.system.cart_mass + mass;
         let force = total * push - mass * length * (acceleration * cos - rate * rate * sin);
         Stage { angle, rate, push, sin, cos, acceleration, force, multiplier: 0.0 }
@@ -169,7 +172,7 @@ impl SwingUp {
         let inertia = mass * length;
         // F = (m_c + m) r̈ − m ℓ (θ̈ cos θ − θ̇² sin θ)
         let by_acceleration = multiplier - by_force * inertia * cos;
-        let inverse = 1.0 / length;
+        let inverse = self.inverse_length;
         let by_push = by_acceleration * cos * inverse + by_force * (cart_mass + mass);
         let by_angle = by_acceleration * (gravity * cos - push * sin) * inverse
             + by_force * inertia * (acceleration * sin + rate * rate * cos);
