@@ -378,7 +378,7 @@ fn pull_back_of(
     }
 }
 
-/// The active and passive parts of a tree, for those who build terms.
+/// What the nodes of a shooting of this tree hold.
 pub(crate) fn sizes_of(dynamics: &Tree, n_channels: usize) -> NodeSizes {
     let dofs = dynamics.dofs();
     let n = dofs.n_velocities();
