@@ -168,11 +168,12 @@ def test_a_surface_of_your_own_is_the_one_it_spells_out() -> None:
     tip = top.contacts[0]
     ours = run(top, 0.05)
     theirs = run(top, 0.05, contacts=Contact(tip.point, ground, tip.law))
-    np.testing.assert_array_equal(theirs.quaternion, ours.quaternion)
-    assert [(e.t, e.kind, e.impulse) for e in theirs.events] == [
-        (e.t, e.kind, e.impulse) for e in ours.events
-    ]
-    assert theirs.nfev == ours.nfev
+    # a half space of the library takes a shorter way to the same numbers: equal to rounding, not to the bit
+    np.testing.assert_allclose(theirs.quaternion, ours.quaternion, rtol=0.0, atol=1e-13)
+    assert [e.kind for e in theirs.events] == [e.kind for e in ours.events]
+    for of in ("t", "impulse"):
+        found, known = ([getattr(e, of) for e in motion.events] for motion in (theirs, ours))
+        np.testing.assert_allclose(found, known, rtol=1e-11)
 
 
 def test_evaluations_are_counted() -> None:

@@ -21,7 +21,7 @@ def reached(scene: Scene, state: State, end: float) -> State:
     run = integrate(
         scene.body, state, (0.0, end), dt=1e-4, method="rkmk8", forces=scene.forces, contacts=scene.contacts
     )
-    return run.state(-1)
+    return run[-1]
 
 
 def test_a_ball_dropped_from_higher_touches_down_later_by_the_closed_form() -> None:
