@@ -272,6 +272,7 @@ class TestEndings:
     @pytest.mark.parametrize("call", ["solve(tol=1e-300, max_iterations=10**6)", "search(8)[0]"])
     def test_ctrl_c_gives_the_best_iterate(self, call: str) -> None:
         script = f"""
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
 import time
 import numpy as np
 from somersault import ocp

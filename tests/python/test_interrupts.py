@@ -11,6 +11,7 @@ import pytest
 from somersault import RigidBody, State, integrate
 
 SCRIPT = """
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
 import sys, time
 import somersault
 body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))

@@ -515,6 +515,7 @@ def test_other_threads_run_while_a_batch_is_computed(model: Model) -> None:
 
 
 SCRIPT = """
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
 import time
 import numpy as np
 from somersault.multibody import Link, Model

@@ -364,6 +364,7 @@ class TestMotionProblem:
 
 
 SCRIPT = """
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
 import time
 import numpy as np
 from somersault import multibody, ocp

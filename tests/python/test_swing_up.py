@@ -193,6 +193,7 @@ def test_bad_arguments_of_methods_are_named() -> None:
 
 
 INTERRUPTED = """
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
 import os, signal, threading
 from somersault import ocp
 problem = ocp.CartPendulumProblem.case("B")
