@@ -1279,7 +1279,7 @@ class CartPendulumProblem:
     def hessian(self, z: ArrayLike) -> _Floats: ...
     def solve(
         self,
-        z: ArrayLike | Report,
+        z: ArrayLike | Report | None = None,
         *,
         solver: Literal["sqp", "sqp_bfgs", "lbfgs", "gradient_descent"] = "sqp",
         tol: float | None = None,
@@ -1294,7 +1294,7 @@ class CartPendulumProblem:
         *,
         starts: Sequence[ArrayLike] | _Floats | None = None,
         seed: int = 0,
-        reach: float = 2.0,
+        reach: float = 1.0,
         distance_tol: float = 1e-4,
         on_interrupt: Literal["return", "raise"] = "return",
     ) -> SwingUpSearch: ...
