@@ -34,7 +34,7 @@ pub struct NearestPoints {
 }
 
 /// ε, m.
-const PREFERENCE: f64 = 1e-3;
+const PREFERENCE: f64 = 2e-2;
 
 /// The nearest points of two segments, given by their ends, and D.
 pub fn nearest_points(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2]) -> NearestPoints {

@@ -37,19 +37,14 @@ pub enum DiveSearchError {
 impl DiveSearch {
     /// For dives in the plane: no soft stages.
     pub fn direct() -> Self {
-        let hard = Sqp { hessian: HessianSource::QuasiNewton, stationarity_tol: 1e-6, ..Sqp::default() };
+        let hard = Sqp { stationarity_tol: 1e-6, ..Sqp::default() };
         Self { soft_weights: Vec::new(), soft: Sqp::default(), hard }
     }
 
     /// For dives in space: four soft stages.
     pub fn staged() -> Self {
         let soft = Sqp { stationarity_tol: 1e-3, max_iterations: 40, ..Sqp::default() };
-        let hard = Sqp {
-            hessian: HessianSource::QuasiNewton,
-            stationarity_tol: 1e-4,
-            max_iterations: 100,
-            ..Sqp::default()
-        };
+        let hard = Sqp { stationarity_tol: 1e-6, max_iterations: 200, ..Sqp::default() };
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard }
     }
 
