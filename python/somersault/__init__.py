@@ -11,7 +11,7 @@ Units are SI and angles radians. Everything is in the world frame but for names 
 ``_body``. Quaternions are in SciPy's order (x, y, z, w) and lead from the body frame to the world.
 """
 
-from somersault import batch, contact, errors, exact, forces, integrators, multibody, ocp, studies
+from somersault import batch, contact, errors, exact, forces, integrators, multibody, ocp, studies, sweep
 from somersault._somersault import (
     DenseOutput,
     MethodInfo,
@@ -26,6 +26,7 @@ from somersault._somersault import (
 )
 from somersault._somersault import __version__ as __version__
 from somersault.errors import InputError, SomersaultError
+from somersault.storage import load, save
 
 __all__ = [
     "DenseOutput",
@@ -45,8 +46,11 @@ __all__ = [
     "forces",
     "integrate",
     "integrators",
+    "load",
     "methods",
     "multibody",
     "ocp",
+    "save",
     "studies",
+    "sweep",
 ]

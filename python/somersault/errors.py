@@ -37,9 +37,12 @@ __all__ = [
     "SensitivityInputError",
     "SomersaultError",
     "StepError",
+    "StorageError",
     "StudyError",
     "StudyInputError",
     "SurfaceError",
+    "SweepError",
+    "SweepInputError",
     "TorqueError",
     "UnknownMethodError",
     "UrdfError",
@@ -168,3 +171,15 @@ class ViewerError(InputError):
 
 class ExportError(SomersaultError):
     """A film cannot be made here: the message names what is missing, or what went wrong."""
+
+
+class StorageError(InputError):
+    """A file is not one of somersault, is damaged or of a later version, or a thing cannot be written."""
+
+
+class SweepError(SomersaultError):
+    """A sweep could not go on: its directory is in use, or its cluster went away."""
+
+
+class SweepInputError(SweepError, InputError):
+    """The points of a sweep cannot be written, or its directory is of another one."""

@@ -22,8 +22,8 @@ try:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Ellipse
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
-except ImportError as error:
-    raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from error
+except ImportError as _error:
+    raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from _error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

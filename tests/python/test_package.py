@@ -21,6 +21,7 @@ MODULES = [
         f"somersault.{name}"
         for name in (
             "batch",
+            "cli",
             "contact",
             "errors",
             "exact",
@@ -28,7 +29,9 @@ MODULES = [
             "integrators",
             "multibody",
             "plotting",
+            "storage",
             "studies",
+            "sweep",
             "tour",
             "viewer",
         )
@@ -100,3 +103,10 @@ def test_the_command_line_says_what_it_can_do() -> None:
     assert run("--version").stdout.strip() == f"somersault {somersault.__version__}"
     assert "tour" in run("--help").stdout
     assert run("somersault").returncode == 2
+
+
+def test_importing_it_takes_little_beyond_numpy() -> None:
+    program = "import time, numpy; t = time.process_time(); import somersault; print(time.process_time() - t)"
+    command = [sys.executable, "-c", program]
+    taken = [float(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3)]
+    assert min(taken) < 0.15

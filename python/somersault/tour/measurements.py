@@ -74,8 +74,8 @@ class Measurements:
 
     def __init__(self, setting: Setting) -> None:
         self.setting = setting
-        self.methods = tuple(somersault.methods())
-        self.names = tuple(info.name for info in self.methods)
+        self.methods: tuple[somersault.MethodInfo, ...] = tuple(somersault.methods())
+        self.names: tuple[str, ...] = tuple(info.name for info in self.methods)
 
     @cached_property
     def regions(self) -> dict[str, studies.StabilityRegion]:

@@ -1,0 +1,112 @@
+"""`somersault score`: recorded motions scored, with what the scores are worth."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from somersault.cli import tables
+from somersault.cli.documents import Document, read
+
+#: The readers, and which of the options of a document each takes.
+_READERS = {
+    ".bvh": ("read_bvh", ("unit", "up", "forward")),
+    ".c3d": ("read_c3d", ("unit", "up", "forward")),
+    ".trc": ("read_trc", ("up", "forward")),
+    ".csv": ("read_csv", ("unit", "up", "forward")),
+}
+
+
+def score(arguments: argparse.Namespace) -> int:
+    """Learns or loads a scorer, scores, and writes a table and what validation says."""
+    # Imported here, since it needs a good part of SciPy.
+    motion: Any = importlib.import_module("somersault.motion")
+    document = read(arguments.file, "score")
+    judged = document.values.get("judged", [])
+    summary: dict[str, Any] = {}
+    rows: list[tuple[str, float, float]] = []
+    if judged:
+        seen = [
+            _performance(motion, document, ("judged", i, "file"), item["file"])
+            for i, item in enumerate(judged)
+        ]
+        scores = [item["score"] for item in judged]
+        with document.at("options"):
+            options = motion.ScoringOptions(**document.values.get("options", {}))
+        with document.at("judged"):
+            worth = motion.validate(seen, scores, options)
+            scorer = motion.ScoringModel(seen, scores, options)
+        summary = _summary(worth)
+        rows += [
+            (item["file"], item["score"], float(predicted))
+            for item, predicted in zip(judged, worth.predictions, strict=True)
+        ]
+    else:
+        with document.at("scorer"):
+            scorer = motion.ScoringModel.load(document.path.parent / document.values["scorer"])
+    for i, file in enumerate(document.values.get("motions", [])):
+        performance = _performance(motion, document, ("motions", i), file)
+        with document.at("motions", i):
+            rows.append((file, float("nan"), scorer.score(performance)))
+    columns = {
+        name: np.array(column, dtype=object if name == "file" else float)
+        for name, column in zip(("file", "score", "predicted"), zip(*rows, strict=True), strict=True)
+    }
+    tables.write(columns, arguments.out, arguments.format)
+    if arguments.save:
+        scorer.save(arguments.save)
+    if arguments.summary:
+        arguments.summary.write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
+    return 0
+
+
+def _performance(motion: Any, document: Document, where: tuple[str | int, ...], file: str) -> Any:
+    reading = dict(document.values.get("read", {}))
+    longest = reading.pop("longest_gap", None)
+    kind = Path(file).suffix.lower()
+    if kind not in _READERS:
+        raise document.fault(where, f"must end in one of {', '.join(_READERS)}, found {file!r}")
+    name, takes = _READERS[kind]
+    if kind == ".bvh" and "unit" not in reading:
+        raise document.fault(("read", "unit"), "is needed, since BVH has no unit")
+    with document.at(*where):
+        recording = getattr(motion, name)(
+            document.path.parent / file, **{key: reading[key] for key in takes if key in reading}
+        )
+        if kind == ".bvh":
+            recording = recording.joint_centres()
+        if longest is not None:
+            recording = recording.fill_gaps(longest)
+        return motion.Performance.from_markers(recording)
+
+
+def _summary(worth: Any) -> dict[str, Any]:
+    return {
+        "rms_error": worth.rms_error,
+        "n_components": worth.n_components,
+        **{
+            name: {"value": found.value, "interval": list(found.interval)}
+            for name, found in (("pearson", worth.pearson), ("spearman", worth.spearman))
+        },
+        "baselines": {baseline.name: baseline.rms_error for baseline in worth.baselines},
+    }
+
+
+def add(commands: Any) -> None:
+    """Adds the command to the parser."""
+    parser = commands.add_parser(
+        "score",
+        help="score the recorded motions that a file names",
+        description="Learns scores from judged motions, says what they are worth, and scores others.",
+    )
+    parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema score`")
+    parser.add_argument("--out", type=Path, help="of the scores: .parquet, .csv or .json (default: CSV here)")
+    parser.add_argument("--format", choices=tables.FORMATS, help="of the scores, whatever the file is called")
+    parser.add_argument("--summary", type=Path, metavar="FILE", help="file of what validation says, JSON")
+    parser.add_argument("--save", type=Path, metavar="FILE", help="file of the scorer, for `scorer` above")
+    parser.set_defaults(command=score)

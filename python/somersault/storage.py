@@ -1,0 +1,257 @@
+"""Files of models, solutions and whatever is made of them.
+
+A file holds any tree of numbers, strings, arrays, lists, tuples, dictionaries and objects of somersault that
+can be pickled. It is a zip archive of one JSON document and the arrays, so that ``numpy.load`` opens it
+without somersault too; unlike a pickle it runs no code when it is read.
+
+>>> import pathlib, tempfile
+>>> import somersault
+>>> path = pathlib.Path(tempfile.mkdtemp()) / "pendulum.som"
+>>> somersault.save(path, {"model": somersault.multibody.cart_pendulum(), "start": (0.0, 3.1)})
+>>> somersault.load(path)["start"]
+(0.0, 3.1)
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+import zipfile
+import zlib
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from somersault import _somersault
+from somersault.errors import InputError, StorageError
+
+__all__ = ["FORMAT_VERSION", "decode", "encode", "load", "save", "write_bytes"]
+
+#: Version of the format; files of later ones are refused.
+FORMAT_VERSION = 1
+
+_HEADER = "header.json"
+#: A fixed time, so that equal contents are equal files.
+_WRITTEN = (1980, 1, 1, 0, 0, 0)
+
+
+def save(path: str | PathLike[str], thing: Any) -> None:
+    """Writes a file that `load` reads; a file that is there is replaced once the new one is whole.
+
+    Parameters
+    ----------
+    path : path-like
+        Of the file.
+    thing : object
+        A model, a solution, a body, a law, or numbers, strings, arrays, lists, tuples and dictionaries of
+        them. What a dense output holds is not written.
+
+    Raises
+    ------
+    somersault.errors.StorageError
+        If a part of it cannot be written; the message says which.
+    """
+    arrays: list[NDArray[Any]] = []
+
+    def keep(array: NDArray[Any]) -> int:
+        arrays.append(array)
+        return len(arrays) - 1
+
+    header = {
+        "format": "somersault",
+        "format_version": FORMAT_VERSION,
+        "version": _somersault.__version__,
+        "content": encode(thing, keep),
+    }
+    members = {_HEADER: json.dumps(header, allow_nan=False).encode()}
+    for i, array in enumerate(arrays):
+        buffer = io.BytesIO()
+        np.lib.format.write_array(buffer, array, allow_pickle=False)
+        members[f"{i}.npy"] = buffer.getvalue()
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as file:
+        for name, content in members.items():
+            file.writestr(zipfile.ZipInfo(name, _WRITTEN), content)
+    write_bytes(Path(path), archive.getvalue())
+
+
+def load(path: str | PathLike[str]) -> Any:
+    """Reads a file that `save` has written.
+
+    Parameters
+    ----------
+    path : path-like
+        Of the file.
+
+    Returns
+    -------
+    object
+        What was saved.
+
+    Raises
+    ------
+    somersault.errors.StorageError
+        If the file is no such file, is damaged or was written by a later version.
+    """
+    try:
+        with zipfile.ZipFile(path) as file:
+            header = json.loads(file.read(_HEADER))
+            _check(path, header)
+
+            def array(member: Any) -> NDArray[Any]:
+                with file.open(f"{member}.npy") as stream:
+                    found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
+                return found
+
+            return decode(header["content"], array)
+    except FileNotFoundError:
+        raise
+    except StorageError as fault:
+        raise StorageError(f"{os.fspath(path)}: {fault}") from None
+    except (zipfile.BadZipFile, zlib.error, KeyError, EOFError, ValueError, TypeError) as fault:
+        raise StorageError(
+            f"{os.fspath(path)} is not a file of somersault, or is damaged: {fault}"
+        ) from fault
+
+
+def _check(path: str | PathLike[str], header: Any) -> None:
+    if not isinstance(header, dict) or header.get("format") != "somersault":
+        raise StorageError("the header is not one of somersault")
+    version = header.get("format_version")
+    if not isinstance(version, int) or not 1 <= version <= FORMAT_VERSION:
+        raise StorageError(
+            f"written in format {version} by somersault {header.get('version')}; this version reads formats"
+            f" up to {FORMAT_VERSION}"
+        )
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Writes a file that is there whole or not at all."""
+    whole = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        whole.write_bytes(content)
+        whole.replace(path)
+    except BaseException:
+        whole.unlink(missing_ok=True)
+        raise
+
+
+def encode(thing: Any, array: Callable[[NDArray[Any]], Any], where: str = "the value") -> Any:
+    """What stands for a thing in JSON; `array` returns what stands for an array."""
+    if thing is None or isinstance(thing, (bool, str)):
+        return thing
+    if isinstance(thing, np.generic):
+        return encode(thing.item(), array, where)
+    if isinstance(thing, int):
+        return int(thing)
+    if isinstance(thing, float):
+        return float(thing) if math.isfinite(thing) else {"$float": repr(float(thing))}
+    if isinstance(thing, np.ndarray):
+        if thing.dtype.kind not in "biufcU":
+            raise StorageError(
+                f"{where} is an array of {thing.dtype}; those of numbers and strings can be written"
+            )
+        return {"$array": array(thing)}
+    if type(thing) is tuple:
+        return {"$tuple": [encode(item, array, f"{where}[{i}]") for i, item in enumerate(thing)]}
+    if isinstance(thing, list):
+        return [encode(item, array, f"{where}[{i}]") for i, item in enumerate(thing)]
+    if isinstance(thing, dict):
+        return _encode_dictionary(thing, array, where)
+    return _encode_object(thing, array, where)
+
+
+def _encode_dictionary(thing: dict[Any, Any], array: Callable[[NDArray[Any]], Any], where: str) -> Any:
+    if all(isinstance(key, str) and not key.startswith("$") for key in thing):
+        return {key: encode(value, array, f"{where}[{key!r}]") for key, value in thing.items()}
+    return {
+        "$items": [
+            [encode(key, array, f"a key of {where}"), encode(value, array, f"{where}[{key!r}]")]
+            for key, value in thing.items()
+        ]
+    }
+
+
+def _encode_object(thing: Any, array: Callable[[NDArray[Any]], Any], where: str) -> Any:
+    from scipy.spatial.transform import Rotation
+
+    if isinstance(thing, Rotation):
+        return {"$rotation": encode(thing.as_quat(), array, where)}
+    kind = type(thing)
+    try:
+        maker, arguments = thing.__reduce__()[:2]
+        name = _name(maker)
+    except (TypeError, ValueError, AttributeError):
+        raise StorageError(
+            f"{where} is a {kind.__module__}.{kind.__qualname__}, which cannot be written"
+        ) from None
+    return {
+        "$object": name,
+        "arguments": [encode(item, array, f"{where}: argument {i}") for i, item in enumerate(arguments)],
+    }
+
+
+def _name(maker: Any) -> str:
+    """The name under which the extension has what makes an object."""
+    owner = getattr(maker, "__self__", None)
+    name = f"{owner.__name__}.{maker.__name__}" if isinstance(owner, type) else str(maker.__name__)
+    if _maker(name) != maker:
+        raise ValueError(name)
+    return name
+
+
+def _maker(name: str) -> Any:
+    """What makes objects of a name. Nothing but types and tables of the extension is ever called."""
+    if name in ("method", "methods"):
+        return getattr(_somersault, name)
+    kind, _, restore = name.partition(".")
+    found = getattr(_somersault, kind, None)
+    if kind not in _somersault.__all__ or not isinstance(found, type) or restore not in ("", "_restore"):
+        raise ValueError(name)
+    return getattr(found, restore) if restore else found
+
+
+def decode(tree: Any, array: Callable[[Any], NDArray[Any]]) -> Any:
+    """The thing that a tree stands for; `array` returns the array that was asked to be held."""
+    if isinstance(tree, list):
+        return [decode(item, array) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    kind = next((key for key in tree if key.startswith("$")), None)
+    content: Any = tree[kind] if kind else None
+    match kind:
+        case None:
+            return {key: decode(value, array) for key, value in tree.items()}
+        case "$float":
+            return float(content)
+        case "$array":
+            return array(content)
+        case "$tuple":
+            return tuple(decode(item, array) for item in content)
+        case "$items":
+            return {decode(key, array): decode(value, array) for key, value in content}
+        case "$rotation":
+            from scipy.spatial.transform import Rotation
+
+            return Rotation.from_quat(decode(content, array))
+        case "$object":
+            return _make(content, [decode(item, array) for item in tree["arguments"]])
+        case _:
+            raise StorageError(f"what is {kind} is not known to this version")
+
+
+def _make(name: str, arguments: list[Any]) -> Any:
+    try:
+        maker = _maker(name)
+    except ValueError:
+        raise StorageError(f"objects of the kind {name!r} are not known to this version") from None
+    try:
+        return maker(*arguments)
+    except InputError as fault:
+        raise StorageError(f"the {name.partition('.')[0]} in it is not allowed: {fault}") from fault

@@ -1,0 +1,382 @@
+"""The same computation at many points, on threads or on a cluster, resumable, with the same results.
+
+A point is a dictionary of arguments, and a sweep calls one function with each. `grid` makes points of all
+combinations; any list of dictionaries will do. With a directory every point leaves a record there as soon as
+it is done, and a sweep that was stopped or killed goes on where it was. A point that fails is recorded and
+does not stop the others.
+
+>>> import somersault
+>>> from somersault import sweep
+>>> def drift(dt, method):
+...     body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+...     start = somersault.State(angular_velocity=(1.0, 2.0, 3.0))
+...     motion = somersault.integrate(body, start, (0.0, 10.0), dt=dt, method=method)
+...     return {"drift": motion.kinetic_energy[-1] / motion.kinetic_energy[0] - 1}
+>>> found = sweep.run(drift, sweep.grid(dt=[0.1, 0.05], method=["rkmk", "dmv2s"]))
+>>> found.n_done, found.n_failed
+(4, 0)
+>>> found.table()["method"].tolist()
+['rkmk', 'dmv2s', 'rkmk', 'dmv2s']
+>>> bool(abs(found.table()["drift"][1]) < 1e-12)
+True
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from somersault.errors import SweepError, SweepInputError
+from somersault.storage import decode, encode
+from somersault.sweep.folder import Folder, held, hold, manifest_of, to_json
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+__all__ = ["Failure", "Sweep", "grid", "load", "run"]
+
+Point = Mapping[str, Any]
+
+#: A task returns after this time with what it has done, so that little is lost when a run is killed.
+_TASK_SECONDS = 0.5
+_TASK_POINTS = 256
+
+
+def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
+    """Points for all combinations of values; the last name varies fastest.
+
+    Parameters
+    ----------
+    **axes : iterable
+        The values of each argument.
+
+    Returns
+    -------
+    list of dict
+
+    Examples
+    --------
+    >>> grid(dt=[0.1, 0.2], method=["rkmk"])
+    [{'dt': 0.1, 'method': 'rkmk'}, {'dt': 0.2, 'method': 'rkmk'}]
+    """
+    return [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """The exception that a point ended with: the name of its type, and what it says."""
+
+    type: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Points and what became of them, in the order of the points.
+
+    Attributes
+    ----------
+    points : list of dict
+        The arguments.
+    values : list
+        What the function returned; None where it failed or has not been called.
+    failures : dict of int to Failure
+        By the index of the point.
+    missing : list of int
+        Points without a record: of a directory that was loaded before its sweep was done.
+    """
+
+    points: list[dict[str, Any]]
+    values: list[Any]
+    failures: dict[int, Failure]
+    missing: list[int]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def n_done(self) -> int:
+        """Points with a value."""
+        return len(self.points) - len(self.failures) - len(self.missing)
+
+    @property
+    def n_failed(self) -> int:
+        """Points that ended with an exception."""
+        return len(self.failures)
+
+    def table(self) -> dict[str, NDArray[Any]]:
+        """Columns by name: arguments, values, and ``error``, the message of a failure or an empty string.
+
+        Values that are dictionaries have a column for each key, others the column ``value``. Where there is
+        no value a column of numbers has NaN, and others None.
+        """
+        values = [
+            value if isinstance(value, Mapping) else {} if value is None else {"value": value}
+            for value in self.values
+        ]
+        errors = [self.failures[i].message if i in self.failures else "" for i in range(len(self))]
+        columns = {**_columns(self.points), **_columns(values)}
+        if len(columns) < len(_names(self.points)) + len(_names(values)):
+            shared = sorted(set(_names(self.points)) & set(_names(values)))
+            raise SweepInputError(
+                f"arguments and values share the names {shared}; read `points` and `values` instead"
+            )
+        return {**columns, "error": np.array(errors, dtype=object)}
+
+
+def _names(rows: Sequence[Point]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _columns(rows: Sequence[Point]) -> dict[str, NDArray[Any]]:
+    return {name: _column([row.get(name) for row in rows]) for name in _names(rows)}
+
+
+def _column(cells: list[Any]) -> NDArray[Any]:
+    whole = [cell for cell in cells if cell is not None]
+    if all(isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in whole):
+        if len(whole) == len(cells):
+            return np.array(cells)
+        return np.array([np.nan if cell is None else cell for cell in cells], dtype=float)
+    column = np.empty(len(cells), dtype=object)
+    column[:] = cells
+    return column
+
+
+def run(
+    function: Callable[..., Any],
+    points: Iterable[Point],
+    *,
+    directory: str | PathLike[str] | None = None,
+    version: str | None = None,
+    workers: int | None = None,
+    client: Client | None = None,
+    retry_failures: bool = False,
+    progress: bool = False,
+) -> Sweep:
+    """Calls a function at each point, in parallel, and returns all values in the order of the points.
+
+    Ctrl-C ends the run once the calls that are under way have returned; with a directory nothing that was
+    done is lost, whatever ends the run.
+
+    Parameters
+    ----------
+    function : callable
+        Called with the items of a point as keyword arguments. Its value is anything `somersault.save` can
+        write. The results are reproducible if it depends on its arguments only: random numbers come from a
+        seed among them.
+    points : iterable of dict
+        Of the same kind as the values, with names for keys.
+    directory : path-like, optional
+        Where records are kept, one file of JSON for each point, and a manifest that says what they are of. If
+        it has records of this sweep they are not computed again. Records of another sweep are an error.
+    version : str, optional
+        Stands for what the function does. By default that is its source, so that records of an edited
+        function are refused; give a version and change it when results change.
+    workers : int, optional
+        Threads; by default one for each processor. Functions that spend their time in somersault run in
+        parallel, since it releases the interpreter.
+    client : distributed.Client, optional
+        Of a Dask cluster, to compute there instead. Records are written where this function runs. Needs
+        ``pip install somersault[dask]``.
+    retry_failures : bool
+        Whether points whose record is a failure are computed again.
+    progress : bool
+        Whether to show a bar, which needs tqdm.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    somersault.errors.SweepInputError
+        If a point is not a dictionary of what can be written, or the directory belongs to another sweep.
+    somersault.errors.SweepError
+        If the directory is in use, or the cluster goes away.
+    """
+    if workers is not None and workers < 1:
+        raise SweepInputError(f"workers = {workers} must be at least 1")
+    bare = [_point(i, point) for i, point in enumerate(points)]
+    if directory is None:
+        records: dict[int, bytes] = {}
+        _compute(function, bare, records, lambda i, record: None, workers, client, progress)
+        return _collect(bare, records)
+    folder = Folder(Path(directory))
+    with folder.locked(manifest_of(function, version, bare)):
+        records = {
+            i: record
+            for i, record in folder.records(bare)
+            if not (retry_failures and b'"error"' in record and "error" in json.loads(record))
+        }
+        _compute(function, bare, records, folder.write, workers, client, progress)
+    return _collect(bare, records)
+
+
+def load(directory: str | PathLike[str]) -> Sweep:
+    """Reads the records of a sweep, whether it is done or not.
+
+    Parameters
+    ----------
+    directory : path-like
+        That `run` was given.
+
+    Returns
+    -------
+    Sweep
+        Points that are not done yet are without arguments, in its `missing`.
+
+    Raises
+    ------
+    somersault.errors.SweepInputError
+        If the directory is not one of a sweep.
+    """
+    folder = Folder(Path(directory))
+    n_points = folder.manifest()["n_points"]
+    records = dict(folder.records([None] * n_points))
+    points = [json.loads(records[i])["point"] if i in records else {} for i in range(n_points)]
+    return _collect(points, records)
+
+
+def _point(index: int, point: Any) -> Any:
+    """What stands for a point in a record."""
+    if not isinstance(point, Mapping) or not all(isinstance(name, str) for name in point):
+        raise SweepInputError(f"point {index} must be a dictionary with names for keys, found {point!r:.80}")
+    return encode(dict(point), hold, f"point {index}")
+
+
+def _work(
+    function: Callable[..., Any], items: list[tuple[int, Any]], stop: threading.Event | None
+) -> list[bytes]:
+    """The records of the first items, at least of one: as many as there is time for."""
+    began = time.monotonic()
+    records = []
+    for index, point in items:
+        try:
+            value = function(**decode(point, held))
+            outcome = {"value": encode(value, hold)}
+        except Exception as fault:
+            outcome = {"error": {"type": type(fault).__qualname__, "message": str(fault)}}
+        records.append(to_json({"index": index, "point": point, **outcome}))
+        if time.monotonic() - began > _TASK_SECONDS or (stop is not None and stop.is_set()):
+            break
+    return records
+
+
+def _compute(
+    function: Callable[..., Any],
+    points: list[Any],
+    records: dict[int, bytes],
+    write: Callable[[int, bytes], None],
+    workers: int | None,
+    client: Client | None,
+    progress: bool,
+) -> None:
+    """Adds the records that are missing."""
+    todo = deque((i, point) for i, point in enumerate(points) if i not in records)
+    n_workers = workers or os.cpu_count() or 1
+    stop: threading.Event | None = None
+    executor: Executor
+    if client is None:
+        stop = threading.Event()
+        executor = ThreadPoolExecutor(n_workers, thread_name_prefix="somersault-sweep")
+    else:
+        # Not pure: a pure task of equal arguments would come from what the cluster remembers.
+        executor = client.get_executor(pure=False)
+        n_workers = max(1, sum(client.ncores().values()))
+    size = min(_TASK_POINTS, max(1, len(todo) // (4 * n_workers)))
+    alone: deque[tuple[int, Any]] = deque()
+    running: dict[Future[list[bytes]], list[tuple[int, Any]]] = {}
+
+    def keep(index: int, record: bytes, bar: Any) -> None:
+        write(index, record)
+        records[index] = record
+        if bar is not None:
+            bar.update()
+
+    def take(future: Future[list[bytes]], bar: Any) -> None:
+        items = running.pop(future)
+        try:
+            finished = future.result()
+        except CancelledError:
+            raise SweepError("the cluster has gone away; run again to go on") from None
+        except Exception as fault:
+            # A call that takes its process with it is a failure of its point, once it is known which.
+            if type(fault).__name__ != "KilledWorker":
+                raise
+            if len(items) > 1:
+                alone.extend(items)
+            else:
+                index, point = items[0]
+                error = {"type": "KilledWorker", "message": "the process of the call was killed"}
+                keep(index, to_json({"index": index, "point": point, "error": error}), bar)
+            return
+        for (index, _), record in zip(items, finished, strict=False):
+            keep(index, record, bar)
+        todo.extendleft(reversed(items[len(finished) :]))
+
+    with _bar(progress, len(points), len(records)) as bar:
+        try:
+            while todo or alone or running:
+                while (todo or alone) and len(running) < 2 * n_workers:
+                    if todo:
+                        items = [todo.popleft() for _ in range(min(size, len(todo)))]
+                    else:
+                        items = [alone.popleft()]
+                    running[executor.submit(_work, function, items, stop)] = items
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    take(future, bar)
+        except KeyboardInterrupt:
+            if stop is not None:
+                stop.set()
+                for future in running:
+                    future.cancel()
+                for future in wait(running).done:
+                    if not future.cancelled():
+                        take(future, bar)
+            raise
+        finally:
+            for future in running:
+                future.cancel()
+            executor.shutdown(wait=client is None)
+
+
+@contextlib.contextmanager
+def _bar(wanted: bool, total: int, done: int) -> Iterator[Any]:
+    if not wanted:
+        yield None
+        return
+    from tqdm.auto import tqdm
+
+    with tqdm(total=total, initial=done, unit="point") as bar:
+        yield bar
+
+
+def _collect(points: list[Any], records: Mapping[int, bytes]) -> Sweep:
+    values: list[Any] = [None] * len(points)
+    failures = {}
+    missing = []
+    for i in range(len(points)):
+        if i not in records:
+            missing.append(i)
+            continue
+        record = json.loads(records[i])
+        if "error" in record:
+            failures[i] = Failure(**record["error"])
+        else:
+            values[i] = decode(record["value"], held)
+    return Sweep([decode(point, held) for point in points], values, failures, missing)

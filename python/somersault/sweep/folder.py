@@ -1,0 +1,156 @@
+"""The directory of a sweep: a manifest that says what its records are of, and a record for each point."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import functools
+import hashlib
+import inspect
+import json
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from somersault import _somersault
+from somersault.errors import SweepError, SweepInputError
+from somersault.storage import encode, write_bytes
+
+__all__ = ["Folder", "held", "hold", "manifest_of", "to_json"]
+
+#: Version of the records and the manifest.
+FORMAT_VERSION = 1
+
+
+def hold(array: NDArray[Any]) -> Any:
+    data = np.ascontiguousarray(array)
+    data = data.astype(data.dtype.newbyteorder("<"), copy=False)
+    return [data.dtype.str, list(array.shape), base64.b64encode(data.tobytes()).decode()]
+
+
+def held(parts: Any) -> NDArray[Any]:
+    kind, shape, data = parts
+    return np.frombuffer(base64.b64decode(data), dtype=np.dtype(kind)).reshape(shape).copy()
+
+
+def to_json(tree: Any) -> bytes:
+    return json.dumps(tree, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
+def manifest_of(function: Callable[..., Any], version: str | None, points: list[Any]) -> dict[str, Any]:
+    """What the records of a directory are of."""
+    digest = hashlib.sha256()
+    for point in points:
+        digest.update(to_json(point))
+    return {
+        "format": "somersault sweep",
+        "format_version": FORMAT_VERSION,
+        "somersault": _somersault.__version__,
+        "function": _identity(function, version),
+        "n_points": len(points),
+        "points_sha256": digest.hexdigest(),
+    }
+
+
+def _identity(function: Any, version: str | None) -> dict[str, Any]:
+    if isinstance(function, functools.partial):
+        bound = [encode(list(function.args), hold), encode(dict(function.keywords), hold)]
+        return {
+            **_identity(function.func, version),
+            "bound_sha256": hashlib.sha256(to_json(bound)).hexdigest(),
+        }
+    named = function if hasattr(function, "__qualname__") else type(function)
+    identity = {"name": named.__qualname__}
+    if version is not None:
+        return {**identity, "version": version}
+    try:
+        source = inspect.getsource(named)
+    except (OSError, TypeError):
+        raise SweepInputError(
+            f"the source of {named.__qualname__} cannot be read, so give `version` to say what records are of"
+        ) from None
+    return {**identity, "source_sha256": hashlib.sha256(source.encode()).hexdigest()}
+
+
+class Folder:
+    """The directory of a sweep."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def manifest(self) -> dict[str, Any]:
+        try:
+            found = json.loads((self.path / "manifest.json").read_bytes())
+        except FileNotFoundError:
+            raise SweepInputError(f"{self.path} has no manifest.json, so it is not of a sweep") from None
+        except ValueError as fault:
+            raise SweepInputError(f"{self.path / 'manifest.json'} is damaged: {fault}") from None
+        if not isinstance(found, dict) or found.get("format") != "somersault sweep":
+            raise SweepInputError(f"{self.path / 'manifest.json'} is not of a sweep")
+        if (version := found.get("format_version")) != FORMAT_VERSION:
+            raise SweepInputError(
+                f"{self.path} is written in format {version}; this version reads {FORMAT_VERSION}"
+            )
+        return found
+
+    @contextlib.contextmanager
+    def locked(self, manifest: dict[str, Any]) -> Iterator[None]:
+        """Holds the directory, which is made or is found to be of the same sweep."""
+        path = self.path / "manifest.json"
+        if not path.exists():
+            if self.path.exists() and any(self.path.iterdir()):
+                raise SweepInputError(f"{self.path} is neither empty nor of a sweep")
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, json.dumps(manifest, indent=2).encode() + b"\n")
+        found = self.manifest()
+        for key in manifest:
+            if found.get(key) != manifest[key]:
+                raise SweepInputError(
+                    f"{self.path} has records of another sweep: {key} is {found.get(key)!r} there and"
+                    f" {manifest[key]!r} here"
+                )
+        with path.open("rb") as file:
+            _lock(file.fileno(), self.path)
+            for left in self.path.glob("records/*/.*.tmp"):
+                left.unlink()
+            yield
+
+    def _record(self, index: int) -> Path:
+        # A thousand files to a folder, since file systems slow down or refuse beyond some ten thousand.
+        return self.path / "records" / f"{index // 1000:03d}" / f"{index:06d}.json"
+
+    def records(self, points: Sequence[Any]) -> Iterator[tuple[int, bytes]]:
+        """The records there are; None for a point lets any pass. Damaged ones count as none."""
+        for index, point in enumerate(points):
+            try:
+                content = self._record(index).read_bytes()
+                record = json.loads(content)
+            except (FileNotFoundError, ValueError):
+                continue
+            if not isinstance(record, dict) or record.get("index") != index:
+                continue
+            if ("value" in record or "error" in record) and point in (None, record.get("point")):
+                yield index, content
+
+    def write(self, index: int, content: bytes) -> None:
+        path = self._record(index)
+        try:
+            write_bytes(path, content)
+        except FileNotFoundError:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, content)
+
+
+def _lock(file: int, path: Path) -> None:
+    """Locks a file until it is closed, where the system can."""
+    try:
+        import fcntl
+    except ImportError:
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise SweepError(f"{path} is in use by another process") from None

@@ -1,0 +1,233 @@
+"""The command line: what it reads, writes and refuses."""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import somersault
+from somersault.cli import main, positions
+from somersault.cli.documents import DocumentError, read, schema
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+
+
+def table(text: str) -> dict[str, list[str]]:
+    """The columns of CSV."""
+    rows = list(csv.reader(io.StringIO(text)))
+    return dict(zip(rows[0], map(list, zip(*rows[1:], strict=True)), strict=True))
+
+
+def test_the_examples_pass_their_schemas_and_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("satellite.toml", "ball.toml", "arm.json"):
+        assert main(["integrate", str(EXAMPLES / name)]) == 0
+        out, err = capsys.readouterr()
+        columns = table(out)
+        assert len(columns["t"]) > 10 and "steps" in err
+    assert list(columns) == ["t", "q0", "q1", "v0", "v1"]
+
+
+def test_outputs_hold_the_same_numbers(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (extra `parquet`)")
+    paths = [tmp_path / f"ball.{kind}" for kind in ("csv", "json", "parquet")]
+    events, saved = tmp_path / "events.csv", tmp_path / "ball.som"
+    for path in paths:
+        arguments = ["--out", str(path), "--events", str(events), "--save", str(saved)]
+        assert main(["integrate", str(EXAMPLES / "ball.toml"), *arguments]) == 0
+    motion = somersault.load(saved)
+    as_csv, as_json = table(paths[0].read_text()), json.loads(paths[1].read_text())
+    as_parquet = pyarrow.read_table(paths[2]).to_pydict()
+    assert list(as_csv) == list(as_json) == list(as_parquet)
+    assert as_json == as_parquet
+    assert [float(x) for x in as_csv["z"]] == as_json["z"] == motion.position[:, 2].tolist()
+    kinds = [event.kind for event in motion.events]
+    assert table(events.read_text())["kind"] == kinds and kinds[0] == "touch_down"
+
+
+def test_a_dive_is_found_and_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, page = tmp_path / "dive.json", tmp_path / "dive.html"
+    assert main(["dive", str(EXAMPLES / "dive.toml"), "--out", str(out), "--html", str(page)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["success"] and abs(summary["somersaults"] - 3.5) < 1e-6
+    assert abs(summary["verified"]["somersaults"] - 3.5) < 1e-4
+    curves = json.loads(out.read_text())
+    assert curves["somersaults"][-1] == summary["somersaults"]
+    assert "<html" in page.read_text("utf-8")
+
+
+def test_the_bench_times_methods(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "bench.csv"
+    assert main(["bench", "rkmk_b", "rkmk8_b", "--repeats", "1", "--target", "1e-4", "--out", str(out)]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert sorted(line.split()[0] for line in shown[1:]) == ["rkmk8_b", "rkmk_b"]
+    runs = table(out.read_text())
+    assert set(runs["method"]) == {"rkmk_b", "rkmk8_b"} and all(float(s) > 0 for s in runs["seconds"])
+
+
+def test_methods_and_schemas_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["methods", "--json"]) == 0
+    assert [row["name"] for row in json.loads(capsys.readouterr().out)] == somersault.methods().names
+    for name in ("integrate", "dive", "score"):
+        assert main(["schema", name]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        assert printed == schema(name)
+        Draft202012Validator.check_schema(printed)
+
+
+BODY = "[body]\nmass = 1.0\nbox = [1, 1, 1]\n\n[run]\ninterval = [0, 1]\ndt = 0.1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("[body\n", 1, "expected ']'"),
+        ('a = 1\nb = "\n', 2, "illegal character"),
+        (BODY.replace("mass = 1.0", "mass = -1.0"), 2, "body.mass: -1.0 is less than or equal to"),
+        (BODY.replace("mass = 1.0", 'mass = "1"'), 2, "body.mass: must be a number, found '1'"),
+        (BODY.replace("box", "cube"), 3, "body.cube: is not known here; allowed are box, "),
+        (BODY.replace("box", "#"), 1, "body: needs exactly one of box, .*; found none"),
+        (BODY.replace("box = [1, 1, 1]", "box = [1, 1]"), 3, r"body.box: \[1, 1\] is too short"),
+        (BODY.replace("box = [1, 1, 1]", "box = [\n 1,\n 1,\n 'c']"), 6, "body.box.2: must be a number"),
+        (BODY.replace("box = [1, 1, 1]", "inertia = [1, 1, 5]"), 3, "body.inertia: the largest principal moment"),
+        (BODY.replace("dt = 0.1", ""), 5, "run: needs one of dt, rtol, atol; found none"),
+        (BODY + 'method = "rk5"\n', 8, "run.method: no method is named `rk5`"),
+        (BODY.replace("[0, 1]", "[0, nan]"), 5, "run: "),
+        (BODY + "[tree]\nname = 'two_link_arm'\n", 1, "needs exactly one of body, tree; found body, tree"),
+        (
+            BODY + "[[forces]]\nkind = 'gravity'\n[[forces]]\nkind = 'wind'\n",
+            11,
+            "forces.1.kind: must be one of",
+        ),
+        (BODY + "[[forces]]\nkind = 'spring'\n", 8, "forces.0: 'stiffness' is a required property"),
+        (BODY + "[[forces]]\nkind = 'gravity'\nstiffness = 1\n", 10, "forces.0.stiffness: is not known here"),
+        (BODY + "[[forces]]\nkind = 'spring'\nstiffness = nan\n", 8, "forces.0: .*stiffness"),
+        (BODY + "[state]\nq = [1]\n", 9, "state.q: belongs to a tree"),
+        (BODY + "[state]\nquaternion = [0, 0, 0, 0]\n", 8, "state: "),
+        (
+            BODY + "[[contacts]]\npoint = [0, 0, 0]\nlaw = { stiffness = 1 }\n"
+            "[contacts.surface]\nkind = 'sphere'\n",
+            11,
+            "contacts.0.surface: a sphere takes other values",
+        ),
+    ],
+)
+def test_errors_name_the_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, line: int, message: str
+) -> None:
+    path = tmp_path / "input.toml"
+    path.write_text(text)
+    assert main(["integrate", str(path)]) == 2
+    shown = capsys.readouterr().err
+    assert shown.startswith(f"somersault: {path}:{line}: "), shown
+    with pytest.raises(somersault.InputError, match=message):
+        raise somersault.InputError(shown)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [('{"dive": "107b",\n"options":\n {"n_par": 2.5}}', 3), ('{"dive": "107b",\n}', 1), ('{\n"dive": 7}', 2)],
+)
+def test_errors_in_json_name_the_line(tmp_path: Path, text: str, line: int) -> None:
+    path = tmp_path / "input.json"
+    path.write_text(text)
+    with pytest.raises(DocumentError) as fault:
+        read(path, "dive")
+    found = int(str(fault.value).removeprefix(f"{path}:").split(":")[0])
+    assert found in (line, line + 1)  # a comma before a brace is told on either line, by version of Python
+
+
+def test_lines_are_found_whatever_a_document_is_written_like() -> None:
+    text = '''# a comment with [brackets] and = signs
+title = "a = [1, # no comment"
+"quoted key".inner = 1.5e3
+[a.b]
+many = [
+  1979-05-27T07:32:00Z, # with a comment ]
+  { x = 1, "y" = [2,
+    3] },
+  """two
+lines""", 'it''s' ]
+[[a.c]]
+z = 1
+[[a.c]]
+z = 2
+[a.c.deep]
+w = true
+'''.replace("'it''s'", "'its'")
+    found = positions.lines(text, toml=True)
+    expected: dict[tuple[Any, ...], int] = {
+        ("title",): 2,
+        ("quoted key", "inner"): 3,
+        ("a",): 4,
+        ("a", "b", "many"): 5,
+        ("a", "b", "many", 0): 6,
+        ("a", "b", "many", 1, "x"): 7,
+        ("a", "b", "many", 1, "y", 1): 8,
+        ("a", "b", "many", 2): 9,
+        ("a", "b", "many", 3): 10,
+        ("a", "c", 0, "z"): 12,
+        ("a", "c", 1, "z"): 14,
+        ("a", "c", 1, "deep"): 15,
+        ("a", "c", 1, "deep", "w"): 16,
+    }
+    assert {place: found.get(place) for place in expected} == expected
+    as_json = '{"a":\n [1.5e-3,\n  {"b \\u00e9": {}, "c": "x, ]"}],\n "d": -1}'
+    found = positions.lines(as_json, toml=False)
+    assert found == {
+        (): 1,
+        ("a",): 1,
+        ("a", 0): 2,
+        ("a", 1): 3,
+        ("a", 1, "b é"): 3,
+        ("a", 1, "c"): 3,
+        ("d",): 4,
+    }
+
+
+def test_what_a_failed_run_recorded_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "stiff.toml"
+    path.write_text(
+        BODY.replace("[0, 1]", "[0, 1e4]").replace("dt = 0.1", "dt = 1.0\nmethod = 'euler'")
+        + "[[forces]]\nkind = 'spring'\nstiffness = 100.0\n[state]\nposition = [1, 0, 0]\n"
+    )
+    assert main(["integrate", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert "stopped being finite" in err
+    assert 10 < len(table(out)["t"]) < 10_001
+
+
+def test_exit_codes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ball = str(EXAMPLES / "ball.toml")
+    assert main(["integrate", str(tmp_path / "none.toml")]) == 2
+    assert main(["integrate", ball, "--out", str(tmp_path / "a.xlsx")]) == 2
+    assert main(["integrate", ball, "--out", str(tmp_path / "none" / "a.csv")]) == 1
+    assert main(["bench", "rk5"]) == 2
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    assert main(["integrate", ball, "--out", str(tmp_path / "a.parquet")]) == 3
+    assert "pip install 'somersault[parquet]'" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main(["integrate"])
+    assert ended.value.code == 2
+
+
+def test_a_reader_may_stop_reading() -> None:
+    command = [sys.executable, "-m", "somersault", "integrate", str(EXAMPLES / "ball.toml")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        assert process.stdout.readline().startswith(b"t,x,y,z")
+        process.stdout.close()
+        assert b"Traceback" not in process.stderr.read()
+        assert process.wait() == 0
+
+
+def test_a_bar_is_shown_on_request(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "rkmk_b", "--repeats", "1", "--progress"]) == 0
+    assert "1/1" in capsys.readouterr().err

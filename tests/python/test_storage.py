@@ -1,0 +1,143 @@
+"""Models and solutions in files."""
+
+import json
+import pickle
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import somersault
+from somersault import contact, exact, multibody
+from somersault.errors import StorageError
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two things have the same parts, by what pickles of them are made of."""
+    return pickle.dumps(one) == pickle.dumps(other)
+
+
+def test_everything_that_can_be_pickled_can_be_saved(
+    tmp_path: Path,
+    body: somersault.RigidBody,
+    state: somersault.State,
+    tumble: somersault.Solution,
+    dive: multibody.TreeSolution,
+) -> None:
+    top = contact.spinning_top()
+    run = somersault.integrate(
+        top.body, top.state, (0.0, 0.02), dt=1e-3, forces=top.forces, contacts=top.contacts
+    )
+    assert run.events
+    things = [
+        body,
+        state,
+        tumble,
+        dive,
+        run,
+        run.events[0],
+        multibody.two_link_arm(),
+        multibody.diver_spatial(),
+        multibody.diver_spatial().model.links[3],
+        contact.CompliantLaw(1e4, 3.0),
+        contact.CoulombFriction(0.3, 1e4, 2.0),
+        exact.FreeBody(body, state),
+        somersault.methods()["rkmk"],
+        somersault.batch.integrate([body, body], [state, state], (0.0, 0.1), 0.01),
+    ]
+    for thing in things:
+        somersault.save(tmp_path / "thing", thing)
+        assert same(thing, somersault.load(tmp_path / "thing")), thing
+
+
+def test_plain_values_come_back_as_they_were(tmp_path: Path) -> None:
+    things = {
+        "numbers": [1, 2.5, -0.0, float("inf"), True, None],
+        "tuple": (1, ("a", "β")),
+        "array": np.arange(4, dtype=np.int32).reshape(2, 2),
+        "names": np.array(["a", "βγ"]),
+        "by number": {1: "one", (2, 3): "two, three"},
+        "$dollar": {"$array": 0},
+        "rotation": Rotation.from_quat([0.0, 0.6, 0.0, 0.8]),
+        "empty": np.zeros((0, 3)),
+    }
+    somersault.save(tmp_path / "a", things)
+    found = somersault.load(tmp_path / "a")
+    assert list(found) == list(things)
+    for name in ("numbers", "tuple", "by number", "$dollar"):
+        assert found[name] == things[name]
+    assert str(found["numbers"][2]) == "-0.0"
+    for name in ("array", "names", "empty"):
+        assert found[name].dtype == things[name].dtype and (found[name] == things[name]).all()
+    np.testing.assert_allclose(found["rotation"].as_quat(), things["rotation"].as_quat(), rtol=1e-15)
+
+
+def test_equal_contents_are_equal_files_that_numpy_opens(tmp_path: Path, tumble: somersault.Solution) -> None:
+    for name in "ab":
+        somersault.save(tmp_path / name, tumble)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    with np.load(tmp_path / "a") as arrays:
+        assert any(np.array_equal(arrays[key], tumble.quaternion) for key in arrays if key != "header.json")
+
+
+def rewritten(path: Path, **changes: Any) -> None:
+    """The same file with another header."""
+    with zipfile.ZipFile(path) as file:
+        members = {name: file.read(name) for name in file.namelist()}
+    members["header.json"] = json.dumps({**json.loads(members["header.json"]), **changes}).encode()
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in members.items():
+            file.writestr(name, content)
+
+
+def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) -> None:
+    path = tmp_path / "a"
+    with pytest.raises(FileNotFoundError):
+        somersault.load(path)
+    path.write_text("t,x\n")
+    with pytest.raises(StorageError, match="is not a file of somersault"):
+        somersault.load(path)
+    somersault.save(path, tumble)
+    whole = path.read_bytes()
+    for cut in (len(whole) // 2, len(whole) - 10):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(StorageError, match="damaged"):
+            somersault.load(path)
+    flipped = bytearray(whole)
+    flipped[whole.index(b"NUMPY") + 200] ^= 1
+    path.write_bytes(flipped)
+    with pytest.raises(StorageError, match="damaged"):
+        somersault.load(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": "other"}, "the header is not one of somersault"),
+        ({"format_version": 2}, "written in format 2"),
+        ({"content": {"$object": "os.system", "arguments": ["true"]}}, "'os.system' are not known"),
+        ({"content": {"$object": "Model.from_urdf", "arguments": [""]}}, "are not known"),
+        (
+            {"content": {"$object": "RigidBody", "arguments": [-1.0, [1, 1, 1]]}},
+            "RigidBody in it is not allowed",
+        ),
+        ({"content": {"$later": 1}}, r"\$later is not known to this version"),
+        ({"content": {"$array": 99}}, "damaged"),
+    ],
+)
+def test_contents_that_are_not_allowed_are_refused(tmp_path: Path, changes: Any, message: str) -> None:
+    somersault.save(tmp_path / "a", [1.0])
+    rewritten(tmp_path / "a", **changes)
+    with pytest.raises(StorageError, match=message):
+        somersault.load(tmp_path / "a")
+
+
+def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(StorageError, match=r"the value\['a'\]\[1\] is a builtins.object"):
+        somersault.save(tmp_path / "a", {"a": [1, object()]})
+    with pytest.raises(StorageError, match="array of object"):
+        somersault.save(tmp_path / "a", np.array([None]))
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,275 @@
+"""Sweeps: the same results whichever way they ran, and whatever stopped them on the way."""
+
+import functools
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import somersault
+from somersault import sweep
+from somersault.errors import SweepError, SweepInputError
+
+#: Runs 10,000 points, on threads or on the cluster at an address.
+SCRIPT = """
+import contextlib, sys
+import somersault
+from somersault import sweep
+
+def end(dt, spin):
+    body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+    start = somersault.State(angular_velocity=(0.1, spin, 0.3))
+    motion = somersault.integrate(body, start, (0.0, 8 * dt), dt=dt, every=8)
+    if spin > 9.85:
+        raise ValueError(f"spins with {spin}")
+    return {"energy": motion.kinetic_energy[-1], "quaternion": motion.quaternion[-1]}
+
+points = sweep.grid(dt=[0.001 * (i + 1) for i in range(100)], spin=[0.1 * i for i in range(100)])
+directory, address = sys.argv[1:]
+if address == "threads":
+    found = sweep.run(end, points, directory=directory)
+else:
+    from distributed import Client
+    with Client(address) as client:
+        found = sweep.run(end, points, directory=directory, client=client)
+print(found.n_done, found.n_failed)
+"""
+
+
+def digest(directory: Path) -> dict[str, str]:
+    """The hash of every file of a directory."""
+    return {
+        str(path.relative_to(directory)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(directory.rglob("*"))
+        if path.is_file()
+    }
+
+
+def script(path: Path, directory: Path, address: str) -> subprocess.Popen[str]:
+    path.write_text(SCRIPT)
+    command = [sys.executable, str(path), str(directory), address]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def killed_and_resumed(folder: Path, address: str) -> dict[str, str]:
+    """The files of a run that is killed half-way and started again."""
+    directory = folder / "killed"
+    with script(folder / "study.py", directory, address) as process:
+        deadline = time.monotonic() + 120
+        while len(list(directory.glob("records/*/[0-9]*.json"))) < 4000:
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)
+    left = len(list(directory.glob("records/*/[0-9]*.json")))
+    assert 4000 <= left < 10_000
+    assert sweep.load(directory).missing
+    with script(folder / "study.py", directory, address) as process:
+        assert process.communicate(timeout=120)[0] == "9900 100\n"
+    return digest(directory)
+
+
+@pytest.fixture(scope="module")
+def never_killed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The files of the same run, on threads, left alone."""
+    folder = tmp_path_factory.mktemp("whole")
+    with script(folder / "study.py", folder / "whole", "threads") as process:
+        assert process.communicate(timeout=120)[0] == "9900 100\n"
+    return digest(folder / "whole")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """A Dask cluster of two processes on this machine."""
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as found:
+        yield found
+
+
+def test_a_sweep_killed_half_way_and_resumed_has_the_bytes_of_one_never_killed(
+    tmp_path: Path, never_killed: dict[str, str]
+) -> None:
+    assert len(never_killed) == 10_001
+    assert killed_and_resumed(tmp_path, "threads") == never_killed
+
+
+@pytest.mark.filterwarnings("default")  # of Dask's own
+def test_so_has_one_on_a_dask_cluster(tmp_path: Path, never_killed: dict[str, str], cluster: Any) -> None:
+    assert killed_and_resumed(tmp_path, cluster.scheduler_address) == never_killed
+
+
+def ten_over(x: int) -> float:
+    return 10 / x
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_cluster_and_threads_return_the_same(cluster: Any) -> None:
+    points = sweep.grid(x=range(-3, 4))
+    with cluster.get_client() as client:
+        assert sweep.run(ten_over, points, client=client) == sweep.run(ten_over, points)
+
+
+@pytest.mark.filterwarnings("default")
+def test_a_call_that_kills_its_process_is_a_failure_of_its_point(cluster: Any) -> None:
+    def deadly(x: int) -> int:
+        if x == 3:
+            os._exit(1)
+        return x
+
+    with cluster.get_client() as client:
+        found = sweep.run(deadly, sweep.grid(x=range(5)), client=client)
+    assert found.values == [0, 1, 2, None, 4]
+    assert found.failures == {3: sweep.Failure("KilledWorker", "the process of the call was killed")}
+
+
+def test_failures_are_recorded_and_can_be_tried_again(tmp_path: Path) -> None:
+    found = sweep.run(ten_over, sweep.grid(x=[2, 0, 5]), directory=tmp_path / "a")
+    assert found.values == [5.0, None, 2.0]
+    assert found.failures == {1: sweep.Failure("ZeroDivisionError", "division by zero")}
+    assert found == sweep.load(tmp_path / "a")
+    table = found.table()
+    assert table["error"].tolist() == ["", "division by zero", ""]
+    assert np.isnan(table["value"][1]) and table["x"].tolist() == [2, 0, 5]
+
+    calls = []
+
+    def mended(x: int) -> float:
+        calls.append(x)
+        return 0.0 if x == 0 else 10 / x
+
+    points = sweep.grid(x=[2, 0, 5])
+    manifest = tmp_path / "a" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace("ten_over", "mended"))
+    changed = json.loads(manifest.read_text())
+    changed["function"] = {"name": mended.__qualname__, "version": "2"}
+    manifest.write_text(json.dumps(changed))
+    again = sweep.run(mended, points, directory=tmp_path / "a", version="2", retry_failures=True)
+    assert calls == [0] and again.values == [5.0, 0.0, 2.0]
+
+
+def test_points_and_values_are_what_can_be_saved(tmp_path: Path) -> None:
+    def echo(**point: Any) -> dict[str, Any]:
+        return point
+
+    body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+    point = {
+        "body": body,
+        "model": somersault.multibody.two_link_arm(),
+        "array": np.arange(6.0).reshape(2, 3),
+        "nothing": None,
+        "pair": (1, -np.inf),
+        "number": np.float64(0.1),
+    }
+    found = sweep.run(echo, [point], directory=tmp_path / "a", version="1")
+    value = found.values[0]
+    assert value["body"] == body and value["model"] == point["model"] and value["pair"] == (1, -np.inf)
+    assert (value["array"] == point["array"]).all() and value["number"] == 0.1
+    failed = sweep.run(lambda x: object(), [{"x": 1}])
+    assert "cannot be written" in failed.failures[0].message
+
+
+def test_a_directory_of_another_sweep_is_refused(tmp_path: Path) -> None:
+    directory = tmp_path / "a"
+    sweep.run(ten_over, sweep.grid(x=[1, 2]), directory=directory)
+    with pytest.raises(SweepInputError, match="n_points is 2 there and 3 here"):
+        sweep.run(ten_over, sweep.grid(x=[1, 2, 3]), directory=directory)
+    with pytest.raises(SweepInputError, match="points_sha256 is"):
+        sweep.run(ten_over, sweep.grid(x=[1, 3]), directory=directory)
+    with pytest.raises(SweepInputError, match="function is"):
+        sweep.run(lambda x: x, sweep.grid(x=[1, 2]), directory=directory)
+    with pytest.raises(SweepInputError, match="function is"):
+        sweep.run(functools.partial(ten_over), sweep.grid(x=[1, 2]), directory=directory)
+    with pytest.raises(SweepInputError, match="neither empty nor of a sweep"):
+        sweep.run(ten_over, [], directory=tmp_path)
+    manifest = directory / "manifest.json"
+    manifest.write_text(manifest.read_text().replace(somersault.__version__, "0.0.1"))
+    with pytest.raises(SweepInputError, match=r"somersault is '0.0.1' there"):
+        sweep.run(ten_over, sweep.grid(x=[1, 2]), directory=directory)
+    manifest.write_text("{")
+    with pytest.raises(SweepInputError, match="is damaged"):
+        sweep.load(directory)
+    with pytest.raises(SweepInputError, match="is not of a sweep"):
+        sweep.load(tmp_path)
+
+
+def test_damaged_and_foreign_records_are_computed_again(tmp_path: Path) -> None:
+    points = sweep.grid(x=[1, 2, 4])
+    found = sweep.run(ten_over, points, directory=tmp_path / "a")
+    whole = digest(tmp_path / "a")
+    records = sorted((tmp_path / "a").glob("records/*/*.json"))
+    records[0].write_bytes(records[0].read_bytes()[:-5])
+    records[1].write_bytes(records[2].read_bytes())
+    (records[0].parent / ".000002.json.77.tmp").write_text("half a record")
+    assert sweep.load(tmp_path / "a").missing == [0, 1]
+    assert sweep.run(ten_over, points, directory=tmp_path / "a") == found
+    assert digest(tmp_path / "a") == whole
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="directories are not locked there")
+def test_a_directory_has_one_user_at_a_time(tmp_path: Path) -> None:
+    inside, leave = threading.Event(), threading.Event()
+
+    def slow(x: int) -> int:
+        inside.set()
+        leave.wait(60)
+        return x
+
+    arguments: dict[str, Any] = {"points": [{"x": 1}], "directory": tmp_path / "a", "version": "1"}
+    first = threading.Thread(target=sweep.run, args=(slow,), kwargs=arguments)
+    first.start()
+    inside.wait(60)
+    with pytest.raises(SweepError, match="in use by another process"):
+        sweep.run(slow, **arguments)
+    leave.set()
+    first.join()
+
+
+def test_bad_points_are_refused() -> None:
+    with pytest.raises(SweepInputError, match="point 1 must be a dictionary"):
+        sweep.run(ten_over, [{"x": 1}, 2])  # type: ignore[list-item]
+    with pytest.raises(somersault.errors.StorageError, match=r"point 0\['x'\] is a"):
+        sweep.run(ten_over, [{"x": object()}])
+    with pytest.raises(SweepInputError, match="workers = 0"):
+        sweep.run(ten_over, [], workers=0)
+    with pytest.raises(SweepInputError, match=r"share the names \['x'\]"):
+        sweep.run(lambda x: {"x": x}, [{"x": 1}]).table()
+    assert len(sweep.run(ten_over, [])) == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
+def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
+    program = """
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from somersault import sweep
+def wait(x):
+    time.sleep(0.02)
+    return x
+try:
+    sweep.run(wait, sweep.grid(x=range(1000)), directory=sys.argv[1], workers=2, progress=True)
+except KeyboardInterrupt:
+    print(len(sweep.load(sys.argv[1]).missing))
+"""
+    (tmp_path / "program.py").write_text(program)
+    command = [sys.executable, str(tmp_path / "program.py"), str(tmp_path / "a")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        while not list(tmp_path.glob("a/records/*/*.json")):
+            assert process.poll() is None
+            time.sleep(0.05)
+        sent = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        missing = int(process.communicate(timeout=30)[0])
+    assert 0 < missing < 1000
+    assert time.monotonic() - sent < 5.0
+    assert not list(tmp_path.rglob("*.tmp"))
