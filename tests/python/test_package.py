@@ -26,6 +26,7 @@ MODULES = [
             "exact",
             "forces",
             "integrators",
+            "motion",
             "multibody",
             "plotting",
             "studies",
