@@ -1,6 +1,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, TypedDict, final
+from typing import IO, Any, Literal, TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +46,8 @@ _SolveStatus: TypeAlias = Literal[
 _Template: TypeAlias = Sequence[tuple[float, str | int]]
 _OnIteration: TypeAlias = Callable[[int, _Floats, float, float], object]
 _NumberOrRange: TypeAlias = float | tuple[float, float]
+_Source: TypeAlias = str | PathLike[str] | IO[str] | IO[bytes]
+_Panel: TypeAlias = Literal["eigenweight", "marker_error", "scale", "rotation"]
 
 class _DiveOptions(TypedDict, total=False):
     first: str | int
@@ -76,6 +78,8 @@ class _DiveChanges(_DiveOptions, total=False):
     postures: Sequence[str | ArrayLike]
 
 __all__ = [
+    "Band",
+    "Baseline",
     "CartPendulumProblem",
     "CollocationProblem",
     "CollocationResult",
@@ -83,6 +87,7 @@ __all__ = [
     "Constraint",
     "Contact",
     "Convergence",
+    "Correlation",
     "Cost",
     "CoulombFriction",
     "CreepFriction",
@@ -101,22 +106,35 @@ __all__ = [
     "FreeBody",
     "Gravitation",
     "Gravity",
+    "GroupComparison",
     "HalfSpace",
     "HuntCrossley",
     "Link",
+    "MarkerFit",
+    "MarkerRecording",
+    "MarkerSet",
     "MethodInfo",
     "MethodTable",
     "Model",
     "Motion",
+    "MotionFit",
     "MotionProblem",
+    "Pca",
+    "Performance",
     "Phase",
     "Problem",
+    "Projection",
     "RegularisedFriction",
     "Report",
     "Resistance",
     "RigidBody",
     "Scene",
+    "ScoringModel",
+    "ScoringOptions",
     "Sensitivities",
+    "Skeleton",
+    "SkeletonJoint",
+    "SkeletonRecording",
     "Solution",
     "Sphere",
     "SpherePair",
@@ -132,12 +150,14 @@ __all__ = [
     "Trajectory",
     "TreeDenseOutput",
     "TreeSolution",
+    "Validation",
     "WorkPrecision",
     "__version__",
     "axis_direction",
     "body_orientation",
     "bouncing_ball",
     "cart_pendulum",
+    "common_eigenpostures",
     "convergence",
     "damping_ratio",
     "differentiate",
@@ -146,6 +166,7 @@ __all__ = [
     "dive_5174d",
     "diver_planar",
     "diver_spatial",
+    "eigenpostures_per_motion",
     "energy_study",
     "entries",
     "falling_box",
@@ -157,16 +178,27 @@ __all__ = [
     "method",
     "methods",
     "momentum",
+    "normalize_frames",
+    "pearson",
     "point_position",
     "prisms",
+    "project",
+    "read_bvh",
+    "read_c3d",
+    "read_csv",
+    "read_joint_motion",
+    "read_trc",
     "restitution",
     "rolling_disk",
     "sliding_block",
+    "spearman",
     "spectral_radii",
     "spinning_top",
     "stability_region",
     "tippe_top",
+    "turns_about",
     "two_link_arm",
+    "validate",
     "work_precision_study",
 ]
 
@@ -1407,6 +1439,342 @@ class CollocationResult:
     @property
     def report(self) -> Report: ...
 
+@final
+class MarkerRecording:
+    def __new__(
+        cls,
+        names: Sequence[str],
+        times: ArrayLike,
+        points: ArrayLike,
+        present: Sequence[Sequence[bool]] | NDArray[np.bool_] | None = None,
+    ) -> MarkerRecording: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def points(self) -> _Floats: ...
+    @property
+    def present(self) -> NDArray[np.bool_]: ...
+    @property
+    def n_markers(self) -> int: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def n_missing(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    def track(self, name: str) -> _Floats: ...
+    def select(self, names: Sequence[str]) -> MarkerRecording: ...
+    def resample(
+        self, times: ArrayLike | None = None, *, n_frames: int | None = None
+    ) -> MarkerRecording: ...
+    def fill_gaps(self, longest: float) -> MarkerRecording: ...
+    def __len__(self) -> int: ...
+
+@final
+class SkeletonJoint:
+    def __new__(
+        cls,
+        name: str,
+        parent: int | None = None,
+        offset: ArrayLike | None = None,
+        *,
+        turns: bool = True,
+        moves: bool = False,
+    ) -> SkeletonJoint: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parent(self) -> int | None: ...
+    @property
+    def offset(self) -> _Floats: ...
+    @property
+    def turns(self) -> bool: ...
+    @property
+    def moves(self) -> bool: ...
+
+@final
+class Skeleton:
+    def __new__(cls, joints: Sequence[SkeletonJoint]) -> Skeleton: ...
+    @property
+    def joints(self) -> list[SkeletonJoint]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def turning(self) -> tuple[str, ...]: ...
+    @property
+    def moving(self) -> tuple[str, ...]: ...
+    def model(self, mass: float) -> Model: ...
+
+@final
+class SkeletonRecording:
+    def __new__(
+        cls, skeleton: Skeleton, times: ArrayLike, rotations: ArrayLike, places: ArrayLike
+    ) -> SkeletonRecording: ...
+    @property
+    def skeleton(self) -> Skeleton: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def rotations(self) -> _Floats: ...
+    @property
+    def places(self) -> _Floats: ...
+    @property
+    def configurations(self) -> _Floats: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    def joint_centres(self) -> MarkerRecording: ...
+    def resample(
+        self, times: ArrayLike | None = None, *, n_frames: int | None = None
+    ) -> SkeletonRecording: ...
+    def __len__(self) -> int: ...
+
+def read_bvh(source: _Source, *, unit: str, up: str = "y", forward: str = "z") -> SkeletonRecording: ...
+def read_c3d(
+    source: _Source, *, unit: str = "mm", up: str = "z", forward: str = "x"
+) -> MarkerRecording: ...
+def read_trc(
+    source: _Source, *, up: str = "y", forward: str = "x", nan_is_gap: bool = False
+) -> MarkerRecording: ...
+def read_csv(
+    source: _Source, *, unit: str = "m", up: str = "z", forward: str = "x", nan_is_gap: bool = False
+) -> MarkerRecording: ...
+def read_joint_motion(source: _Source, diver: Diver | None = None) -> SkeletonRecording: ...
+@final
+class MarkerSet:
+    def __new__(
+        cls,
+        model: Model,
+        markers: dict[str, tuple[str | int, ArrayLike]],
+        weights: dict[str, float] | None = None,
+    ) -> MarkerSet: ...
+    @classmethod
+    def joint_centres(cls, model: Model) -> MarkerSet: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def bodies(self) -> tuple[str, ...]: ...
+    @property
+    def points(self) -> _Floats: ...
+    @property
+    def weights(self) -> _Floats: ...
+    def __len__(self) -> int: ...
+
+@final
+class MarkerFit:
+    def __new__(
+        cls,
+        markers: MarkerSet,
+        *,
+        base: EigenpostureBase | None = None,
+        scale: _NumberOrRange | None = None,
+        common_scale: bool = False,
+        loss: Literal["squares", "huber", "cauchy"] = "squares",
+        threshold: float | None = None,
+        starts: Sequence[ArrayLike] | None = None,
+        max_iterations: int | None = None,
+        step_tol: float | None = None,
+        noise: float | None = None,
+    ) -> MarkerFit: ...
+    @property
+    def markers(self) -> MarkerSet: ...
+    @property
+    def model(self) -> Model: ...
+    def fit(self, recording: MarkerRecording) -> MotionFit: ...
+
+@final
+class MotionFit:
+    @property
+    def fit(self) -> MarkerFit: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def scale(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def weights(self) -> _Floats: ...
+    @property
+    def residuals(self) -> _Floats: ...
+    @property
+    def frame_rms(self) -> _Floats: ...
+    @property
+    def marker_rms(self) -> dict[str, float]: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def cost(self) -> _Floats: ...
+    @property
+    def iterations(self) -> list[int]: ...
+    @property
+    def status(self) -> list[Literal["converged", "iteration_limit", "no_progress", "no_markers"]]: ...
+    @property
+    def success(self) -> bool: ...
+    def covariance(self, frame: int) -> _Floats | None: ...
+    def __len__(self) -> int: ...
+
+@final
+class Pca:
+    def __new__(cls, samples: ArrayLike, n_components: int | None = None) -> Pca: ...
+    @property
+    def mean(self) -> _Floats: ...
+    @property
+    def components(self) -> _Floats: ...
+    @property
+    def n_components(self) -> int: ...
+    @property
+    def n_samples(self) -> int: ...
+    @property
+    def explained_variance(self) -> _Floats: ...
+    @property
+    def explained_variance_ratio(self) -> _Floats: ...
+    @property
+    def total_variance(self) -> float: ...
+    def scores(self, samples: ArrayLike) -> _Floats: ...
+    def reconstruct(self, scores: ArrayLike) -> _Floats: ...
+
+def common_eigenpostures(motions: Sequence[ArrayLike], n_eigenpostures: int) -> Pca: ...
+def eigenpostures_per_motion(motions: Sequence[ArrayLike], n_eigenpostures: int) -> list[Pca]: ...
+@final
+class Projection:
+    @property
+    def weights(self) -> _Floats: ...
+    @property
+    def distances(self) -> _Floats: ...
+
+def project(
+    base: EigenpostureBase, postures: ArrayLike, *, bounds: Literal["simplex", "none"] = "simplex"
+) -> Projection: ...
+@final
+class Band:
+    def __new__(cls, series: ArrayLike) -> Band: ...
+    @property
+    def mean(self) -> _Floats: ...
+    @property
+    def deviation(self) -> _Floats: ...
+
+@final
+class GroupComparison:
+    def __new__(
+        cls,
+        groups: dict[str, Sequence[MotionFit]],
+        panel: _Panel,
+        *,
+        n_frames: int = 60,
+        weight: int = 0,
+    ) -> GroupComparison: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def panel(self) -> _Panel: ...
+    def series(self, name: str) -> _Floats: ...
+    def bands(self) -> dict[str, Band]: ...
+
+def normalize_frames(times: ArrayLike, values: ArrayLike, n_frames: int) -> _Floats: ...
+def turns_about(model: Model, q: ArrayLike) -> _Floats | None: ...
+@final
+class Performance:
+    def __new__(cls, times: ArrayLike, postures: ArrayLike, path: ArrayLike) -> Performance: ...
+    @classmethod
+    def from_markers(cls, recording: MarkerRecording) -> Performance: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def n_features(self) -> int: ...
+
+@final
+class ScoringOptions:
+    def __new__(
+        cls,
+        *,
+        n_frames: int = 60,
+        n_eigenweights: int = 4,
+        path: bool = True,
+        duration: bool = False,
+        n_components: int | None = None,
+        max_components: int = 5,
+    ) -> ScoringOptions: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def n_eigenweights(self) -> int: ...
+    @property
+    def path(self) -> bool: ...
+    @property
+    def duration(self) -> bool: ...
+    @property
+    def n_components(self) -> int | None: ...
+    @property
+    def max_components(self) -> int: ...
+
+@final
+class ScoringModel:
+    def __new__(
+        cls, motions: Sequence[Performance], scores: ArrayLike, options: ScoringOptions | None = None
+    ) -> ScoringModel: ...
+    def score(self, motion: Performance) -> float: ...
+    @property
+    def eigenpostures(self) -> Pca: ...
+    @property
+    def eigenmotions(self) -> Pca: ...
+    @property
+    def coefficients(self) -> _Floats: ...
+    @property
+    def intercept(self) -> float: ...
+    def save(self, path: str | PathLike[str]) -> None: ...
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> ScoringModel: ...
+
+@final
+class Correlation:
+    @property
+    def value(self) -> float: ...
+    @property
+    def interval(self) -> tuple[float, float]: ...
+
+@final
+class Baseline:
+    @property
+    def name(self) -> str: ...
+    @property
+    def predictions(self) -> _Floats: ...
+    @property
+    def rms_error(self) -> float: ...
+
+@final
+class Validation:
+    @property
+    def predictions(self) -> _Floats: ...
+    @property
+    def n_components(self) -> list[int]: ...
+    @property
+    def rms_error(self) -> float: ...
+    @property
+    def pearson(self) -> Correlation: ...
+    @property
+    def spearman(self) -> Correlation: ...
+    @property
+    def baselines(self) -> list[Baseline]: ...
+
+def validate(
+    motions: Sequence[Performance],
+    scores: ArrayLike,
+    options: ScoringOptions | None = None,
+    *,
+    n_resamples: int = 10_000,
+    level: float = 0.95,
+    seed: int = 0,
+    features: dict[str, ArrayLike] | None = None,
+) -> Validation: ...
+def pearson(x: ArrayLike, y: ArrayLike) -> float: ...
+def spearman(x: ArrayLike, y: ArrayLike) -> float: ...
 def bouncing_ball(
     mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
 ) -> Scene: ...

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from somersault._somersault import Solution
 
 __all__ = [
+    "AnalysisError",
+    "AnalysisInputError",
     "BatchError",
     "BatchInputError",
     "BodyError",
@@ -23,6 +25,7 @@ __all__ = [
     "DynamicsError",
     "DynamicsInputError",
     "ExportError",
+    "FitError",
     "FlightError",
     "FreeBodyError",
     "InertiaError",
@@ -33,6 +36,9 @@ __all__ = [
     "OcpError",
     "OcpInputError",
     "PostureError",
+    "ReadError",
+    "RecordingError",
+    "ScoringError",
     "SensitivityError",
     "SensitivityInputError",
     "SomersaultError",
@@ -163,6 +169,39 @@ class OcpError(SomersaultError):
 
 class OcpInputError(OcpError, InputError):
     """A motion problem or a solver is given what does not fit or is not allowed."""
+
+
+class RecordingError(InputError):
+    """Numbers are no recording, or what is asked of a recording cannot be done."""
+
+
+class ReadError(InputError):
+    """A file is not what it should be: the message says where, what was found and what is allowed."""
+
+    #: Line of a text file, from 1.
+    line: int | None = None
+    #: Byte of a binary file, from 0.
+    byte: int | None = None
+
+
+class FitError(InputError):
+    """A model cannot be fitted to these markers, or in this way."""
+
+
+class AnalysisError(SomersaultError):
+    """A decomposition into singular values did not converge."""
+
+
+class AnalysisInputError(AnalysisError, InputError):
+    """Motions cannot be analysed: too few, of different widths, or not finite."""
+
+
+class ScoringError(InputError):
+    """Motions cannot be scored: too few, not finite, or all the same."""
+
+
+class StorageError(InputError):
+    """A file is not a scoring model of a version that is known."""
 
 
 class ViewerError(InputError):

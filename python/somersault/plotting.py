@@ -25,6 +25,8 @@ try:
 except ImportError as _error:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from _error
 
+from somersault._motion_plots import motion_groups
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -35,6 +37,7 @@ __all__ = [
     "energy_ratios",
     "gaps",
     "motion",
+    "motion_groups",
     "observed_orders",
     "polhode",
     "stability_regions",

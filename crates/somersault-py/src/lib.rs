@@ -20,6 +20,7 @@ mod located;
 mod methods;
 mod model;
 mod monitor;
+mod motion;
 mod named_models;
 mod ocp;
 mod partials;
@@ -62,6 +63,13 @@ mod _somersault {
     use crate::methods::{MethodInfo, MethodTable, method, methods};
     #[pymodule_export]
     use crate::model::Model;
+    #[pymodule_export]
+    use crate::motion::{
+        Band, Baseline, Correlation, GroupComparison, MarkerFit, MarkerRecording, MarkerSet, MotionFit, Pca,
+        Performance, Projection, ScoringModel, ScoringOptions, Skeleton, SkeletonJoint, SkeletonRecording,
+        Validation, common_eigenpostures, eigenpostures_per_motion, normalize_frames, pearson, project,
+        read_bvh, read_c3d, read_csv, read_joint_motion, read_trc, spearman, turns_about, validate,
+    };
     #[pymodule_export]
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
