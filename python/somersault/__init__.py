@@ -11,7 +11,7 @@ Units are SI and angles radians. Everything is in the world frame but for names 
 ``_body``. Quaternions are in SciPy's order (x, y, z, w) and lead from the body frame to the world.
 """
 
-from somersault import batch, contact, errors, exact, forces, integrators, multibody, ocp, studies
+from somersault import batch, contact, errors, exact, forces, ftla, integrators, multibody, ocp, studies
 from somersault._somersault import (
     DenseOutput,
     MethodInfo,
@@ -43,6 +43,7 @@ __all__ = [
     "errors",
     "exact",
     "forces",
+    "ftla",
     "integrate",
     "integrators",
     "methods",

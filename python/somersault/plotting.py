@@ -25,6 +25,8 @@ try:
 except ImportError as error:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from error
 
+from somersault._ftla_figures import compare_motions, exponents, projections, subspace_angles
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -32,13 +34,17 @@ Array = NDArray[Any]
 
 __all__ = [
     "abbreviation",
+    "compare_motions",
     "energy_ratios",
+    "exponents",
     "gaps",
     "motion",
     "observed_orders",
     "polhode",
+    "projections",
     "stability_regions",
     "style",
+    "subspace_angles",
     "tree",
     "work_precision",
 ]
