@@ -2,28 +2,15 @@
 
 mod common;
 
-use common::arm_nodes;
+use common::{arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2};
-use somersault_ftla::continuation::{Continuation, Continued, Member};
+use somersault_ftla::continuation::Continuation;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, Extremal, Shooting, ShootingError, Status, graded_times};
 use somersault_ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
 };
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
-
-/// The thesis' problem from a rest folded to `fold`, by travelling folded and unfolding at the ends.
-fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
-    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
-    let stages = [
-        [end(0.0, fold), end(0.0, fold)],
-        [end(-FRAC_PI_2, fold), end(FRAC_PI_2, fold)],
-        [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, unfolded)],
-    ];
-    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
-    let arm = ArmMinimumTorque::default();
-    Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed")
-}
 
 fn cost(extremal: &Extremal<8>) -> f64 {
     let arm = ArmMinimumTorque::default();
@@ -223,43 +210,6 @@ fn what_does_not_converge_has_a_status_and_what_is_malformed_an_error() {
     assert!(End::<8>::try_state(&[0.0; 4]).and_then(|e| e.with_free(4)).is_err());
     assert!(graded_times(0.0, 1.0, 1.0).is_err() && graded_times(1.0, 1.0, f64::NAN).is_err());
     assert!(Continuation::default().through::<_, 8>(&arm, &[], 10.0, &times).is_err());
-}
-
-/// The largest |u| of each joint, on a grid of 5 ms.
-fn peak_torques(arm: &ArmMinimumTorque, extremal: &Extremal<8>) -> [f64; 2] {
-    let flow = VariationalFlow::try_new(arm, Tolerances::default()).expect("in range");
-    let mut peak = [0.0f64; 2];
-    for k in 0..=2000 {
-        let mut u = [0.0; 2];
-        let p = extremal.at(&flow, 0.005 * k as f64).expect("regular");
-        arm.control_into(&p, &mut u).expect("two controls");
-        peak = [peak[0].max(u[0].abs()), peak[1].max(u[1].abs())];
-    }
-    peak
-}
-
-#[test]
-fn torques_are_limited_to_four_fifths_of_their_peak() {
-    let arm = ArmMinimumTorque::default();
-    let free = arm_motion(PI, 0.05).extremal;
-    let peak = peak_torques(&arm, &free);
-    let fractions: Vec<f64> = free.times.iter().map(|t| t / 10.0).collect();
-    let ends = [-1.0, 1.0].map(|s| End::try_state(&[s * FRAC_PI_2, 0.05, 0.0, 0.0]).expect("four states"));
-    let family = |s: f64| {
-        let system = arm.try_with_torque_limits(peak.map(|u| u * (1.0 - 0.2 * s))).expect("positive");
-        Member { system, ends, horizon: 10.0 }
-    };
-    let found = Continuation::default().follow(family, &fractions, &free.nodes).expect("well posed");
-    let (limited, system) = (&found.extremal, family(1.0).system);
-    assert_eq!((found.s, limited.status), (1.0, Status::Converged));
-    let [low, high] = limited.range_of(|p| system.hamiltonian(p));
-    assert!(high - low < 1e-10, "{:e}", high - low);
-    // both limits are reached and the cost is higher
-    let reached = peak_torques(&system, limited);
-    assert!((0..2).all(|i| (reached[i] / peak[i] - 0.8).abs() < 1e-12), "{reached:?} of {peak:?}");
-    let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
-    let price = limited.cost(&flow).expect("regular") - cost(&free);
-    assert!((1e-4..0.05).contains(&price), "{price}");
 }
 
 #[test]

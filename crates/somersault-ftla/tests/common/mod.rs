@@ -2,9 +2,12 @@
 #![allow(dead_code)] // each test file is a crate of its own and uses a part
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
-use somersault_ftla::system::{ControlProblem, StateCostate};
+use somersault_ftla::continuation::{Continuation, Continued};
+use somersault_ftla::shooting::graded_times;
+use somersault_ftla::system::{ArmMinimumTorque, ControlProblem, StateCostate};
 use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
+use std::f64::consts::FRAC_PI_2;
 
 /// Numbers in [−1, 1) from a fixed seed (SplitMix64).
 pub(crate) struct Random(u64);
@@ -88,4 +91,17 @@ pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
     let numbers =
         |line: &str| line.split(' ').map(|x| x.parse::<f64>().expect("a number")).collect::<Vec<_>>();
     text.lines().map(numbers).map(|row| (row[0], SVector::from_column_slice(&row[1..]))).collect()
+}
+
+/// The thesis' problem from a rest folded to `fold`, by travelling folded and unfolding at the ends.
+pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
+    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
+    let stages = [
+        [end(0.0, fold), end(0.0, fold)],
+        [end(-FRAC_PI_2, fold), end(FRAC_PI_2, fold)],
+        [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, unfolded)],
+    ];
+    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
+    let arm = ArmMinimumTorque::default();
+    Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed")
 }
