@@ -81,11 +81,13 @@ __all__ = [
     "Band",
     "Baseline",
     "CartPendulumProblem",
+    "Chain",
     "CollocationProblem",
     "CollocationResult",
     "CompliantLaw",
     "Constraint",
     "Contact",
+    "Continued",
     "Convergence",
     "Correlation",
     "Cost",
@@ -93,6 +95,7 @@ __all__ = [
     "CreepFriction",
     "Cylinder",
     "DenseOutput",
+    "Diagnosis",
     "Dive",
     "DiveSolution",
     "DiveVerification",
@@ -101,6 +104,7 @@ __all__ = [
     "EigenpostureBase",
     "EnergyStudy",
     "Event",
+    "Extremal",
     "Force",
     "ForceModel",
     "FreeBody",
@@ -113,6 +117,8 @@ __all__ = [
     "MarkerFit",
     "MarkerRecording",
     "MarkerSet",
+    "Matched",
+    "Matching",
     "MethodInfo",
     "MethodTable",
     "Model",
@@ -122,6 +128,8 @@ __all__ = [
     "Pca",
     "Performance",
     "Phase",
+    "Placed",
+    "Placement",
     "Problem",
     "Projection",
     "RegularisedFriction",
@@ -136,30 +144,40 @@ __all__ = [
     "SkeletonJoint",
     "SkeletonRecording",
     "Solution",
+    "Spectrum",
     "Sphere",
     "SpherePair",
     "SplineMotion",
+    "Splitting",
     "Spring",
     "StabilityRegion",
     "State",
+    "Subspace",
     "Surface",
     "SwingUpSearch",
     "SwingUpVerification",
+    "System",
     "Term",
     "Torque",
     "Trajectory",
+    "Transition",
     "TreeDenseOutput",
     "TreeSolution",
     "Validation",
+    "VariationalFlow",
     "WorkPrecision",
     "__version__",
+    "arm",
     "axis_direction",
     "body_orientation",
     "bouncing_ball",
     "cart_pendulum",
     "common_eigenpostures",
+    "continue_through",
     "convergence",
+    "cubic_regulator",
     "damping_ratio",
+    "diagnose",
     "differentiate",
     "displacement",
     "dive_107b",
@@ -170,11 +188,14 @@ __all__ = [
     "energy_study",
     "entries",
     "falling_box",
+    "follow",
     "function",
+    "graded_times",
     "integrate",
     "integrate_batch",
     "integrate_flight",
     "integrate_tree",
+    "linear_regulator",
     "method",
     "methods",
     "momentum",
@@ -188,15 +209,19 @@ __all__ = [
     "read_csv",
     "read_joint_motion",
     "read_trc",
+    "rank_held_costates",
     "restitution",
     "rolling_disk",
+    "shoot",
     "sliding_block",
     "spearman",
+    "slow_subspace",
     "spectral_radii",
     "spinning_top",
     "stability_region",
     "tippe_top",
     "turns_about",
+    "tree",
     "two_link_arm",
     "validate",
     "work_precision_study",
@@ -1875,3 +1900,328 @@ def function(
 ) -> Term: ...
 def dive_107b(**changes: Unpack[_DiveChanges]) -> Dive: ...
 def dive_5174d(**changes: Unpack[_DiveChanges]) -> Dive: ...
+
+# somersault.ftla
+
+_Direction: TypeAlias = Literal["forward", "backward"]
+_Dims: TypeAlias = tuple[int, int, int]
+_EndStates: TypeAlias = Sequence[float | None] | _Floats
+_Pair: TypeAlias = tuple[float, float] | Sequence[float]
+_OfPoint: TypeAlias = Callable[[_Floats], ArrayLike]
+
+@final
+class System:
+    def __new__(
+        cls,
+        field: _OfPoint,
+        jacobian: _OfPoint,
+        dimension: int,
+        *,
+        hamiltonian: Callable[[_Floats], float] | None = None,
+        control: _OfPoint | None = None,
+        running_cost: Callable[[_Floats], float] | None = None,
+        n_controls: int = 1,
+    ) -> System: ...
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def n_controls(self) -> int: ...
+    def field(self, p: ArrayLike) -> _Floats: ...
+    def jacobian(self, p: ArrayLike) -> _Floats: ...
+    def hamiltonian(self, p: ArrayLike) -> Any: ...
+    def control(self, p: ArrayLike) -> _Floats: ...
+    def running_cost(self, p: ArrayLike) -> Any: ...
+
+@final
+class Transition:
+    @property
+    def duration(self) -> float: ...
+    @property
+    def end(self) -> _Floats: ...
+    @property
+    def matrix(self) -> _Floats: ...
+    @property
+    def symplecticity_defect(self) -> float: ...
+
+@final
+class Chain:
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def marks(self) -> list[int]: ...
+    @property
+    def n_evaluations(self) -> int: ...
+    def spectrum(self, mark: int = -1) -> Spectrum: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, number: int, /) -> Transition: ...
+
+@final
+class VariationalFlow:
+    def __new__(
+        cls, system: System, *, rtol: float = 1e-12, atol: float = 1e-14, max_steps: int = 100_000
+    ) -> VariationalFlow: ...
+    @property
+    def system(self) -> System: ...
+    def state(self, p: ArrayLike, duration: ArrayLike) -> _Floats: ...
+    def cost(self, p: ArrayLike, duration: float) -> tuple[_Floats, float]: ...
+    def transition(self, p: ArrayLike, duration: float) -> Transition: ...
+    def transitions(self, points: ArrayLike, duration: float) -> tuple[_Floats, _Floats]: ...
+    def chain(self, p: ArrayLike, times: ArrayLike, growth: float = 100.0) -> Chain: ...
+    def spectra(
+        self, p: ArrayLike, times: ArrayLike, direction: _Direction = "forward"
+    ) -> list[Spectrum]: ...
+    def spectrum(self, p: ArrayLike, time: float, direction: _Direction = "forward") -> Spectrum: ...
+
+@final
+class Spectrum:
+    @property
+    def direction(self) -> _Direction: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def exponents(self) -> _Floats: ...
+    @property
+    def vectors(self) -> _Floats: ...
+    @property
+    def rates(self) -> _Floats: ...
+    @property
+    def pairing_defect(self) -> float: ...
+
+@final
+class Diagnosis:
+    @property
+    def dims(self) -> _Dims: ...
+    @property
+    def is_hyper_sensitive(self) -> bool: ...
+    @property
+    def is_partially_hyper_sensitive(self) -> bool: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def fast_rates(self) -> tuple[float, float]: ...
+    @property
+    def center_rate(self) -> float: ...
+    @property
+    def gaps(self) -> tuple[float, float]: ...
+    @property
+    def time_constants(self) -> float: ...
+    @property
+    def window(self) -> tuple[float, float]: ...
+    @property
+    def horizon(self) -> float: ...
+    def schedule(self) -> _Floats: ...
+
+@final
+class Subspace:
+    def __new__(cls, vectors: ArrayLike) -> Subspace: ...
+    @property
+    def dim(self) -> int: ...
+    @property
+    def basis(self) -> _Floats: ...
+    def complement(self) -> Subspace: ...
+    def intersection(self, other: Subspace) -> Subspace: ...
+    def angle_to(self, v: ArrayLike) -> float: ...
+    def angles(self, other: Subspace) -> _Floats: ...
+
+@final
+class Splitting:
+    def __new__(cls, forward: Spectrum, backward: Spectrum, dims: _Dims) -> Splitting: ...
+    @property
+    def dims(self) -> _Dims: ...
+    @property
+    def stable(self) -> Subspace: ...
+    @property
+    def center_stable(self) -> Subspace: ...
+    @property
+    def center(self) -> Subspace: ...
+    @property
+    def center_unstable(self) -> Subspace: ...
+    @property
+    def unstable(self) -> Subspace: ...
+
+@final
+class Placement:
+    def __new__(
+        cls,
+        dims: _Dims | Diagnosis,
+        held: Sequence[int],
+        times: ArrayLike | None = None,
+        *,
+        method: Literal["newton", "fixed_point"] = "newton",
+        tol: float = 1e-8,
+        max_iterations: int = 30,
+    ) -> Placement: ...
+    @property
+    def dims(self) -> _Dims: ...
+    @property
+    def held(self) -> list[int]: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def method(self) -> Literal["newton", "fixed_point"]: ...
+    @property
+    def tol(self) -> float: ...
+    @property
+    def max_iterations(self) -> int: ...
+    def place(self, flow: VariationalFlow, p: ArrayLike, direction: _Direction = "forward") -> Placed: ...
+
+@final
+class Placed:
+    @property
+    def p(self) -> _Floats: ...
+    @property
+    def status(self) -> Literal["placed", "stalled", "max_iterations", "singular_costates", "flow"]: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def angle(self) -> float: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def spectrum(self) -> Spectrum | None: ...
+    @property
+    def n_iterations(self) -> int: ...
+    @property
+    def n_flow_evaluations(self) -> int: ...
+
+@final
+class Matching:
+    def __new__(
+        cls,
+        flow: VariationalFlow,
+        initial_state: ArrayLike,
+        final_state: ArrayLike,
+        horizon: float,
+        placement: Placement,
+        *,
+        initial_costate: ArrayLike,
+        final_costate: ArrayLike,
+        match_time: float | None = None,
+        corrections: ArrayLike | None = None,
+    ) -> Matching: ...
+    def grid_search(
+        self, spacing: ArrayLike, *, tol: float = 2e-3, finest: float = 1e-4, max_rounds: int = 100
+    ) -> Matched: ...
+    def least_squares(
+        self, conserved: Sequence[int] = ..., *, tol: float = 2e-3, max_rounds: int = 30
+    ) -> Matched: ...
+
+@final
+class Matched:
+    @property
+    def status(self) -> Literal["matched", "exhausted", "max_rounds", "no_start"]: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def ends(self) -> _Floats: ...
+    @property
+    def meeting(self) -> _Floats: ...
+    @property
+    def mismatch(self) -> float: ...
+    @property
+    def n_rounds(self) -> int: ...
+    @property
+    def n_branches(self) -> int: ...
+    @property
+    def n_flow_evaluations(self) -> int: ...
+    def nodes(self, times: ArrayLike) -> _Floats: ...
+
+@final
+class Extremal:
+    @property
+    def system(self) -> System: ...
+    @property
+    def status(self) -> Literal["converged", "stalled", "max_iterations", "singular"]: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def nodes(self) -> _Floats: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def n_iterations(self) -> int: ...
+    @property
+    def n_flow_evaluations(self) -> int: ...
+    @property
+    def n_evaluations(self) -> int: ...
+    @property
+    def chain(self) -> Chain: ...
+    def __call__(self, t: ArrayLike) -> _Floats: ...
+    def control(self, t: ArrayLike) -> _Floats: ...
+    def cost(self) -> float: ...
+    def hamiltonian_range(self) -> tuple[float, float]: ...
+
+@final
+class Continued:
+    @property
+    def extremal(self) -> Extremal: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def s(self) -> float: ...
+    @property
+    def n_steps(self) -> int: ...
+    @property
+    def n_rejected(self) -> int: ...
+    @property
+    def n_iterations(self) -> int: ...
+    @property
+    def n_evaluations(self) -> int: ...
+
+def arm(
+    *,
+    masses: _Pair = ...,
+    lengths: _Pair = ...,
+    damping: _Pair = ...,
+    weights: _Pair = ...,
+    torque_limits: _Pair | None = None,
+) -> System: ...
+def linear_regulator() -> System: ...
+def cubic_regulator() -> System: ...
+def tree(model: Model, weights: ArrayLike | None = None) -> System: ...
+def diagnose(spectra: Sequence[Spectrum], horizon: float) -> Diagnosis: ...
+def slow_subspace(spectrum: Spectrum, dims: _Dims) -> Subspace: ...
+def rank_held_costates(slow: Subspace) -> list[tuple[list[int], float]]: ...
+def graded_times(horizon: float, shortest: float, longest: float) -> _Floats: ...
+def shoot(
+    system: System,
+    initial_state: _EndStates,
+    final_state: _EndStates,
+    times: ArrayLike,
+    nodes: ArrayLike,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+) -> Extremal: ...
+def continue_through(
+    system: System,
+    stages: Sequence[tuple[ArrayLike, ArrayLike]],
+    horizon: float,
+    fractions: ArrayLike,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+    first_step: float = 0.1,
+    min_step: float = 1e-4,
+) -> Continued: ...
+def follow(
+    family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],
+    start: Extremal,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+    first_step: float = 0.1,
+    min_step: float = 1e-4,
+) -> Continued: ...

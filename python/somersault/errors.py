@@ -11,6 +11,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from somersault._somersault import Solution
 
 __all__ = [
@@ -26,8 +29,12 @@ __all__ = [
     "DynamicsInputError",
     "ExportError",
     "FitError",
+    "FieldError",
     "FlightError",
+    "FlowError",
     "FreeBodyError",
+    "FtlaError",
+    "FtlaInputError",
     "InertiaError",
     "InputError",
     "IntegrateError",
@@ -202,6 +209,26 @@ class ScoringError(InputError):
 
 class StorageError(InputError):
     """A file is not a scoring model of a version that is known."""
+
+
+class FtlaError(SomersaultError):
+    """An analysis of a hyper-sensitive problem could not be made."""
+
+
+class FtlaInputError(FtlaError, InputError):
+    """An analysis is given what does not fit or is not allowed."""
+
+
+class FlowError(FtlaError):
+    """A motion cannot be followed to its end: its steps become too small or too many."""
+
+    #: Time since the start of the motion, s, and the last state, where it had begun.
+    t: float | None = None
+    state: NDArray[np.float64] | None = None
+
+
+class FieldError(FlowError):
+    """A field has no value: it is not finite, or a callable raised, which is then the cause."""
 
 
 class ViewerError(InputError):

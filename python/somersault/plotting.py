@@ -27,6 +27,8 @@ except ImportError as _error:
 
 from somersault._motion_plots import motion_groups
 
+from somersault._ftla_figures import compare_motions, exponents, projections, subspace_angles
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -34,14 +36,18 @@ Array = NDArray[Any]
 
 __all__ = [
     "abbreviation",
+    "compare_motions",
     "energy_ratios",
+    "exponents",
     "gaps",
     "motion",
     "motion_groups",
     "observed_orders",
     "polhode",
+    "projections",
     "stability_regions",
     "style",
+    "subspace_angles",
     "tree",
     "work_precision",
 ]

@@ -21,7 +21,7 @@ mpl.use("Agg")
 
 #: Pages that play a motion.
 ANIMATIONS = frozenset(
-    f"{name}.html" for name in ("top", "postures", "dive", "twist", "swing_up_motion", "arm_motion")
+    f"{name}.html" for name in ("top", "postures", "dive", "twist", "swing_up_motion", "arm_motion", "arm_stages")
 )
 
 
@@ -85,6 +85,7 @@ ANIMATIONS = (
     "twist.html",
     "swing_up_motion.html",
     "arm_motion.html",
+    "arm_stages.html",
 )
 
 

@@ -13,6 +13,7 @@ mod error;
 mod event;
 mod exact;
 mod forces;
+mod ftla;
 mod integrate;
 mod kinematics;
 mod link;
@@ -55,6 +56,12 @@ mod _somersault {
     use crate::exact::FreeBody;
     #[pymodule_export]
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
+    #[pymodule_export]
+    use crate::ftla::{
+        Chain, Continued, Diagnosis, Extremal, Matched, Matching, Placed, Placement, Spectrum, Splitting,
+        Subspace, System, Transition, VariationalFlow, arm, continue_through, cubic_regulator, diagnose,
+        linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot, slow_subspace, tree,
+    };
     #[pymodule_export]
     use crate::integrate::integrate;
     #[pymodule_export]

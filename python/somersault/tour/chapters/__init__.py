@@ -28,6 +28,9 @@ ORDER = (
     "dives",
     "swing_up",
     "arm",
+    "timescales",
+    "matching",
+    "extremals",
     "deviations",
 )
 
