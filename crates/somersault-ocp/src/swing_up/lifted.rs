@@ -92,7 +92,8 @@ impl SwingUp {
         let cart: Vec<(usize, usize)> = (n_rows - 2..n_rows)
             .flat_map(|row| passes.tables.active(end..end).map(move |j| (row, j)))
             .collect();
-        let of_segments = segments.iter().flat_map(|s| s.rows.into_iter().flat_map(|i| s.variables().map(move |j| (i, j))));
+        let of_segments =
+            segments.iter().flat_map(|s| s.rows.into_iter().flat_map(|i| s.variables().map(move |j| (i, j))));
         let of_nodes = (0..n_rows).map(|i| (i, n + i));
         let entries = of_segments.chain(of_nodes.clone()).chain(cart.iter().copied());
         let jacobian = Pattern::from_entries(n_rows, n_variables, entries);
@@ -123,7 +124,12 @@ impl SwingUp {
                 let i = n_variables - ERROR + k;
                 hessian.position(i, i).unwrap_or_default()
             }),
-            structure: Structure { variables: Bounds::free(n_variables), constraints: zeros, jacobian, hessian },
+            structure: Structure {
+                variables: Bounds::free(n_variables),
+                constraints: zeros,
+                jacobian,
+                hessian,
+            },
             tangents: Tangents::new(n + 2),
             by_parameters: vec![0.0; n],
             n_parameters: n,

@@ -107,7 +107,7 @@ impl Passes {
         let CartPendulum { mass, length, gravity, .. } = self.system;
         let push = self.pushes[place];
         let (sin, cos) = quadrant.sin_cos(angle);
-        let acceleration = (push * cos + gravity * sin) * self.inverse_length;
+        let acceleration = (push * self.inverse_length) * cos + (gravity * self.inverse_length) * sin;
         let total = self.system.cart_mass + mass;
         let force = total * push - mass * length * (acceleration * cos - rate * rate * sin);
         Stage { angle, rate, push, sin, cos, acceleration, force, multiplier: 0.0 }
@@ -127,7 +127,11 @@ impl Passes {
 
     /// Integrates from a state (θ, θ̇) at the start of `steps`: what is paid on the way, and the state at their end. The
     /// last node of all belongs to the steps before it.
-    pub(super) fn forward(&mut self, steps: Range<usize>, [mut angle, mut rate]: [f64; 2]) -> (f64, [f64; 2]) {
+    pub(super) fn forward(
+        &mut self,
+        steps: Range<usize>,
+        [mut angle, mut rate]: [f64; 2],
+    ) -> (f64, [f64; 2]) {
         let (h, n_stages) = (self.step, self.scheme.n_stages());
         let runs = self.has_running_weights();
         let mut quadrant = Quadrant::of(angle);

@@ -56,7 +56,8 @@ impl Nlp for SingleShooting {
         let n_steps = passes.n_steps;
         let apart = passes.apart(n_steps, self.end);
         passes.by_coefficients.fill(0.0);
-        let by_end = passes.pull_state(n_steps, std::array::from_fn(|i| passes.terminal_weights[i] * apart[i]));
+        let by_end =
+            passes.pull_state(n_steps, std::array::from_fn(|i| passes.terminal_weights[i] * apart[i]));
         passes.backward(0..n_steps, by_end, 1.0);
         gradient.fill(0.0);
         passes.tables.motion.pull_back(&passes.by_coefficients, gradient);

@@ -361,17 +361,15 @@ impl CartPendulumProblem {
         if n_starts == 0 && starts.is_none() {
             return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
         }
-        let mut all = starts
-            .iter()
-            .flatten()
-            .map(|z| self.start_at(z))
-            .collect::<Result<Vec<Start>, Error>>()?;
+        let mut all =
+            starts.iter().flatten().map(|z| self.start_at(z)).collect::<Result<Vec<Start>, Error>>()?;
         all.extend(self.lifted.starts(n_starts, reach, seed)?);
         let many = MultiStart { distance_tol, ..MultiStart::new(Sqp::default()) };
         let stop = AtomicBool::new(false);
         let (found, raised) = py.detach(|| {
             thread::scope(|scope| {
-                let search = scope.spawn(|| many.solve(|| self.lifted.clone(), &all, || stop.load(Ordering::Relaxed)));
+                let search =
+                    scope.spawn(|| many.solve(|| self.lifted.clone(), &all, || stop.load(Ordering::Relaxed)));
                 let mut raised = None;
                 while !search.is_finished() {
                     thread::park_timeout(ATTENTION / 10);
