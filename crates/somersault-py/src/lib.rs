@@ -82,7 +82,7 @@ mod _somersault {
     #[pymodule_export]
     use crate::ocp::{
         CartPendulumProblem, CollocationProblem, CollocationResult, Constraint, Cost, Dive, DiveSolution,
-        DiveVerification, EigenpostureBase, Motion, MotionProblem, Phase, Report, SplineMotion,
+        DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem, Phase, Report, SplineMotion,
         SwingUpSearch, SwingUpVerification, Term, axis_direction, body_orientation, displacement, dive_107b,
         dive_5174d, entries, function, momentum, point_position,
     };

@@ -1,5 +1,6 @@
 //! Distances of limbs along a dive.
 
+use super::capsule::PREFERENCE;
 use super::program::entry;
 use super::{Body, Clearance, Dive};
 use crate::motion::SplineMotion;
@@ -120,7 +121,12 @@ impl ClearanceRows {
         for time in 0..self.shares.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
-            self.body.distances(&positions, &mut out[time * n_pairs..(time + 1) * n_pairs], None)?;
+            self.body.distances(
+                &positions,
+                PREFERENCE,
+                &mut out[time * n_pairs..(time + 1) * n_pairs],
+                None,
+            )?;
         }
         Ok(())
     }
@@ -139,7 +145,7 @@ impl ClearanceRows {
         for time in 0..self.shares.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
-            self.body.distances(&positions, &mut self.distances, Some(&mut self.gradients))?;
+            self.body.distances(&positions, PREFERENCE, &mut self.distances, Some(&mut self.gradients))?;
             for pair in 0..n_pairs {
                 self.by_channel.fill(0.0);
                 let by_joint = &self.gradients[pair * n_joints..(pair + 1) * n_joints];
@@ -217,7 +223,7 @@ impl ClearanceRows {
         y: &[f64],
     ) -> Result<Vec<f64>, DynamicsError> {
         let positions = model.positions(&mut self.data, &self.q)?;
-        self.body.distances(&positions, &mut self.distances, Some(&mut self.gradients))?;
+        self.body.distances(&positions, PREFERENCE, &mut self.distances, Some(&mut self.gradients))?;
         let mut by_channel = vec![0.0; motion.n_channels()];
         for (by_joint, y) in self.gradients.chunks_exact(motion.base().n_joints()).zip(y) {
             self.by_channel.fill(0.0);
@@ -272,7 +278,7 @@ fn least_distances(
             let weight = *count as f64 / GRID as f64;
             angles.iter_mut().zip(posture).for_each(|(angle, p)| *angle += weight * p);
         }
-        body.distances(&model.positions(data, q)?, &mut distances, None)?;
+        body.distances(&model.positions(data, q)?, 0.0, &mut distances, None)?;
         least.iter_mut().zip(&distances).for_each(|(least, d)| *least = least.min(*d));
         if !advance(&mut counts) {
             return Ok(least);

@@ -17,8 +17,9 @@ const RANK: f64 = 1e-6;
 const STEP: f64 = 1e-6;
 
 impl DiveProgram {
-    /// Writes the upper triangle of the Hessian of `cost_factor` f + yᵀ c; soft constraints belong to f.
-    pub(super) fn curvature_of_lagrangian(
+    /// Writes the upper triangle of a matrix for quadratic models of `cost_factor` f + yᵀ c, positive semi-definite. With
+    /// soft constraints it is that of Gauss and Newton.
+    pub(super) fn convex_curvature(
         &mut self,
         z: &[f64],
         cost_factor: f64,
@@ -26,26 +27,32 @@ impl DiveProgram {
         hessian: &mut [f64],
     ) -> Result<(), DiveError> {
         hessian.fill(0.0);
-        self.add_cost_curvature(z, cost_factor, hessian);
-        let first = self.linear.len();
         if let Some(soft) = &self.soft {
-            soft.add_hessian(&self.structure.jacobian, &self.last, first, cost_factor, hessian);
+            soft.add_hessian(&self.structure.jacobian, &self.last, self.linear.len(), cost_factor, hessian);
+            self.add_cost_curvature(z, cost_factor, hessian);
             return Ok(());
         }
-        let (of_angles, of_clearances) = multipliers[first..].split_at(self.n_angles());
+        self.add_curvature(z, cost_factor, multipliers, hessian)?;
+        self.make_convex(multipliers, hessian);
+        Ok(())
+    }
+
+    /// Adds the Hessian of `cost_factor` f + yᵀ c.
+    fn add_curvature(
+        &mut self,
+        z: &[f64],
+        cost_factor: f64,
+        multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), DiveError> {
+        self.add_cost_curvature(z, cost_factor, hessian);
+        let (of_angles, of_clearances) = multipliers[self.linear.len()..].split_at(self.n_angles());
         self.add_angle_curvature(z, of_angles, hessian)?;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
-            clearance.add_curvature(
-                model,
-                motion,
-                &self.column_of,
-                &self.coefficients,
-                of_clearances,
-                hessian,
-            )?;
+            let coefficients = &self.coefficients;
+            clearance.add_curvature(model, motion, &self.column_of, coefficients, of_clearances, hessian)?;
         }
-        self.make_convex(multipliers, hessian);
         Ok(())
     }
 
@@ -166,7 +173,8 @@ impl DiveProgram {
                 steps[column] = steps[column].min(self.path.first_step_of(coefficient));
             }
         }
-        let mut columns: Vec<_> = steps.into_iter().enumerate().map(|(column, step)| (step, column)).collect();
+        let mut columns: Vec<_> =
+            steps.into_iter().enumerate().map(|(column, step)| (step, column)).collect();
         columns.sort_unstable_by(|a, b| b.cmp(a));
         columns
     }
@@ -175,4 +183,61 @@ impl DiveProgram {
 /// Where the upper triangle has row `i` and column `j`.
 pub(in crate::dive) fn entry(i: usize, j: usize) -> usize {
     j * (j + 1) / 2 + i
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::dive::{Dive, DiveProgram, Penalties, Range};
+    use crate::nlp::Nlp;
+
+    fn gradient(program: &mut DiveProgram, z: &[f64], y: &[f64]) -> Vec<f64> {
+        let structure = program.structure().clone();
+        let (mut c, mut gradient) = (vec![0.0; y.len()], vec![0.0; z.len()]);
+        let mut jacobian = vec![0.0; structure.jacobian.n_entries()];
+        program.evaluate(z, &mut c).unwrap();
+        program.differentiate(z, &mut gradient, &mut jacobian).unwrap();
+        structure.jacobian.add_transposed_product(&jacobian, y, &mut gradient);
+        gradient
+    }
+
+    #[test]
+    fn the_curvature_is_that_of_differences_of_the_lagrangian() {
+        let planar = Dive { n_steps: 10, ..Dive::forward_pike().unwrap() };
+        let spatial = Dive { n_steps: 25, ..Dive::forward_twisting() };
+        let templates = [Dive::pike_template(), Dive::twisting_template()];
+        for (dive, template) in [planar, spatial].into_iter().zip(templates) {
+            let dive = Dive {
+                lean: Range::new(0.0, 0.3),
+                duration: Range::new(1.5, 2.0),
+                penalties: Penalties { momentum: 1.0, rate: 1e-3, acceleration: 1e-5 },
+                ..dive
+            };
+            let mut program = dive.program().unwrap();
+            let z = program.start(&template).unwrap();
+            let n = z.len();
+            let y: Vec<f64> =
+                (0..program.structure().constraints.len()).map(|k| (k as f64 * 1.3).sin()).collect();
+            let mut found = vec![0.0; n * (n + 1) / 2];
+            gradient(&mut program, &z, &y);
+            program.add_curvature(&z, 0.7, &y, &mut found).unwrap();
+            let h = 1e-5;
+            for k in (0..n).step_by(5).chain(n - 3..n) {
+                let mut moved = z.clone();
+                moved[k] = z[k] + h;
+                let plus = gradient(&mut program, &moved, &y);
+                let cost_plus = gradient(&mut program, &moved, &vec![0.0; y.len()]);
+                moved[k] = z[k] - h;
+                let minus = gradient(&mut program, &moved, &y);
+                let cost_minus = gradient(&mut program, &moved, &vec![0.0; y.len()]);
+                for i in 0..n {
+                    let change = (plus[i] - minus[i]) - 0.3 * (cost_plus[i] - cost_minus[i]);
+                    let (expected, found) = (change / (2.0 * h), found[super::entry(i.min(k), i.max(k))]);
+                    assert!(
+                        (found - expected).abs() < 2e-4 * (1.0 + expected.abs()),
+                        "{i} {k} {found} {expected}"
+                    );
+                }
+            }
+        }
+    }
 }

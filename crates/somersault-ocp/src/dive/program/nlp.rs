@@ -120,7 +120,7 @@ impl Nlp for DiveProgram {
         multipliers: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.curvature_of_lagrangian(z, cost_factor, multipliers, hessian).map_err(undefined)
+        self.convex_curvature(z, cost_factor, multipliers, hessian).map_err(undefined)
     }
 }
 
