@@ -21,7 +21,7 @@ mpl.use("Agg")
 
 #: Pages that play a motion.
 ANIMATIONS = frozenset(
-    f"{name}.html" for name in ("top", "postures", "dive", "twist", "swing_up_motion", "arm_motion")
+    f"{name}.html" for name in ("top", "postures", "dive", "twist", "fit", "backflip", "swing_up_motion", "arm_motion")
 )
 
 
@@ -83,6 +83,8 @@ ANIMATIONS = (
     "postures.html",
     "dive.html",
     "twist.html",
+    "fit.html",
+    "backflip.html",
     "swing_up_motion.html",
     "arm_motion.html",
 )
