@@ -43,7 +43,7 @@ bench-peers: $(VENV)/.peers
 fuzz:
 	mkdir -p out/corpus/urdf
 	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
-	for format in bvh c3d joint_motion marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
+	for format in bvh c3d joint_motion judged marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
 		out/corpus/$$format fuzz/corpus/$$format -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024 || exit 1; done
 
 # A wheel and a source distribution in dist/.

@@ -84,6 +84,14 @@ impl Pca {
         Ok(Self { mean, components, variance, total_variance, n_samples })
     }
 
+    /// The first `n` components alone, at most as many as there are.
+    pub(crate) fn truncated(mut self, n: usize) -> Self {
+        let n = n.min(self.n_components());
+        self.components = self.components.columns(0, n).into_owned();
+        self.variance.truncate(n);
+        self
+    }
+
     /// Mean of the samples.
     pub fn mean(&self) -> &DVector<f64> {
         &self.mean
