@@ -38,11 +38,10 @@ def place_markers(
     MarkerRecording
     """
     model = markers.model
-    poses = np.asarray(model.poses(np.asarray(q, dtype=np.float64).reshape(-1, model.n_positions)))
-    bodies = [model.body(name) for name in markers.bodies]
-    turned = np.einsum("nkij,kj->nki", poses[:, bodies, :3, :3], markers.points)
+    poses = np.asarray(model.poses(np.asarray(q, dtype=np.float64)))
+    bodies = poses[:, [model.body(name) for name in markers.bodies]]
     root = poses[:, :1, :3, 3]
-    away = turned + poses[:, bodies, :3, 3] - root
+    away = np.einsum("nkij,kj->nki", bodies[..., :3, :3], markers.points) + bodies[..., :3, 3] - root
     size = np.broadcast_to(np.asarray(scale, dtype=np.float64), (len(poses),))
     return MarkerRecording(list(markers.names), times, root + size[:, None, None] * away)
 

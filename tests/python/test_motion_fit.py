@@ -13,13 +13,14 @@ Array = NDArray[np.float64]
 PLANAR, SPATIAL = multibody.diver_planar(), multibody.diver_spatial()
 
 
-def two_on_each(model: multibody.Model) -> motion.MarkerSet:
-    """A marker at the joint and one beyond the centre of each body that has a mass."""
+def three_on_each(model: multibody.Model) -> motion.MarkerSet:
+    """A marker at the joint, one beyond the centre and one beside it, on each body that has a mass."""
     markers: dict[str, tuple[str | int, Any]] = {}
     for link in model.links:
         if link.mass > 0.0:
             markers[link.name] = (link.name, np.zeros(3))
             markers[f"{link.name} end"] = (link.name, 2.0 * link.center + [0.05, 0.0, 0.0])
+            markers[f"{link.name} side"] = (link.name, np.add(link.center, (0.0, 0.06, 0.04)))
     return motion.MarkerSet(model, markers)
 
 
@@ -49,7 +50,7 @@ def blurred(
 @pytest.mark.parametrize("diver", [PLANAR, SPATIAL], ids=["planar", "spatial"])
 class TestKnownMotions:
     def test_are_found_again_to_1e_6_without_noise(self, diver: multibody.Diver) -> None:
-        markers = two_on_each(diver.model)
+        markers = three_on_each(diver.model)
         t, q = tumble(diver)
         fit = motion.MarkerFit(markers).fit(motion.place_markers(markers, t, q, scale=1.1))
         assert fit.success and set(fit.status) == {"converged"}
@@ -58,7 +59,7 @@ class TestKnownMotions:
         assert fit.rms < 1e-8 and fit.residuals.shape == (len(t), len(markers))
 
     def test_are_found_within_the_error_predicted_with_noise(self, diver: multibody.Diver) -> None:
-        markers = two_on_each(diver.model)
+        markers = three_on_each(diver.model)
         t, q = tumble(diver)
         seen = blurred(motion.place_markers(markers, t, q), 0.01, missing=0.2)
         assert seen.n_missing > 0.15 * seen.present.size
@@ -68,16 +69,18 @@ class TestKnownMotions:
         scores = []
         for i in range(len(t)):
             covariance = fit.covariance(i)
-            assert covariance is not None and covariance.shape == (1 + off.shape[1],) * 2
+            if covariance is None:
+                continue  # a body without its markers is not determined
+            assert covariance.shape == (1 + off.shape[1],) * 2
             assert np.abs(covariance - covariance.T).max() < 1e-15
             deviation = np.sqrt(np.diag(covariance)[1:])
             # an unknown that no bound is near
             free = deviation > 0.0
             scores.append(np.where(free, off[i] / np.where(free, deviation, 1.0), np.nan))
         z = np.array(scores)[:, np.isfinite(scores).all(axis=0)]
-        assert z.shape[1] >= 0.6 * off.shape[1]
+        assert len(z) >= 0.8 * len(t) and z.shape[1] >= 0.6 * off.shape[1]
         # linearised; bounds cut a little
-        assert np.abs(z.mean(axis=0)).max() < 5.0 / np.sqrt(len(t))
+        assert np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(len(z))
         assert np.sqrt((z**2).mean()) == pytest.approx(1.0, abs=0.1)
 
 
@@ -99,7 +102,7 @@ class TestFits:
         assert outside.rms > 0.01
 
     def test_a_common_scale_is_one_for_all_frames(self) -> None:
-        markers = two_on_each(PLANAR.model)
+        markers = three_on_each(PLANAR.model)
         t, q = tumble(PLANAR, 15)
         seen = blurred(motion.place_markers(markers, t, q, scale=1.2), 0.005)
         each = motion.MarkerFit(markers).fit(seen)
@@ -109,7 +112,7 @@ class TestFits:
         assert each.cost.sum() < common.cost.sum()
 
     def test_robust_losses_forget_outliers(self) -> None:
-        markers = two_on_each(PLANAR.model)
+        markers = three_on_each(PLANAR.model)
         t, q = tumble(PLANAR, 15)
         seen = motion.place_markers(markers, t, q)
         points = seen.points
@@ -126,7 +129,7 @@ class TestFits:
         assert errors_of["cauchy"] < 1e-3 < errors_of["huber"] < 0.2 * errors_of["squares"]
 
     def test_residuals_are_the_distances_of_markers(self) -> None:
-        markers = two_on_each(PLANAR.model)
+        markers = three_on_each(PLANAR.model)
         t, q = tumble(PLANAR, 5)
         seen = blurred(motion.place_markers(markers, t, q), 0.02, missing=0.3)
         fit = motion.MarkerFit(markers, max_iterations=3).fit(seen)
@@ -158,7 +161,7 @@ class TestFits:
         assert near[1]["head"] <= near[0]["head"] + 1e-9
 
     def test_frames_without_markers_say_so(self) -> None:
-        markers = two_on_each(PLANAR.model)
+        markers = three_on_each(PLANAR.model)
         t, q = tumble(PLANAR, 4)
         seen = motion.place_markers(markers, t, q)
         present = seen.present.copy()

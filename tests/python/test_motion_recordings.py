@@ -124,7 +124,7 @@ class TestLowPass:
             bent, cut = (np.tan(np.pi * f / 200.0) for f in (frequency, 6.0))
             expected = 1.0 / (1.0 + (np.sqrt(2.0) - 1.0) * (bent / cut) ** 4)
             found = motion.low_pass(self.wave(frequency), 6.0).track("a")[600:1400, 0]
-            assert np.abs(found).max() == pytest.approx(expected, rel=2e-3), frequency
+            assert np.sqrt(2.0 * np.mean(found**2)) == pytest.approx(expected, rel=2e-3), frequency
 
     def test_gaps_stay_and_stretches_are_filtered_alone(self) -> None:
         wave = self.wave(3.0, 400)
@@ -236,8 +236,8 @@ class TestFilesOfOthers:
         centres = motion.read_bvh(FILES / "bvhio.bvh", unit="m").joint_centres()
         for i, frame in enumerate(json.loads((FILES / "bvhio.json").read_text())):
             for name, place in frame.items():
-                # bvhio has single precision
-                np.testing.assert_allclose(centres.track(name)[i], Y_UP @ place, atol=2e-5)
+                # lengths of 100 in single precision, a rounding of 1e-5, through products of four rotations
+                np.testing.assert_allclose(centres.track(name)[i], Y_UP @ place, atol=1e-4)
 
 
 TRC = (
@@ -314,7 +314,7 @@ class TestReaders:
             (motion.read_csv, CSV[: CSV.index("\n") + 1], 1, "no frames"),
             (motion.read_csv, CSV.replace("hip_y", "hip_w"), 1, "found `hip_w`"),
             (motion.read_csv, CSV.replace("0.1,", "0.0,"), None, "`times` must grow, but frame 1"),
-            (motion.read_joint_motion, '{"Frames": [[1, 2]]}', 1, "a frame of 44 numbers"),
+            (motion.read_joint_motion, '{"Frames": [[1, 2]]}', 1, "invalid length 2"),
             (motion.read_joint_motion, '{"Frames": []}', 1, "no frames"),
         ],
     )

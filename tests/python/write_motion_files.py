@@ -26,6 +26,8 @@ def c3d() -> None:
     written["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
     written["parameters"]["POINT"]["LABELS"]["value"] = ["RASI", "knee left", "toe"]
     written["data"]["points"] = np.concatenate([points, np.ones((1, 3, 6))])
+    # without this ezc3d writes NaN as if it were a place
+    written["data"]["meta_points"]["residuals"] = np.where(np.isnan(points[:1]), -1.0, 0.5)
     written.write(str(FOLDER / "ezc3d.c3d"))
     read = ezc3d.c3d(str(FOLDER / "ezc3d.c3d"))["data"]["points"][:3]
     frames = np.where(np.isnan(read), None, read.astype(object)).transpose(2, 1, 0).tolist()

@@ -26,6 +26,8 @@ ORDER = (
     "divers",
     "eigenpostures",
     "dives",
+    "motions",
+    "recordings",
     "swing_up",
     "arm",
     "timescales",
