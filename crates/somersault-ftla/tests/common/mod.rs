@@ -2,12 +2,11 @@
 #![allow(dead_code)] // each test file is a crate of its own and uses a part
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
+use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::{Continuation, Continued};
-use somersault_ftla::shooting::graded_times;
-use somersault_ftla::system::{ArmMinimumTorque, ControlProblem, StateCostate};
+use somersault_ftla::system::{ControlProblem, StateCostate};
 use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
-use std::f64::consts::FRAC_PI_2;
 
 /// Numbers in [−1, 1) from a fixed seed (SplitMix64).
 pub(crate) struct Random(u64);
@@ -93,15 +92,9 @@ pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
     text.lines().map(numbers).map(|row| (row[0], SVector::from_column_slice(&row[1..]))).collect()
 }
 
-/// The thesis' problem from a rest folded to `fold`, by travelling folded and unfolding at the ends.
+/// The thesis' problem with another fold and another θ₂ at the end.
 pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
-    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
-    let stages = [
-        [end(0.0, fold), end(0.0, fold)],
-        [end(-FRAC_PI_2, fold), end(FRAC_PI_2, fold)],
-        [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, unfolded)],
-    ];
-    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
-    let arm = ArmMinimumTorque::default();
-    Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed")
+    let thesis = ArmTravel::default();
+    let travel = ArmTravel { fold, last: [thesis.last[0], unfolded], ..thesis };
+    travel.solve(&Continuation::default()).expect("well posed")
 }
