@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from somersault._somersault import Continued, Extremal, System, arm, continue_through, graded_times
+from somersault._somersault import (
+    Continued,
+    Extremal,
+    System,
+    arm,
+    continue_through,
+    graded_times,
+    travel_arm,
+)
 from somersault.errors import FtlaInputError
 
 __all__ = ["ArmExtremal", "arm_extremals", "solve_arm"]
@@ -39,7 +47,9 @@ def solve_arm(
 ) -> Continued:
     """An extremal of the two-link arm from nothing but its end states and the way it folds.
 
-    By continuation from a rest with the second link folded, through a travel of the folded arm, to the unfolded ends.
+    Between two rests from a spline of least effort, whose torques tell the costates; otherwise by
+    continuation from a rest with the second link folded, through a travel of the folded arm, to the unfolded
+    ends. Multiple shooting polishes.
 
     Parameters
     ----------
@@ -52,7 +62,7 @@ def solve_arm(
     system : System, optional
         As `arm` makes it; that of the thesis unless given.
     options
-        As those of `continue_through`.
+        ``tol``, ``max_iterations``, ``rtol`` and ``atol`` as those of `shoot`.
 
     Returns
     -------
@@ -61,13 +71,18 @@ def solve_arm(
     initial, final = _state("initial_state", initial_state), _state("final_state", final_state)
     if not (np.isfinite(horizon) and horizon > 0.0):
         raise FtlaInputError(f"`horizon` must be positive and finite, found {horizon}")
+    if not np.isfinite(fold):
+        raise FtlaInputError(f"`fold` must be finite, found {fold}")
+    system = system or arm()
+    if not (initial[2:].any() or final[2:].any()):
+        return travel_arm(system, initial[:2].tolist(), final[:2].tolist(), horizon, fold, **options)
     middle = 0.5 * (initial[0] + final[0])
     rest = np.array([middle, fold, 0.0, 0.0])
     travel = [np.array([state[0], fold, 0.0, 0.0]) for state in (initial, final)]
     stages = [(rest, rest), (travel[0], travel[1]), (initial, final)]
     # segments from a tenth to four tenths of a second
     fractions = graded_times(1.0, min(0.1 / horizon, 0.05), min(0.4 / horizon, 0.2))
-    return continue_through(system or arm(), stages, horizon, fractions, **options)
+    return continue_through(system, stages, horizon, fractions, **options)
 
 
 def arm_extremals(
@@ -93,7 +108,7 @@ def arm_extremals(
         Whole turns added to the last θ₂: the same final posture.
     system : System, optional
     options
-        As those of `continue_through`.
+        As those of `solve_arm`.
 
     Returns
     -------

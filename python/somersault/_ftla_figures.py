@@ -73,7 +73,8 @@ def projections(
     names : tuple of str
         What to call them.
     transients : tuple of float
-        How long the first and the last stage take, s: green fades to blue over the first, blue to red over the last.
+        How long the first and the last stage take, s: green fades to blue over the first, blue to red over
+        the last.
     ax : matplotlib.axes.Axes, optional
         Axes of three dimensions to draw into.
 
@@ -102,9 +103,9 @@ def projections(
         drawn.add_collection3d(
             Line3DCollection(segments, colors=_STAGES(0.5 * (stage[:-1] + stage[1:])), linewidths=1.8)
         )
-    for index, axis in enumerate("xyz"):
-        getattr(drawn, f"set_{axis}lim")(walls[0][index], walls[1][index])
-        getattr(drawn, f"set_{axis}label")(names[index])
+    for index, letter in enumerate("xyz"):
+        getattr(drawn, f"set_{letter}lim")(walls[0][index], walls[1][index])
+        getattr(drawn, f"set_{letter}label")(names[index])
     found: Axes = drawn
     return found
 
@@ -129,8 +130,8 @@ def subspace_angles(
     dims : tuple of int
         (n^s, n^c, n^u).
     averaging : float
-        Averaging time, s. Where less than that is left of the motion to one side, it is followed on beyond its end for
-        as long as it can be, and no angle is drawn where it cannot.
+        Averaging time, s. Where less than that is left of the motion to one side, it is followed on beyond
+        its end, and no angle is drawn where it cannot be.
     ax : matplotlib.axes.Axes, optional
         Axes to draw into.
 

@@ -222,6 +222,7 @@ __all__ = [
     "stability_region",
     "tippe_top",
     "turns_about",
+    "travel_arm",
     "tree",
     "two_link_arm",
     "validate",
@@ -1997,6 +1998,9 @@ class VariationalFlow:
     def cost(self, p: ArrayLike, duration: float) -> tuple[_Floats, float]: ...
     def transition(self, p: ArrayLike, duration: float) -> Transition: ...
     def transitions(self, points: ArrayLike, duration: float) -> tuple[_Floats, _Floats]: ...
+    def switches(
+        self, p: ArrayLike, duration: float
+    ) -> list[tuple[float, list[Literal["lower", "free", "upper"]]]]: ...
     def chain(self, p: ArrayLike, times: ArrayLike, growth: float = 100.0) -> Chain: ...
     def spectra(
         self, p: ArrayLike, times: ArrayLike, direction: _Direction = "forward"
@@ -2215,7 +2219,13 @@ def arm(
 ) -> System: ...
 def linear_regulator() -> System: ...
 def cubic_regulator() -> System: ...
-def tree(model: Model, weights: ArrayLike | None = None) -> System: ...
+def tree(
+    model: Model,
+    weights: ArrayLike | None = None,
+    *,
+    torque_limits: ArrayLike | None = None,
+    passive: Sequence[int] = ...,
+) -> System: ...
 def diagnose(spectra: Sequence[Spectrum], horizon: float) -> Diagnosis: ...
 def slow_subspace(spectrum: Spectrum, dims: _Dims) -> Subspace: ...
 def rank_held_costates(slow: Subspace) -> list[tuple[list[int], float]]: ...
@@ -2244,6 +2254,18 @@ def continue_through(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+) -> Continued: ...
+def travel_arm(
+    system: System,
+    initial: _Pair,
+    last: _Pair,
+    horizon: float,
+    fold: float,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
 ) -> Continued: ...
 def follow(
     family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],

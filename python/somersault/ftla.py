@@ -1,14 +1,14 @@
 """Finite-time Lyapunov analysis of hyper-sensitive optimal control.
 
-The necessary conditions of an optimal control problem are a boundary value problem in states and costates, p = (x, λ). Where
-it has rates that are fast against the horizon, shooting fails; the same rates split the tangent space, and an optimum starts
-near the centre-stable manifold and ends near the centre-unstable one.
+The necessary conditions of an optimal control problem are a boundary value problem in states and costates,
+p = (x, λ). Where it has rates that are fast against the horizon, shooting fails; the same rates split the
+tangent space, and an optimum starts near the centre-stable manifold and ends near the centre-unstable one.
 
-In the order of work: a `System` poses; a `VariationalFlow` integrates it with its transition matrix and gives a `Spectrum` of
-exponents and vectors; `diagnose` says whether the problem is hyper-sensitive, `Splitting` holds the subspaces; a `Placement`
-puts points on the slow manifolds, a `Matching` joins two ends, and `shoot` polishes to rounding. `continue_through` starts from
-nothing but boundary states, `follow` changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals`
-ranks several.
+In the order of work: a `System` poses; a `VariationalFlow` integrates it with its transition matrix and gives
+a `Spectrum` of exponents and vectors; `diagnose` says whether the problem is hyper-sensitive, `Splitting`
+holds the subspaces; a `Placement` puts points on the slow manifolds, a `Matching` joins two ends, and `shoot`
+polishes to rounding. `continue_through` starts from nothing but boundary states, `follow` changes a
+parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
 
 >>> import numpy as np
 >>> from somersault import ftla

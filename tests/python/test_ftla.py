@@ -15,7 +15,7 @@ START = np.array(
      -0.12234910357574813]
 )  # fmt: skip
 
-#: crates/somersault-ftla/tests/reference/exponents.py, in 60 digits: positive exponents at the start over 2 and 5 s.
+#: crates/somersault-ftla/tests/reference/exponents.py, 60 digits: positive exponents at the start.
 EXPONENTS = {
     2.0: [0.394746429866988, 0.520276312392858, 4.14612466842201, 4.4682202552221],
     5.0: [0.293676890574938, 0.428228058800708, 2.71509930623798, 3.27130256991292],
@@ -55,7 +55,20 @@ def test_the_arm_is_the_tree_of_the_arm() -> None:
 def test_torques_stay_within_their_limits() -> None:
     limited, free = ftla.arm(torque_limits=(0.1, 0.02)), ftla.arm()
     assert (np.abs(limited.control(START)) <= (0.1, 0.02)).all()
-    np.testing.assert_allclose(limited.control(START), np.clip(free.control(START), (-0.1, -0.02), (0.1, 0.02)))
+    np.testing.assert_allclose(
+        limited.control(START), np.clip(free.control(START), (-0.1, -0.02), (0.1, 0.02))
+    )
+
+
+def test_joints_of_a_tree_may_be_limited_or_passive() -> None:
+    arm = multibody.two_link_arm()
+    limited = ftla.tree(arm, [1.0, 0.5], torque_limits=(0.1, 0.02))
+    np.testing.assert_allclose(
+        limited.field(START), ftla.arm(torque_limits=(0.1, 0.02)).field(START), atol=1e-11
+    )
+    passive = ftla.tree(arm, passive=[1])
+    assert passive.control(START)[1] == 0.0 != passive.control(START)[0]
+    assert "passive=[1]" in repr(passive)
 
 
 def test_one_point_has_the_shapes_of_one() -> None:
@@ -193,7 +206,9 @@ def test_subspaces_know_complements_intersections_and_angles() -> None:
 @pytest.mark.parametrize("method", ["newton", "fixed_point"])
 def test_the_cubic_regulator_is_placed_on_its_manifolds(method: Any) -> None:
     flow = ftla.VariationalFlow(ftla.cubic_regulator())
-    placement = ftla.Placement((1, 0, 1), [], np.arange(0.5, 9.1, 0.5), method=method, tol=1e-10, max_iterations=60)
+    placement = ftla.Placement(
+        (1, 0, 1), [], np.arange(0.5, 9.1, 0.5), method=method, tol=1e-10, max_iterations=60
+    )
     for direction, exact in (("forward", np.sqrt(2.0) - 1.0), ("backward", -np.sqrt(2.0) - 1.0)):
         placed = placement.place(flow, [1.0, exact + 0.2], direction)  # type: ignore[arg-type]
         assert placed.status == "placed" and placed.success and placed.angle <= 1e-10
@@ -205,7 +220,7 @@ def test_the_cubic_regulator_is_placed_on_its_manifolds(method: Any) -> None:
 def test_the_arm_is_placed_with_the_schedule_of_its_spectrum(arm: ftla.VariationalFlow) -> None:
     diagnosis = ftla.diagnose(arm.spectra(START, np.arange(0.5, 5.1, 0.5)), 10.0)
     placement = ftla.Placement(diagnosis, [0, 2])
-    off = START + [0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, -0.05]
+    off = np.add(START, (0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, -0.05))
     placed = placement.place(arm, off)
     assert placed.success and placed.time == placement.times[-1]
     np.testing.assert_array_equal(placed.p[[0, 1, 2, 3, 4, 6]], off[[0, 1, 2, 3, 4, 6]])
@@ -214,7 +229,7 @@ def test_the_arm_is_placed_with_the_schedule_of_its_spectrum(arm: ftla.Variation
 
 def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:
     loose = ftla.VariationalFlow(arm.system, rtol=1e-10, max_steps=2000)
-    far = START + [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0]
+    far = np.add(START, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 30.0))
     placed = ftla.Placement((2, 4, 2), [0, 2], [6.0]).place(loose, far)
     assert not placed.success and placed.status != "placed" and placed.message
     assert placed.p[4] == far[4]
@@ -231,6 +246,8 @@ def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:
         ("torque_limits", lambda: ftla.arm(torque_limits=(0.0, 1.0))),
         ("weights", lambda: ftla.tree(multibody.two_link_arm(), [1.0, 2.0, 3.0])),
         ("weights", lambda: ftla.tree(multibody.two_link_arm(), -1.0)),
+        ("torque_limits", lambda: ftla.tree(multibody.two_link_arm(), torque_limits=0.0)),
+        ("joint", lambda: ftla.tree(multibody.two_link_arm(), passive=[2])),
         ("model", lambda: ftla.tree(multibody.diver_planar().model)),
         ("rtol", lambda: ftla.VariationalFlow(ftla.arm(), rtol=0.0)),
         ("atol", lambda: ftla.VariationalFlow(ftla.arm(), atol=np.nan)),

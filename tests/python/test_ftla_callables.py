@@ -53,7 +53,9 @@ def test_callables_give_what_the_compiled_system_gives() -> None:
     np.testing.assert_array_equal(OWN.control(p), compiled.control(p))
     np.testing.assert_allclose(OWN.running_cost(p), compiled.running_cost(p), rtol=1e-15)
     own, theirs = ftla.VariationalFlow(OWN), ftla.VariationalFlow(compiled)
-    np.testing.assert_allclose(own.transition(p[0], 2.0).matrix, theirs.transition(p[0], 2.0).matrix, rtol=1e-12)
+    np.testing.assert_allclose(
+        own.transition(p[0], 2.0).matrix, theirs.transition(p[0], 2.0).matrix, rtol=1e-12
+    )
     np.testing.assert_allclose(
         own.spectrum(p[0], 1.0).exponents, theirs.spectrum(p[0], 1.0).exponents, rtol=1e-11
     )
@@ -83,7 +85,10 @@ def broken(p: Array) -> Array:
 
 @pytest.mark.parametrize(
     ("name", "make"),
-    [("field", lambda: ftla.System(broken, jacobian, 2)), ("jacobian", lambda: ftla.System(field, broken, 2))],
+    [
+        ("field", lambda: ftla.System(broken, jacobian, 2)),
+        ("jacobian", lambda: ftla.System(field, broken, 2)),
+    ],
 )
 def test_what_a_callable_raises_is_the_cause(name: str, make: Any) -> None:
     flow = ftla.VariationalFlow(make())
@@ -152,7 +157,10 @@ def test_a_scalar_that_is_not_finite_is_named() -> None:
 )
 def test_what_is_no_field_is_an_input_error(returned: Any, found: str) -> None:
     system = ftla.System(lambda p: returned, jacobian, 2)
-    for call in (lambda: system.field([1.0, 0.4]), lambda: ftla.VariationalFlow(system).state([1.0, 0.4], 1.0)):
+    for call in (
+        lambda: system.field([1.0, 0.4]),
+        lambda: ftla.VariationalFlow(system).state([1.0, 0.4], 1.0),
+    ):
         with pytest.raises(errors.FtlaInputError, match=found):
             call()
 

@@ -40,7 +40,7 @@ def matching() -> ftla.Matching:
 def test_the_thesis_motion_comes_from_its_ends_and_fold_alone(found: ftla.Continued) -> None:
     extremal = found.extremal
     assert found.success and found.s == 1.0 and extremal.status == "converged"
-    assert extremal.residual <= 1e-10 and found.n_steps > 2 and found.n_evaluations > 1000
+    assert extremal.residual <= 1e-10 and found.n_iterations > 2 and found.n_evaluations > 1000
     low, high = extremal.hamiltonian_range()
     assert high - low < 1e-10
     # crates/somersault-ftla/tests/extremals.rs
@@ -146,7 +146,9 @@ def test_a_free_end_has_a_costate_of_zero() -> None:
     times = ftla.graded_times(3.0, 0.2, 1.0)
     found = ftla.shoot(ftla.linear_regulator(), [1.0], [None], times, np.zeros((len(times), 2)))
     # the Riccati solution at the start
-    assert found.success and found.nodes[0, 1] == pytest.approx(1.0 / (ROOT / np.tanh(3.0 * ROOT) + 1.0), abs=1e-11)
+    assert found.success and found.nodes[0, 1] == pytest.approx(
+        1.0 / (ROOT / np.tanh(3.0 * ROOT) + 1.0), abs=1e-11
+    )
     assert abs(found.nodes[-1, 1]) < 1e-11
 
 
@@ -161,6 +163,12 @@ def test_a_family_is_followed_in_its_horizon(found: ftla.Continued) -> None:
     assert longer.extremal.cost() < found.extremal.cost()
 
 
+def test_a_start_in_motion_is_solved_by_continuation(found: ftla.Continued) -> None:
+    moving = ftla.solve_arm([-np.pi / 2, 0.05, 0.1, 0.0], FINAL, 10.0)
+    assert moving.success and moving.n_steps > 2
+    np.testing.assert_allclose(moving.extremal.nodes[0, :4], [-np.pi / 2, 0.05, 0.1, 0.0], atol=1e-14)
+
+
 def test_torque_limits_are_reached_by_continuation(found: ftla.Continued) -> None:
     peak = np.abs(found.extremal.control(np.linspace(0.0, 10.0, 2001))).max(axis=0)
 
@@ -172,6 +180,18 @@ def test_torque_limits_are_reached_by_continuation(found: ftla.Continued) -> Non
     assert limited.success
     np.testing.assert_allclose(reached / peak, 0.8, rtol=1e-9)
     assert 1e-4 < limited.extremal.cost() - found.extremal.cost() < 0.05
+    # from nothing it is the same motion, and its saturations are located
+    direct = ftla.solve_arm(INITIAL, FINAL, 10.0, system=limited.extremal.system)
+    assert direct.success
+    assert direct.extremal.cost() == pytest.approx(limited.extremal.cost(), abs=1e-9)
+    flow = ftla.VariationalFlow(limited.extremal.system)
+    switches = flow.switches(limited.extremal.nodes[0], 2.5)
+    assert switches and all(len(sides) == 2 for _, sides in switches)
+    for t, _ in switches:
+        u = flow.system.control(flow.state(limited.extremal.nodes[0], [t - 1e-6, t + 1e-6]))
+        assert (np.isclose(np.abs(u), 0.8 * peak, atol=1e-12).sum(axis=1) == [1, 0]).all() or (
+            np.isclose(np.abs(u), 0.8 * peak, atol=1e-12).sum(axis=1) == [0, 1]
+        ).all()
 
 
 def test_what_does_not_converge_has_a_status_and_its_last_nodes() -> None:
@@ -179,7 +199,11 @@ def test_what_does_not_converge_has_a_status_and_its_last_nodes() -> None:
     found = ftla.shoot(ftla.arm(), INITIAL, FINAL, times, np.zeros((len(times), 8)), max_iterations=2)
     assert found.status in ("max_iterations", "stalled") and not found.success and found.message
     assert found.residual > 1e-3 and found.nodes.shape == (len(times), 8)
-    far = ftla.solve_arm(INITIAL, FINAL, 10.0, first_step=1.0, min_step=0.9)
+    folded = [[state[0], np.pi, 0.0, 0.0] for state in (INITIAL, FINAL)]
+    stages = [([0.0, np.pi, 0.0, 0.0],) * 2, folded, (INITIAL, FINAL)]
+    far = ftla.continue_through(
+        ftla.arm(), stages, 10.0, ftla.graded_times(1.0, 0.01, 0.04), first_step=1.0, min_step=0.9
+    )
     assert not far.success and far.s < 1.0 and far.n_rejected > 0 and "broke off" in repr(far)
     assert np.isfinite(far.extremal.nodes).all()
 
@@ -199,7 +223,10 @@ def test_searches_without_a_start_say_so() -> None:
     ("named", "call"),
     [
         ("initial_state", lambda m: ftla.shoot(ftla.arm(), [0.0], FINAL, [0.0, 1.0], np.zeros((2, 8)))),
-        ("final_state", lambda m: ftla.shoot(ftla.arm(), INITIAL, [np.nan] * 4, [0.0, 1.0], np.zeros((2, 8)))),
+        (
+            "final_state",
+            lambda m: ftla.shoot(ftla.arm(), INITIAL, [np.nan] * 4, [0.0, 1.0], np.zeros((2, 8))),
+        ),
         ("nodes", lambda m: ftla.shoot(ftla.arm(), INITIAL, FINAL, [0.0, 1.0], np.zeros((3, 8)))),
         ("nodes", lambda m: ftla.shoot(ftla.arm(), INITIAL, FINAL, [0.0, 1.0], np.zeros((2, 6)))),
         ("times", lambda m: ftla.shoot(ftla.arm(), INITIAL, FINAL, [0.0, 0.0], np.zeros((2, 8)))),
@@ -212,6 +239,8 @@ def test_searches_without_a_start_say_so() -> None:
         ("first_step", lambda m: ftla.continue_through(ftla.arm(), [], 1.0, [0.0, 1.0], first_step=0.0)),
         ("initial_state", lambda m: ftla.solve_arm([0.0], FINAL, 10.0)),
         ("horizon", lambda m: ftla.solve_arm(INITIAL, FINAL, -1.0)),
+        ("fold", lambda m: ftla.solve_arm(INITIAL, FINAL, 10.0, fold=np.inf)),
+        ("arm", lambda m: ftla.solve_arm(INITIAL, FINAL, 10.0, system=ftla.cubic_regulator())),
         ("spacing", lambda m: m.grid_search([0.1, 0.1])),
         ("spacing", lambda m: m.grid_search([[0.1, 0.1], [0.1, -0.1]])),
         ("conserved", lambda m: m.least_squares([1])),

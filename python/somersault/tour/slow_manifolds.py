@@ -34,7 +34,7 @@ class Solved:
 @cache
 def solved(fold: float = np.pi, turns: int = 0) -> Solved:
     """An extremal of the thesis' problem from its end states and a fold."""
-    final = np.array(thesis.ARM_FINAL) + [0.0, 2 * np.pi * turns, 0.0, 0.0]
+    final = np.add(thesis.ARM_FINAL, (0.0, 2 * np.pi * turns, 0.0, 0.0))
     began = time.perf_counter()
     found = ftla.solve_arm(thesis.ARM_INITIAL, final, thesis.ARM_HORIZON, fold=fold)
     return Solved(found, time.perf_counter() - began)

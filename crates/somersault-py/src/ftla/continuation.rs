@@ -2,14 +2,15 @@
 
 use super::dimension::{for_dimension, vector};
 use super::error::{input, positive};
-use super::flow::Settings;
 use super::run::{Run, attend, caused};
+use super::settings::Settings;
 use super::shooting::{EndStates, Extremal, Nodes, end_of, shooting_of};
 use super::system::System;
 use crate::convert::real_numbers;
 use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
+use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::{self, Continuation, Member};
 use somersault::ftla::shooting::Shooting;
 use std::sync::Arc;
@@ -186,6 +187,52 @@ pub(crate) fn continue_through(
         for_dimension!(n, through(&continuation, system.get(), run, &stages, horizon, &fractions))
     })??;
     way.into_python(py, system, &polish)
+}
+
+/// An extremal of the two-link arm between two rests, from the way it folds alone.
+///
+/// Parameters
+/// ----------
+/// system : System
+///     As `arm` makes it.
+/// initial, last : tuple of float
+///     (θ₁, θ₂), rad.
+/// horizon : float
+///     s.
+/// fold : float
+///     θ₂ on the way, rad.
+/// tol : float, optional
+///     As for `shoot`.
+/// max_iterations : int, optional
+/// rtol, atol : float, optional
+///
+/// Returns
+/// -------
+/// Continued
+#[pyfunction]
+#[pyo3(signature = (
+    system, initial, last, horizon, fold, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15
+))]
+pub(crate) fn travel_arm(
+    py: Python<'_>,
+    system: Py<System>,
+    initial: [f64; 2],
+    last: [f64; 2],
+    horizon: f64,
+    fold: f64,
+    tol: f64,
+    max_iterations: usize,
+    rtol: f64,
+    atol: f64,
+) -> Result<Continued, Error> {
+    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let Some(arm) = system.get().arm else {
+        return Err(input("`system` must be an arm, as `ftla.arm` makes it".to_owned()));
+    };
+    let travel = ArmTravel { system: arm, initial, last, fold, horizon };
+    let continuation = Continuation { polish, ..Continuation::default() };
+    let found = attend(py, |_| travel.solve(&continuation).map(|found| Way::of(&found)))??;
+    found.into_python(py, system, &polish)
 }
 
 /// A member of a family as a callable gives it.

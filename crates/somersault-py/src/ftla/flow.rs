@@ -4,17 +4,18 @@ use super::chain::{Chain, Transition};
 use super::dimension::{for_dimension, rows_array, vector};
 use super::error::{input, of_motion};
 use super::run::{Run, attend};
+use super::settings::{Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
 use super::system::System;
-use super::watched::Watched;
 use crate::convert::{array, real_numbers};
 use crate::error::Error;
 use crate::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use somersault::ftla::flow::{self, FlowError, Tolerances};
+use somersault::ftla::flow::{self, Tolerances};
 use somersault::ftla::spectrum::TimeDirection;
+use somersault::ftla::system::{Piece, Side};
 use std::sync::Arc;
 
 /// Integrates a system with its transition matrix, forward and, for a negative duration, backward.
@@ -51,42 +52,6 @@ use std::sync::Arc;
 pub(crate) struct VariationalFlow {
     pub(crate) system: Py<System>,
     pub(crate) settings: Settings,
-}
-
-/// Steps of a run, unless a user allows another number.
-const MAX_STEPS: usize = 100_000;
-
-/// Accuracy and length of runs.
-#[derive(Clone, Copy)]
-pub(crate) struct Settings {
-    pub(crate) tolerances: Tolerances,
-    max_steps: usize,
-}
-
-impl Settings {
-    /// Runs of the usual length.
-    pub(crate) fn new(tolerances: Tolerances) -> Self {
-        Self { tolerances, max_steps: MAX_STEPS }
-    }
-
-    /// The flow of a system in a run.
-    pub(crate) fn flow<'a, const N: usize>(
-        &self,
-        system: &'a Watched<N>,
-    ) -> Result<flow::VariationalFlow<'a, Watched<N>, N>, FlowError> {
-        Ok(flow::VariationalFlow::try_new(system, self.tolerances)?.with_max_steps(self.max_steps))
-    }
-}
-
-/// Tolerances by the names that they have in Python.
-pub(crate) fn tolerances_of(rtol: f64, atol: f64) -> Result<Tolerances, Error> {
-    if !(1e-15..=0.1).contains(&rtol) {
-        return Err(input(format!("`rtol` must be from 1e-15 to 0.1, found {rtol}")));
-    }
-    if !atol.is_finite() || atol < 0.0 {
-        return Err(input(format!("`atol` must be finite and not negative, found {atol}")));
-    }
-    Ok(Tolerances { relative: rtol, absolute: atol })
 }
 
 fn states<const N: usize>(
@@ -131,6 +96,26 @@ fn transitions<const N: usize>(
             .map_err(|error| of_motion(&which, error))
     });
     propagated.collect()
+}
+
+fn switches<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    duration: f64,
+) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
+    let watched = system.watched::<N>(run)?;
+    let found = settings.flow(&watched)?.switches(&vector(p), duration)?;
+    let named = |(t, piece): (f64, Piece<N>)| {
+        let side = |side: &Side| match side {
+            Side::Lower => "lower",
+            Side::Free => "free",
+            Side::Upper => "upper",
+        };
+        (t, piece.sides.iter().take(system.n_controls).map(side).collect())
+    };
+    Ok(found.into_iter().map(named).collect())
 }
 
 fn chain<const N: usize>(
@@ -289,6 +274,32 @@ impl VariationalFlow {
         let matrices = found.iter().flat_map(Transition::matrix_by_rows).collect();
         let m = found.len();
         Ok((array(py, ends, &[m, n])?.into_any(), array(py, matrices, &[m, n, n])?.into_any()))
+    }
+
+    /// Where controls reach and leave their bounds on the way, located to rounding.
+    ///
+    /// The field has a kink there and Φ no jump; steps end at each.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// duration : float
+    ///     T, s.
+    ///
+    /// Returns
+    /// -------
+    /// list of tuple
+    ///     (time since the start, s; a list that says of each control ``'lower'``, ``'free'`` or ``'upper'`` from there on).
+    fn switches(
+        &self,
+        py: Python<'_>,
+        p: &Bound<'_, PyAny>,
+        duration: f64,
+    ) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
+        let (p, system) = (self.point("p", p)?, self.system.get());
+        attend(py, |run| {
+            for_dimension!(system.dimension, switches(system, self.settings, run, &p, duration))
+        })?
     }
 
     /// Factors of Φ that keep its small singular values.

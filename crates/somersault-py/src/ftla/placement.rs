@@ -2,8 +2,9 @@
 
 use super::dimension::{for_dimension, vector};
 use super::error::{input, positive};
-use super::flow::{Settings, VariationalFlow};
+use super::flow::VariationalFlow;
 use super::run::{Run, attend};
+use super::settings::Settings;
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
 use super::subspace::dims_of;
 use super::system::System;

@@ -3,8 +3,8 @@
 use super::chain::{Chain, Transition};
 use super::dimension::{for_dimension, rows_array, vector};
 use super::error::{input, positive};
-use super::flow::{Settings, tolerances_of};
 use super::run::{Run, attend};
+use super::settings::{Settings, tolerances_of};
 use super::system::System;
 use crate::convert::{array, real_numbers, times};
 use crate::error::Error;

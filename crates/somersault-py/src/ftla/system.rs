@@ -1,20 +1,14 @@
-//! State–costate systems: those of the library, and users' own.
+//! State–costate systems, compiled or users' own.
 
 use super::dimension::{DIMENSIONS, by_rows, for_dimension, no_such, vector};
 use super::error::input;
 use super::run::{Run, attend};
 use super::watched::{Callables, Compiled, Source, Watched};
-use crate::convert::numbers_or_one;
 use crate::error::Error;
-use crate::model::Model;
 use crate::plan::check_callable;
 use crate::rows::Rows;
 use pyo3::prelude::*;
-use somersault::ftla::system::{
-    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
-    TreeMinimumTorque, VectorField,
-};
-use somersault::multibody::models::TwoLinkArm;
+use somersault::ftla::system::{ArmMinimumTorque, HamiltonianSystem, OptimalControlSystem, VectorField};
 use std::any::Any;
 use std::sync::Arc;
 
@@ -59,16 +53,24 @@ pub(crate) struct System {
     pub(crate) n_controls: usize,
     description: String,
     source: Box<dyn Any + Send + Sync>,
+    /// The arm that it is of, if it is of one.
+    pub(crate) arm: Option<ArmMinimumTorque>,
 }
 
 impl System {
-    fn compiled<const N: usize>(
+    pub(super) fn compiled<const N: usize>(
         system: impl OptimalControlSystem<N> + Send + Sync + 'static,
         description: String,
     ) -> Self {
         let n_controls = system.n_controls();
         let shared: Compiled<N> = Arc::new(system);
-        Self { dimension: N, n_controls, description, source: Box::new(Source::Compiled(shared)) }
+        let source = Box::new(Source::Compiled(shared));
+        Self { dimension: N, n_controls, description, source, arm: None }
+    }
+
+    /// The same, which is of this arm.
+    pub(super) fn of_arm(self, arm: ArmMinimumTorque) -> Self {
+        Self { arm: Some(arm), ..self }
     }
 
     /// The system for one run, where the dimension is N.
@@ -185,7 +187,7 @@ impl System {
         }
         let source = for_dimension!(dimension, boxed(callables))?;
         let description = format!("callables of dimension {dimension}");
-        Ok(Self { dimension, n_controls, description, source })
+        Ok(Self { dimension, n_controls, description, source, arm: None })
     }
 
     /// int: States and costates together.
@@ -268,106 +270,4 @@ impl System {
     fn __repr__(&self) -> String {
         format!("<System: {}>", self.description)
     }
-}
-
-/// Minimum-torque motions of the two-link arm (thesis 8.2, 8.3), field and Jacobian in closed form.
-///
-/// p = (θ₁, θ₂, dθ₁/dt, dθ₂/dt, λ₁, …, λ₄); running cost ½ (γ₁u₁² + γ₂u₂²).
-///
-/// Parameters
-/// ----------
-/// masses, lengths, damping : tuple of float, optional
-///     m, kg, L, m, and c, N m s; those of Table 8.1 unless given.
-/// weights : tuple of float, optional
-///     γ.
-/// torque_limits : tuple of float, optional
-///     Largest |u|, N m; infinite unless given.
-///
-/// Returns
-/// -------
-/// System
-///
-/// Examples
-/// --------
-/// >>> from somersault import ftla
-/// >>> ftla.arm().field([0.0, 3.0, 0.5, 0.0, -0.2, 0.0, -0.2, 0.02])[:4].round(4)
-/// array([ 0.5   ,  0.    , -0.0181, -0.0094])
-#[pyfunction]
-#[pyo3(signature = (
-    *, masses=[0.5, 0.5], lengths=[2.0, 0.5], damping=[0.2, 0.0], weights=[1.0, 0.5], torque_limits=None
-))]
-pub(crate) fn arm(
-    masses: [f64; 2],
-    lengths: [f64; 2],
-    damping: [f64; 2],
-    weights: [f64; 2],
-    torque_limits: Option<[f64; 2]>,
-) -> Result<System, Error> {
-    let mut arm = ArmMinimumTorque::try_new(TwoLinkArm { masses, lengths, damping }, weights)?;
-    let mut limited = String::new();
-    if let Some(limits) = torque_limits {
-        if let Some(found) = limits.iter().find(|limit| limit.is_nan() || **limit <= 0.0) {
-            return Err(input(format!("`torque_limits` must be positive, found {found}")));
-        }
-        arm = arm.try_with_torque_limits(limits)?;
-        limited = format!(", torque_limits={limits:?}");
-    }
-    let description = format!(
-        "arm, masses={masses:?}, lengths={lengths:?}, damping={damping:?}, weights={weights:?}{limited}"
-    );
-    Ok(System::compiled(arm, description))
-}
-
-/// The regulator dx/dt = −x + u with cost ½ ∫ x² + u² dt: linear, with rates ±√2.
-///
-/// Returns
-/// -------
-/// System
-#[pyfunction]
-pub(crate) fn linear_regulator() -> System {
-    System::compiled(LinearRegulator, "linear regulator".to_owned())
-}
-
-/// The regulator dx/dt = −x³ + u with cost ½ ∫ x² + u² dt.
-///
-/// Its manifolds are λ = −x³ ± x √(1 + x⁴), the stable one with the upper sign.
-///
-/// Returns
-/// -------
-/// System
-#[pyfunction]
-pub(crate) fn cubic_regulator() -> System {
-    System::compiled(CubicRegulator, "cubic regulator".to_owned())
-}
-
-/// Minimum-torque motions of a tree whose joints have one degree of freedom each and are all driven.
-///
-/// p = (q, v, λ), running cost ½ Σ γᵢuᵢ².
-///
-/// Parameters
-/// ----------
-/// model : Model
-///     The tree, of one to four joints.
-/// weights : float or array_like, shape (n,), optional
-///     γ.
-///
-/// Returns
-/// -------
-/// System
-#[pyfunction]
-#[pyo3(signature = (model, weights=None))]
-pub(crate) fn tree(model: &Bound<'_, Model>, weights: Option<&Bound<'_, PyAny>>) -> Result<System, Error> {
-    let tree = &model.get().model;
-    let n = tree.n_velocities();
-    let weights = weights.map_or(Ok(vec![1.0; n]), |w| numbers_or_one("weights", n, w))?;
-    let description = format!("tree of {n} joints, weights={weights:?}");
-    macro_rules! of_joints {
-        ($($n:literal),*) => {
-            match n {
-                $($n => Ok(System::compiled(TreeMinimumTorque::<{ 4 * $n }>::try_new(tree, &weights)?, description)),)*
-                other => Err(input(format!("`model` must have one to four degrees of freedom, found {other}"))),
-            }
-        };
-    }
-    of_joints!(1, 2, 3, 4)
 }

@@ -7,7 +7,7 @@ use crate::convert::with_shape;
 use crate::error::Error;
 use pyo3::prelude::*;
 use somersault::ftla::nalgebra::{SMatrix, SVector};
-use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, SystemError, VectorField};
+use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, Piece, SystemError, VectorField};
 use std::sync::Arc;
 
 /// A compiled system, as many runs share it.
@@ -119,6 +119,49 @@ impl<const N: usize> VectorField<N> for Watched<N> {
         }
     }
 
+    #[inline]
+    fn n_switches(&self) -> usize {
+        match &self.source {
+            Source::Compiled(system) => system.n_switches(),
+            Source::Callables(_) => 0,
+        }
+    }
+
+    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
+        match &self.source {
+            Source::Compiled(system) => system.piece(p),
+            Source::Callables(_) => Piece::FREE,
+        }
+    }
+
+    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        match &self.source {
+            Source::Compiled(system) if !self.run.is_stopped() => system.field_in(piece, p),
+            _ => self.field(p),
+        }
+    }
+
+    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        match &self.source {
+            Source::Compiled(system) if !self.run.is_stopped() => system.linearize_in(piece, p),
+            _ => self.linearize(p),
+        }
+    }
+
+    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        match &self.source {
+            Source::Compiled(system) => system.margins(piece, p),
+            Source::Callables(_) => SVector::repeat(f64::INFINITY),
+        }
+    }
+
+    fn next_piece(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Piece<N> {
+        match &self.source {
+            Source::Compiled(system) => system.next_piece(piece, p),
+            Source::Callables(_) => *piece,
+        }
+    }
+
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         match &self.source {
             Source::Compiled(system) => system.fault(p),
@@ -165,6 +208,13 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
         match &self.source {
             Source::Compiled(system) => system.running_cost(p),
             Source::Callables(own) => self.number("running_cost", own.running_cost.as_ref(), p),
+        }
+    }
+
+    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+        match &self.source {
+            Source::Compiled(system) => system.running_cost_in(piece, p),
+            Source::Callables(_) => self.running_cost(p),
         }
     }
 }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from somersault import ftla
-from somersault.tour import thesis
+from somersault.tour import regulators, thesis
 from somersault.tour.measurements import Measurements
 from somersault.tour.page import Cell, Page, error_size, words
 from somersault.tour.slow_manifolds import Solved, collocated, solved, tip
@@ -70,8 +70,8 @@ def _row(name: str, each: Solved) -> list[str | Cell]:
 def _turned(travel: float, horizon: float) -> Solved:
     """The arm through a longer way."""
     began = time.perf_counter()
-    ends = [(side * 0.5 * travel, 0.05, 0.0, 0.0) for side in (-1.0, 1.0)]
-    found = ftla.solve_arm(*ends, horizon, fold=np.pi)
+    initial, final = ((side * 0.5 * travel, 0.05, 0.0, 0.0) for side in (-1.0, 1.0))
+    found = ftla.solve_arm(initial, final, horizon, fold=np.pi)
     return Solved(found, time.perf_counter() - began)
 
 
@@ -126,39 +126,6 @@ def _paths(found: dict[str, Solved]) -> Axes:
     return drawn
 
 
-def _regulators() -> list[list[str | Cell]]:
-    """Costs of the scalar problems beside their closed forms."""
-    root = np.sqrt(2.0)
-    rows: list[list[str | Cell]] = []
-    for horizon in (10.0, 40.0, 1e4):
-        for a, b in ((1.0, 1.5), (1.5, 1.0)):
-            fractions = ftla.graded_times(horizon, 0.2, 12.0) / horizon
-            fractions[-1] = 1.0
-
-            def cost(
-                system: ftla.System, a: float = a, b: float = b, t: float = horizon, at: Array = fractions
-            ) -> float:
-                return ftla.continue_through(system, [([0.0], [0.0]), ([a], [b])], t, at).extremal.cost()
-
-            coth = 1.0 / np.tanh(root * horizon)
-            csch = 2.0 * np.exp(-root * horizon) / (1.0 - np.exp(-2.0 * root * horizon))
-            linear = 0.5 * (a * (root * (a * coth - b * csch) - a) + b * (root * (b * coth - a * csch) + b))
-            cubic = sum(0.25 * (x**2 * np.sqrt(1 + x**4) + np.arcsinh(x**2)) for x in (a, b))
-            cubic += 0.25 * (b**4 - a**4)
-            found = cost(ftla.linear_regulator()), cost(ftla.cubic_regulator())
-            rows.append(
-                [
-                    f"{a} → {b}",
-                    f"{horizon:.0f}",
-                    f"{found[0]:.12f}",
-                    error_size(abs(found[0] - linear)),
-                    f"{found[1]:.12f}",
-                    error_size(abs(found[1] - cubic)),
-                ]
-            )
-    return rows
-
-
 def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     found = {name: solved(*way) for name, way in _WAYS.items()}
@@ -167,16 +134,18 @@ def write(page: Page, measurements: Measurements) -> None:
     ranked = sorted(found, key=lambda name: found[name].extremal.cost())
     defect = _reintegrated(extremal)
     page.lead(
-        f"The thesis' motion is found from its end states and its fold alone, in {motion.seconds:.2f} s, to a"
+        "The thesis' motion is found from its end states and its fold alone, in"
+        f" {motion.seconds:.2f} s, to a"
         f" residual of {error_size(extremal.residual)}; it costs {extremal.cost():.9f} and is number"
         f" {ranked.index('as in the thesis') + 1} of {len(ranked)} extremals by cost. The cheapest,"
         f" “{ranked[0]}”, costs {found[ranked[0]].extremal.cost():.9f}."
     )
     page.text(
-        "The start is a rest of the arm with its second link folded, where all costates are zero. A"
-        " continuation leads through a travel of the folded arm to the unfolded ends; Newton's method on"
-        " all nodes at once, with the transition matrices of segments of at most 0.4 s, takes each step and"
-        " polishes the last."
+        "The start is a spline that folds the second link and unfolds it at the end, taken down to"
+        " least effort"
+        " by least squares. Its torques tell the costates, and so the nodes of segments of at most 0.4 s."
+        " Newton's method on all nodes at once, with the transition matrices of the segments, takes them to"
+        " rounding."
     )
     page.code(
         "found = ftla.solve_arm(initial, final, 10.0, fold=np.pi)\n"
@@ -187,8 +156,9 @@ def write(page: Page, measurements: Measurements) -> None:
     page.table(
         _HEADER,
         [_row(name, found[name]) for name in ranked],
-        "Extremals of the thesis' problem, the cheapest first. Seconds are those of everything from the rest"
-        " on; timings vary from machine to machine.",
+        "Extremals of the thesis' problem, the cheapest first. Seconds are those of everything,"
+        " from the end"
+        " states on; timings vary from machine to machine.",
     )
     page.figure(
         "extremals-paths",
@@ -197,7 +167,8 @@ def write(page: Page, measurements: Measurements) -> None:
         "Four arms that turn by half a circle",
     )
     page.text(
-        f"SciPy's DOP853 integrates every segment anew and ends within {error_size(defect)} of the next node."
+        f"SciPy's DOP853 integrates every segment anew and ends within {error_size(defect)} of the"
+        " next node."
         f" The collocation solution, itself refined to 10⁻⁷, costs {coarse.verified_cost:.9f}:"
         f" {error_size(abs(coarse.verified_cost - extremal.cost()))} from the polished motion."
     )
@@ -210,7 +181,7 @@ def write(page: Page, measurements: Measurements) -> None:
             _row("a turn of 4π in 40 s", _turned(4 * np.pi, 40.0)),
             _row("torques within 80 % of their peaks", limited),
         ],
-        "The first two from a rest, the last by continuation in the limits.",
+        "The first two from their end states, the last by continuation in the limits.",
     )
     page.figure(
         "extremals-limited",
@@ -221,8 +192,10 @@ def write(page: Page, measurements: Measurements) -> None:
     page.section("Scalar problems")
     page.table(
         (words("x"), "horizon, s", "ẋ = −x + u", "off by", "ẋ = −x³ + u", "off by"),
-        _regulators(),
-        "Costs of ½ ∫ x² + u² dt, beside the closed form at any horizon for the linear problem, and that of the"
-        " manifolds of the equilibrium for the cubic one: an infinite horizon, from which ten seconds differ by"
-        " e⁻²⁰.",
+        regulators.rows(),
+        "Costs of ½ ∫ x² + u² dt. The linear problem beside its closed form at any horizon; the"
+        " cubic one beside"
+        " the closed form of the manifolds of its equilibrium, and for ten seconds beside a"
+        " quadrature on the"
+        " conserved Hamiltonian.",
     )
