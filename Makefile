@@ -39,7 +39,7 @@ test-python: $(VENV)/.extension
 # The book with the documentation of the crates in it, in out/book; links are followed.
 docs: $(VENV)/.extension
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
-	$(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	rm -rf out/book/rust
 	cp -R $(or $(CARGO_TARGET_DIR),target)/doc out/book/rust
 	$(BIN)/python docs/check_links.py out/book

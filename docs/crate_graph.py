@@ -77,7 +77,7 @@ def svg() -> str:
     }
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}"'
-        ' font-family="system-ui, sans-serif" font-size="13">',
+        f' height="{height}" font-family="system-ui, sans-serif" font-size="13">',
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8"'
         ' orient="auto"><path d="M0 0 8 4 0 8z" fill="#7a8699"/></marker></defs>',
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
