@@ -6,7 +6,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: tour test test-rust test-python lint docs bench bench-peers fuzz wheel clean
+.PHONY: help tour test test-rust test-python lint docs pictures bench bench-peers fuzz wheel clean
+
+# This list.
+help:
+	@awk '/^# / { said = substr($$0, 3); next } \
+		/^[a-z][a-z-]*:( |$$)/ { printf "  make %-13s %s\n", substr($$1, 1, length($$1) - 1), said } { said = "" }' Makefile
 
 # The guided tour: a report with what the library does and how it is known to be right.
 tour: $(VENV)/.extension
@@ -23,16 +28,28 @@ lint: $(VENV)/.extension-dev
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 
-# The benchmarks hold no tests, and without them the tests and the extension share one build of what they depend on.
+# The tests in Rust. Benchmarks hold none, and without them the tests and the extension share one build of what they depend on.
 test-rust:
 	cargo test --workspace --exclude somersault-benches
 
+# The tests in Python.
 test-python: $(VENV)/.extension-dev
 	$(BIN)/python -m pytest
 
-docs:
+# The book with the documentation of the crates in it, in out/book; links are followed.
+docs: $(VENV)/.extension
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	rm -rf out/book/rust
+	cp -R $(or $(CARGO_TARGET_DIR),target)/doc out/book/rust
+	$(BIN)/python docs/check_links.py out/book
 
+# The pictures of the README and the book.
+pictures: $(VENV)/.extension
+	$(BIN)/python docs/pictures.py
+	$(BIN)/python docs/crate_graph.py
+
+# The benchmarks of the crates.
 bench:
 	cargo bench --workspace
 
@@ -53,6 +70,7 @@ wheel: $(VENV)/.tools
 	$(BIN)/maturin build --release --strip --out dist
 	$(BIN)/maturin sdist --out dist
 
+# Removes what was built.
 clean:
 	rm -rf $(VENV) dist
 	cargo clean
@@ -66,7 +84,7 @@ $(VENV)/.tools:
 
 # The package, editable, with its extension in the release profile.
 $(VENV)/.extension: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --extras tour
+	$(BIN)/maturin develop --release --extras docs,tour
 	rm -f $(VENV)/.extension-dev
 	touch $@
 

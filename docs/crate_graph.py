@@ -1,4 +1,4 @@
-"""Draws the crates of the workspace and what they depend on: `python docs/crate_graph.py` after a change of them."""
+"""Draws the crates of the workspace and what they depend on: `python docs/crate_graph.py`."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def svg() -> str:
         for i, name in enumerate(row)
     }
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
-        ' font-family="system-ui, sans-serif" font-size="13">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}"'
+        f' height="{height}" font-family="system-ui, sans-serif" font-size="13">',
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="8" markerHeight="8"'
         ' orient="auto"><path d="M0 0 8 4 0 8z" fill="#7a8699"/></marker></defs>',
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',

@@ -207,10 +207,6 @@ class ScoringError(InputError):
     """Motions cannot be scored: too few, not finite, or all the same."""
 
 
-class StorageError(InputError):
-    """A file is not a scoring model of a version that is known."""
-
-
 class FtlaError(SomersaultError):
     """An analysis of a hyper-sensitive problem could not be made."""
 

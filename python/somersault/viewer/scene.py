@@ -62,12 +62,12 @@ def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
 class Scene:
     """Motions, and what stands around them.
 
+    Methods return the scene, so that calls can be chained. In a notebook a scene shows itself.
+
     Parameters
     ----------
     title : str
         Of the page.
-
-    Methods return the scene, so that calls can be chained. In a notebook a scene shows itself.
 
     Examples
     --------

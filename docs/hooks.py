@@ -1,0 +1,98 @@
+"""What the book is made with beside its pages: formulas, tables of the methods, exit codes and schemas.
+
+Formulas become MathML while the book is built, which browsers draw themselves: pages load no script and
+no font for them, and open from a disk.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from latex2mathml.converter import convert
+
+import somersault
+from somersault import studies
+from somersault.cli.documents import schema
+
+_FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+_INSERT = re.compile(r"^<!-- insert: ([\w. ]+) -->$", re.MULTILINE)
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """Turns formulas into MathML."""
+
+    def formula(match: re.Match[str]) -> str:
+        display = "block" if match[2] == "[" else "inline"
+        drawn = str(convert(unescape(match[3]).strip(), display=display))
+        # Where there is no font for mathematics, dots above letters would fall onto them.
+        return drawn.replace("<mo>&#x002D9;</mo>", "<mo>.</mo>").replace("<mo>&#x000A8;</mo>", "<mo>..</mo>")
+
+    return _FORMULA.sub(formula, html)
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Puts in what is computed: a line `<!-- insert: name -->` of its own."""
+    return _INSERT.sub(lambda match: _inserts(match[1]), markdown)
+
+
+def _inserts(what: str) -> str:
+    if what == "methods":
+        return _methods()
+    if what.endswith(".md"):
+        return _page(what)
+    if what == "evaluations":
+        return _evaluations()
+    if what.startswith("schema "):
+        return (
+            f"```json\n{json.dumps(schema(what.removeprefix('schema ')), indent=2, ensure_ascii=False)}\n```"
+        )
+    raise ValueError(f"nothing is called {what!r}")
+
+
+def _page(name: str) -> str:
+    """A page from the root of the repository, without its title, and with links as seen from here."""
+    text = (Path(__file__).parents[1] / name).read_text("utf-8")
+    return text.partition("\n")[2].replace("](docs/", "](")
+
+
+def _order(orders: dict[str, int | None], benign: str, general: str) -> str:
+    first, second = orders[benign], orders[general]
+    return str(first) if first == second else f"{first} ({second if second is not None else 'none'})"
+
+
+def _methods() -> str:
+    """The table of methods: what is guaranteed, and what is refused."""
+    lines = [
+        "| Method | | Order on ℝ³ | on SO(3) | Evaluations | Earlier steps | Steps | Takes |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for info in somersault.methods():
+        translation = _order(info.orders, "translation", "translation_with_velocity")
+        rotation = _order(info.orders, "rotation", "rotation_with_torque")
+        steps = "fixed or adapted" if info.adaptive else "fixed"
+        solves = " and iterations" if info.implicit else ""
+        lines.append(
+            f"| `{info.name}` | {info.title} | {translation} | {rotation} | {info.evaluations}{solves}"
+            f" | {info.history} | {steps} | {info.scope} |"
+        )
+    return "\n".join(lines)
+
+
+def _evaluations() -> str:
+    """The fewest evaluations with which methods come below an error, on case 2 of the thesis."""
+    targets = (1e-2, 1e-4, 1e-6, 1e-8)
+    steps = 10.0 ** np.arange(-1.0, -4.01, -1 / 3)
+    problem = studies.Problem.case(2)
+    rows = []
+    for name in ("sie", "heun", "rk4", "ab4", "rkmk", "rkmk_b", "cf4_b", "rkmk5_b", "rkmk8_b"):
+        runs = studies.work_precision(problem, name, steps, repeats=1)
+        enough = [runs.evaluations[runs.errors["orientation"] < target] for target in targets]
+        cells = " | ".join(f"{min(counts):,}" if len(counts) else "–" for counts in enough)
+        rows.append(f"| `{name}` | {cells} |")
+    head = "| Method | 10⁻² rad | 10⁻⁴ rad | 10⁻⁶ rad | 10⁻⁸ rad |\n|---|--:|--:|--:|--:|"
+    return "\n".join([head, *rows])

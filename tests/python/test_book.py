@@ -1,0 +1,172 @@
+"""The README, the book and the notebooks: everything in them runs, and every link leads somewhere."""
+
+import doctest
+import json
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import matplotlib as mpl
+import pytest
+
+from somersault.cli import main
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+NOTEBOOKS = sorted((ROOT / "python" / "notebooks").glob("*.ipynb"))
+
+_BLOCK = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def script(name: str) -> ModuleType:
+    """A program of the folder `docs`."""
+    spec = spec_from_file_location(name, DOCS / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    found = module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+def run_python(code: str, names: dict[str, Any]) -> None:
+    for module in re.findall(r"^from somersault import (\w+)", code, re.MULTILINE):
+        if module in ("ftla", "motion") and find_spec(f"somersault.{module}") is None:
+            pytest.skip(f"somersault.{module} is not there")
+    if code.startswith(">>>"):
+        examples = doctest.DocTestParser().get_doctest(code, names, "page", None, 0)
+        assert doctest.DocTestRunner().run(examples, clear_globs=False).failed == 0
+        names.update(examples.globs)
+    else:
+        exec(compile(code, "page", "exec"), names)
+
+
+def run_shell(code: str, names: dict[str, Any]) -> None:
+    """Runs our own commands; of others it checks that what they name is there."""
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    project = (ROOT / "pyproject.toml").read_text("utf-8")
+    for line in code.splitlines():
+        command, *arguments = shlex.split(line, comments=True) or [""]
+        if command == "somersault":
+            assert main(arguments) == 0, line
+        elif command == "make":
+            assert all(f"\n{target}:" in makefile for target in arguments), line
+        elif arguments[:2] == ["install", "somersault"]:
+            assert command == "pip"
+        elif arguments[:1] == ["install"]:
+            extras = re.fullmatch(r"somersault\[([\w,]+)\]", arguments[1])
+            assert extras and all(f"\n{name} = [" in project for name in extras[1].split(",")), line
+        else:
+            assert line.startswith(("cargo add somersault", "python docs/")), line
+
+
+def checked_elsewhere(code: str, names: dict[str, Any]) -> None:
+    """Rust by `cargo test`, which reads these pages; inputs and outputs beside the command that uses them."""
+
+
+RUN: dict[str, Callable[[str, dict[str, Any]], None]] = {
+    "python": run_python,
+    "sh": run_shell,
+    "rust": checked_elsewhere,
+    "toml": checked_elsewhere,
+    "json": checked_elsewhere,
+    "text": checked_elsewhere,
+}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_code_block_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mpl.use("Agg")
+    # Examples are named from the root of the repository, and what is written goes elsewhere.
+    (tmp_path / "docs").symlink_to(DOCS)
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"__name__": "page"}
+    for language, options, code in _BLOCK.findall(page.read_text("utf-8")):
+        assert language in RUN, f"a block of {language or 'nothing'}"
+        if "notest" not in options:
+            RUN[language](code, names)
+
+
+def test_pages_with_rust_are_read_by_cargo_test() -> None:
+    read = (ROOT / "tests" / "lib.rs").read_text("utf-8")
+    for page in PAGES:
+        if "```rust" in page.read_text("utf-8"):
+            assert f'include_str!("../{page.relative_to(ROOT)}")' in read
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_run_from_a_clean_kernel(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed (extra `notebooks`)")
+    nbformat = pytest.importorskip("nbformat")
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    assert all(not cell.get("outputs") and cell.get("execution_count") is None for cell in notebook.cells)
+    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+
+
+def test_there_are_notebooks_that_say_what_they_show() -> None:
+    assert len(NOTEBOOKS) >= 9
+    for path in NOTEBOOKS:
+        first = json.loads(path.read_text("utf-8"))["cells"][0]
+        assert first["cell_type"] == "markdown" and first["source"][0].startswith("# ")
+
+
+@pytest.mark.skipif(find_spec("mkdocs") is None, reason="mkdocs is not installed (extra `docs`)")
+def test_the_book_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    faults, followed = script("check_links").broken(tmp_path, without=("rust",))
+    assert faults == [] and followed > 500
+    pages = {path.relative_to(tmp_path): path.read_text("utf-8") for path in tmp_path.rglob("*.html")}
+    assert not [name for name, text in pages.items() if 'class="arithmatex"' in text]
+    assert not [
+        name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
+    ]
+
+
+def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text(
+        '<a href="b.html#there">1</a><a href="c.html">2</a><a href="https://x.y">3</a>'
+    )
+    (tmp_path / "b.html").write_text('<h1 id="here">b</h1><img src="../out.png">')
+    faults, followed = script("check_links").broken(tmp_path)
+    assert followed == 3
+    assert faults == ["a.html: b.html#there (no such anchor)", "a.html: c.html", "b.html: ../out.png"]
+
+
+def test_the_picture_of_the_crates_is_up_to_date() -> None:
+    graph = script("crate_graph")
+    try:
+        drawn = graph.svg()
+    except FileNotFoundError:
+        pytest.skip("cargo is not installed")
+    assert graph.TARGET.read_text("utf-8") == drawn, "run `python docs/crate_graph.py`"
+
+
+def test_pictures_are_small() -> None:
+    for path in (DOCS / "images").iterdir():
+        assert path.stat().st_size < 150_000, path.name
+
+
+@pytest.mark.parametrize(
+    ("schema", "pattern"),
+    [
+        ("vendor.github-workflows", ".github/workflows/*.yml"),
+        ("vendor.github-issue-forms", ".github/ISSUE_TEMPLATE/*_*.yml"),
+        ("vendor.github-issue-config", ".github/ISSUE_TEMPLATE/config.yml"),
+    ],
+)
+def test_workflows_and_forms_are_what_their_reader_takes(schema: str, pattern: str) -> None:
+    pytest.importorskip("check_jsonschema", reason="check-jsonschema is not installed")
+    files = [str(path) for path in ROOT.glob(pattern)]
+    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *files]
+    checked = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert files and checked.returncode == 0, checked.stdout
