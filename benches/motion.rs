@@ -64,7 +64,10 @@ fn fits(c: &mut Criterion) {
             ("Huber", &whole, Loss::Huber(0.01)),
             ("20 % missing", &gapped, Loss::Squares),
         ] {
-            let options = FitOptions { loss, ..FitOptions::default() };
+            let root = model.positions_of(0).len();
+            let starts =
+                [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("planar")[root..].to_vec());
+            let options = FitOptions { loss, starts: starts.to_vec(), ..FitOptions::default() };
             let fit = MarkerFit::try_new(&model, set.clone(), options).expect("valid");
             group.bench_function(format!("{name}, {variant}"), |b| {
                 b.iter(|| fit.fit(black_box(recording)).expect("common markers").rms())
