@@ -47,10 +47,12 @@ __all__ = [
     "StudyError",
     "StudyInputError",
     "SurfaceError",
+    "SyntheticError",
     "TorqueError",
     "UnknownMethodError",
     "UrdfError",
     "ViewerError",
+    "WriteError",
 ]
 
 
@@ -182,6 +184,10 @@ class ReadError(InputError):
     byte: int | None = None
 
 
+class WriteError(InputError):
+    """A recording cannot be written in this format."""
+
+
 class FitError(InputError):
     """A model cannot be fitted to these markers, or in this way."""
 
@@ -200,6 +206,10 @@ class ScoringError(InputError):
 
 class StorageError(InputError):
     """A file is not a scoring model of a version that is known."""
+
+
+class SyntheticError(InputError):
+    """No synthetic dive can be made in this way: the message says why."""
 
 
 class ViewerError(InputError):

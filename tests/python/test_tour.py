@@ -21,7 +21,8 @@ mpl.use("Agg")
 
 #: Pages that play a motion.
 ANIMATIONS = frozenset(
-    f"{name}.html" for name in ("top", "postures", "dive", "twist", "fit", "backflip", "swing_up_motion", "arm_motion")
+    f"{name}.html"
+    for name in ("top", "postures", "dive", "twist", "fit", "backflip", "swing_up_motion", "arm_motion")
 )
 
 

@@ -74,8 +74,24 @@ impl Performance {
         self.performance.n_features()
     }
 
+    /// bool: Whether it is labelled as made up.
+    #[getter]
+    fn synthetic(&self) -> bool {
+        self.performance.is_synthetic()
+    }
+
+    /// The same, labelled as made up; models and validations that use it carry the label on.
+    ///
+    /// Returns
+    /// -------
+    /// Performance
+    fn labelled_synthetic(&self) -> Self {
+        Self { performance: self.performance.clone().labelled_synthetic() }
+    }
+
     fn __repr__(&self) -> String {
-        format!("<Performance: {} features, {:.3} s>", self.n_features(), self.duration())
+        let label = if self.synthetic() { ", SYNTHETIC" } else { "" };
+        format!("<Performance: {} features, {:.3} s{label}>", self.n_features(), self.duration())
     }
 }
 
@@ -259,6 +275,12 @@ impl ScoringModel {
         self.model.intercept()
     }
 
+    /// bool: Whether it has learnt from motions that are made up: then its scores say nothing about real ones.
+    #[getter]
+    fn synthetic(&self) -> bool {
+        self.model.is_synthetic()
+    }
+
     /// Writes the model to a file of JSON, with all digits.
     ///
     /// Parameters
@@ -294,9 +316,10 @@ impl ScoringModel {
 
     fn __repr__(&self) -> String {
         format!(
-            "<ScoringModel: {} components of motions, {} eigenpostures>",
+            "<ScoringModel: {} components of motions, {} eigenpostures{}>",
             self.model.coefficients().len(),
-            self.model.eigenpostures().n_components()
+            self.model.eigenpostures().n_components(),
+            if self.synthetic() { ", SYNTHETIC" } else { "" }
         )
     }
 
