@@ -120,9 +120,9 @@ def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     folder = os.environ.get(VARIABLE)
     if folder is None:
-        page.lead(f"None here: no folder is named by <code>{VARIABLE}</code>.")
+        page.lead(f"There are no recordings here: <code>{VARIABLE}</code> names no folder.")
         page.text(
-            "<b>There are none here.</b> Where the environment variable"
+            "Where the environment variable"
             f" <code>{VARIABLE}</code> names a folder with the motions of DeepMimic"
             f" (<code>humanoid3d_backflip.txt</code> and so on), this page shows {', '.join(_RECORDED[:-1])}"
             " and"

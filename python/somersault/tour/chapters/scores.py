@@ -194,15 +194,25 @@ def _figure(page: Page, made: motion.SyntheticSet, dive: ocp.DiveSolution, marke
         " factor.",
         "Four panels with two bands each: eigenweight, marker error, scale and rotation over 60 frames",
     )
+    shares = {name: [_folded(found) for found in fits] for name, fits in groups.items()}
     late = {name: float(np.mean([_exit(found) for found in fits])) for name, fits in groups.items()}
     page.text(
-        f"The pike of the best dives opens past one half at {100 * late['best']:.0f} % of the"
-        " flight, that of"
-        " the worst"
-        f" at {100 * late['worst']:.0f} %, and 107B at {100 * _exit(generated):.0f} %. That difference was"
-        " put in; the"
-        " panels show that it can be read off markers with noise."
+        "In the middle third of the flight the weight of the pike is"
+        f" {np.mean(shares['best']):.3f} for the best dives, {np.mean(shares['worst']):.3f} for"
+        " the worst and"
+        f" {_folded(generated):.3f} for 107B; it falls below one half at {100 * late['best']:.1f} %,"
+        f" {100 * late['worst']:.1f} % and {100 * _exit(generated):.1f} % of the flight. Looseness"
+        " and delay were put in,"
+        " and can be read off markers with noise. Marker errors and scales do not tell the groups"
+        " apart: neither"
+        " was put in. The thesis finds a higher weight of its generated dive too (4.2.1), among real dives."
     )
+
+
+def _folded(fit: motion.MotionFit) -> float:
+    """The mean weight in the middle third of the frames."""
+    third = len(fit) // 3
+    return float(np.asarray(fit.weights)[third : 2 * third, 0].mean())
 
 
 def _exit(fit: motion.MotionFit) -> float:
