@@ -104,6 +104,7 @@ class TestModels:
             (12, np.arange(12.0), {"n_components": 0}, "`components` must have at least 1"),
             (12, np.arange(12.0), {"n_eigenweights": 13}, "`n_components` must be between 1 and 12"),
             (12, np.arange(12.0), {"n_frames": 0}, "`n_frames`"),
+            (12, np.arange(12.0), {"n_frames": 2**62}, "`n_frames` must be at most 1000000"),
             (0, [], {}, "`motions`"),
         ],
     )

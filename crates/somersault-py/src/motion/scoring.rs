@@ -1,7 +1,7 @@
 //! Motions to be scored, and models that score them.
 
 use super::markers::MarkerRecording;
-use super::matrix::{matrix, numbers_array};
+use super::matrix::{count, matrix, numbers_array};
 use super::pca::Pca;
 use super::worker::attended;
 use crate::convert::real_numbers;
@@ -142,9 +142,10 @@ impl ScoringOptions {
         duration: bool,
         n_components: Option<usize>,
         max_components: usize,
-    ) -> Self {
+    ) -> Result<Self, Error> {
+        let n_frames = count("n_frames", n_frames)?;
         let vector = VectorOptions { n_frames, n_eigenweights, path, duration };
-        Self { options: scoring::ScoringOptions { vector, n_components, max_components } }
+        Ok(Self { options: scoring::ScoringOptions { vector, n_components, max_components } })
     }
 
     /// int: Frames each motion is brought to.

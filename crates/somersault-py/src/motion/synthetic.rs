@@ -4,7 +4,7 @@ use super::faults::{DiveFaults, SyntheticJudge, configurations};
 use super::fit::MarkerSet;
 use super::judged::JudgedSet;
 use super::markers::MarkerRecording;
-use super::matrix::numbers_array;
+use super::matrix::{count, numbers_array};
 use super::scoring::Performance;
 use super::worker::attended;
 use crate::convert::{array, real_numbers, vector_array};
@@ -285,6 +285,7 @@ impl SyntheticSet {
         greatest: Option<&Bound<'_, Perturbation>>,
         marker_noise: f64,
     ) -> Result<Self, Error> {
+        let n_dives = count("n_dives", n_dives)?;
         let mut options = SyntheticOptions { seed, marker_noise, ..SyntheticOptions::of(n_dives) };
         for (end, given) in options.perturbations.iter_mut().zip([least, greatest]) {
             if let Some(given) = given {

@@ -1,6 +1,6 @@
 //! How well motions are scored.
 
-use super::matrix::numbers_array;
+use super::matrix::{count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
 use super::worker::attended;
 use crate::convert::{real_numbers, with_shape};
@@ -8,9 +8,6 @@ use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use somersault::motion::scoring::{self, ValidationOptions};
-
-/// Resamples that memory is certainly there for.
-const MOST_RESAMPLES: usize = 100_000_000;
 
 /// A coefficient of correlation, how sure it is and what chance would make of it.
 #[pyclass(frozen, module = "somersault.motion")]
@@ -183,10 +180,7 @@ pub(crate) fn validate(
 ) -> Result<Validation, Error> {
     let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
     let options = ScoringOptions::or_thesis(options);
-    if n_resamples > MOST_RESAMPLES {
-        let message = format!("`n_resamples` must be at most {MOST_RESAMPLES}, found {n_resamples}");
-        return Err(Error::input(message));
-    }
+    let n_resamples = count("n_resamples", n_resamples)?;
     let choices = ValidationOptions { n_resamples, level, seed };
     let mut named: Vec<(String, Vec<f64>)> = Vec::new();
     for (name, values) in features.into_iter().flatten() {
