@@ -97,6 +97,7 @@ __all__ = [
     "DenseOutput",
     "Diagnosis",
     "Dive",
+    "DiveFaults",
     "DiveSolution",
     "DiveVerification",
     "Diver",
@@ -113,6 +114,7 @@ __all__ = [
     "GroupComparison",
     "HalfSpace",
     "HuntCrossley",
+    "JudgedSet",
     "Link",
     "MarkerFit",
     "MarkerRecording",
@@ -128,6 +130,7 @@ __all__ = [
     "MotionProblem",
     "Pca",
     "Performance",
+    "Perturbation",
     "Phase",
     "Placed",
     "Placement",
@@ -158,6 +161,10 @@ __all__ = [
     "SwingUpSearch",
     "SwingUpVerification",
     "System",
+    "SyntheticDive",
+    "SyntheticFlight",
+    "SyntheticJudge",
+    "SyntheticSet",
     "Term",
     "Torque",
     "Trajectory",
@@ -209,6 +216,7 @@ __all__ = [
     "read_c3d",
     "read_csv",
     "read_joint_motion",
+    "read_judged",
     "read_trc",
     "rank_held_costates",
     "restitution",
@@ -227,6 +235,11 @@ __all__ = [
     "two_link_arm",
     "validate",
     "work_precision_study",
+    "write_bvh",
+    "write_c3d",
+    "write_csv",
+    "write_joint_motion",
+    "write_trc",
 ]
 
 __version__: str
@@ -1600,6 +1613,39 @@ def read_csv(
     source: _Source, *, unit: str = "m", up: str = "z", forward: str = "x", nan_is_gap: bool = False
 ) -> MarkerRecording: ...
 def read_joint_motion(source: _Source, diver: Diver | None = None) -> SkeletonRecording: ...
+def write_csv(
+    path: str | PathLike[str],
+    recording: MarkerRecording,
+    *,
+    unit: str = "m",
+    up: str = "z",
+    forward: str = "x",
+) -> None: ...
+def write_trc(
+    path: str | PathLike[str],
+    recording: MarkerRecording,
+    *,
+    unit: str = "mm",
+    up: str = "y",
+    forward: str = "x",
+) -> None: ...
+def write_c3d(
+    path: str | PathLike[str],
+    recording: MarkerRecording,
+    *,
+    unit: str = "mm",
+    up: str = "z",
+    forward: str = "x",
+) -> None: ...
+def write_bvh(
+    path: str | PathLike[str],
+    recording: SkeletonRecording,
+    *,
+    unit: str,
+    up: str = "y",
+    forward: str = "z",
+) -> None: ...
+def write_joint_motion(path: str | PathLike[str], recording: SkeletonRecording) -> None: ...
 @final
 class MarkerSet:
     def __new__(
@@ -1745,6 +1791,9 @@ class Performance:
     def duration(self) -> float: ...
     @property
     def n_features(self) -> int: ...
+    @property
+    def synthetic(self) -> bool: ...
+    def labelled_synthetic(self) -> Performance: ...
 
 @final
 class ScoringOptions:
@@ -1785,9 +1834,165 @@ class ScoringModel:
     def coefficients(self) -> _Floats: ...
     @property
     def intercept(self) -> float: ...
+    @property
+    def synthetic(self) -> bool: ...
     def save(self, path: str | PathLike[str]) -> None: ...
     @classmethod
     def load(cls, path: str | PathLike[str]) -> ScoringModel: ...
+
+@final
+class JudgedSet:
+    @property
+    def files(self) -> tuple[str, ...]: ...
+    @property
+    def scores(self) -> _Floats: ...
+    @property
+    def features(self) -> dict[str, _Floats]: ...
+    @property
+    def synthetic(self) -> list[bool]: ...
+    @property
+    def recordings(self) -> list[MarkerRecording]: ...
+    def performances(self) -> list[Performance]: ...
+    def save(self, folder: str | PathLike[str]) -> None: ...
+    def __len__(self) -> int: ...
+
+def read_judged(
+    path: str | PathLike[str],
+    *,
+    unit: str = "m",
+    up: str = "z",
+    forward: str = "x",
+    nan_is_gap: bool = False,
+    longest_gap: float = 0.1,
+    diver: Diver | None = None,
+) -> JudgedSet: ...
+@final
+class DiveFaults:
+    def __new__(
+        cls,
+        entry_angle: float,
+        hip_opening: float,
+        exit_share: float,
+        asymmetry: float,
+        roughness: float,
+    ) -> DiveFaults: ...
+    @classmethod
+    def of(cls, model: Model, times: ArrayLike, q: ArrayLike) -> DiveFaults: ...
+    @property
+    def entry_angle(self) -> float: ...
+    @property
+    def hip_opening(self) -> float: ...
+    @property
+    def exit_share(self) -> float: ...
+    @property
+    def asymmetry(self) -> float: ...
+    @property
+    def roughness(self) -> float: ...
+
+@final
+class Perturbation:
+    def __new__(
+        cls,
+        *,
+        exit_delay: float = 0.0,
+        looseness: float = 0.0,
+        over_rotation: float = 0.0,
+        wobble: float = 0.0,
+        wobble_frequency: float = 6.0,
+        wobble_phase: float = 0.0,
+        asymmetry: float = 0.0,
+        duration: float = 0.0,
+    ) -> Perturbation: ...
+    @property
+    def exit_delay(self) -> float: ...
+    @property
+    def looseness(self) -> float: ...
+    @property
+    def over_rotation(self) -> float: ...
+    @property
+    def wobble(self) -> float: ...
+    @property
+    def wobble_frequency(self) -> float: ...
+    @property
+    def wobble_phase(self) -> float: ...
+    @property
+    def asymmetry(self) -> float: ...
+    @property
+    def duration(self) -> float: ...
+
+@final
+class SyntheticJudge:
+    def __new__(
+        cls,
+        reference: DiveFaults,
+        *,
+        entry_angle: float | None = None,
+        hip_opening: float | None = None,
+        exit_share: float | None = None,
+        asymmetry: float | None = None,
+        roughness: float | None = None,
+        noise: float | None = None,
+        half_points: bool = False,
+    ) -> SyntheticJudge: ...
+    @property
+    def reference(self) -> DiveFaults: ...
+    @property
+    def deductions(self) -> dict[str, float]: ...
+    @property
+    def noise(self) -> float: ...
+    @property
+    def half_points(self) -> bool: ...
+    def intended(self, faults: DiveFaults) -> float: ...
+
+@final
+class SyntheticFlight:
+    def __new__(cls, model: Model, times: ArrayLike, q: ArrayLike) -> SyntheticFlight: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def faults(self) -> DiveFaults: ...
+    def perturb(self, perturbation: Perturbation) -> SyntheticDive: ...
+
+@final
+class SyntheticDive:
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def perturbation(self) -> Perturbation: ...
+    @property
+    def angular_momentum(self) -> _Floats: ...
+
+@final
+class SyntheticSet:
+    def __new__(
+        cls,
+        flight: SyntheticFlight,
+        markers: MarkerSet,
+        judge: SyntheticJudge | None = None,
+        *,
+        n_dives: int = 16,
+        seed: int = 0,
+        least: Perturbation | None = None,
+        greatest: Perturbation | None = None,
+        marker_noise: float = 0.005,
+    ) -> SyntheticSet: ...
+    @property
+    def judge(self) -> SyntheticJudge: ...
+    @property
+    def dives(self) -> list[SyntheticDive]: ...
+    @property
+    def faults(self) -> list[DiveFaults]: ...
+    @property
+    def markers(self) -> list[MarkerRecording]: ...
+    @property
+    def intended(self) -> _Floats: ...
+    @property
+    def scores(self) -> _Floats: ...
+    def performances(self) -> list[Performance]: ...
+    def judged_set(self) -> JudgedSet: ...
+    def __len__(self) -> int: ...
 
 @final
 class Correlation:
@@ -1795,6 +2000,8 @@ class Correlation:
     def value(self) -> float: ...
     @property
     def interval(self) -> tuple[float, float]: ...
+    @property
+    def p_value(self) -> float: ...
 
 @final
 class Baseline:
@@ -1819,13 +2026,15 @@ class Validation:
     def spearman(self) -> Correlation: ...
     @property
     def baselines(self) -> list[Baseline]: ...
+    @property
+    def synthetic(self) -> bool: ...
 
 def validate(
     motions: Sequence[Performance],
     scores: ArrayLike,
     options: ScoringOptions | None = None,
     *,
-    n_resamples: int = 10_000,
+    n_resamples: int = 1000,
     level: float = 0.95,
     seed: int = 0,
     features: dict[str, ArrayLike] | None = None,

@@ -56,10 +56,12 @@ __all__ = [
     "SurfaceError",
     "SweepError",
     "SweepInputError",
+    "SyntheticError",
     "TorqueError",
     "UnknownMethodError",
     "UrdfError",
     "ViewerError",
+    "WriteError",
 ]
 
 
@@ -191,6 +193,10 @@ class ReadError(InputError):
     byte: int | None = None
 
 
+class WriteError(InputError):
+    """A recording cannot be written in this format."""
+
+
 class FitError(InputError):
     """A model cannot be fitted to these markers, or in this way."""
 
@@ -225,6 +231,10 @@ class FlowError(FtlaError):
 
 class FieldError(FlowError):
     """A field has no value: it is not finite, or a callable raised, which is then the cause."""
+
+
+class SyntheticError(InputError):
+    """No synthetic dive can be made in this way: the message says why."""
 
 
 class ViewerError(InputError):

@@ -5,13 +5,17 @@ named markers, with gaps; a `SkeletonRecording` a tree of joints and how they tu
 model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` describe motions; a
 `ScoringModel` learns scores, and `validate` says what they are worth.
 
-| Format | Reader | Gives |
-|---|---|---|
-| BVH | `read_bvh` | skeleton |
-| motions of DeepMimic (JSON) | `read_joint_motion` | skeleton |
-| C3D, point data | `read_c3d` | markers |
-| TRC | `read_trc` | markers |
-| CSV | `read_csv` | markers |
+| Format | Reader | Writer | Of |
+|---|---|---|---|
+| BVH | `read_bvh` | `write_bvh` | skeletons |
+| motions of DeepMimic (JSON) | `read_joint_motion` | `write_joint_motion` | skeletons |
+| C3D, point data | `read_c3d` | `write_c3d` | markers |
+| TRC | `read_trc` | `write_trc` | markers |
+| CSV | `read_csv` | `write_csv` | markers |
+| a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
+
+Since no set of judged dives is public, a `SyntheticSet` makes one; whatever comes of it is labelled
+SYNTHETIC.
 
 A diver who folds, seen by noisy markers, some of them missing, and found again:
 
@@ -35,19 +39,26 @@ from somersault._somersault import (
     Band,
     Baseline,
     Correlation,
+    DiveFaults,
     GroupComparison,
+    JudgedSet,
     MarkerFit,
     MarkerRecording,
     MarkerSet,
     MotionFit,
     Pca,
     Performance,
+    Perturbation,
     Projection,
     ScoringModel,
     ScoringOptions,
     Skeleton,
     SkeletonJoint,
     SkeletonRecording,
+    SyntheticDive,
+    SyntheticFlight,
+    SyntheticJudge,
+    SyntheticSet,
     Validation,
     common_eigenpostures,
     eigenpostures_per_motion,
@@ -58,29 +69,42 @@ from somersault._somersault import (
     read_c3d,
     read_csv,
     read_joint_motion,
+    read_judged,
     read_trc,
     spearman,
     turns_about,
     validate,
+    write_bvh,
+    write_c3d,
+    write_csv,
+    write_joint_motion,
+    write_trc,
 )
 
 __all__ = [
     "Band",
     "Baseline",
     "Correlation",
+    "DiveFaults",
     "GroupComparison",
+    "JudgedSet",
     "MarkerFit",
     "MarkerRecording",
     "MarkerSet",
     "MotionFit",
     "Pca",
     "Performance",
+    "Perturbation",
     "Projection",
     "ScoringModel",
     "ScoringOptions",
     "Skeleton",
     "SkeletonJoint",
     "SkeletonRecording",
+    "SyntheticDive",
+    "SyntheticFlight",
+    "SyntheticJudge",
+    "SyntheticSet",
     "Validation",
     "common_eigenpostures",
     "eigenpostures_per_motion",
@@ -93,8 +117,14 @@ __all__ = [
     "read_c3d",
     "read_csv",
     "read_joint_motion",
+    "read_judged",
     "read_trc",
     "spearman",
     "turns_about",
     "validate",
+    "write_bvh",
+    "write_c3d",
+    "write_csv",
+    "write_joint_motion",
+    "write_trc",
 ]

@@ -22,6 +22,8 @@ use somersault::motion::analysis::AnalysisError;
 use somersault::motion::fit::FitError;
 use somersault::motion::recording::RecordingError;
 use somersault::motion::scoring::{ScoringError, StorageError};
+use somersault::motion::synthetic::SyntheticError;
+use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::motion::MotionError;
@@ -384,5 +386,26 @@ impl From<ScoringError> for Error {
 impl From<StorageError> for Error {
     fn from(error: StorageError) -> Self {
         Self::own("StorageError", &error)
+    }
+}
+
+impl From<WriteError> for Error {
+    fn from(error: WriteError) -> Self {
+        Self::own("WriteError", &error)
+    }
+}
+
+impl From<SyntheticError> for Error {
+    fn from(error: SyntheticError) -> Self {
+        match error {
+            SyntheticError::Recording(error) => error.into(),
+            SyntheticError::Model(error) => error.into(),
+            SyntheticError::Flight(error) => error.into(),
+            SyntheticError::Motion(error) => error.into(),
+            SyntheticError::Markers(error) => error.into(),
+            SyntheticError::Faults(error) => error.into(),
+            SyntheticError::Scoring(error) => error.into(),
+            error => Self::own("SyntheticError", &error),
+        }
     }
 }

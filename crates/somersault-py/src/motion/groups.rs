@@ -1,6 +1,6 @@
 //! Groups of motions side by side.
 
-use super::matrix::{matrix, matrix_array, numbers_array};
+use super::matrix::{count, matrix, matrix_array, numbers_array};
 use super::motion_fit::MotionFit;
 use crate::convert::{real_numbers, with_shape};
 use crate::error::Error;
@@ -90,7 +90,7 @@ impl GroupComparison {
     #[new]
     #[pyo3(signature = (groups, panel, *, n_frames=60, weight=0))]
     fn new(groups: &Bound<'_, PyDict>, panel: &str, n_frames: usize, weight: usize) -> Result<Self, Error> {
-        let panel = panel_of(panel, weight)?;
+        let (panel, n_frames) = (panel_of(panel, weight)?, count("n_frames", n_frames)?);
         let mut names = Vec::new();
         let mut fits: Vec<Vec<Bound<'_, MotionFit>>> = Vec::new();
         for (name, group) in groups.iter() {
@@ -191,6 +191,7 @@ pub(crate) fn normalize_frames<'py>(
 ) -> Result<Bound<'py, PyAny>, Error> {
     let times = real_numbers("times", times)?;
     let values = with_shape("values", &[times.len()], values)?;
+    let n_frames = count("n_frames", n_frames)?;
     Ok(numbers_array(py, &analysis::normalize_frames(&times, &values, n_frames)?))
 }
 

@@ -1,6 +1,6 @@
 //! Recordings of markers.
 
-use super::matrix::{mask, numbers_array};
+use super::matrix::{count, mask, numbers_array};
 use crate::convert::{array, real_numbers, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
@@ -219,7 +219,7 @@ pub(super) fn new_times(
 ) -> Result<Vec<f64>, Error> {
     match (times, n_frames) {
         (Some(times), None) => real_numbers("times", times),
-        (None, Some(n)) => Ok(uniform_times(old, n)),
+        (None, Some(n)) => Ok(uniform_times(old, count("n_frames", n)?)),
         _ => Err(Error::input("either `times` or `n_frames` must be given, found both or neither")),
     }
 }

@@ -34,6 +34,17 @@ pub(super) fn numbers_array<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, 
     numpy::PyArray1::from_slice(py, values).into_any()
 }
 
+/// The most frames, or motions, that memory is certainly there for.
+const MOST: usize = 1_000_000;
+
+/// A number of frames or motions to be made.
+pub(super) fn count(argument: &str, n: usize) -> Result<usize, Error> {
+    if n <= MOST {
+        return Ok(n);
+    }
+    Err(Error::input(format!("`{argument}` must be at most {MOST}, found {n}")))
+}
+
 /// Truth values of the given shape.
 pub(super) fn mask(argument: &str, shape: &[usize], value: &Bound<'_, PyAny>) -> Result<Vec<bool>, Error> {
     let expected = format!("truth values of shape {}", shape_text(shape));

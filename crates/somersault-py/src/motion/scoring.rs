@@ -1,7 +1,7 @@
 //! Motions to be scored, and models that score them.
 
 use super::markers::MarkerRecording;
-use super::matrix::{matrix, numbers_array};
+use super::matrix::{count, matrix, numbers_array};
 use super::pca::Pca;
 use super::worker::attended;
 use crate::convert::real_numbers;
@@ -74,8 +74,24 @@ impl Performance {
         self.performance.n_features()
     }
 
+    /// bool: Whether it is labelled as made up.
+    #[getter]
+    fn synthetic(&self) -> bool {
+        self.performance.is_synthetic()
+    }
+
+    /// The same, labelled as made up; models and validations that use it carry the label on.
+    ///
+    /// Returns
+    /// -------
+    /// Performance
+    fn labelled_synthetic(&self) -> Self {
+        Self { performance: self.performance.clone().labelled_synthetic() }
+    }
+
     fn __repr__(&self) -> String {
-        format!("<Performance: {} features, {:.3} s>", self.n_features(), self.duration())
+        let label = if self.synthetic() { ", SYNTHETIC" } else { "" };
+        format!("<Performance: {} features, {:.3} s{label}>", self.n_features(), self.duration())
     }
 }
 
@@ -126,9 +142,10 @@ impl ScoringOptions {
         duration: bool,
         n_components: Option<usize>,
         max_components: usize,
-    ) -> Self {
+    ) -> Result<Self, Error> {
+        let n_frames = count("n_frames", n_frames)?;
         let vector = VectorOptions { n_frames, n_eigenweights, path, duration };
-        Self { options: scoring::ScoringOptions { vector, n_components, max_components } }
+        Ok(Self { options: scoring::ScoringOptions { vector, n_components, max_components } })
     }
 
     /// int: Frames each motion is brought to.
@@ -259,6 +276,12 @@ impl ScoringModel {
         self.model.intercept()
     }
 
+    /// bool: Whether it has learnt from motions that are made up: then its scores say nothing about real ones.
+    #[getter]
+    fn synthetic(&self) -> bool {
+        self.model.is_synthetic()
+    }
+
     /// Writes the model to a file of JSON, with all digits.
     ///
     /// Parameters
@@ -294,9 +317,10 @@ impl ScoringModel {
 
     fn __repr__(&self) -> String {
         format!(
-            "<ScoringModel: {} components of motions, {} eigenpostures>",
+            "<ScoringModel: {} components of motions, {} eigenpostures{}>",
             self.model.coefficients().len(),
-            self.model.eigenpostures().n_components()
+            self.model.eigenpostures().n_components(),
+            if self.synthetic() { ", SYNTHETIC" } else { "" }
         )
     }
 

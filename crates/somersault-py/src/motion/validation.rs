@@ -1,6 +1,6 @@
 //! How well motions are scored.
 
-use super::matrix::numbers_array;
+use super::matrix::{count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
 use super::worker::attended;
 use crate::convert::{real_numbers, with_shape};
@@ -9,10 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use somersault::motion::scoring::{self, ValidationOptions};
 
-/// Resamples that memory is certainly there for.
-const MOST_RESAMPLES: usize = 100_000_000;
-
-/// A coefficient of correlation with its bootstrap interval.
+/// A coefficient of correlation, how sure it is and what chance would make of it.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct Correlation {
@@ -27,15 +24,22 @@ impl Correlation {
         self.correlation.value
     }
 
-    /// tuple of float: Lower and upper end of the percentile interval.
+    /// tuple of float: Lower and upper end of the percentile interval over resamples of the motions.
     #[getter]
     fn interval(&self) -> (f64, f64) {
         self.correlation.interval.into()
     }
 
+    /// float: Share of shuffles of the scores, the order given among them, with at least this coefficient.
+    #[getter]
+    fn p_value(&self) -> f64 {
+        self.correlation.p_value
+    }
+
     fn __repr__(&self) -> String {
         let [lower, upper] = self.correlation.interval;
-        format!("<Correlation: {:.3} in [{lower:.3}, {upper:.3}]>", self.correlation.value)
+        let (value, p) = (self.correlation.value, self.correlation.p_value);
+        format!("<Correlation: {value:.3} in [{lower:.3}, {upper:.3}], p = {p:.3}>")
     }
 }
 
@@ -115,6 +119,12 @@ impl Validation {
         self.validation.baselines.iter().cloned().map(|baseline| Baseline { baseline }).collect()
     }
 
+    /// bool: Whether some of the motions are made up.
+    #[getter]
+    fn synthetic(&self) -> bool {
+        self.validation.synthetic
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "<Validation: {} motions, rms error {:.3}, Pearson {:.3}, Spearman {:.3}>",
@@ -130,7 +140,9 @@ impl Validation {
 ///
 /// Bases, number of components and regression are made anew for each motion. The mean of the others falls where the score left
 /// out is high: it is correlated by −1 with any scores, and so in part are predictions, which contain it. So
-/// correlations are of what a prediction differs by from that mean. A negative one is no finding.
+/// correlations are of what a prediction differs by from that mean. Scores that mean nothing still make them lean to the
+/// negative. Intervals are over resamples of the motions, each with models of its own; p-values are shares of shuffles of the
+/// scores that are correlated at least as much. Costs n⁴ for n motions a resample.
 ///
 /// Parameters
 /// ----------
@@ -138,7 +150,7 @@ impl Validation {
 /// scores : array_like, shape (n_motions,)
 /// options : ScoringOptions, optional
 /// n_resamples : int, optional
-///     Resamples of the bootstrap.
+///     Resamples of the motions for the intervals, and shuffles of the scores for the p-values.
 /// level : float, optional
 ///     Of the intervals, between 0 and 1.
 /// seed : int, optional
@@ -155,7 +167,7 @@ impl Validation {
 /// ScoringError
 ///     If there are too few motions, or an argument is not allowed.
 #[pyfunction]
-#[pyo3(signature = (motions, scores, options=None, *, n_resamples=10_000, level=0.95, seed=0, features=None))]
+#[pyo3(signature = (motions, scores, options=None, *, n_resamples=1000, level=0.95, seed=0, features=None))]
 pub(crate) fn validate(
     py: Python<'_>,
     motions: Vec<Bound<'_, Performance>>,
@@ -168,10 +180,7 @@ pub(crate) fn validate(
 ) -> Result<Validation, Error> {
     let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
     let options = ScoringOptions::or_thesis(options);
-    if n_resamples > MOST_RESAMPLES {
-        let message = format!("`n_resamples` must be at most {MOST_RESAMPLES}, found {n_resamples}");
-        return Err(Error::input(message));
-    }
+    let n_resamples = count("n_resamples", n_resamples)?;
     let choices = ValidationOptions { n_resamples, level, seed };
     let mut named: Vec<(String, Vec<f64>)> = Vec::new();
     for (name, values) in features.into_iter().flatten() {

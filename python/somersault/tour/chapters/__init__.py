@@ -28,6 +28,7 @@ ORDER = (
     "dives",
     "motions",
     "recordings",
+    "scores",
     "swing_up",
     "arm",
     "timescales",

@@ -47,7 +47,7 @@ def blurred(recording: motion.MarkerRecording) -> motion.MarkerRecording:
     return motion.MarkerRecording(recording.names, recording.times, points, present)
 
 
-_CSV = "time,hip_x,hip_y,hip_z\n0.00,0,0,0.9\n0.01,0,0,nan\n"
+_CSV = "time,hip_x,hip_y,hip_z\n0.00,0,0,0.9\n0.01,0,0,inf\n"
 _TRC = (
     "PathFileType\t4\t(X/Y/Z)\tjump.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n100\t9\t1\tmm\n"
     "Frame#\tTime\thip\t\t\n\t\tX1\tY1\tZ1\n1\t0.00\t0\t900\t0\n"
@@ -89,7 +89,7 @@ def _reading(page: Page) -> None:
         [
             [words(what), words(_said(read))]
             for what, read in (
-                ("CSV with NaN", lambda: motion.read_csv(io.StringIO(_CSV))),
+                ("CSV with an infinite number", lambda: motion.read_csv(io.StringIO(_CSV))),
                 ("TRC of one frame that declares nine", lambda: motion.read_trc(io.StringIO(_TRC))),
                 ("BVH with a channel W", lambda: motion.read_bvh(io.StringIO(_BVH), unit="m")),
                 ("C3D that ends after 100 bytes", lambda: motion.read_c3d(io.BytesIO(bytes(100)))),

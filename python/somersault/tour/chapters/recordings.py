@@ -120,11 +120,12 @@ def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     folder = os.environ.get(VARIABLE)
     if folder is None:
-        page.lead(f"None here: no folder is named by <code>{VARIABLE}</code>.")
+        page.lead(f"There are no recordings here: <code>{VARIABLE}</code> names no folder.")
         page.text(
-            "<b>There are none here.</b> Where the environment variable"
+            "Where the environment variable"
             f" <code>{VARIABLE}</code> names a folder with the motions of DeepMimic"
-            f" (<code>humanoid3d_backflip.txt</code> and so on), this page shows {', '.join(_RECORDED[:-1])}"
+            " (<code>humanoid3d_backflip.txt</code> and so on), this page shows"
+            f" {', '.join(_RECORDED[:-1])}"
             " and"
             f" {_RECORDED[-1]}: joint centres by forward kinematics, fitted by the spatial diver, with"
             " residuals,"
@@ -142,7 +143,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.lead(
         "Eight motions of people, laid over by the spatial diver to"
         f" {1e3 * min(found.rms for found in fits.values()):.0f} to"
-        f" {1e3 * max(found.rms for found in fits.values()):.0f} mm; backflip and sideflip in posture space."
+        f" {1e3 * max(found.rms for found in fits.values()):.0f} mm; backflip and sideflip in"
+        " posture space."
     )
     rows: list[list[str | Cell]] = []
     for name, found in fits.items():
@@ -163,10 +165,12 @@ def write(page: Page, measurements: Measurements) -> None:
     page.text(
         "Motions of DeepMimic (X. B. Peng and others, ACM Trans. Graph. 37 (2018), 143), made from motion"
         " capture."
-        " They carry no lengths of segments: joint centres are by forward kinematics with the segment lengths"
+        " They carry no lengths of segments: joint centres are by forward kinematics with the"
+        " segment lengths"
         " of"
         " the diver of 1.70 m, and the scale is known to be 1. The diver is hinged: hips and knees"
-        " bend in one plane, and the trunk is stiff where the figures have a chest. What it cannot do is the"
+        " bend in one plane, and the trunk is stiff where the figures have a chest. What it cannot"
+        " do is the"
         " residual."
     )
     page.table(
@@ -191,7 +195,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "recorded-turns",
         _turns(recordings, fits),
-        "How far the root has turned about its own axes: of the recording, and dashed the fitted trunk. Where"
+        "How far the root has turned about its own axes: of the recording, and dashed the fitted"
+        " trunk. Where"
         " they"
         " part, the stiff trunk and hinged hips make up for what they cannot do.",
         "Eight panels; backflip and roll go a turn about the axis to the left, sideflip and cartwheel about"
@@ -203,16 +208,19 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "recorded-postures",
         _posture_space(flips, diver, letters),
-        "Backflip and sideflip in posture space: weights of A (arms up), F (tuck), G (open pike) and C (arms"
+        "Backflip and sideflip in posture space: weights of A (arms up), F (tuck), G (open pike)"
+        " and C (arms"
         " sideways)"
-        " over B (arms at the sides), w ≥ 0 and Σw ≤ 1, and the norm of what remains of the 21 joint angles.",
+        " over B (arms at the sides), w ≥ 0 and Σw ≤ 1, and the norm of what remains of the 21"
+        " joint angles.",
         "Two columns of weights over time, with the rest below",
     )
     page.figure(
         "recorded-body",
         _body_centred(flips),
-        "Centre of mass, and moments of inertia about it along the axes of the trunk: both flips are tucked"
-        " in the air.",
+        "Height of the centre of mass, and moments of inertia about it along the axes of the"
+        " trunk: a tuck makes"
+        " those about the forward and the left axis small, and that about the long axis large.",
         "Two columns; the height rises and falls, the moments of inertia are least in the air",
     )
     pca = motion.common_eigenpostures([found.q[:, 7:] for found in flips.values()], 5)
@@ -228,7 +236,8 @@ def write(page: Page, measurements: Measurements) -> None:
         " variance of"
         f" their joint angles. The tuck weighs most, {tuck['backflip'].max():.2f}, at"
         f" {flips['backflip'].times[int(tuck['backflip'].argmax())]:.2f} s of the backflip, and"
-        f" {tuck['sideflip'].max():.2f} at {flips['sideflip'].times[int(tuck['sideflip'].argmax())]:.2f} s of"
+        f" {tuck['sideflip'].max():.2f} at"
+        f" {flips['sideflip'].times[int(tuck['sideflip'].argmax())]:.2f} s of"
         " the"
         " sideflip."
     )

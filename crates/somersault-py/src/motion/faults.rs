@@ -1,0 +1,223 @@
+//! Faults of dives, and a SYNTHETIC judge of them.
+
+use super::matrix::matrix;
+use crate::convert::real_numbers;
+use crate::error::Error;
+use crate::model::Model;
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use somersault::motion::analysis;
+use somersault::motion::synthetic;
+
+/// What a dive is marked down for, as numbers.
+///
+/// Parameters
+/// ----------
+/// entry_angle : float
+///     Of the line from the feet to the hands against the vertical in the last frame, rad.
+/// hip_opening : float
+///     Least angle between trunk and thigh, rad.
+/// exit_share : float
+///     Share of the duration after which the hip stays more than half open.
+/// asymmetry : float
+///     Root mean square of left against right joint angles, rad; 0 in the plane.
+/// roughness : float
+///     Log dimensionless jerk of the hip's angle.
+#[pyclass(frozen, module = "somersault.motion")]
+#[derive(Clone, Copy)]
+pub(crate) struct DiveFaults {
+    pub(super) faults: analysis::DiveFaults,
+}
+
+#[pymethods]
+impl DiveFaults {
+    #[new]
+    fn new(entry_angle: f64, hip_opening: f64, exit_share: f64, asymmetry: f64, roughness: f64) -> Self {
+        let faults = analysis::DiveFaults { entry_angle, hip_opening, exit_share, asymmetry, roughness };
+        Self { faults }
+    }
+
+    /// The faults of a motion of a diver, planar or spatial.
+    ///
+    /// Parameters
+    /// ----------
+    /// model : Model
+    ///     Whose bodies have the names of a diver's.
+    /// times : array_like, shape (n,)
+    /// q : array_like, shape (n, n_positions)
+    ///
+    /// Returns
+    /// -------
+    /// DiveFaults
+    #[classmethod]
+    fn of(
+        _: &Bound<'_, PyType>,
+        model: &Bound<'_, Model>,
+        times: &Bound<'_, PyAny>,
+        q: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let (model, times) = (&model.get().model, real_numbers("times", times)?);
+        Ok(Self { faults: analysis::DiveFaults::of(model, &times, &configurations(model, q)?)? })
+    }
+
+    /// float: Angle of the long axis to the vertical at the entry, rad.
+    #[getter]
+    fn entry_angle(&self) -> f64 {
+        self.faults.entry_angle
+    }
+
+    /// float: Least angle between trunk and thigh, rad.
+    #[getter]
+    fn hip_opening(&self) -> f64 {
+        self.faults.hip_opening
+    }
+
+    /// float: Share of the duration after which the hip stays more than half open.
+    #[getter]
+    fn exit_share(&self) -> f64 {
+        self.faults.exit_share
+    }
+
+    /// float: Root mean square difference between left and right joints, rad.
+    #[getter]
+    fn asymmetry(&self) -> f64 {
+        self.faults.asymmetry
+    }
+
+    /// float: Log dimensionless jerk of the hip.
+    #[getter]
+    fn roughness(&self) -> f64 {
+        self.faults.roughness
+    }
+
+    fn __repr__(&self) -> String {
+        let f = &self.faults;
+        format!(
+            "DiveFaults(entry_angle={:.4}, hip_opening={:.4}, exit_share={:.4}, asymmetry={:.4}, \
+             roughness={:.3})",
+            f.entry_angle, f.hip_opening, f.exit_share, f.asymmetry, f.roughness
+        )
+    }
+}
+
+/// Configurations one after the other, of a model.
+pub(super) fn configurations(
+    model: &somersault::multibody::Model,
+    q: &Bound<'_, PyAny>,
+) -> Result<Vec<f64>, Error> {
+    let q = matrix("q", q)?;
+    if q.ncols() != model.n_positions() {
+        let n = model.n_positions();
+        return Err(Error::input(format!("`q` must have {n} columns, found {}", q.ncols())));
+    }
+    Ok(q.transpose().as_slice().to_vec())
+}
+
+/// A SYNTHETIC judge, who gives 10 − Σ p max(0, f − r) + σ ε to a dive with faults f. No judge was asked.
+///
+/// Parameters
+/// ----------
+/// reference : DiveFaults
+///     r, faults that are taken for none.
+/// entry_angle, hip_opening, asymmetry : float, optional
+///     p, points/rad.
+/// exit_share : float, optional
+///     Points for the whole duration.
+/// roughness : float, optional
+///     Points for a factor of e in the squared jerk.
+/// noise : float, optional
+///     σ, points.
+/// half_points : bool, optional
+///     Whether he gives half points only.
+///
+/// Raises
+/// ------
+/// SyntheticError
+///     If a deduction or the noise is negative, or a fault is not finite.
+#[pyclass(frozen, module = "somersault.motion")]
+#[derive(Clone, Copy)]
+pub(crate) struct SyntheticJudge {
+    pub(super) judge: synthetic::SyntheticJudge,
+}
+
+#[pymethods]
+impl SyntheticJudge {
+    #[new]
+    #[pyo3(signature = (
+        reference, *, entry_angle=None, hip_opening=None, exit_share=None, asymmetry=None, roughness=None, noise=None,
+        half_points=false
+    ))]
+    fn new(
+        reference: &Bound<'_, DiveFaults>,
+        entry_angle: Option<f64>,
+        hip_opening: Option<f64>,
+        exit_share: Option<f64>,
+        asymmetry: Option<f64>,
+        roughness: Option<f64>,
+        noise: Option<f64>,
+        half_points: bool,
+    ) -> Result<Self, Error> {
+        let usual = synthetic::SyntheticJudge::with_reference(reference.get().faults);
+        let judge = synthetic::SyntheticJudge {
+            entry_angle: entry_angle.unwrap_or(usual.entry_angle),
+            hip_opening: hip_opening.unwrap_or(usual.hip_opening),
+            exit_share: exit_share.unwrap_or(usual.exit_share),
+            asymmetry: asymmetry.unwrap_or(usual.asymmetry),
+            roughness: roughness.unwrap_or(usual.roughness),
+            noise: noise.unwrap_or(usual.noise),
+            half_points,
+            ..usual
+        };
+        judge.validate()?;
+        Ok(Self { judge })
+    }
+
+    /// DiveFaults: Faults that are taken for none.
+    #[getter]
+    fn reference(&self) -> DiveFaults {
+        DiveFaults { faults: self.judge.reference }
+    }
+
+    /// dict of str to float: What a unit of each fault costs, points.
+    #[getter]
+    fn deductions(&self) -> std::collections::BTreeMap<&'static str, f64> {
+        let judge = &self.judge;
+        [
+            ("entry_angle", judge.entry_angle),
+            ("hip_opening", judge.hip_opening),
+            ("exit_share", judge.exit_share),
+            ("asymmetry", judge.asymmetry),
+            ("roughness", judge.roughness),
+        ]
+        .into()
+    }
+
+    /// float: Standard deviation of the noise, points.
+    #[getter]
+    fn noise(&self) -> f64 {
+        self.judge.noise
+    }
+
+    /// bool: Whether he gives half points only.
+    #[getter]
+    fn half_points(&self) -> bool {
+        self.judge.half_points
+    }
+
+    /// The score without noise and rounding.
+    ///
+    /// Parameters
+    /// ----------
+    /// faults : DiveFaults
+    ///
+    /// Returns
+    /// -------
+    /// float
+    fn intended(&self, faults: &Bound<'_, DiveFaults>) -> f64 {
+        self.judge.intended(&faults.get().faults)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<SyntheticJudge: SYNTHETIC, noise {} points>", self.judge.noise)
+    }
+}

@@ -1,0 +1,175 @@
+//! Judged motions of one's own.
+
+use super::convention::convention;
+use super::markers::MarkerRecording;
+use super::matrix::numbers_array;
+use super::scoring::Performance;
+use super::worker::attended;
+use crate::error::Error;
+use crate::named_models::Diver;
+use pyo3::exceptions::PyOSError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use somersault::motion::judged::{self, JudgedError, JudgedOptions};
+use somersault::motion::readers::{LoadError, Place, ReadError};
+use somersault::multibody::models;
+use std::path::PathBuf;
+
+/// Motions with scores, as `read_judged` reads them: markers of the same names without gaps.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct JudgedSet {
+    pub(super) set: judged::JudgedSet,
+}
+
+/// The exception for an error, with the line of the list where there is one.
+fn raised(error: JudgedError) -> Error {
+    let message = error.to_string();
+    let line = match error {
+        JudgedError::Scoring { source, .. } => return source.into(),
+        JudgedError::Write(error) => return error.into(),
+        JudgedError::Io { .. } | JudgedError::List(LoadError::Io { .. }) => {
+            return Error::Raised(PyOSError::new_err(message));
+        }
+        JudgedError::List(LoadError::Read { source, .. }) => match source {
+            ReadError::Unexpected { place, .. }
+            | ReadError::Truncated { place, .. }
+            | ReadError::NonFinite { place, .. } => match place {
+                Place::Line(line) => Some(line),
+                Place::Byte(_) => None,
+            },
+            _ => None,
+        },
+        JudgedError::Motion { line, .. }
+        | JudgedError::UnknownFormat { line, .. }
+        | JudgedError::Recording { line, .. }
+        | JudgedError::Gap { line, .. } => Some(line),
+        _ => None,
+    };
+    let raised: PyErr = Error::read(message).into();
+    Python::attach(|py| line.map_or(Ok(()), |line| raised.value(py).setattr("line", line)))
+        .map_or_else(Error::Raised, |()| Error::Raised(raised))
+}
+
+#[pymethods]
+impl JudgedSet {
+    /// tuple of str: Files of the motions, relative to the list.
+    #[getter]
+    fn files<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.set.list.motions.iter().map(|motion| motion.file.as_str()))
+    }
+
+    /// ndarray, shape (n_motions,): Scores.
+    #[getter]
+    fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.set.scores())
+    }
+
+    /// dict of str to ndarray: Single features, for baselines.
+    #[getter]
+    fn features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = PyDict::new(py);
+        for (name, values) in self.set.features() {
+            found.set_item(name, numbers_array(py, &values))?;
+        }
+        Ok(found)
+    }
+
+    /// list of bool: Whether motion or score are made up.
+    #[getter]
+    fn synthetic(&self) -> Vec<bool> {
+        self.set.list.motions.iter().map(|motion| motion.synthetic).collect()
+    }
+
+    /// list of MarkerRecording: The motions.
+    #[getter]
+    fn recordings(&self) -> Vec<MarkerRecording> {
+        self.set.recordings.iter().cloned().map(|recording| MarkerRecording { recording }).collect()
+    }
+
+    /// The motions to be scored, those that are made up labelled so.
+    ///
+    /// Returns
+    /// -------
+    /// list of Performance
+    fn performances(&self) -> Result<Vec<Performance>, Error> {
+        let found = self.set.performances().map_err(raised)?;
+        Ok(found.into_iter().map(|performance| Performance { performance }).collect())
+    }
+
+    /// Writes the list as ``judged.csv`` and its motions as CSV into a folder. What is made up says SYNTHETIC.
+    ///
+    /// Parameters
+    /// ----------
+    /// folder : path
+    ///
+    /// Raises
+    /// ------
+    /// ReadError
+    ///     If a file of the list does not end in ``.csv``.
+    /// OSError
+    ///     If the folder cannot be written to.
+    fn save(&self, folder: PathBuf) -> Result<(), Error> {
+        self.set.save(folder).map_err(raised)
+    }
+
+    fn __len__(&self) -> usize {
+        self.set.recordings.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let made_up = self.set.list.motions.iter().filter(|motion| motion.synthetic).count();
+        let label = if made_up > 0 { format!(", {made_up} of them SYNTHETIC") } else { String::new() };
+        format!("<JudgedSet: {} motions{label}>", self.set.recordings.len())
+    }
+}
+
+/// Reads motions with scores: a list as comma-separated values, and the files that it names.
+///
+/// The first line of the list names its columns: ``motion``, a file below the folder of the list; ``score``; ``synthetic``,
+/// which may be left out, ``true`` or ``false``; all others are numbers that serve as single features. Files are read by
+/// their ending: ``.csv``, ``.trc`` and ``.c3d`` have markers; of ``.bvh``, ``.json`` and ``.txt`` joint centres are taken. All must
+/// have the markers of the first.
+///
+/// Parameters
+/// ----------
+/// path : path
+///     The list.
+/// unit, up, forward : str, optional
+///     Axes of all files, and the unit where a file has none.
+/// nan_is_gap : bool, optional
+///     Whether NaN in text files of markers is a gap.
+/// longest_gap : float, optional
+///     The longest gap that is filled, s. Gaps that are left are errors.
+/// diver : Diver, optional
+///     Whose lengths the motions of DeepMimic have.
+///
+/// Returns
+/// -------
+/// JudgedSet
+///
+/// Raises
+/// ------
+/// ReadError
+///     If list or motion are not what they should be; the attribute ``line`` is that of the list.
+/// OSError
+///     If the list cannot be opened.
+#[pyfunction]
+#[pyo3(signature = (
+    path, *, unit="m", up="z", forward="x", nan_is_gap=false, longest_gap=0.1, diver=None
+))]
+pub(crate) fn read_judged(
+    py: Python<'_>,
+    path: PathBuf,
+    unit: &str,
+    up: &str,
+    forward: &str,
+    nan_is_gap: bool,
+    longest_gap: f64,
+    diver: Option<&Bound<'_, Diver>>,
+) -> Result<JudgedSet, Error> {
+    let convention = convention(unit, up, forward)?;
+    let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
+    let options = JudgedOptions { convention, nan_is_gap, longest_gap, diver };
+    let set = attended(py, move || judged::load_set(path, &options).map_err(raised))?;
+    Ok(JudgedSet { set })
+}

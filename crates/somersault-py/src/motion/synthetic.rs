@@ -1,0 +1,367 @@
+//! SYNTHETIC dives and scores.
+
+use super::faults::{DiveFaults, SyntheticJudge, configurations};
+use super::fit::MarkerSet;
+use super::judged::JudgedSet;
+use super::markers::MarkerRecording;
+use super::matrix::{count, numbers_array};
+use super::scoring::Performance;
+use super::worker::attended;
+use crate::convert::{array, real_numbers, vector_array};
+use crate::error::Error;
+use crate::model::Model;
+use pyo3::prelude::*;
+use somersault::motion::analysis;
+use somersault::motion::synthetic::{self, SyntheticOptions};
+
+/// What is changed about a flight to make a SYNTHETIC dive.
+///
+/// Parameters
+/// ----------
+/// exit_delay : float, optional
+///     How much later the fold opens, s; negative earlier.
+/// looseness : float, optional
+///     Share by which the fold is smaller.
+/// over_rotation : float, optional
+///     How much farther the body turns till the entry, rad; negative: short.
+/// wobble, wobble_frequency, wobble_phase : float, optional
+///     Amplitude as a share of the fold, frequency, Hz, and phase, rad, of a wobble.
+/// asymmetry : float, optional
+///     Share by which joints on the right fold more and those on the left less.
+/// duration : float, optional
+///     Share by which the flight lasts longer.
+#[pyclass(frozen, module = "somersault.motion")]
+#[derive(Clone, Copy)]
+pub(crate) struct Perturbation {
+    perturbation: synthetic::Perturbation,
+}
+
+#[pymethods]
+impl Perturbation {
+    #[new]
+    #[pyo3(signature = (
+        *, exit_delay=0.0, looseness=0.0, over_rotation=0.0, wobble=0.0, wobble_frequency=6.0, wobble_phase=0.0,
+        asymmetry=0.0, duration=0.0
+    ))]
+    fn new(
+        exit_delay: f64,
+        looseness: f64,
+        over_rotation: f64,
+        wobble: f64,
+        wobble_frequency: f64,
+        wobble_phase: f64,
+        asymmetry: f64,
+        duration: f64,
+    ) -> Self {
+        let perturbation = synthetic::Perturbation {
+            exit_delay,
+            looseness,
+            over_rotation,
+            wobble,
+            wobble_frequency,
+            wobble_phase,
+            asymmetry,
+            duration,
+        };
+        Self { perturbation }
+    }
+
+    /// float: How much later the fold opens, s.
+    #[getter]
+    fn exit_delay(&self) -> f64 {
+        self.perturbation.exit_delay
+    }
+
+    /// float: Share by which the fold is smaller.
+    #[getter]
+    fn looseness(&self) -> f64 {
+        self.perturbation.looseness
+    }
+
+    /// float: How much farther the body turns till the entry, rad.
+    #[getter]
+    fn over_rotation(&self) -> f64 {
+        self.perturbation.over_rotation
+    }
+
+    /// float: Amplitude of the wobble as a share of the fold.
+    #[getter]
+    fn wobble(&self) -> f64 {
+        self.perturbation.wobble
+    }
+
+    /// float: Frequency of the wobble, Hz.
+    #[getter]
+    fn wobble_frequency(&self) -> f64 {
+        self.perturbation.wobble_frequency
+    }
+
+    /// float: Phase of the wobble, rad.
+    #[getter]
+    fn wobble_phase(&self) -> f64 {
+        self.perturbation.wobble_phase
+    }
+
+    /// float: Share by which joints on the right fold more and those on the left less.
+    #[getter]
+    fn asymmetry(&self) -> f64 {
+        self.perturbation.asymmetry
+    }
+
+    /// float: Share by which the flight lasts longer.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.perturbation.duration
+    }
+
+    fn __repr__(&self) -> String {
+        let p = &self.perturbation;
+        format!(
+            "Perturbation(exit_delay={}, looseness={}, over_rotation={}, wobble={}, wobble_frequency={}, \
+             wobble_phase={}, asymmetry={}, duration={})",
+            p.exit_delay,
+            p.looseness,
+            p.over_rotation,
+            p.wobble,
+            p.wobble_frequency,
+            p.wobble_phase,
+            p.asymmetry,
+            p.duration
+        )
+    }
+}
+
+/// A flight that SYNTHETIC dives are made of.
+///
+/// Joints are perturbed in what they depart by from the straight way between their end postures; the flight is then
+/// flown anew, with constant angular momentum, which is found such that the root turns as far as in the given flight.
+///
+/// Parameters
+/// ----------
+/// model : Model
+///     With a floating or planar root, and other joints of one coordinate.
+/// times : array_like, shape (n,)
+///     At least five, s.
+/// q : array_like, shape (n, n_positions)
+///     Less than a half turn apart.
+///
+/// Raises
+/// ------
+/// SyntheticError
+///     If the flight cannot be perturbed; the message says why.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct SyntheticFlight {
+    flight: synthetic::SyntheticFlight,
+    model: Py<Model>,
+    faults: analysis::DiveFaults,
+}
+
+#[pymethods]
+impl SyntheticFlight {
+    #[new]
+    fn new(model: &Bound<'_, Model>, times: &Bound<'_, PyAny>, q: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let tree = &model.get().model;
+        let (times, q) = (real_numbers("times", times)?, configurations(tree, q)?);
+        let flight = synthetic::SyntheticFlight::try_new(tree, &times, &q)?;
+        let faults = analysis::DiveFaults::of(tree, &times, &q)?;
+        Ok(Self { flight, model: model.clone().unbind(), faults })
+    }
+
+    /// Model: The model.
+    #[getter]
+    fn model(&self, py: Python<'_>) -> Py<Model> {
+        self.model.clone_ref(py)
+    }
+
+    /// DiveFaults: The faults of the flight itself.
+    #[getter]
+    fn faults(&self) -> DiveFaults {
+        DiveFaults { faults: self.faults }
+    }
+
+    /// Flies the flight anew with a perturbation.
+    ///
+    /// Parameters
+    /// ----------
+    /// perturbation : Perturbation
+    ///
+    /// Returns
+    /// -------
+    /// SyntheticDive
+    fn perturb(
+        &self,
+        py: Python<'_>,
+        perturbation: &Bound<'_, Perturbation>,
+    ) -> Result<SyntheticDive, Error> {
+        let (flight, perturbation) = (self.flight.clone(), perturbation.get().perturbation);
+        Ok(SyntheticDive { dive: attended(py, move || flight.perturb(&perturbation))? })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<SyntheticFlight: SYNTHETIC, {} bodies>", self.flight.model().n_bodies())
+    }
+}
+
+/// A SYNTHETIC dive.
+#[pyclass(frozen, module = "somersault.motion")]
+#[derive(Clone)]
+pub(crate) struct SyntheticDive {
+    dive: synthetic::SyntheticDive,
+}
+
+#[pymethods]
+impl SyntheticDive {
+    /// ndarray, shape (n,): Times, s.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.dive.times)
+    }
+
+    /// ndarray, shape (n, n_positions): Configurations.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.dive.times.len();
+        Ok(array(py, self.dive.positions.clone(), &[n, self.dive.positions.len() / n])?.into_any())
+    }
+
+    /// Perturbation: What made it.
+    #[getter]
+    fn perturbation(&self) -> Perturbation {
+        Perturbation { perturbation: self.dive.perturbation }
+    }
+
+    /// ndarray, shape (3,): Angular momentum about the centre of mass, world axes, kg m²/s.
+    #[getter]
+    fn angular_momentum<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.dive.angular_momentum)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<SyntheticDive: SYNTHETIC, {} frames>", self.dive.times.len())
+    }
+}
+
+/// SYNTHETIC dives with the scores of a SYNTHETIC judge: what is learnt from them says nothing about dives or judges.
+///
+/// Parameters
+/// ----------
+/// flight : SyntheticFlight
+/// markers : MarkerSet
+///     On the model of the flight.
+/// judge : SyntheticJudge, optional
+///     One to whom the flight itself has no faults unless given.
+/// n_dives : int, optional
+/// seed : int, optional
+///     Of all that is drawn.
+/// least, greatest : Perturbation, optional
+///     Each number is drawn uniformly in between, the phase of the wobble from a turn. Unless given: exits up to 60 ms late,
+///     pikes up to 12 % loose, up to 0.25 rad over, wobbles of up to 4 %, 2 % shorter to 2 % longer, on the right up to
+///     5 % more than on the left.
+/// marker_noise : float, optional
+///     Standard deviation of the noise in each coordinate of the markers, m.
+///
+/// Raises
+/// ------
+/// SyntheticError
+///     If an argument is out of range, or no such dive can be flown.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct SyntheticSet {
+    set: synthetic::SyntheticSet,
+    judge: synthetic::SyntheticJudge,
+}
+
+#[pymethods]
+impl SyntheticSet {
+    #[new]
+    #[pyo3(signature = (flight, markers, judge=None, *, n_dives=16, seed=0, least=None, greatest=None, marker_noise=0.005))]
+    fn new(
+        py: Python<'_>,
+        flight: &Bound<'_, SyntheticFlight>,
+        markers: &Bound<'_, MarkerSet>,
+        judge: Option<&Bound<'_, SyntheticJudge>>,
+        n_dives: usize,
+        seed: u64,
+        least: Option<&Bound<'_, Perturbation>>,
+        greatest: Option<&Bound<'_, Perturbation>>,
+        marker_noise: f64,
+    ) -> Result<Self, Error> {
+        let n_dives = count("n_dives", n_dives)?;
+        let mut options = SyntheticOptions { seed, marker_noise, ..SyntheticOptions::of(n_dives) };
+        for (end, given) in options.perturbations.iter_mut().zip([least, greatest]) {
+            if let Some(given) = given {
+                *end = given.get().perturbation;
+            }
+        }
+        let flight = flight.get();
+        let judge = judge.map_or_else(
+            || synthetic::SyntheticJudge::with_reference(flight.faults),
+            |judge| judge.get().judge,
+        );
+        let (flight, markers) = (flight.flight.clone(), markers.get().markers.clone());
+        let generate = move || synthetic::SyntheticSet::generate(&flight, &markers, &judge, &options);
+        Ok(Self { set: attended(py, generate)?, judge })
+    }
+
+    /// SyntheticJudge: Who gave the scores.
+    #[getter]
+    fn judge(&self) -> SyntheticJudge {
+        SyntheticJudge { judge: self.judge }
+    }
+
+    /// list of SyntheticDive: The dives.
+    #[getter]
+    fn dives(&self) -> Vec<SyntheticDive> {
+        self.set.dives.iter().cloned().map(|dive| SyntheticDive { dive }).collect()
+    }
+
+    /// list of DiveFaults: The faults of each.
+    #[getter]
+    fn faults(&self) -> Vec<DiveFaults> {
+        self.set.faults.iter().map(|faults| DiveFaults { faults: *faults }).collect()
+    }
+
+    /// list of MarkerRecording: The markers of each, with noise.
+    #[getter]
+    fn markers(&self) -> Vec<MarkerRecording> {
+        self.set.markers.iter().cloned().map(|recording| MarkerRecording { recording }).collect()
+    }
+
+    /// ndarray, shape (n_dives,): What the judge means to give, without noise.
+    #[getter]
+    fn intended<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.set.intended)
+    }
+
+    /// ndarray, shape (n_dives,): What he gives.
+    #[getter]
+    fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.set.scores)
+    }
+
+    /// The dives as motions to be scored, by their markers, labelled synthetic.
+    ///
+    /// Returns
+    /// -------
+    /// list of Performance
+    fn performances(&self) -> Result<Vec<Performance>, Error> {
+        let found = self.set.performances()?;
+        Ok(found.into_iter().map(|performance| Performance { performance }).collect())
+    }
+
+    /// The dives as a judged set, labelled synthetic, to be saved.
+    ///
+    /// Returns
+    /// -------
+    /// JudgedSet
+    fn judged_set(&self) -> JudgedSet {
+        JudgedSet { set: self.set.judged_set() }
+    }
+
+    fn __len__(&self) -> usize {
+        self.set.dives.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<SyntheticSet: {} SYNTHETIC dives>", self.set.dives.len())
+    }
+}

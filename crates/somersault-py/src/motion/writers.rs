@@ -1,0 +1,147 @@
+//! Recordings as files.
+
+use super::convention::convention;
+use super::markers::MarkerRecording;
+use super::skeleton::SkeletonRecording;
+use crate::error::Error;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use somersault::motion::writers;
+
+/// Puts bytes where `path` says; Python's exceptions say why it cannot be written.
+fn put(path: &Bound<'_, PyAny>, bytes: &[u8]) -> Result<(), Error> {
+    let py = path.py();
+    let path = py.import("pathlib")?.call_method1("Path", (path,))?;
+    path.call_method1("write_bytes", (PyBytes::new(py, bytes),))?;
+    Ok(())
+}
+
+/// Writes markers as comma-separated values, the format of `read_csv`, with all digits.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : MarkerRecording
+/// unit, up, forward : str, optional
+///     Unit of length and axes of the file.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a name cannot stand in the format.
+#[pyfunction]
+#[pyo3(signature = (path, recording, *, unit="m", up="z", forward="x"))]
+pub(crate) fn write_csv(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, MarkerRecording>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+) -> Result<(), Error> {
+    let convention = convention(unit, up, forward)?;
+    put(path, writers::csv::write(&recording.get().recording, &convention)?.as_bytes())
+}
+
+/// Writes markers as TRC, as OpenSim reads them, with all digits.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : MarkerRecording
+/// unit, up, forward : str, optional
+///     Unit of length and axes of the file; OpenSim wants y up and x forward.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a name cannot stand in the format.
+#[pyfunction]
+#[pyo3(signature = (path, recording, *, unit="mm", up="y", forward="x"))]
+pub(crate) fn write_trc(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, MarkerRecording>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+) -> Result<(), Error> {
+    let convention = convention(unit, up, forward)?;
+    let name = path.py().import("pathlib")?.call_method1("Path", (path,))?.getattr("name")?;
+    let name: String = name.extract()?;
+    put(path, writers::trc::write(&recording.get().recording, &name, &convention)?.as_bytes())
+}
+
+/// Writes markers as C3D, in single precision.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : MarkerRecording
+///     With frames at equal distances in time.
+/// unit, up, forward : str, optional
+///     Unit of length and axes of the file.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If frames are not at equal times, or there is more than the format can count.
+#[pyfunction]
+#[pyo3(signature = (path, recording, *, unit="mm", up="z", forward="x"))]
+pub(crate) fn write_c3d(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, MarkerRecording>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+) -> Result<(), Error> {
+    let convention = convention(unit, up, forward)?;
+    put(path, &writers::c3d::write(&recording.get().recording, &convention)?)
+}
+
+/// Writes a skeleton and its motion as BVH.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : SkeletonRecording
+///     With frames at equal distances in time.
+/// unit : str
+///     Unit of length, which the format does not say.
+/// up, forward : str, optional
+///     Axes of the file.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If frames are not at equal times, or a name cannot stand in the format.
+#[pyfunction]
+#[pyo3(signature = (path, recording, *, unit, up="y", forward="z"))]
+pub(crate) fn write_bvh(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, SkeletonRecording>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+) -> Result<(), Error> {
+    let convention = convention(unit, up, forward)?;
+    put(path, writers::bvh::write(&recording.get().recording, &convention)?.as_bytes())
+}
+
+/// Writes a motion in the format of DeepMimic, without lengths.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : SkeletonRecording
+///     With the joints of that format.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a joint is not that of the format, or a knee or elbow turns about more than the lateral axis.
+#[pyfunction]
+pub(crate) fn write_joint_motion(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, SkeletonRecording>,
+) -> Result<(), Error> {
+    put(path, writers::joint_motion::write(&recording.get().recording)?.as_bytes())
+}
