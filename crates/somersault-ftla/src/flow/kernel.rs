@@ -3,6 +3,7 @@
 mod switching;
 
 use super::{FlowError, Tolerances, Work};
+use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{SMatrix, SVector};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
@@ -205,18 +206,8 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
     /// before it do not have.
     fn spread(&self) -> f64 {
-        let mut q = self.matrix;
-        let mut smallest = f64::INFINITY;
-        for j in 0..N {
-            for i in 0..j {
-                let column = q.column(i).into_owned();
-                let part = column.dot(&q.column(j));
-                q.column_mut(j).axpy(-part, &column, 1.0);
-            }
-            let norm = q.column(j).norm();
-            smallest = smallest.min(norm);
-            q.column_mut(j).unscale_mut(norm.max(f64::MIN_POSITIVE));
-        }
+        let (_, r) = orthonormalise::<1, N>(self.matrix);
+        let smallest = (0..N).fold(f64::INFINITY, |m, j| m.min(r[(j, j)]));
         self.matrix.amax().max(1.0 / smallest)
     }
 
