@@ -44,6 +44,28 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     integrands: [f64; STAGES],
 }
 
+/// Steps whose loops over columns are compiled for the widest vectors of the machine. A closure would not do: it is not
+/// inlined into what is compiled for them.
+struct Steps<'k, 'a, S, F, const N: usize, const MATRIX: bool> {
+    kernel: &'k mut Kernel<'a, S, N, MATRIX>,
+    end: f64,
+    growth: f64,
+    integrand: F,
+}
+
+impl<S, F, const N: usize, const MATRIX: bool> pulp::WithSimd for Steps<'_, '_, S, F, N, MATRIX>
+where
+    S: VectorField<N>,
+    F: Fn(&Piece<N>, &SVector<f64, N>) -> f64,
+{
+    type Output = Result<Progress, FlowError>;
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) -> Self::Output {
+        self.kernel.steps(self.end, self.growth, self.integrand)
+    }
+}
+
 impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N, MATRIX> {
     pub(super) fn start(
         system: &'a S,
@@ -104,8 +126,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         growth: f64,
         integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> Result<Progress, FlowError> {
-        // the loops over columns are compiled for the widest vectors of the machine
-        pulp::Arch::new().dispatch(|| self.steps(end, growth, integrand))
+        pulp::Arch::new().dispatch(Steps { kernel: self, end, growth, integrand })
     }
 
     #[inline(always)]
