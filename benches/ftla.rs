@@ -5,12 +5,13 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::SVector;
+use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
 use somersault::ftla::flow::{Tolerances, VariationalFlow};
-use somersault::ftla::shooting::{Status, graded_times};
+use somersault::ftla::shooting::Status;
 use somersault::ftla::system::ArmMinimumTorque;
 use somersault_testkit::trees::Random;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 use std::hint::black_box;
 
 /// Start of the thesis' motion, from the continuation of `crates/somersault-ftla/tests/extremals.rs`.
@@ -50,22 +51,14 @@ fn transition_matrices(c: &mut Criterion) {
 }
 
 fn cold_start(c: &mut Criterion) {
-    let arm = ArmMinimumTorque::default();
-    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
-    let stages = [
-        [end(0.0, PI), end(0.0, PI)],
-        [end(-FRAC_PI_2, PI), end(FRAC_PI_2, PI)],
-        [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, 0.05)],
-    ];
-    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
+    let thesis = ArmTravel::default();
     let mut group = c.benchmark_group("cold start");
-    group.sample_size(10);
+    group.sample_size(20);
     group.bench_function("arm, 10 s", |b| {
         b.iter(|| {
-            let found = Continuation::default().through(&arm, black_box(&stages), 10.0, &fractions);
-            let extremal = found.expect("well posed").extremal;
-            assert_eq!(extremal.status, Status::Converged);
-            extremal.residual
+            let found = black_box(&thesis).solve(&Continuation::default()).expect("well posed");
+            assert_eq!(found.extremal.status, Status::Converged);
+            found.extremal.residual
         })
     });
     group.finish();

@@ -28,7 +28,7 @@
 //! ```
 //!
 //! In the order of work: [`system`] poses, [`spectrum`] diagnoses, [`placement`] and [`matching`] approximate, [`shooting`]
-//! polishes, [`continuation`] starts from nothing and follows families.
+//! polishes, [`continuation`] follows families from a rest, and [`cold_start`] finds the arm's extremals from nothing.
 //!
 //! Source: the thesis, chapters 8–10 and appendices F–H; E. Aykutlug, M. Maggia and K. Mease, *Solving partially
 //! hyper-sensitive optimal control problems using manifold structure*, IFAC Proceedings Volumes 46 (2013); K. Mease,
@@ -39,6 +39,7 @@
 pub mod cold_start;
 pub mod continuation;
 pub mod flow;
+mod gram_schmidt;
 pub mod matching;
 pub mod placement;
 pub mod shooting;

@@ -68,7 +68,7 @@ fn least_squares_match_from_round_values_and_polish_to_rounding() {
 fn the_grid_search_of_appendix_g_comes_below_two_thousandths_from_round_values() {
     let arm = ArmMinimumTorque::default();
     let matching = matching(loose(&arm), [&GUESS[0], &GUESS[1]]);
-    let grid = GridSearch { spacing: [vec![0.02, 0.1], vec![0.02, 0.1]], ..GridSearch::default() };
+    let grid = GridSearch { spacing: [vec![0.01, 0.05], vec![0.01, 0.05]], ..GridSearch::default() };
     let found = grid.run(&matching).expect("well posed");
     assert_eq!(found.status, MatchStatus::Matched);
     assert!(found.mismatch < 2e-3 && found.branches == 18 * found.rounds);

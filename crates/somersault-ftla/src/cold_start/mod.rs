@@ -11,6 +11,7 @@
 mod least_effort;
 
 use crate::continuation::{Continuation, Continued, Member};
+use crate::flow::Work;
 use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
 use crate::system::{ArmMinimumTorque, OptimalControlSystem};
 use least_effort::Spline;
@@ -57,9 +58,17 @@ const SIDE: f64 = 1e-3;
 const ATTEMPTS: [(f64, f64); 6] =
     [(0.4, 0.25), (0.2, 0.25), (0.1, 0.25), (0.1, 0.1), (0.1, 0.45), (0.05, 0.25)];
 
+/// What the attempts from splines cost.
+#[derive(Default)]
+struct Spent {
+    failures: usize,
+    iterations: usize,
+    work: Work,
+}
+
 impl ArmTravel {
     /// Solves with the settings of `continuation`. What comes back has arrived if its `s` is one and its extremal has
-    /// converged.
+    /// converged. Its counts are of all attempts, the steps of the descents among its iterations.
     pub fn solve(&self, continuation: &Continuation) -> Result<Continued<8>, ShootingError> {
         if !self.horizon.is_finite() || self.horizon <= 0.0 {
             let allowed = "positive and finite";
@@ -73,22 +82,30 @@ impl ArmTravel {
         let limits = self.system.torque_limits();
         let free = self.system.without_torque_limits();
         let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
+        let mut spent = Spent::default();
         let mut direct = None;
         for (longest, folding) in ATTEMPTS {
             let times = graded_times(self.horizon, 0.25 * longest, longest)?;
             let (nodes, descents) = self.guess(&times, folding);
-            if let Ok(extremal) = shooting.solve(&free, &ends, &times, &nodes)
-                && extremal.status == Status::Converged
-            {
-                let (iterations, work) = (extremal.iterations + descents, extremal.work);
-                direct = Some(Continued { extremal, s: 1.0, steps: [1, 0], iterations, work });
+            spent.iterations += descents;
+            let Ok(extremal) = shooting.solve(&free, &ends, &times, &nodes) else { continue };
+            spent.iterations += extremal.iterations;
+            spent.work += extremal.work;
+            if extremal.status == Status::Converged {
+                direct = Some(extremal);
                 break;
             }
+            spent.failures += 1;
         }
         let mut found = match direct {
-            Some(found) => found,
+            Some(extremal) => {
+                Continued { extremal, s: 1.0, steps: [1, 0], iterations: 0, work: Work::default() }
+            }
             None => self.by_continuation(continuation, &free, [initial, last])?,
         };
+        found.steps[1] += spent.failures;
+        found.iterations += spent.iterations;
+        found.work += spent.work;
         if limits.iter().any(|limit| limit.is_finite()) && found.extremal.status == Status::Converged {
             let mut peaks = [0.0f64; 2];
             for p in &found.extremal.nodes {

@@ -3,6 +3,7 @@
 mod switching;
 
 use super::{FlowError, Tolerances, Work};
+use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{SMatrix, SVector};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
@@ -41,6 +42,28 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     states: [SVector<f64, N>; STAGES],
     matrices: [SMatrix<f64, N, N>; STAGES],
     integrands: [f64; STAGES],
+}
+
+/// Steps whose loops over columns are compiled for the widest vectors of the machine. A closure would not do: it is not
+/// inlined into what is compiled for them.
+struct Steps<'k, 'a, S, F, const N: usize, const MATRIX: bool> {
+    kernel: &'k mut Kernel<'a, S, N, MATRIX>,
+    end: f64,
+    growth: f64,
+    integrand: F,
+}
+
+impl<S, F, const N: usize, const MATRIX: bool> pulp::WithSimd for Steps<'_, '_, S, F, N, MATRIX>
+where
+    S: VectorField<N>,
+    F: Fn(&Piece<N>, &SVector<f64, N>) -> f64,
+{
+    type Output = Result<Progress, FlowError>;
+
+    #[inline(always)]
+    fn with_simd<V: pulp::Simd>(self, _: V) -> Self::Output {
+        self.kernel.steps(self.end, self.growth, self.integrand)
+    }
 }
 
 impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N, MATRIX> {
@@ -103,8 +126,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         growth: f64,
         integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> Result<Progress, FlowError> {
-        // the loops over columns are compiled for the widest vectors of the machine
-        pulp::Arch::new().dispatch(|| self.steps(end, growth, integrand))
+        pulp::Arch::new().dispatch(Steps { kernel: self, end, growth, integrand })
     }
 
     #[inline(always)]
@@ -205,18 +227,8 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
     /// before it do not have.
     fn spread(&self) -> f64 {
-        let mut q = self.matrix;
-        let mut smallest = f64::INFINITY;
-        for j in 0..N {
-            for i in 0..j {
-                let column = q.column(i).into_owned();
-                let part = column.dot(&q.column(j));
-                q.column_mut(j).axpy(-part, &column, 1.0);
-            }
-            let norm = q.column(j).norm();
-            smallest = smallest.min(norm);
-            q.column_mut(j).unscale_mut(norm.max(f64::MIN_POSITIVE));
-        }
+        let (_, r) = orthonormalise::<1, N>(self.matrix);
+        let smallest = (0..N).fold(f64::INFINITY, |m, j| m.min(r[(j, j)]));
         self.matrix.amax().max(1.0 / smallest)
     }
 

@@ -13,23 +13,24 @@
 //! Neither nalgebra nor faer has a decomposition of products, or one that keeps small singular values of a graded matrix.
 
 use crate::flow::Transition;
+use crate::gram_schmidt::orthonormalise;
 use nalgebra::{SMatrix, SVector};
 
 /// ln σ in descending order, with the right singular vectors as columns.
 pub(super) fn decompose<const N: usize>(links: &[Transition<N>]) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
     let mut q = SMatrix::<f64, N, N>::identity();
     for link in links {
-        q = orthonormalise(link.matrix * q).0;
+        q = orthonormalise::<2, N>(link.matrix * q).0;
     }
     for link in links.iter().rev() {
-        q = orthonormalise(link.matrix.transpose() * q).0;
+        q = orthonormalise::<2, N>(link.matrix.transpose() * q).0;
     }
     // R = diag(exp(logs)) U
     let mut logs = SVector::<f64, N>::zeros();
     let mut u = SMatrix::<f64, N, N>::identity();
     let mut basis = q;
     for link in links {
-        let (next, r) = orthonormalise(link.matrix * basis);
+        let (next, r) = orthonormalise::<2, N>(link.matrix * basis);
         basis = next;
         // diag(d) U ← R diag(d) U, row by row: each row keeps its own scale
         let before = logs;
@@ -90,24 +91,4 @@ fn jacobi<const N: usize>(logs: &mut SVector<f64, N>, u: &mut SMatrix<f64, N, N>
             break;
         }
     }
-}
-
-/// Q and R with a positive diagonal, by Gram–Schmidt done twice, which is as good as reflections at this size and keeps
-/// the order of the columns.
-fn orthonormalise<const N: usize>(mut a: SMatrix<f64, N, N>) -> (SMatrix<f64, N, N>, SMatrix<f64, N, N>) {
-    let mut r = SMatrix::<f64, N, N>::zeros();
-    for j in 0..N {
-        for _ in 0..2 {
-            for i in 0..j {
-                let part = a.column(i).dot(&a.column(j));
-                r[(i, j)] += part;
-                let column = a.column(i).into_owned();
-                a.column_mut(j).axpy(-part, &column, 1.0);
-            }
-        }
-        let norm = a.column(j).norm();
-        r[(j, j)] = norm;
-        a.column_mut(j).unscale_mut(norm);
-    }
-    (a, r)
 }

@@ -179,8 +179,8 @@ impl ArmMinimumTorque {
     pub(crate) fn node_on(&self, motion: &Motion<2>) -> SVector<f64, 8> {
         let Torque { u, by: [_, rate, inertia] } = self.inverse_dynamics(motion);
         let mu = -u.component_mul(&Vector2::from(self.weights));
-        let (early, late, [q, v, _]) = (rate.tr_mul(&mu), inertia * mu, motion);
-        SVector::from([q.x, q.y, v.x, v.y, early.x, early.y, late.x, late.y])
+        let (of_angles, of_rates, [q, v, _]) = (rate.tr_mul(&mu), inertia * mu, motion);
+        SVector::from([q.x, q.y, v.x, v.y, of_angles.x, of_angles.y, of_rates.x, of_rates.y])
     }
 
     #[inline(always)]
