@@ -21,19 +21,19 @@ tour: $(VENV)/.extension
 test: lint test-rust test-python
 
 # Formatting, lints and types. The quick part of `test`.
-lint: $(VENV)/.extension
+lint: $(VENV)/.extension-dev
 	cargo fmt --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check python tests/python benches/peers
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 
-# The tests in Rust.
+# The tests in Rust. Benchmarks hold none, and without them the tests and the extension share one build of what they depend on.
 test-rust:
-	cargo test --workspace
+	cargo test --workspace --exclude somersault-benches
 
 # The tests in Python.
-test-python: $(VENV)/.extension
+test-python: $(VENV)/.extension-dev
 	$(BIN)/python -m pytest
 
 # The book with the documentation of the crates in it, in out/book; links are followed.
@@ -61,7 +61,7 @@ bench-peers: $(VENV)/.peers
 fuzz:
 	mkdir -p out/corpus/urdf
 	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
-	for format in bvh c3d joint_motion marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
+	for format in bvh c3d joint_motion judged marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
 		out/corpus/$$format fuzz/corpus/$$format -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024 || exit 1; done
 
 # A wheel and a source distribution in dist/.
@@ -84,7 +84,14 @@ $(VENV)/.tools:
 
 # The package, editable, with its extension in the release profile.
 $(VENV)/.extension: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --extras test,tour
+	$(BIN)/maturin develop --release --extras docs,tour
+	rm -f $(VENV)/.extension-dev
+	touch $@
+
+# The same in the profile of the tests, which checks its arithmetic and is built for them anyway.
+$(VENV)/.extension-dev: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
+	$(BIN)/maturin develop --profile dev --extras test,tour
+	rm -f $(VENV)/.extension
 	touch $@
 
 $(VENV)/.peers: $(VENV)/.extension

@@ -1,8 +1,7 @@
 //! Cost with gradient of the swing-up of thesis A.2, case G; the cases of Table A.1 solved; the dives; the arm of 8.4.
 //!
-//! `cargo bench --bench ocp`. Cases of Table A.1 start from the cart on the straight line from its start to its target,
-//! at constant rate, as no knowledge of the solution; the dives from their templates; the arm from a folded guess,
-//! set-up included.
+//! `cargo bench --bench ocp`. Cases of Table A.1 start from cart and pendulum on straight lines, as no knowledge of the
+//! solution, set-up included; the dives from their templates; the arm from a folded guess, set-up included.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use somersault::multibody::Scalar;
@@ -10,7 +9,7 @@ use somersault::multibody::models::TwoLinkArm;
 use somersault::ocp::collocation::{Collocation, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics};
 use somersault::ocp::dive::{Dive, DiveSearch};
 use somersault::ocp::nlp::Nlp;
-use somersault::ocp::solver::{Flow, NlpSolver, Sqp, Start};
+use somersault::ocp::solver::{Flow, NlpSolver, Sqp};
 use somersault::ocp::swing_up::CartPendulumProblem;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::hint::black_box;
@@ -20,22 +19,11 @@ use std::time::Duration;
 const CASES: [(char, usize); 7] =
     [('A', 5), ('B', 10), ('C', 15), ('D', 20), ('E', 30), ('F', 40), ('G', 50)];
 
-/// The cart on a straight line: the middle of the box of starts.
-fn straight(problem: &CartPendulumProblem) -> Start {
-    let range = problem.start_range(1.0).expect("positive");
-    let middle = range.lower.iter().zip(&range.upper).map(|(lower, upper)| (lower + upper) / 2.0);
-    Start::from(middle.collect::<Vec<f64>>())
-}
-
-/// Cases D and F creep along a valley and need more steps than the default allows.
-fn sqp() -> Sqp {
-    Sqp { max_iterations: 3000, ..Sqp::default() }
-}
-
 fn swing_up(c: &mut Criterion) {
     let mut group = c.benchmark_group("swing-up");
     let problem = CartPendulumProblem::with_parameters(50);
-    let (mut nlp, z) = (problem.swing_up().expect("valid"), straight(&problem).z);
+    let z = problem.swing_up().expect("valid").straight_line();
+    let mut nlp = problem.single_shooting().expect("valid");
     let mut gradient = vec![0.0; z.len()];
     group.bench_function("cost and gradient, case G", |b| {
         b.iter(|| {
@@ -47,11 +35,11 @@ fn swing_up(c: &mut Criterion) {
     group.sample_size(10).measurement_time(Duration::from_secs(2));
     for (case, p) in CASES {
         let problem = CartPendulumProblem::with_parameters(p);
-        let start = straight(&problem);
         group.bench_function(format!("solve case {case}"), |b| {
             b.iter(|| {
-                let mut nlp = problem.swing_up().expect("valid");
-                let report = sqp().solve(&mut nlp, black_box(&start), &mut |_| Flow::Continue);
+                let mut nlp = black_box(&problem).swing_up().expect("valid");
+                let start = nlp.start(&nlp.straight_line()).expect("as long as the parameters");
+                let report = Sqp::default().solve(&mut nlp, &start, &mut |_| Flow::Continue);
                 let report = report.expect("well posed");
                 assert!(report.status.is_converged());
                 report.cost

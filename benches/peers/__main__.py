@@ -13,12 +13,13 @@ import arm
 import batch
 import box
 import contact
+import ftla
 import long_run
 import multibody
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, arm, swing_up)
+COMPARISONS = (box, long_run, contact, batch, multibody, arm, ftla, swing_up)
 
 
 def main() -> None:

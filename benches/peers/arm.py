@@ -22,14 +22,29 @@ from measure import coarsest, interleaved, table
 from scipy.integrate import solve_bvp
 
 TARGET = 1e-6
-DURATION = 10.0
-START = np.array([-np.pi / 2, 0.05, 0.0, 0.0])
-END = np.array([np.pi / 2, 0.05, 0.0, 0.0])
-M1, M2, L1, L2, C1 = 0.5, 0.5, 2.0, 0.5, 0.2
 GAMMA = (1.0, 0.5)
 DEGREE = 4
 RUNS = 5
 """Runs of this library's program in one call, so that starting it does not count."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """An arm that travels from rest to rest, folded on the way; by default that of the thesis."""
+
+    masses: tuple[float, float] = (0.5, 0.5)
+    lengths: tuple[float, float] = (2.0, 0.5)
+    damping: tuple[float, float] = (0.2, 0.0)
+    travel: float = np.pi
+    duration: float = 10.0
+    fold: float = np.pi
+
+    def end(self, side: float) -> Any:
+        """The state at the start (−1) or at the end (1)."""
+        return np.array([side * self.travel / 2, 0.05, 0.0, 0.0])
+
+
+THESIS = Case()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +61,17 @@ class Contender:
 # ------------------------------------------------------------------------------------------- equations
 
 
-def rates(x: Any, u: Any) -> Any:
+def rates(x: Any, u: Any, case: Case = THESIS) -> Any:
     """ẋ of (8.8), with M₁₂ corrected."""
-    i1, i2 = M1 * L1**2 / 12, M2 * L2**2 / 12
+    (m1, m2), (l1, l2), (c1, c2) = case.masses, case.lengths, case.damping
+    i1, i2 = m1 * l1**2 / 12, m2 * l2**2 / 12
     cosine, sine = ca.cos(x[1]), ca.sin(x[1])
-    m11 = M1 * L1**2 / 4 + M2 * (L1**2 + L1 * L2 * cosine + L2**2 / 4) + i1 + i2
-    m12 = M2 * (L2**2 / 4 + L1 * L2 * cosine / 2) + i2
-    m22 = M2 * L2**2 / 4 + i2
-    swing = L1 * L2 * M2 * sine / 2
-    b1 = u[0] + swing * x[3] * (2 * x[2] + x[3]) - C1 * x[2]
-    b2 = u[1] - swing * x[2] ** 2
+    m11 = m1 * l1**2 / 4 + m2 * (l1**2 + l1 * l2 * cosine + l2**2 / 4) + i1 + i2
+    m12 = m2 * (l2**2 / 4 + l1 * l2 * cosine / 2) + i2
+    m22 = m2 * l2**2 / 4 + i2
+    swing = l1 * l2 * m2 * sine / 2
+    b1 = u[0] + swing * x[3] * (2 * x[2] + x[3]) - c1 * x[2]
+    b2 = u[1] - swing * x[2] ** 2 - c2 * x[3]
     determinant = m11 * m22 - m12**2
     return ca.vertcat(x[2], x[3], (m22 * b1 - m12 * b2) / determinant, (m11 * b2 - m12 * b1) / determinant)
 
@@ -65,13 +81,14 @@ def running_cost(u: Any) -> Any:
     return (GAMMA[0] * u[0] ** 2 + GAMMA[1] * u[1] ** 2) / 2
 
 
-def guess(t: Any) -> Any:
-    """Folded between 1 s and 9 s: states in rows."""
-    knots = [0.0, 1.0, 9.0, 10.0]
+def guess(t: Any, case: Case = THESIS) -> Any:
+    """Folded from a tenth to nine tenths of the time: states in rows."""
+    knots = [0.0, 0.1 * case.duration, 0.9 * case.duration, case.duration]
+    turn, rate = case.travel / 2, case.travel / case.duration
     columns = [
-        [START[0], -0.4 * np.pi, 0.4 * np.pi, END[0]],
-        [0.05, np.pi, np.pi, 0.05],
-        [0.0, np.pi / 10, np.pi / 10, 0.0],
+        [-turn, -0.8 * turn, 0.8 * turn, turn],
+        [0.05, case.fold, case.fold, 0.05],
+        [0.0, rate, rate, 0.0],
         [0.0] * 4,
     ]
     return np.array([np.interp(t, knots, column) for column in columns])
@@ -80,12 +97,12 @@ def guess(t: Any) -> Any:
 # ------------------------------------------------------------------------------------------ contenders
 
 
-def _program() -> Path:
-    """This library's program, built where the workspace builds."""
+def program(crate: str, example: str) -> Path:
+    """An example of this library, built where the workspace builds."""
     root = Path(__file__).resolve().parents[2]
-    build = ["cargo", "build", "--release", "-p", "somersault-ocp", "--example", "arm"]
+    build = ["cargo", "build", "--release", "-p", crate, "--example", example]
     subprocess.run(build, cwd=root, check=True, capture_output=True)
-    return root / "target/release/examples/arm"
+    return root / "target/release/examples" / example
 
 
 def _ours(program: Path, tolerance: float) -> float:
@@ -103,12 +120,13 @@ class Optimum:
     seconds: float
 
 
-def _transcribed(scalars: bool, intervals: int) -> Optimum:
-    n, h = intervals, DURATION / intervals
+def transcribed(scalars: bool, intervals: int, case: Case = THESIS, tolerance: float = 1e-8) -> Optimum:
+    """By IPOPT, from the folded guess; a cost of NaN where it reports no success."""
+    n, h = intervals, case.duration / intervals
     points = ca.collocation_points(DEGREE, "radau")
     by, _, weights = ca.collocation_coeff(points)
     x, u = ca.SX.sym("x", 4), ca.SX.sym("u", 2)
-    equations = ca.Function("f", [x, u], [rates(x, u), running_cost(u)])
+    equations = ca.Function("f", [x, u], [rates(x, u, case), running_cost(u)])
 
     starts = ca.MX.sym("s", 4, n + 1)
     inner = ca.MX.sym("x", 4, n * DEGREE)
@@ -124,13 +142,16 @@ def _transcribed(scalars: bool, intervals: int) -> Optimum:
     variables = ca.vertcat(ca.vec(starts), ca.vec(inner), ca.vec(controls))
     program = {"x": variables, "f": cost, "g": ca.vertcat(*defects, *joints)}
     options = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "expand": scalars}
+    options["ipopt.tol"] = tolerance
     solver = ca.nlpsol("arm", "ipopt", program, options)
 
     bounds = np.arange(n + 1) * h
     times = (bounds[:-1, None] + h * np.array(points)).ravel()
-    first = np.concatenate([guess(bounds).T.ravel(), guess(times).T.ravel(), np.zeros(2 * n * DEGREE)])
+    first = np.concatenate(
+        [guess(bounds, case).T.ravel(), guess(times, case).T.ravel(), np.zeros(2 * n * DEGREE)]
+    )
     lower, upper = np.full(first.size, -np.inf), np.full(first.size, np.inf)
-    for at, value in ((0, START), (4 * n, END)):
+    for at, value in ((0, case.end(-1)), (4 * n, case.end(1))):
         lower[at : at + 4] = upper[at : at + 4] = value
     began = time.process_time()
     found = solver(x0=first, lbx=lower, ubx=upper, lbg=0, ubg=0)
@@ -143,7 +164,7 @@ def _transcribed(scalars: bool, intervals: int) -> Optimum:
 
 
 def _casadi(scalars: bool, intervals: float) -> float:
-    return _transcribed(scalars, round(intervals)).cost
+    return transcribed(scalars, round(intervals)).cost
 
 
 @cache
@@ -160,10 +181,10 @@ def _reference() -> float:
         return np.array(field(p[:8]))
 
     def ends(first: Any, last: Any) -> Any:
-        return np.concatenate([first[:4] - START, last[:4] - END, first[8:]])
+        return np.concatenate([first[:4] - THESIS.end(-1), last[:4] - THESIS.end(1), first[8:]])
 
-    fine = _transcribed(True, 200)
-    times = np.linspace(0, DURATION, 201)
+    fine = transcribed(True, 200)
+    times = np.linspace(0, THESIS.duration, 201)
     begin = np.vstack([fine.states, fine.costates, np.linspace(0, fine.cost, 201)])
     solution = solve_bvp(slopes, ends, times, begin, tol=1e-9, max_nodes=100_000)
     if not solution.success:
@@ -171,7 +192,7 @@ def _reference() -> float:
     return float(solution.y[8, -1])
 
 
-def _clock() -> float:
+def clock() -> float:
     """Processor time of this process and of those it has run."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime
@@ -185,7 +206,7 @@ def contenders() -> list[Contender]:
             "somersault, hp mesh",
             "tolerance",
             [1e-3, 1e-4, 1e-5, 1e-6, 1e-7],
-            partial(_ours, _program()),
+            partial(_ours, program("somersault-ocp", "arm")),
             RUNS,
         ),
         Contender("CasADi + IPOPT, scalar graphs", "intervals", intervals, partial(_casadi, True)),
@@ -210,7 +231,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
         name = contender.name if found else f"{contender.name}: not reached"
         rows.append({"name": name, "setting": contender.setting, "value": setting, "error": error})
         runs[name], counts[name] = partial(contender.run, setting), contender.runs
-    times = interleaved(runs, repetitions, _clock)
+    times = interleaved(runs, repetitions, clock)
     best = min(times[name] / counts[name] for name in times if name.startswith("somersault"))
     for row in rows:
         name = str(row["name"])
@@ -229,9 +250,9 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
             for row in rows
         ],
     )
-    alone = min(_transcribed(True, 60).seconds for _ in range(3))
+    alone = min(transcribed(True, 60).seconds for _ in range(3))
     head = (
-        f"## The two-link arm of thesis 8.4, {DURATION:g} s to {TARGET:g} of the cost\n\n"
+        f"## The two-link arm of thesis 8.4, {THESIS.duration:g} s to {TARGET:g} of the cost\n\n"
         "Set-up included, from the same folded guess, each at the coarsest setting from which on it meets "
         f"the target; the cost of the boundary value problem is {reference:.9f}. Processor time. CasADi: "
         f"Radau points, degree {DEGREE}, equal intervals; of its time IPOPT itself takes "

@@ -11,7 +11,20 @@ Units are SI and angles radians. Everything is in the world frame but for names 
 ``_body``. Quaternions are in SciPy's order (x, y, z, w) and lead from the body frame to the world.
 """
 
-from somersault import batch, contact, errors, exact, forces, integrators, multibody, ocp, studies, sweep
+from somersault import (
+    batch,
+    contact,
+    errors,
+    exact,
+    forces,
+    ftla,
+    integrators,
+    motion,
+    multibody,
+    ocp,
+    studies,
+    sweep,
+)
 from somersault._somersault import (
     DenseOutput,
     MethodInfo,
@@ -44,10 +57,12 @@ __all__ = [
     "errors",
     "exact",
     "forces",
+    "ftla",
     "integrate",
     "integrators",
     "load",
     "methods",
+    "motion",
     "multibody",
     "ocp",
     "save",

@@ -1,6 +1,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, TypedDict, final
+from typing import IO, Any, Literal, TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +46,8 @@ _SolveStatus: TypeAlias = Literal[
 _Template: TypeAlias = Sequence[tuple[float, str | int]]
 _OnIteration: TypeAlias = Callable[[int, _Floats, float, float], object]
 _NumberOrRange: TypeAlias = float | tuple[float, float]
+_Source: TypeAlias = str | PathLike[str] | IO[str] | IO[bytes]
+_Panel: TypeAlias = Literal["eigenweight", "marker_error", "scale", "rotation"]
 
 class _DiveOptions(TypedDict, total=False):
     first: str | int
@@ -76,18 +78,24 @@ class _DiveChanges(_DiveOptions, total=False):
     postures: Sequence[str | ArrayLike]
 
 __all__ = [
+    "Band",
+    "Baseline",
     "CartPendulumProblem",
+    "Chain",
     "CollocationProblem",
     "CollocationResult",
     "CompliantLaw",
     "Constraint",
     "Contact",
+    "Continued",
     "Convergence",
+    "Correlation",
     "Cost",
     "CoulombFriction",
     "CreepFriction",
     "Cylinder",
     "DenseOutput",
+    "Diagnosis",
     "Dive",
     "DiveSolution",
     "DiveVerification",
@@ -96,77 +104,128 @@ __all__ = [
     "EigenpostureBase",
     "EnergyStudy",
     "Event",
+    "Extremal",
     "Force",
     "ForceModel",
     "FreeBody",
     "Gravitation",
     "Gravity",
+    "GroupComparison",
     "HalfSpace",
     "HuntCrossley",
     "Link",
+    "MarkerFit",
+    "MarkerRecording",
+    "MarkerSet",
+    "Matched",
+    "Matching",
+    "LiteralDive",
     "MethodInfo",
     "MethodTable",
     "Model",
     "Motion",
+    "MotionFit",
     "MotionProblem",
+    "Pca",
+    "Performance",
     "Phase",
+    "Placed",
+    "Placement",
     "Problem",
+    "Projection",
     "RegularisedFriction",
     "Report",
     "Resistance",
     "RigidBody",
     "Scene",
+    "ScoringModel",
+    "ScoringOptions",
     "Sensitivities",
+    "Skeleton",
+    "SkeletonJoint",
+    "SkeletonRecording",
     "Solution",
+    "Spectrum",
     "Sphere",
     "SpherePair",
     "SplineMotion",
+    "Splitting",
     "Spring",
     "StabilityRegion",
     "State",
+    "Subspace",
     "Surface",
     "SwingUpSearch",
     "SwingUpVerification",
+    "System",
     "Term",
     "Torque",
     "Trajectory",
+    "Transition",
     "TreeDenseOutput",
     "TreeSolution",
+    "Validation",
+    "VariationalFlow",
     "WorkPrecision",
     "__version__",
+    "arm",
     "axis_direction",
     "body_orientation",
     "bouncing_ball",
     "cart_pendulum",
+    "common_eigenpostures",
+    "continue_through",
     "convergence",
+    "cubic_regulator",
     "damping_ratio",
+    "diagnose",
     "differentiate",
     "displacement",
     "dive_107b",
     "dive_5174d",
     "diver_planar",
     "diver_spatial",
+    "eigenpostures_per_motion",
     "energy_study",
     "entries",
     "falling_box",
+    "follow",
     "function",
+    "graded_times",
     "integrate",
     "integrate_batch",
     "integrate_flight",
     "integrate_tree",
+    "linear_regulator",
     "method",
     "methods",
     "momentum",
+    "normalize_frames",
+    "pearson",
     "point_position",
     "prisms",
+    "project",
+    "read_bvh",
+    "read_c3d",
+    "read_csv",
+    "read_joint_motion",
+    "read_trc",
+    "rank_held_costates",
     "restitution",
     "rolling_disk",
+    "shoot",
     "sliding_block",
+    "spearman",
+    "slow_subspace",
     "spectral_radii",
     "spinning_top",
     "stability_region",
     "tippe_top",
+    "turns_about",
+    "travel_arm",
+    "tree",
     "two_link_arm",
+    "validate",
     "work_precision_study",
 ]
 
@@ -1103,6 +1162,12 @@ class DiveSolution:
     @property
     def v(self) -> _Floats: ...
     @property
+    def a(self) -> _Floats: ...
+    @property
+    def torques(self) -> _Floats: ...
+    @property
+    def peak_torques(self) -> dict[str, tuple[float, float]]: ...
+    @property
     def channels(self) -> _Floats: ...
     @property
     def channel_rates(self) -> _Floats: ...
@@ -1125,6 +1190,10 @@ class DiveSolution:
     @property
     def phases(self) -> list[tuple[str, float, float]]: ...
     def verify(self) -> DiveVerification: ...
+    def literal(
+        self, n_steps: int = 200, *, optimise: bool = False, on_interrupt: Literal["raise", "return"] = "return"
+    ) -> LiteralDive: ...
+    def literal_momentum(self, n_steps: int = 200) -> _Floats: ...
     def __len__(self) -> int: ...
 
 @final
@@ -1152,9 +1221,29 @@ class DiveVerification:
     @property
     def nearest_limbs(self) -> tuple[str, str] | None: ...
     @property
+    def peak_torques(self) -> dict[str, tuple[float, float]]: ...
+    @property
     def take_off(self) -> _Floats: ...
     @property
     def take_off_velocity(self) -> _Floats: ...
+
+@final
+class LiteralDive:
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def angular_momentum(self) -> _Floats: ...
+    @property
+    def somersaults(self) -> _Floats: ...
+    @property
+    def momentum_change(self) -> float: ...
+    @property
+    def report(self) -> Report | None: ...
+    def __len__(self) -> int: ...
 
 def integrate(
     body: RigidBody | Sequence[RigidBody],
@@ -1279,7 +1368,7 @@ class CartPendulumProblem:
     def hessian(self, z: ArrayLike) -> _Floats: ...
     def solve(
         self,
-        z: ArrayLike | Report,
+        z: ArrayLike | Report | None = None,
         *,
         solver: Literal["sqp", "sqp_bfgs", "lbfgs", "gradient_descent"] = "sqp",
         tol: float | None = None,
@@ -1294,7 +1383,7 @@ class CartPendulumProblem:
         *,
         starts: Sequence[ArrayLike] | _Floats | None = None,
         seed: int = 0,
-        reach: float = 2.0,
+        reach: float = 1.0,
         distance_tol: float = 1e-4,
         on_interrupt: Literal["return", "raise"] = "return",
     ) -> SwingUpSearch: ...
@@ -1407,6 +1496,342 @@ class CollocationResult:
     @property
     def report(self) -> Report: ...
 
+@final
+class MarkerRecording:
+    def __new__(
+        cls,
+        names: Sequence[str],
+        times: ArrayLike,
+        points: ArrayLike,
+        present: Sequence[Sequence[bool]] | NDArray[np.bool_] | None = None,
+    ) -> MarkerRecording: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def points(self) -> _Floats: ...
+    @property
+    def present(self) -> NDArray[np.bool_]: ...
+    @property
+    def n_markers(self) -> int: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def n_missing(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    def track(self, name: str) -> _Floats: ...
+    def select(self, names: Sequence[str]) -> MarkerRecording: ...
+    def resample(
+        self, times: ArrayLike | None = None, *, n_frames: int | None = None
+    ) -> MarkerRecording: ...
+    def fill_gaps(self, longest: float) -> MarkerRecording: ...
+    def __len__(self) -> int: ...
+
+@final
+class SkeletonJoint:
+    def __new__(
+        cls,
+        name: str,
+        parent: int | None = None,
+        offset: ArrayLike | None = None,
+        *,
+        turns: bool = True,
+        moves: bool = False,
+    ) -> SkeletonJoint: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parent(self) -> int | None: ...
+    @property
+    def offset(self) -> _Floats: ...
+    @property
+    def turns(self) -> bool: ...
+    @property
+    def moves(self) -> bool: ...
+
+@final
+class Skeleton:
+    def __new__(cls, joints: Sequence[SkeletonJoint]) -> Skeleton: ...
+    @property
+    def joints(self) -> list[SkeletonJoint]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def turning(self) -> tuple[str, ...]: ...
+    @property
+    def moving(self) -> tuple[str, ...]: ...
+    def model(self, mass: float) -> Model: ...
+
+@final
+class SkeletonRecording:
+    def __new__(
+        cls, skeleton: Skeleton, times: ArrayLike, rotations: ArrayLike, places: ArrayLike
+    ) -> SkeletonRecording: ...
+    @property
+    def skeleton(self) -> Skeleton: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def rotations(self) -> _Floats: ...
+    @property
+    def places(self) -> _Floats: ...
+    @property
+    def configurations(self) -> _Floats: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    def joint_centres(self) -> MarkerRecording: ...
+    def resample(
+        self, times: ArrayLike | None = None, *, n_frames: int | None = None
+    ) -> SkeletonRecording: ...
+    def __len__(self) -> int: ...
+
+def read_bvh(source: _Source, *, unit: str, up: str = "y", forward: str = "z") -> SkeletonRecording: ...
+def read_c3d(
+    source: _Source, *, unit: str = "mm", up: str = "z", forward: str = "x"
+) -> MarkerRecording: ...
+def read_trc(
+    source: _Source, *, up: str = "y", forward: str = "x", nan_is_gap: bool = False
+) -> MarkerRecording: ...
+def read_csv(
+    source: _Source, *, unit: str = "m", up: str = "z", forward: str = "x", nan_is_gap: bool = False
+) -> MarkerRecording: ...
+def read_joint_motion(source: _Source, diver: Diver | None = None) -> SkeletonRecording: ...
+@final
+class MarkerSet:
+    def __new__(
+        cls,
+        model: Model,
+        markers: dict[str, tuple[str | int, ArrayLike]],
+        weights: dict[str, float] | None = None,
+    ) -> MarkerSet: ...
+    @classmethod
+    def joint_centres(cls, model: Model) -> MarkerSet: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def bodies(self) -> tuple[str, ...]: ...
+    @property
+    def points(self) -> _Floats: ...
+    @property
+    def weights(self) -> _Floats: ...
+    def __len__(self) -> int: ...
+
+@final
+class MarkerFit:
+    def __new__(
+        cls,
+        markers: MarkerSet,
+        *,
+        base: EigenpostureBase | None = None,
+        scale: _NumberOrRange | None = None,
+        common_scale: bool = False,
+        loss: Literal["squares", "huber", "cauchy"] = "squares",
+        threshold: float | None = None,
+        starts: Sequence[ArrayLike] | None = None,
+        max_iterations: int | None = None,
+        step_tol: float | None = None,
+        noise: float | None = None,
+    ) -> MarkerFit: ...
+    @property
+    def markers(self) -> MarkerSet: ...
+    @property
+    def model(self) -> Model: ...
+    def fit(self, recording: MarkerRecording) -> MotionFit: ...
+
+@final
+class MotionFit:
+    @property
+    def fit(self) -> MarkerFit: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def scale(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def weights(self) -> _Floats: ...
+    @property
+    def residuals(self) -> _Floats: ...
+    @property
+    def frame_rms(self) -> _Floats: ...
+    @property
+    def marker_rms(self) -> dict[str, float]: ...
+    @property
+    def rms(self) -> float: ...
+    @property
+    def cost(self) -> _Floats: ...
+    @property
+    def iterations(self) -> list[int]: ...
+    @property
+    def status(self) -> list[Literal["converged", "iteration_limit", "no_progress", "no_markers"]]: ...
+    @property
+    def success(self) -> bool: ...
+    def covariance(self, frame: int) -> _Floats | None: ...
+    def __len__(self) -> int: ...
+
+@final
+class Pca:
+    def __new__(cls, samples: ArrayLike, n_components: int | None = None) -> Pca: ...
+    @property
+    def mean(self) -> _Floats: ...
+    @property
+    def components(self) -> _Floats: ...
+    @property
+    def n_components(self) -> int: ...
+    @property
+    def n_samples(self) -> int: ...
+    @property
+    def explained_variance(self) -> _Floats: ...
+    @property
+    def explained_variance_ratio(self) -> _Floats: ...
+    @property
+    def total_variance(self) -> float: ...
+    def scores(self, samples: ArrayLike) -> _Floats: ...
+    def reconstruct(self, scores: ArrayLike) -> _Floats: ...
+
+def common_eigenpostures(motions: Sequence[ArrayLike], n_eigenpostures: int) -> Pca: ...
+def eigenpostures_per_motion(motions: Sequence[ArrayLike], n_eigenpostures: int) -> list[Pca]: ...
+@final
+class Projection:
+    @property
+    def weights(self) -> _Floats: ...
+    @property
+    def distances(self) -> _Floats: ...
+
+def project(
+    base: EigenpostureBase, postures: ArrayLike, *, bounds: Literal["simplex", "none"] = "simplex"
+) -> Projection: ...
+@final
+class Band:
+    def __new__(cls, series: ArrayLike) -> Band: ...
+    @property
+    def mean(self) -> _Floats: ...
+    @property
+    def deviation(self) -> _Floats: ...
+
+@final
+class GroupComparison:
+    def __new__(
+        cls,
+        groups: dict[str, Sequence[MotionFit]],
+        panel: _Panel,
+        *,
+        n_frames: int = 60,
+        weight: int = 0,
+    ) -> GroupComparison: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def panel(self) -> _Panel: ...
+    def series(self, name: str) -> _Floats: ...
+    def bands(self) -> dict[str, Band]: ...
+
+def normalize_frames(times: ArrayLike, values: ArrayLike, n_frames: int) -> _Floats: ...
+def turns_about(model: Model, q: ArrayLike) -> _Floats | None: ...
+@final
+class Performance:
+    def __new__(cls, times: ArrayLike, postures: ArrayLike, path: ArrayLike) -> Performance: ...
+    @classmethod
+    def from_markers(cls, recording: MarkerRecording) -> Performance: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def n_features(self) -> int: ...
+
+@final
+class ScoringOptions:
+    def __new__(
+        cls,
+        *,
+        n_frames: int = 60,
+        n_eigenweights: int = 4,
+        path: bool = True,
+        duration: bool = False,
+        n_components: int | None = None,
+        max_components: int = 5,
+    ) -> ScoringOptions: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def n_eigenweights(self) -> int: ...
+    @property
+    def path(self) -> bool: ...
+    @property
+    def duration(self) -> bool: ...
+    @property
+    def n_components(self) -> int | None: ...
+    @property
+    def max_components(self) -> int: ...
+
+@final
+class ScoringModel:
+    def __new__(
+        cls, motions: Sequence[Performance], scores: ArrayLike, options: ScoringOptions | None = None
+    ) -> ScoringModel: ...
+    def score(self, motion: Performance) -> float: ...
+    @property
+    def eigenpostures(self) -> Pca: ...
+    @property
+    def eigenmotions(self) -> Pca: ...
+    @property
+    def coefficients(self) -> _Floats: ...
+    @property
+    def intercept(self) -> float: ...
+    def save(self, path: str | PathLike[str]) -> None: ...
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> ScoringModel: ...
+
+@final
+class Correlation:
+    @property
+    def value(self) -> float: ...
+    @property
+    def interval(self) -> tuple[float, float]: ...
+
+@final
+class Baseline:
+    @property
+    def name(self) -> str: ...
+    @property
+    def predictions(self) -> _Floats: ...
+    @property
+    def rms_error(self) -> float: ...
+
+@final
+class Validation:
+    @property
+    def predictions(self) -> _Floats: ...
+    @property
+    def n_components(self) -> list[int]: ...
+    @property
+    def rms_error(self) -> float: ...
+    @property
+    def pearson(self) -> Correlation: ...
+    @property
+    def spearman(self) -> Correlation: ...
+    @property
+    def baselines(self) -> list[Baseline]: ...
+
+def validate(
+    motions: Sequence[Performance],
+    scores: ArrayLike,
+    options: ScoringOptions | None = None,
+    *,
+    n_resamples: int = 10_000,
+    level: float = 0.95,
+    seed: int = 0,
+    features: dict[str, ArrayLike] | None = None,
+) -> Validation: ...
+def pearson(x: ArrayLike, y: ArrayLike) -> float: ...
+def spearman(x: ArrayLike, y: ArrayLike) -> float: ...
 def bouncing_ball(
     mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
 ) -> Scene: ...
@@ -1507,3 +1932,349 @@ def function(
 ) -> Term: ...
 def dive_107b(**changes: Unpack[_DiveChanges]) -> Dive: ...
 def dive_5174d(**changes: Unpack[_DiveChanges]) -> Dive: ...
+
+# somersault.ftla
+
+_Direction: TypeAlias = Literal["forward", "backward"]
+_Dims: TypeAlias = tuple[int, int, int]
+_EndStates: TypeAlias = Sequence[float | None] | _Floats
+_Pair: TypeAlias = tuple[float, float] | Sequence[float]
+_OfPoint: TypeAlias = Callable[[_Floats], ArrayLike]
+
+@final
+class System:
+    def __new__(
+        cls,
+        field: _OfPoint,
+        jacobian: _OfPoint,
+        dimension: int,
+        *,
+        hamiltonian: Callable[[_Floats], float] | None = None,
+        control: _OfPoint | None = None,
+        running_cost: Callable[[_Floats], float] | None = None,
+        n_controls: int = 1,
+    ) -> System: ...
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def n_controls(self) -> int: ...
+    def field(self, p: ArrayLike) -> _Floats: ...
+    def jacobian(self, p: ArrayLike) -> _Floats: ...
+    def hamiltonian(self, p: ArrayLike) -> Any: ...
+    def control(self, p: ArrayLike) -> _Floats: ...
+    def running_cost(self, p: ArrayLike) -> Any: ...
+
+@final
+class Transition:
+    @property
+    def duration(self) -> float: ...
+    @property
+    def end(self) -> _Floats: ...
+    @property
+    def matrix(self) -> _Floats: ...
+    @property
+    def symplecticity_defect(self) -> float: ...
+
+@final
+class Chain:
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def marks(self) -> list[int]: ...
+    @property
+    def n_evaluations(self) -> int: ...
+    def spectrum(self, mark: int = -1) -> Spectrum: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, number: int, /) -> Transition: ...
+
+@final
+class VariationalFlow:
+    def __new__(
+        cls, system: System, *, rtol: float = 1e-12, atol: float = 1e-14, max_steps: int = 100_000
+    ) -> VariationalFlow: ...
+    @property
+    def system(self) -> System: ...
+    def state(self, p: ArrayLike, duration: ArrayLike) -> _Floats: ...
+    def cost(self, p: ArrayLike, duration: float) -> tuple[_Floats, float]: ...
+    def transition(self, p: ArrayLike, duration: float) -> Transition: ...
+    def transitions(self, points: ArrayLike, duration: float) -> tuple[_Floats, _Floats]: ...
+    def switches(
+        self, p: ArrayLike, duration: float
+    ) -> list[tuple[float, list[Literal["lower", "free", "upper"]]]]: ...
+    def chain(self, p: ArrayLike, times: ArrayLike, growth: float = 100.0) -> Chain: ...
+    def spectra(
+        self, p: ArrayLike, times: ArrayLike, direction: _Direction = "forward"
+    ) -> list[Spectrum]: ...
+    def spectrum(self, p: ArrayLike, time: float, direction: _Direction = "forward") -> Spectrum: ...
+
+@final
+class Spectrum:
+    @property
+    def direction(self) -> _Direction: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def exponents(self) -> _Floats: ...
+    @property
+    def vectors(self) -> _Floats: ...
+    @property
+    def rates(self) -> _Floats: ...
+    @property
+    def pairing_defect(self) -> float: ...
+
+@final
+class Diagnosis:
+    @property
+    def dims(self) -> _Dims: ...
+    @property
+    def is_hyper_sensitive(self) -> bool: ...
+    @property
+    def is_partially_hyper_sensitive(self) -> bool: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def fast_rates(self) -> tuple[float, float]: ...
+    @property
+    def center_rate(self) -> float: ...
+    @property
+    def gaps(self) -> tuple[float, float]: ...
+    @property
+    def time_constants(self) -> float: ...
+    @property
+    def window(self) -> tuple[float, float]: ...
+    @property
+    def horizon(self) -> float: ...
+    def schedule(self) -> _Floats: ...
+
+@final
+class Subspace:
+    def __new__(cls, vectors: ArrayLike) -> Subspace: ...
+    @property
+    def dim(self) -> int: ...
+    @property
+    def basis(self) -> _Floats: ...
+    def complement(self) -> Subspace: ...
+    def intersection(self, other: Subspace) -> Subspace: ...
+    def angle_to(self, v: ArrayLike) -> float: ...
+    def angles(self, other: Subspace) -> _Floats: ...
+
+@final
+class Splitting:
+    def __new__(cls, forward: Spectrum, backward: Spectrum, dims: _Dims) -> Splitting: ...
+    @property
+    def dims(self) -> _Dims: ...
+    @property
+    def stable(self) -> Subspace: ...
+    @property
+    def center_stable(self) -> Subspace: ...
+    @property
+    def center(self) -> Subspace: ...
+    @property
+    def center_unstable(self) -> Subspace: ...
+    @property
+    def unstable(self) -> Subspace: ...
+
+@final
+class Placement:
+    def __new__(
+        cls,
+        dims: _Dims | Diagnosis,
+        held: Sequence[int],
+        times: ArrayLike | None = None,
+        *,
+        method: Literal["newton", "fixed_point"] = "newton",
+        tol: float = 1e-8,
+        max_iterations: int = 30,
+    ) -> Placement: ...
+    @property
+    def dims(self) -> _Dims: ...
+    @property
+    def held(self) -> list[int]: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def method(self) -> Literal["newton", "fixed_point"]: ...
+    @property
+    def tol(self) -> float: ...
+    @property
+    def max_iterations(self) -> int: ...
+    def place(self, flow: VariationalFlow, p: ArrayLike, direction: _Direction = "forward") -> Placed: ...
+
+@final
+class Placed:
+    @property
+    def p(self) -> _Floats: ...
+    @property
+    def status(self) -> Literal["placed", "stalled", "max_iterations", "singular_costates", "flow"]: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def angle(self) -> float: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def spectrum(self) -> Spectrum | None: ...
+    @property
+    def n_iterations(self) -> int: ...
+    @property
+    def n_flow_evaluations(self) -> int: ...
+
+@final
+class Matching:
+    def __new__(
+        cls,
+        flow: VariationalFlow,
+        initial_state: ArrayLike,
+        final_state: ArrayLike,
+        horizon: float,
+        placement: Placement,
+        *,
+        initial_costate: ArrayLike,
+        final_costate: ArrayLike,
+        match_time: float | None = None,
+        corrections: ArrayLike | None = None,
+    ) -> Matching: ...
+    def grid_search(
+        self, spacing: ArrayLike, *, tol: float = 2e-3, finest: float = 1e-4, max_rounds: int = 100
+    ) -> Matched: ...
+    def least_squares(
+        self, conserved: Sequence[int] = ..., *, tol: float = 2e-3, max_rounds: int = 30
+    ) -> Matched: ...
+
+@final
+class Matched:
+    @property
+    def status(self) -> Literal["matched", "exhausted", "max_rounds", "no_start"]: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def ends(self) -> _Floats: ...
+    @property
+    def meeting(self) -> _Floats: ...
+    @property
+    def mismatch(self) -> float: ...
+    @property
+    def n_rounds(self) -> int: ...
+    @property
+    def n_branches(self) -> int: ...
+    @property
+    def n_flow_evaluations(self) -> int: ...
+    def nodes(self, times: ArrayLike) -> _Floats: ...
+
+@final
+class Extremal:
+    @property
+    def system(self) -> System: ...
+    @property
+    def status(self) -> Literal["converged", "stalled", "max_iterations", "singular"]: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def nodes(self) -> _Floats: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def n_iterations(self) -> int: ...
+    @property
+    def n_flow_evaluations(self) -> int: ...
+    @property
+    def n_evaluations(self) -> int: ...
+    @property
+    def chain(self) -> Chain: ...
+    def __call__(self, t: ArrayLike) -> _Floats: ...
+    def control(self, t: ArrayLike) -> _Floats: ...
+    def cost(self) -> float: ...
+    def hamiltonian_range(self) -> tuple[float, float]: ...
+
+@final
+class Continued:
+    @property
+    def extremal(self) -> Extremal: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def s(self) -> float: ...
+    @property
+    def n_steps(self) -> int: ...
+    @property
+    def n_rejected(self) -> int: ...
+    @property
+    def n_iterations(self) -> int: ...
+    @property
+    def n_evaluations(self) -> int: ...
+
+def arm(
+    *,
+    masses: _Pair = ...,
+    lengths: _Pair = ...,
+    damping: _Pair = ...,
+    weights: _Pair = ...,
+    torque_limits: _Pair | None = None,
+) -> System: ...
+def linear_regulator() -> System: ...
+def cubic_regulator() -> System: ...
+def tree(
+    model: Model,
+    weights: ArrayLike | None = None,
+    *,
+    torque_limits: ArrayLike | None = None,
+    passive: Sequence[int] = ...,
+) -> System: ...
+def diagnose(spectra: Sequence[Spectrum], horizon: float) -> Diagnosis: ...
+def slow_subspace(spectrum: Spectrum, dims: _Dims) -> Subspace: ...
+def rank_held_costates(slow: Subspace) -> list[tuple[list[int], float]]: ...
+def graded_times(horizon: float, shortest: float, longest: float) -> _Floats: ...
+def shoot(
+    system: System,
+    initial_state: _EndStates,
+    final_state: _EndStates,
+    times: ArrayLike,
+    nodes: ArrayLike,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+) -> Extremal: ...
+def continue_through(
+    system: System,
+    stages: Sequence[tuple[ArrayLike, ArrayLike]],
+    horizon: float,
+    fractions: ArrayLike,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+    first_step: float = 0.1,
+    min_step: float = 1e-4,
+) -> Continued: ...
+def travel_arm(
+    system: System,
+    initial: _Pair,
+    last: _Pair,
+    horizon: float,
+    fold: float,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+) -> Continued: ...
+def follow(
+    family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],
+    start: Extremal,
+    *,
+    tol: float = 1e-11,
+    max_iterations: int = 100,
+    rtol: float = 1e-13,
+    atol: float = 1e-15,
+    first_step: float = 0.1,
+    min_step: float = 1e-4,
+) -> Continued: ...

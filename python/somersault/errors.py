@@ -11,9 +11,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from somersault._somersault import Solution
 
 __all__ = [
+    "AnalysisError",
+    "AnalysisInputError",
     "BatchError",
     "BatchInputError",
     "BodyError",
@@ -23,8 +28,13 @@ __all__ = [
     "DynamicsError",
     "DynamicsInputError",
     "ExportError",
+    "FitError",
+    "FieldError",
     "FlightError",
+    "FlowError",
     "FreeBodyError",
+    "FtlaError",
+    "FtlaInputError",
     "InertiaError",
     "InputError",
     "IntegrateError",
@@ -33,6 +43,9 @@ __all__ = [
     "OcpError",
     "OcpInputError",
     "PostureError",
+    "ReadError",
+    "RecordingError",
+    "ScoringError",
     "SensitivityError",
     "SensitivityInputError",
     "SomersaultError",
@@ -163,6 +176,55 @@ class OcpError(SomersaultError):
 
 class OcpInputError(OcpError, InputError):
     """A motion problem or a solver is given what does not fit or is not allowed."""
+
+
+class RecordingError(InputError):
+    """Numbers are no recording, or what is asked of a recording cannot be done."""
+
+
+class ReadError(InputError):
+    """A file is not what it should be: the message says where, what was found and what is allowed."""
+
+    #: Line of a text file, from 1.
+    line: int | None = None
+    #: Byte of a binary file, from 0.
+    byte: int | None = None
+
+
+class FitError(InputError):
+    """A model cannot be fitted to these markers, or in this way."""
+
+
+class AnalysisError(SomersaultError):
+    """A decomposition into singular values did not converge."""
+
+
+class AnalysisInputError(AnalysisError, InputError):
+    """Motions cannot be analysed: too few, of different widths, or not finite."""
+
+
+class ScoringError(InputError):
+    """Motions cannot be scored: too few, not finite, or all the same."""
+
+
+class FtlaError(SomersaultError):
+    """An analysis of a hyper-sensitive problem could not be made."""
+
+
+class FtlaInputError(FtlaError, InputError):
+    """An analysis is given what does not fit or is not allowed."""
+
+
+class FlowError(FtlaError):
+    """A motion cannot be followed to its end: its steps become too small or too many."""
+
+    #: Time since the start of the motion, s, and the last state, where it had begun.
+    t: float | None = None
+    state: NDArray[np.float64] | None = None
+
+
+class FieldError(FlowError):
+    """A field has no value: it is not finite, or a callable raised, which is then the cause."""
 
 
 class ViewerError(InputError):

@@ -25,6 +25,10 @@ try:
 except ImportError as _error:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from _error
 
+from somersault._motion_plots import motion_groups
+
+from somersault._ftla_figures import compare_motions, exponents, projections, subspace_angles
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -32,13 +36,18 @@ Array = NDArray[Any]
 
 __all__ = [
     "abbreviation",
+    "compare_motions",
     "energy_ratios",
+    "exponents",
     "gaps",
     "motion",
+    "motion_groups",
     "observed_orders",
     "polhode",
+    "projections",
     "stability_regions",
     "style",
+    "subspace_angles",
     "tree",
     "work_precision",
 ]

@@ -103,3 +103,19 @@ fn success_on_a_coarse_mesh_is_named_false_convergence() {
     assert_eq!(report.status, CollocationStatus::FalseConvergence);
     assert!(report.cost < 0.2 && report.confirmation.max_defect() > 1e-2, "{}", report.cost);
 }
+
+/// From a guess that is no motion at all the first program takes few steps, whatever its mesh, and never fails.
+#[test]
+fn programs_of_any_start_mesh_are_solved_in_some_ten_steps() {
+    for (intervals, points) in [(30, 4), (40, 4), (60, 4), (50, 3)] {
+        for (guess, most) in [(None, 40), (Some(PI), 30)] {
+            let mesh = Mesh::try_uniform(intervals, points).unwrap();
+            let report =
+                Collocation::default().solve(&mut arm(guess, 0.0), &[mesh], &mut |_| Flow::Continue).unwrap();
+            let first = &report.history[0];
+            assert_eq!(report.status, CollocationStatus::Converged, "{intervals} × {points}: {first:?}");
+            assert!(first.iterations <= most, "{intervals} × {points}: {} steps", first.iterations);
+            assert!((report.cost - 0.321777232).abs() < 3e-9, "{intervals} × {points}: {}", report.cost);
+        }
+    }
+}

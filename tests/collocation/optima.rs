@@ -325,3 +325,21 @@ fn a_cart_swings_its_pole_up_and_the_motion_holds_when_integrated_anew() {
     assert!((strongest - 30.0).abs() < 1e-6 && confirmation.max_violation() < 0.1, "{strongest} N");
     assert!(report.phases[0].hamiltonian_spread() < 1e-3 * report.cost);
 }
+
+/// Few polynomials make poor programs; all of them lead to the same motion, which a fine mesh has too.
+#[test]
+fn swing_ups_within_bounds_are_found_from_coarse_and_fine_meshes() {
+    for limit in [25.0, 30.0] {
+        let costs = [(10, 5), (8, 4), (10, 8), (40, 4)].map(|(intervals, points)| {
+            let cart = TreeDynamics::try_new(&CartPendulum::default().model().unwrap(), &[0]).unwrap();
+            let phase = Phase::of_tree(cart, Push)
+                .initial_state([0.0, std::f64::consts::PI, 0.0, 0.0])
+                .final_state([0.0; 4])
+                .control_bounds([Interval::new(-limit, limit)])
+                .horizon(0.0, 2.0);
+            solve(phase, uniform(intervals, points), 1e-6).cost
+        });
+        let spread = costs.iter().map(|c| (c - costs[3]).abs()).fold(0.0, f64::max);
+        assert!(spread < 1e-4 * costs[3], "{limit} N: {costs:?}");
+    }
+}

@@ -2,6 +2,7 @@
 
 mod cold_starts;
 mod gradients;
+mod optima;
 mod orders;
 mod swing_up;
 mod systems;

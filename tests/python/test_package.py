@@ -27,6 +27,7 @@ MODULES = [
             "exact",
             "forces",
             "integrators",
+            "motion",
             "multibody",
             "plotting",
             "storage",

@@ -21,7 +21,10 @@ mpl.use("Agg")
 
 #: Pages that play a motion.
 ANIMATIONS = frozenset(
-    f"{name}.html" for name in ("top", "postures", "dive", "twist", "swing_up_motion", "arm_motion")
+    f"{name}.html"
+    for name in (
+        "top", "postures", "dive", "twist", "fit", "backflip", "swing_up_motion", "arm_motion", "arm_stages"
+    )
 )
 
 
@@ -83,8 +86,11 @@ ANIMATIONS = (
     "postures.html",
     "dive.html",
     "twist.html",
+    "fit.html",
+    "backflip.html",
     "swing_up_motion.html",
     "arm_motion.html",
+    "arm_stages.html",
 )
 
 

@@ -1,8 +1,8 @@
 //! Sequential quadratic programming on problems with published optima.
 
-use crate::problems::{Problem, published};
+use crate::problems::{Problem, published, waechter_biegler};
 use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::{Flow, HessianSource, NlpSolver, Report, Sqp, Start, Status};
+use somersault_ocp::solver::{Flow, Globalisation, HessianSource, NlpSolver, Report, Sqp, Start, Status};
 
 pub(crate) fn solve(solver: &dyn NlpSolver, problem: &Problem) -> Report {
     let start = Start::from(problem.start.as_slice());
@@ -34,11 +34,11 @@ pub(crate) fn kkt(problem: &Problem, report: &Report) -> [f64; 3] {
     worst
 }
 
-fn reaches_published_optima(source: HessianSource) {
-    let solver = Sqp { hessian: source, ..Sqp::default() };
+fn solves_published_problems(solver: &Sqp, most_steps: usize) {
     let mut failures = Vec::new();
-    for problem in published() {
-        let report = solve(&solver, &problem);
+    let mut steps = Vec::new();
+    for problem in published().into_iter().chain([waechter_biegler()]) {
+        let report = solve(solver, &problem);
         let error = (report.cost - problem.optimum).abs() / problem.optimum.abs().max(1.0);
         let residuals = kkt(&problem, &report);
         println!(
@@ -49,16 +49,26 @@ fn reaches_published_optima(source: HessianSource) {
         if report.status != Status::Converged || error > 2e-8 || residuals.iter().any(|r| *r > 1e-6 * scale) {
             failures.push(problem.name);
         }
+        steps.push(report.iterations);
     }
-    assert!(failures.is_empty(), "{failures:?}");
+    assert!(failures.is_empty(), "{solver:?}: {failures:?}");
+    steps.sort_unstable();
+    let (median, sum) = (steps[(steps.len() - 1) / 2], steps.iter().sum::<usize>());
+    println!("{solver:?}: median {median}, sum {sum}");
+    assert!(median <= most_steps, "{solver:?}: {median}");
 }
 
 #[test]
-fn exact_hessians_reach_published_optima() {
-    reaches_published_optima(HessianSource::Offered);
+fn exact_hessians_reach_published_optima_in_six_steps_at_the_median() {
+    for globalisation in [Globalisation::Merit, Globalisation::Filter] {
+        solves_published_problems(&Sqp { globalisation, ..Sqp::default() }, 6);
+    }
 }
 
 #[test]
-fn quasi_newton_reaches_published_optima() {
-    reaches_published_optima(HessianSource::QuasiNewton);
+fn quasi_newton_reaches_published_optima_in_nine_steps_at_the_median() {
+    for globalisation in [Globalisation::Merit, Globalisation::Filter] {
+        let hessian = HessianSource::QuasiNewton;
+        solves_published_problems(&Sqp { hessian, globalisation, ..Sqp::default() }, 9);
+    }
 }

@@ -35,6 +35,16 @@ pub struct Continued<const N: usize> {
     pub work: Work,
 }
 
+impl<const N: usize> Continued<N> {
+    /// With what came before added to the counts.
+    pub(crate) fn after(mut self, before: &Self) -> Self {
+        self.steps = [self.steps[0] + before.steps[0], self.steps[1] + before.steps[1]];
+        self.iterations += before.iterations;
+        self.work += before.work;
+        self
+    }
+}
+
 /// Follows families.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Continuation {
@@ -95,9 +105,7 @@ impl Continuation {
             let family = |s: f64| Member { system: system.clone(), ends: ends(s), horizon };
             let mut found = stage.follow(family, fractions, &nodes)?;
             if let Some(before) = &total {
-                found.steps = [found.steps[0] + before.steps[0], found.steps[1] + before.steps[1]];
-                found.iterations += before.iterations;
-                found.work += before.work;
+                found = found.after(before);
             }
             let arrived = found.s == 1.0 && found.extremal.status == Status::Converged;
             nodes.clone_from(&found.extremal.nodes);

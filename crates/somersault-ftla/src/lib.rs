@@ -36,6 +36,7 @@
 //! exponents and vectors*, Commun. Nonlinear Sci. Numer. Simul. 36 (2016).
 #![forbid(unsafe_code)]
 
+pub mod cold_start;
 pub mod continuation;
 pub mod flow;
 pub mod matching;

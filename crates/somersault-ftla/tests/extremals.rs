@@ -2,28 +2,17 @@
 
 mod common;
 
-use common::arm_nodes;
-use nalgebra::{SVector, Vector2};
-use somersault_ftla::continuation::{Continuation, Continued, Member};
+use common::{arm_motion, arm_nodes};
+use nalgebra::{SVector, Vector2, Vector4};
+use somersault_ftla::cold_start::ArmTravel;
+use somersault_ftla::continuation::Continuation;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, Extremal, Shooting, ShootingError, Status, graded_times};
 use somersault_ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
 };
+use somersault_testkit::travels::{Travel, random_travels};
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
-
-/// The thesis' problem from a rest folded to `fold`, by travelling folded and unfolding at the ends.
-fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
-    let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
-    let stages = [
-        [end(0.0, fold), end(0.0, fold)],
-        [end(-FRAC_PI_2, fold), end(FRAC_PI_2, fold)],
-        [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, unfolded)],
-    ];
-    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
-    let arm = ArmMinimumTorque::default();
-    Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed")
-}
 
 fn cost(extremal: &Extremal<8>) -> f64 {
     let arm = ArmMinimumTorque::default();
@@ -225,51 +214,85 @@ fn what_does_not_converge_has_a_status_and_what_is_malformed_an_error() {
     assert!(Continuation::default().through::<_, 8>(&arm, &[], 10.0, &times).is_err());
 }
 
-/// The largest |u| of each joint, on a grid of 5 ms.
-fn peak_torques(arm: &ArmMinimumTorque, extremal: &Extremal<8>) -> [f64; 2] {
-    let flow = VariationalFlow::try_new(arm, Tolerances::default()).expect("in range");
-    let mut peak = [0.0f64; 2];
-    for k in 0..=2000 {
-        let mut u = [0.0; 2];
-        let p = extremal.at(&flow, 0.005 * k as f64).expect("regular");
-        arm.control_into(&p, &mut u).expect("two controls");
-        peak = [peak[0].max(u[0].abs()), peak[1].max(u[1].abs())];
-    }
-    peak
-}
-
 #[test]
-fn torques_are_limited_to_four_fifths_of_their_peak() {
-    let arm = ArmMinimumTorque::default();
-    let free = arm_motion(PI, 0.05).extremal;
-    let peak = peak_torques(&arm, &free);
-    let fractions: Vec<f64> = free.times.iter().map(|t| t / 10.0).collect();
-    let ends = [-1.0, 1.0].map(|s| End::try_state(&[s * FRAC_PI_2, 0.05, 0.0, 0.0]).expect("four states"));
-    let family = |s: f64| {
-        let system = arm.try_with_torque_limits(peak.map(|u| u * (1.0 - 0.2 * s))).expect("positive");
-        Member { system, ends, horizon: 10.0 }
-    };
-    let found = Continuation::default().follow(family, &fractions, &free.nodes).expect("well posed");
-    let (limited, system) = (&found.extremal, family(1.0).system);
-    assert_eq!((found.s, limited.status), (1.0, Status::Converged));
-    let [low, high] = limited.range_of(|p| system.hamiltonian(p));
-    assert!(high - low < 1e-10, "{:e}", high - low);
-    // both limits are reached and the cost is higher
-    let reached = peak_torques(&system, limited);
-    assert!((0..2).all(|i| (reached[i] / peak[i] - 0.8).abs() < 1e-12), "{reached:?} of {peak:?}");
-    let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
-    let price = limited.cost(&flow).expect("regular") - cost(&free);
-    assert!((1e-4..0.05).contains(&price), "{price}");
-}
-
-#[test]
-fn a_whole_turn_in_twenty_seconds_is_found_from_rest_too() {
+fn continuation_from_a_rest_leads_to_the_same_extremal() {
     let arm = ArmMinimumTorque::default();
     let end = |angle: f64, second: f64| vec![angle, second, 0.0, 0.0];
-    let stages = [[end(0.0, PI), end(0.0, PI)], [end(-PI, PI), end(PI, PI)], [end(-PI, 0.05), end(PI, 0.05)]];
-    let fractions = graded_times(1.0, 0.005, 0.02).expect("positive");
-    let found = Continuation::default().through(&arm, &stages, 20.0, &fractions).expect("well posed");
+    let folded = [end(-FRAC_PI_2, PI), end(FRAC_PI_2, PI)];
+    let stages = [[end(0.0, PI), end(0.0, PI)], folded, [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, 0.05)]];
+    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
+    let found = Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed");
     assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged));
-    let [low, high] = found.extremal.range_of(|p| arm.hamiltonian(p));
-    assert!(found.extremal.residual <= 1e-10 && high - low < 1e-10);
+    assert!(found.steps[0] > 10);
+    let direct = arm_motion(PI, 0.05);
+    assert_eq!(direct.steps, [1, 0]);
+    assert!((found.extremal.nodes[0] - direct.extremal.nodes[0]).amax() < 1e-9);
+}
+
+/// Solved, and confirmed by segments integrated anew a hundred times as accurately.
+fn assert_solved(travel: &ArmTravel) -> Extremal<8> {
+    let found = travel.solve(&Continuation::default()).expect("well posed");
+    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged), "{travel:?}");
+    let extremal = found.extremal;
+    let tight = Tolerances { relative: 1e-15, absolute: 1e-17 };
+    let flow = VariationalFlow::try_new(&travel.system, tight).expect("in range");
+    for (pair, times) in extremal.nodes.windows(2).zip(extremal.times.windows(2)) {
+        let end = flow.state(&pair[0], times[1] - times[0]).expect("regular");
+        assert!((end - pair[1]).amax() < 1e-9, "{travel:?} at {}", times[0]);
+    }
+    let [low, high] = extremal.range_of(|p| travel.system.hamiltonian(p));
+    assert!(extremal.residual <= 1e-10 && high - low < 1e-10 * low.abs().max(1.0), "{:e}", high - low);
+    for (node, [one, two]) in
+        [(extremal.nodes[0], travel.initial), (extremal.nodes[extremal.nodes.len() - 1], travel.last)]
+    {
+        assert!((node.fixed_rows::<4>(0) - Vector4::new(one, two, 0.0, 0.0)).amax() < 1e-10);
+    }
+    extremal
+}
+
+#[test]
+fn one_and_two_turns_in_twenty_and_forty_seconds_are_found_too() {
+    for (turns, horizon) in [(1.0, 20.0), (2.0, 40.0)] {
+        let (initial, last) = ([-turns * PI, 0.05], [turns * PI, 0.05]);
+        assert_solved(&ArmTravel { initial, last, horizon, ..ArmTravel::default() });
+    }
+}
+
+#[test]
+fn arms_at_random_are_found_from_boundary_states_and_fold_alone() {
+    // the first of the fifty of examples/random_arms.rs
+    for Travel { arm, travel, horizon, fold } in random_travels(2017, 5) {
+        let system = ArmMinimumTorque::try_new(arm, [1.0, 0.5]).expect("in range");
+        let [initial, last] = [-0.5, 0.5].map(|s| [s * travel, 0.05]);
+        let extremal = assert_solved(&ArmTravel { system, initial, last, fold, horizon });
+        // folded in the middle, to the side asked for
+        let middle = extremal.nodes[extremal.nodes.len() / 2][1];
+        assert!((middle / fold - 1.0).abs() < 0.5, "{middle} for {fold}");
+    }
+}
+
+#[test]
+fn limits_lead_on_from_the_motion_without_them() {
+    let system = ArmMinimumTorque::default().try_with_torque_limits([0.36, 0.2]).expect("positive");
+    let limited = assert_solved(&ArmTravel { system, ..ArmTravel::default() });
+    assert!(limited.work.switches > 0);
+    let mut u = [0.0; 2];
+    system.control_into(&limited.nodes[0], &mut u).expect("two controls");
+    assert_eq!(u[0], 0.36);
+}
+
+#[test]
+fn travels_without_sense_are_errors_and_impossible_ones_have_a_status() {
+    let thesis = ArmTravel::default();
+    let solve = |travel: ArmTravel| travel.solve(&Continuation::default());
+    for horizon in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
+        assert!(matches!(solve(ArmTravel { horizon, ..thesis }), Err(ShootingError::Argument { .. })));
+    }
+    let nan = ArmTravel { initial: [f64::NAN, 0.0], ..thesis };
+    assert!(matches!(solve(nan), Err(ShootingError::Argument { argument: "x", .. })));
+    assert!(solve(ArmTravel { fold: f64::NAN, ..thesis }).is_err());
+    // a hundredth of the torque that the travel takes
+    let system = thesis.system.try_with_torque_limits([0.003, 0.002]).expect("positive");
+    let found = solve(ArmTravel { system, ..thesis }).expect("well posed");
+    assert!(found.s < 1.0 && found.extremal.nodes.iter().all(|p| p.iter().all(|x| x.is_finite())));
 }

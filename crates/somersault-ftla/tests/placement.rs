@@ -2,13 +2,13 @@
 
 mod common;
 
-use common::{Random, START, arm_nodes};
+use common::{Random, START, arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::placement::{Method, Placement, PlacementError, PlacementStatus, Schedule};
 use somersault_ftla::spectrum::{SplittingDims, TimeDirection, diagnose, spectra};
 use somersault_ftla::system::{ArmMinimumTorque, CubicRegulator};
-use std::f64::consts::SQRT_2;
+use std::f64::consts::{PI, SQRT_2};
 
 const ARM_DIMS: SplittingDims = SplittingDims { stable: 2, center: 4, unstable: 2 };
 const TOLERANCES: Tolerances = Tolerances { relative: 1e-10, absolute: 1e-12 };
@@ -84,27 +84,23 @@ fn algorithm_one_converges_linearly_and_newton_in_two_thirds_of_the_iterations()
 }
 
 #[test]
-fn a_placed_point_follows_the_optimum_longer_than_one_that_is_not() {
-    // Figure 10.2: costates 1e-4 off, as those of a collocation solution are
+fn placed_points_follow_the_optimum_longer_the_larger_the_error_was() {
+    // Figure 10.2: without placement the time falls by ln 10/μ with each digit of the error, with it by nothing
     let arm = ArmMinimumTorque::default();
     let flow = VariationalFlow::try_new(&arm, TOLERANCES).expect("in range");
-    let nodes = arm_nodes();
-    let mut off = SVector::from(START);
-    off[5] += 1e-4;
-    off[7] -= 1e-4;
-    let placed = arm_placement(TimeDirection::Forward, 3.5).place(&flow, &off);
-    let followed = |start: SVector<f64, 8>| {
-        let mut p = start;
-        for pair in nodes.windows(2) {
-            match flow.state(&p, pair[1].0 - pair[0].0) {
-                Ok(next) if (next - pair[1].1).rows(0, 4).amax() < 0.05 => p = next,
-                _ => return pair[0].0,
-            }
-        }
-        10.0
-    };
-    let (without, with) = (followed(off), followed(placed.p));
-    assert!(without < 3.5 && with > without + 1.0, "{without} s without, {with} s with placement");
+    let optimum = arm_motion(PI, 0.05).extremal;
+    let mut error = SVector::zeros();
+    (error[5], error[7]) = (1.0, -1.0);
+    let placement = arm_placement(TimeDirection::Forward, 3.5);
+    let found = placement.following(&flow, &optimum, &error, &[1e-4, 1e-5, 1e-6], 0.2).expect("regular");
+    println!("{found:?}");
+    for (k, f) in found.iter().enumerate() {
+        assert_eq!(f.status, PlacementStatus::Placed, "{f:?}");
+        assert!(f.left < 1e-6 && (f.with_placement - found[0].with_placement).abs() < 0.3, "{f:?}");
+        assert!(k == 0 || f.without_placement > found[k - 1].without_placement, "{f:?}");
+    }
+    assert!(found.iter().all(|f| f.with_placement > f.without_placement + 1.0), "{found:?}");
+    assert!(placement.following(&flow, &optimum, &error, &[1e-2], 0.0).is_err());
 }
 
 #[test]

@@ -6,10 +6,11 @@ use common::{ArmProblem, Random, arm_problem, matrix_gap};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
 use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, CubicRegulator, HamiltonianSystem, LinearRegulator,
-    OptimalControlSystem, StateCostate, SystemError, TreeMinimumTorque, VectorField,
+    OptimalControlSystem, Piece, StateCostate, SystemError, TreeMinimumTorque, VectorField,
 };
-use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
+use somersault_multibody::{Data, Joint, Link, Model, ModelBuilder, Scalar};
+use somersault_testkit::trees as testkit;
 
 /// The Jacobian by central differences of fourth order.
 fn differences<const N: usize>(system: &impl VectorField<N>, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
@@ -80,6 +81,98 @@ fn the_arm_in_closed_form_is_the_generic_problem_and_the_tree() {
             assert!((cost - closed.running_cost(&p)).abs() < 1e-11 * (1.0 + cost), "{case}: cost");
         }
     }
+}
+
+/// Any tree of three joints by its forward dynamics over the scalar, ½ Σ γᵢuᵢ².
+struct Chain {
+    model: Model,
+    weights: [f64; 3],
+    limits: [f64; 3],
+}
+
+impl ControlProblem<6, 3> for Chain {
+    fn dynamics<T: Scalar>(&self, x: &SVector<T, 6>, u: &SVector<T, 3>) -> SVector<T, 6> {
+        let model: Model<T> = self.model.cast();
+        let mut data = Data::new(&model);
+        let (q, v) = (&x.as_slice()[..3], &x.as_slice()[3..]);
+        let a = model.forward_dynamics(&mut data, q, v, u.as_slice(), &[]).expect("regular");
+        SVector::from_fn(|i, _| if i < 3 { v[i] } else { a[i - 3] })
+    }
+
+    fn running_cost<T: Scalar>(&self, _: &SVector<T, 6>, u: &SVector<T, 3>) -> T {
+        let weighed = |i: usize| u[i] * u[i] * nalgebra::convert::<f64, T>(0.5 * self.weights[i]);
+        (0..3).fold(T::zero(), |sum, i| sum + weighed(i))
+    }
+
+    fn bounds(&self) -> [SVector<f64, 3>; 2] {
+        let limits = SVector::from(self.limits);
+        [-limits, limits]
+    }
+}
+
+/// Three bodies under gravity, on two hinges askew and a slider, one branching off the first.
+fn branched(random: &mut testkit::Random) -> Model {
+    let mut builder = ModelBuilder::new();
+    let hinge = |random: &mut testkit::Random| Joint::Revolute { axis: random.vector(1.0) };
+    let (one, two) = (hinge(random), hinge(random));
+    let slider = Joint::Prismatic { axis: random.vector(1.0) };
+    builder.add(Link::root("one", one, random.body()).with_damping(0.3)).expect("a root");
+    builder.add(Link::child("two", "one", two, random.body()).at(random.vector(1.0))).expect("a child");
+    let link = Link::child("three", "one", slider, random.body()).at(random.vector(1.0)).with_damping(0.1);
+    builder.add(link).expect("a child");
+    builder.build().expect("a tree")
+}
+
+#[test]
+fn a_random_tree_is_its_forward_dynamics_through_duals_end_to_end() {
+    let mut random = testkit::Random::new(12);
+    let (mut cut, mut steps) = (0, 0);
+    for case in 0..10 {
+        let model = branched(&mut random);
+        let weights = [0.6, 1.3, 0.9];
+        for limits in [[f64::INFINITY; 3], [0.5, f64::INFINITY, 1.0]] {
+            let tree = TreeMinimumTorque::<12>::try_new(&model, &weights).expect("fits");
+            let tree = tree.try_with_torque_limits(&limits).expect("positive");
+            let chain = Chain { model: model.clone(), weights, limits };
+            let generic = StateCostate::<_, 6, 3, 12>::try_new(chain).expect("ordered bounds");
+            let p = SVector::<f64, 12>::from_column_slice(&random.numbers(12, 1.0));
+            let (h, d) = tree.linearize(&p);
+            assert!((h - generic.field(&p)).amax() < 1e-11 * h.amax(), "{case}: field");
+            assert!(matrix_gap(&d, &generic.jacobian(&p)) < 1e-10 * d.amax(), "{case}: Jacobian");
+            assert!((tree.hamiltonian(&p) - generic.hamiltonian(&p)).abs() < 1e-11 * h.amax(), "{case}: H");
+            assert_eq!(tree.piece(&p), generic.piece(&p), "{case}");
+            let margins = [tree.margins(&tree.piece(&p), &p), generic.margins(&tree.piece(&p), &p)];
+            for i in (0..3).filter(|&i| margins[0][i].is_finite()) {
+                assert!(
+                    (margins[0][i] - margins[1][i]).abs() < 1e-10 * (1.0 + margins[0][i].abs()),
+                    "{case}"
+                );
+            }
+            cut += usize::from(tree.piece(&p) != Piece::FREE);
+            steps += usize::from(tree.n_switches() == 3);
+        }
+    }
+    assert!(cut > 5 && steps == 10);
+}
+
+#[test]
+fn a_tree_with_a_passive_joint_is_hamiltonian_and_drives_the_others_only() {
+    let mut random = testkit::Random::new(13);
+    for case in 0..10 {
+        let model = branched(&mut random);
+        let tree = TreeMinimumTorque::<12>::try_new(&model, &[1.0; 3]).expect("fits");
+        let tree = tree.try_with_passive(1).expect("others are driven");
+        let p = SVector::<f64, 12>::from_column_slice(&random.numbers(12, 0.5));
+        let (h, d) = tree.linearize(&p);
+        assert!((h - field_of_hamiltonian(&tree, &p)).amax() < 1e-6 * h.amax(), "{case}: ∇H");
+        assert!(matrix_gap(&d, &differences(&tree, &p)) < 1e-6 * d.amax(), "{case}: differences");
+        let mut u = [1.0; 3];
+        tree.control_into(&p, &mut u).expect("three joints");
+        assert!(u[1] == 0.0 && u[0] != 0.0 && u[2] != 0.0);
+    }
+    let one = |tree: TreeMinimumTorque<12>| tree.try_with_passive(0).and_then(|t| t.try_with_passive(1));
+    let tree = TreeMinimumTorque::<12>::try_new(&branched(&mut random), &[1.0; 3]).expect("fits");
+    assert!(one(tree).and_then(|t| t.try_with_passive(2)).is_err());
 }
 
 /// The third row of D at the thesis' parameters, as appendix F prints it, (F.54)–(F.61).

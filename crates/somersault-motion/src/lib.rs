@@ -2,11 +2,13 @@
 //!
 //! | Step | Here | Thesis |
 //! |---|---|---|
-//! | files → markers, skeletons | [`readers`] | 4.1.1 |
+//! | files ↔ markers, skeletons | [`readers`], [`writers`] | 4.1.1 |
 //! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
+//! | one's own motions with scores | [`judged`] | 4.1.2 |
 //! | motions → scores | [`scoring`] | 4.1 |
+//! | SYNTHETIC judged dives, while no judged ones are public | [`synthetic`] | – |
 //!
 //! Inside, lengths are in m, times in s, angles in rad, and the world has x forward, y left and z up,
 //! whatever a file has.
@@ -17,8 +19,11 @@
 
 pub mod analysis;
 pub mod fit;
+pub mod judged;
 pub mod readers;
 pub mod recording;
 pub mod scoring;
+pub mod synthetic;
+pub mod writers;
 
 pub use nalgebra;

@@ -1,37 +1,29 @@
-//! The swing-up of thesis A.2, from the cart on a straight line. `benches/peers/swing_up.py` times it.
+//! The swing-up of thesis A.2, from the cart and the pendulum on straight lines. `benches/peers/swing_up.py` times it.
 //!
 //! `cargo run --release -p somersault-ocp --example swing_up` solves the cases of Table A.1. `-- 50 evaluate 20000`
 //! computes cost and gradient 20000 times with 50 parameters at the start, `-- 50 solve 20` solves 20 times, set-up
 //! included; both print the cost, and the least wall time in seconds of one run.
 
 use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::{Flow, NlpSolver, Report, Sqp, Start};
+use somersault_ocp::solver::{Flow, NlpSolver, Report, Sqp};
 use somersault_ocp::swing_up::CartPendulumProblem;
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// The cart on a straight line from its start to its target: the middle of the box of starts.
-fn straight(problem: &CartPendulumProblem) -> Result<Vec<f64>, Box<dyn Error>> {
-    let range = problem.start_range(1.0)?;
-    Ok(range.lower.iter().zip(&range.upper).map(|(lower, upper)| (lower + upper) / 2.0).collect())
-}
-
-fn solve(problem: &CartPendulumProblem, start: &Start) -> Result<Report, Box<dyn Error>> {
+fn solve(problem: &CartPendulumProblem) -> Result<Report, Box<dyn Error>> {
     let mut nlp = problem.swing_up()?;
-    // cases D and F creep along a valley
-    let sqp = Sqp { max_iterations: 3000, ..Sqp::default() };
-    Ok(sqp.solve(&mut nlp, start, &mut |_| Flow::Continue)?)
+    let start = nlp.start(&nlp.straight_line())?;
+    Ok(Sqp::default().solve(&mut nlp, &start, &mut |_| Flow::Continue)?)
 }
 
 fn list() -> Result<(), Box<dyn Error>> {
     for (case, p) in [('A', 5), ('B', 10), ('C', 15), ('D', 20), ('E', 30), ('F', 40), ('G', 50)] {
         let problem = CartPendulumProblem::with_parameters(p);
-        let start = Start::from(straight(&problem)?);
         let began = Instant::now();
-        let report = solve(&problem, &start)?;
+        let report = solve(&problem)?;
         println!(
-            "{case} {p:3} parameters: cost {:.5} in {:.1} ms, {} steps, residual {:.1e}: {}",
+            "{case} {p:3} parameters: cost {:.5} in {:.2} ms, {} steps, residual {:.1e}: {}",
             report.cost,
             began.elapsed().as_secs_f64() * 1e3,
             report.iterations,
@@ -65,11 +57,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         return if arguments.is_empty() { list() } else { Err("give nothing, or p, what and runs".into()) };
     };
     let problem = CartPendulumProblem::with_parameters(p.parse()?);
-    let z = straight(&problem)?;
     let runs = runs.parse()?;
     let (cost, seconds) = match what.as_str() {
         "evaluate" => {
-            let (mut nlp, mut gradient) = (problem.swing_up()?, vec![0.0; z.len()]);
+            let z = problem.swing_up()?.straight_line();
+            let (mut nlp, mut gradient) = (problem.single_shooting()?, vec![0.0; z.len()]);
             time(runs, || {
                 let cost = nlp.evaluate(black_box(&z), &mut [])?;
                 nlp.differentiate(black_box(&z), &mut gradient, &mut [])?;
@@ -77,10 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 Ok(cost)
             })?
         }
-        "solve" => {
-            let start = Start::from(z);
-            time(runs, || Ok(solve(&problem, black_box(&start))?.cost))?
-        }
+        "solve" => time(runs, || Ok(solve(black_box(&problem))?.cost))?,
         _ => return Err("`what` is evaluate or solve".into()),
     };
     println!("{cost:e} {seconds:e}");

@@ -18,6 +18,10 @@ use somersault::integrators::methods::UnknownMethod;
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
+use somersault::motion::analysis::AnalysisError;
+use somersault::motion::fit::FitError;
+use somersault::motion::recording::RecordingError;
+use somersault::motion::scoring::{ScoringError, StorageError};
 use somersault::multibody::flight::FlightError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::motion::MotionError;
@@ -51,6 +55,16 @@ impl Error {
     /// A problem that could not be solved for a reason of its own.
     pub(crate) fn ocp(error: &impl ToString) -> Self {
         Self::own("OcpError", error)
+    }
+
+    /// A file that is no recording.
+    pub(crate) fn read(message: String) -> Self {
+        Self::Own { class: "ReadError", message }
+    }
+
+    /// Motions that cannot be compared.
+    pub(crate) fn analysis_input(message: String) -> Self {
+        Self::Own { class: "AnalysisInputError", message }
     }
 
     /// An optimal control problem that is none.
@@ -328,5 +342,47 @@ impl From<DiveJudgementError> for Error {
             DiveJudgementError::Motion(error) => error.into(),
             error => Self::ocp(&error),
         }
+    }
+}
+
+impl From<RecordingError> for Error {
+    fn from(error: RecordingError) -> Self {
+        match error {
+            RecordingError::Model(error) => error.into(),
+            error => Self::own("RecordingError", &error),
+        }
+    }
+}
+
+impl From<FitError> for Error {
+    fn from(error: FitError) -> Self {
+        match error {
+            FitError::Model(error) => error.into(),
+            error => Self::own("FitError", &error),
+        }
+    }
+}
+
+impl From<AnalysisError> for Error {
+    fn from(error: AnalysisError) -> Self {
+        match error {
+            AnalysisError::NoConvergence => Self::own("AnalysisError", &error),
+            error => Self::own("AnalysisInputError", &error),
+        }
+    }
+}
+
+impl From<ScoringError> for Error {
+    fn from(error: ScoringError) -> Self {
+        match error {
+            ScoringError::Analysis(error) => error.into(),
+            error => Self::own("ScoringError", &error),
+        }
+    }
+}
+
+impl From<StorageError> for Error {
+    fn from(error: StorageError) -> Self {
+        Self::own("StorageError", &error)
     }
 }

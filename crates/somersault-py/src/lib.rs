@@ -13,6 +13,7 @@ mod error;
 mod event;
 mod exact;
 mod forces;
+mod ftla;
 mod integrate;
 mod kinematics;
 mod link;
@@ -20,6 +21,7 @@ mod located;
 mod methods;
 mod model;
 mod monitor;
+mod motion;
 mod named_models;
 mod ocp;
 mod partials;
@@ -55,6 +57,13 @@ mod _somersault {
     #[pymodule_export]
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]
+    use crate::ftla::{
+        Chain, Continued, Diagnosis, Extremal, Matched, Matching, Placed, Placement, Spectrum, Splitting,
+        Subspace, System, Transition, VariationalFlow, arm, continue_through, cubic_regulator, diagnose,
+        linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot, slow_subspace, travel_arm,
+        tree,
+    };
+    #[pymodule_export]
     use crate::integrate::integrate;
     #[pymodule_export]
     use crate::link::Link;
@@ -63,11 +72,18 @@ mod _somersault {
     #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]
+    use crate::motion::{
+        Band, Baseline, Correlation, GroupComparison, MarkerFit, MarkerRecording, MarkerSet, MotionFit, Pca,
+        Performance, Projection, ScoringModel, ScoringOptions, Skeleton, SkeletonJoint, SkeletonRecording,
+        Validation, common_eigenpostures, eigenpostures_per_motion, normalize_frames, pearson, project,
+        read_bvh, read_c3d, read_csv, read_joint_motion, read_trc, spearman, turns_about, validate,
+    };
+    #[pymodule_export]
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
     use crate::ocp::{
         CartPendulumProblem, CollocationProblem, CollocationResult, Constraint, Cost, Dive, DiveSolution,
-        DiveVerification, EigenpostureBase, Motion, MotionProblem, Phase, Report, SplineMotion,
+        DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem, Phase, Report, SplineMotion,
         SwingUpSearch, SwingUpVerification, Term, axis_direction, body_orientation, displacement, dive_107b,
         dive_5174d, entries, function, momentum, point_position,
     };

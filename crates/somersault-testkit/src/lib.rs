@@ -1,11 +1,13 @@
 //! Reference problems with their solutions, and the estimation of orders, for somersault's own tests.
 //!
 //! Everything here returns data; what is asserted is the tests' to say.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
+pub mod allocations;
 pub mod bouncing_ball;
 pub mod order;
 pub mod planar_box;
 pub mod problems;
 pub mod spinning_top;
+pub mod travels;
 pub mod trees;

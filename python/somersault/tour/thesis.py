@@ -134,3 +134,17 @@ SWING_UP = {
 
 #: Table 10.1, column p⁺: states and costates of the arm at t = 5 s.
 ARM_MIDDLE = (-0.027597, 3.068603, 0.477425, 0.009792, -0.203408, 0.019078, -0.209560, 0.019651)
+
+#: Table 10.1, column p⁻ at t = 5 s; and the mismatch that the text prints. The columns differ by 6.03e-4.
+ARM_MIDDLE_BACKWARD = (
+    -0.027650, 3.068761, 0.477344, 0.009229, -0.203476, 0.019080, -0.209649, 0.019660
+)  # fmt: skip
+ARM_MISMATCH = 2.243e-3
+
+#: Section 8.4: states at both ends of the arm's motion, and its horizon, s.
+ARM_INITIAL = (-1.5707963267948966, 0.05, 0.0, 0.0)
+ARM_FINAL = (1.5707963267948966, 0.05, 0.0, 0.0)
+ARM_HORIZON = 10.0
+
+#: Equation (10.1).
+ARM_DIMS = (2, 4, 2)

@@ -1,9 +1,12 @@
 //! The steps of DOP853 on a state, its transition matrix and one integral.
 
+mod switching;
+
 use super::{FlowError, Tolerances, Work};
-use crate::system::VectorField;
+use crate::system::{Piece, VectorField};
 use nalgebra::{SMatrix, SVector};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
+use switching::{Ahead, Watch};
 
 const STAGES: usize = 12;
 
@@ -12,6 +15,7 @@ const STAGES: usize = 12;
 pub(super) enum Progress {
     Arrived,
     Grown,
+    Switched,
 }
 
 pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
@@ -25,6 +29,11 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     pub(super) matrix: SMatrix<f64, N, N>,
     pub(super) integral: f64,
     pub(super) work: Work,
+    /// The piece of the field that steps are made in.
+    pub(super) piece: Piece<N>,
+    /// Whether to come back where a piece ends.
+    pub(super) stops_at_switches: bool,
+    watch: Watch<N>,
     /// The next step size, with the sign of the direction.
     h: f64,
     /// D at the current state, to restart Φ without an evaluation.
@@ -54,6 +63,9 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
             matrix: SMatrix::identity(),
             integral: 0.0,
             work: Work::default(),
+            piece: system.piece(p),
+            stops_at_switches: false,
+            watch: Watch::default(),
             h: 0.0,
             jacobian: SMatrix::zeros(),
             states: [SVector::zeros(); STAGES],
@@ -64,6 +76,9 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
             return Err(kernel.non_finite());
         }
         kernel.h = kernel.first_step_size().min(duration.abs()).copysign(duration);
+        if system.n_switches() > 0 {
+            kernel.watch = kernel.watch(&kernel.piece, p, &kernel.states[0], kernel.h);
+        }
         Ok(kernel)
     }
 
@@ -76,7 +91,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     pub(super) fn run(
         &mut self,
         end: f64,
-        integrand: impl Fn(&SVector<f64, N>) -> f64,
+        integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> Result<(), FlowError> {
         self.advance(end, f64::INFINITY, integrand).map(|_| ())
     }
@@ -86,7 +101,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         &mut self,
         end: f64,
         growth: f64,
-        integrand: impl Fn(&SVector<f64, N>) -> f64,
+        integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> Result<Progress, FlowError> {
         // the loops over columns are compiled for the widest vectors of the machine
         pulp::Arch::new().dispatch(|| self.steps(end, growth, integrand))
@@ -97,18 +112,22 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         &mut self,
         end: f64,
         growth: f64,
-        integrand: impl Fn(&SVector<f64, N>) -> f64,
+        integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> Result<Progress, FlowError> {
         let mut rejected = false;
+        // a step to a minimum of a margin
+        let mut cut: Option<f64> = None;
         while self.t != end {
             if self.work.steps + self.work.rejected >= self.max_steps {
                 let (t, steps) = (self.t, self.work.steps);
                 return Err(FlowError::TooManySteps { t, state: self.state.as_slice().to_vec(), steps });
             }
             let left = end - self.t;
-            let last = left.abs() <= 1.01 * self.h.abs();
+            let mut last = cut.is_none() && left.abs() <= 1.01 * self.h.abs();
             // two equal steps rather than a long and a tiny one
-            let h = if last {
+            let mut h = if let Some(size) = cut.take() {
+                size
+            } else if last {
                 left
             } else if left.abs() < 2.0 * self.h.abs() {
                 0.5 * left
@@ -122,7 +141,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                     FlowError::StepUnderflow { t: self.t, state: self.state.as_slice().to_vec() }
                 });
             }
-            let (state, matrix, size) = self.trial(h, &integrand);
+            let (mut state, mut matrix, size) = self.trial(h, &integrand);
             let limit = if rejected { 1.0 } else { 6.0 };
             // a NaN counts as far too large
             let factor = if size.is_finite() { (0.9 * size.powf(-0.125)).clamp(0.2, limit) } else { 0.2 };
@@ -132,11 +151,27 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 rejected = true;
                 continue;
             }
+            let before = (self.state, self.matrix, self.states[0], self.matrices[0], self.piece);
+            let mut watch = self.watch;
+            if self.system.n_switches() > 0 {
+                match self.ahead(h, &state) {
+                    Ahead::Smooth(then) => watch = then,
+                    Ahead::Minimum(size) => {
+                        self.work.rejected += 1;
+                        cut = Some(size);
+                        continue;
+                    }
+                    Ahead::End(size) => {
+                        (last, h) = (last && size == h, size);
+                        (state, matrix, _) = self.trial(h, &integrand);
+                        self.piece = self.system.next_piece(&self.piece, &state);
+                    }
+                }
+            }
             let gain = self.combine_scalar(self.tableau.weights());
-            let before = (self.state, self.matrix, self.states[0], self.matrices[0]);
             (self.state, self.matrix) = (state, matrix);
             if !self.first_stage() {
-                (self.state, self.matrix, self.states[0], self.matrices[0]) = before;
+                (self.state, self.matrix, self.states[0], self.matrices[0], self.piece) = before;
                 self.work.rejected += 1;
                 self.h = 0.2 * h;
                 rejected = true;
@@ -152,6 +187,14 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 h * factor
             };
             rejected = false;
+            self.watch = watch;
+            if self.piece != before.4 {
+                self.work.switches += 1;
+                self.watch = self.watch(&self.piece, &self.state, &self.states[0], self.h);
+                if self.stops_at_switches && self.t != end {
+                    return Ok(Progress::Switched);
+                }
+            }
             if MATRIX && growth.is_finite() && self.t != end && self.spread() > growth {
                 return Ok(Progress::Grown);
             }
@@ -182,12 +225,12 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     fn first_stage(&mut self) -> bool {
         self.work.evaluations += 1;
         if MATRIX {
-            let (field, jacobian) = self.system.linearize(&self.state);
+            let (field, jacobian) = self.system.linearize_in(&self.piece, &self.state);
             self.states[0] = field;
             self.jacobian = jacobian;
             self.system.tangent(&jacobian, &self.matrix, &mut self.matrices[0]);
         } else {
-            self.states[0] = self.system.field(&self.state);
+            self.states[0] = self.system.field_in(&self.piece, &self.state);
         }
         self.states[0].sum().is_finite() && (!MATRIX || self.matrices[0].sum().is_finite())
     }
@@ -197,22 +240,22 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     fn trial(
         &mut self,
         h: f64,
-        integrand: &impl Fn(&SVector<f64, N>) -> f64,
+        integrand: &impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> (SVector<f64, N>, SMatrix<f64, N, N>, f64) {
-        self.integrands[0] = integrand(&self.state);
+        self.integrands[0] = integrand(&self.piece, &self.state);
         let mut matrix = SMatrix::<f64, N, N>::zeros();
         for i in 1..STAGES {
             let row = self.tableau.row(i);
             let state = self.combine_state(row, h);
             if MATRIX {
-                let (field, jacobian) = self.system.linearize(&state);
+                let (field, jacobian) = self.system.linearize_in(&self.piece, &state);
                 self.states[i] = field;
                 self.combine_matrix(row, h, &mut matrix);
                 self.system.tangent(&jacobian, &matrix, &mut self.matrices[i]);
             } else {
-                self.states[i] = self.system.field(&state);
+                self.states[i] = self.system.field_in(&self.piece, &state);
             }
-            self.integrands[i] = integrand(&state);
+            self.integrands[i] = integrand(&self.piece, &state);
         }
         self.work.evaluations += STAGES - 1;
         let weights = self.tableau.weights();

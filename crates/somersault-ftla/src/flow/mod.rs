@@ -7,12 +7,14 @@
 //! Where the singular values of Φ span more than sixteen digits, one matrix does not hold the small ones. A
 //! [`Chain`] keeps factors Φ = Φ_K ⋯ Φ₁, each ended where it has stretched or shrunk by a bound.
 //!
+//! Where a control reaches or leaves a bound the field has a kink. Steps end there ([`Piece`]); Φ has no jump.
+//!
 //! Runs allocate nothing: the stages are on the stack, 96 N (N + 1) bytes, and a chain is written into one that the
 //! caller keeps. The coefficients are those of `somersault-integrators`.
 
 mod kernel;
 
-use crate::system::{OptimalControlSystem, SystemError, VectorField};
+use crate::system::{OptimalControlSystem, Piece, SystemError, VectorField};
 use kernel::{Kernel, Progress};
 use nalgebra::{SMatrix, SVector};
 
@@ -85,6 +87,8 @@ pub struct Work {
     pub steps: usize,
     /// Steps rejected.
     pub rejected: usize,
+    /// Crossings from one smooth piece of the field to the next.
+    pub switches: usize,
 }
 
 impl std::ops::AddAssign for Work {
@@ -92,6 +96,7 @@ impl std::ops::AddAssign for Work {
         self.evaluations += other.evaluations;
         self.steps += other.steps;
         self.rejected += other.rejected;
+        self.switches += other.switches;
     }
 }
 
@@ -215,7 +220,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
     /// p(T), without Φ.
     pub fn state(&self, p: &SVector<f64, N>, duration: f64) -> Result<SVector<f64, N>, FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
-        kernel.run(duration, |_| 0.0)?;
+        kernel.run(duration, |_, _| 0.0)?;
         Ok(kernel.state)
     }
 
@@ -231,7 +236,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         duration: f64,
     ) -> Result<(Transition<N>, Work), FlowError> {
         let mut kernel = self.kernel::<true>(p, duration)?;
-        kernel.run(duration, |_| 0.0)?;
+        kernel.run(duration, |_, _| 0.0)?;
         Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix }, kernel.work))
     }
 
@@ -269,7 +274,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         let mut link_start = 0.0;
         for &time in times {
             loop {
-                let progress = kernel.advance(time, growth, |_| 0.0)?;
+                let progress = kernel.advance(time, growth, |_, _| 0.0)?;
                 let duration = kernel.t - link_start;
                 chain.links.push(Transition { duration, end: kernel.state, matrix: kernel.matrix });
                 kernel.restart_matrix();
@@ -283,6 +288,17 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         }
         chain.work = kernel.work;
         Ok(())
+    }
+
+    /// Where the motion from `p` goes from one smooth piece of the field to the next, with the piece that begins there.
+    pub fn switches(&self, p: &SVector<f64, N>, duration: f64) -> Result<Vec<(f64, Piece<N>)>, FlowError> {
+        let mut kernel = self.kernel::<false>(p, duration)?;
+        kernel.stops_at_switches = true;
+        let mut found = Vec::new();
+        while kernel.advance(duration, f64::INFINITY, |_, _| 0.0)? == Progress::Switched {
+            found.push((kernel.t, kernel.piece));
+        }
+        Ok(found)
     }
 
     fn kernel<const MATRIX: bool>(
@@ -305,7 +321,7 @@ impl<S: OptimalControlSystem<N>, const N: usize> VariationalFlow<'_, S, N> {
     /// backward in time the cost is negative.
     pub fn cost(&self, p: &SVector<f64, N>, duration: f64) -> Result<(SVector<f64, N>, f64), FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
-        kernel.run(duration, |x| self.system.running_cost(x))?;
+        kernel.run(duration, |piece, p| self.system.running_cost_in(piece, p))?;
         Ok((kernel.state, kernel.integral))
     }
 }

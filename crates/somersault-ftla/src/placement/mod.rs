@@ -22,7 +22,10 @@
 //! Algorithms 1 and 2 are one, with a [`TimeDirection`]. The complements printed in their lines 3 and 8 contradict each
 //! other, and the angle they test is 90° at success; the last averaging time is T_max; every loop has an exit.
 
+mod following;
 mod search;
+
+pub use following::Following;
 
 use crate::flow::{FlowError, VariationalFlow};
 use crate::spectrum::{Diagnosis, Spectrum, SplittingDims, Subspace, TimeDirection};

@@ -8,11 +8,14 @@
 //! λ̇_θ₁ = 0,   λ̇_θ₂ = μᵀ(M'α + C_θ),   λ̇_v = −λ_q + C_vᵀμ.
 //! ```
 //! The Jacobian follows from μ_θ = −WM'μ, α_θ = W(u_θ − C_θ − M'α), α_v = −WC_v, α_λ = W u_μ W; where a limit acts u does
-//! not vary, so that the field has a kink there and the Jacobian a jump.
+//! not vary, so that the field has a kink there and the Jacobian a jump: each limit is a switch of the field's pieces.
 
+use super::piece::{Bounds, expect_limit};
 use super::{
-    HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls, expect_positive,
+    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
+    expect_positive,
 };
+use crate::cold_start::{Motion, Torque};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use somersault_multibody::models::TwoLinkArm;
 
@@ -71,11 +74,7 @@ impl ArmMinimumTorque {
 
     /// Bounds |uᵢ| by `limits`, N m; infinite for none.
     pub fn try_with_torque_limits(self, limits: [f64; 2]) -> Result<Self, SystemError> {
-        for &found in &limits {
-            if found.is_nan() || found <= 0.0 {
-                return Err(SystemError::Parameter { argument: "limits", allowed: "positive", found });
-            }
-        }
+        limits.iter().try_for_each(|&limit| expect_limit(limit).map(|_| ()))?;
         Ok(Self { limits, ..self })
     }
 
@@ -102,7 +101,23 @@ impl ArmMinimumTorque {
     }
 
     #[inline(always)]
+    fn bounds(&self, i: usize) -> Bounds {
+        Bounds { lower: -self.limits[i], upper: self.limits[i] }
+    }
+
+    #[inline(always)]
     fn pose(&self, p: &SVector<f64, 8>) -> Pose {
+        self.pose_on(|i, free| self.bounds(i).side(free), p)
+    }
+
+    #[inline(always)]
+    fn pose_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> Pose {
+        self.pose_on(|i, _| piece.sides[i], p)
+    }
+
+    /// With each control on the side that `side` gives for it and its value without limits.
+    #[inline(always)]
+    fn pose_on(&self, side: impl Fn(usize, f64) -> Side, p: &SVector<f64, 8>) -> Pose {
         let [a, b, d] = self.inertia;
         let (sin, cos) = p[1].sin_cos();
         let (b_sin, b_cos) = (b * sin, b * cos);
@@ -113,8 +128,9 @@ impl ArmMinimumTorque {
         let (mut torque, mut compliance) = (Vector2::zeros(), Vector2::zeros());
         for i in 0..2 {
             let free = -mu[i] / self.weights[i];
-            torque[i] = free.clamp(-self.limits[i], self.limits[i]);
-            compliance[i] = if torque[i] == free { 1.0 / self.weights[i] } else { 0.0 };
+            let side = side(i, free);
+            torque[i] = self.bounds(i).control(side, free);
+            compliance[i] = if side == Side::Free { 1.0 / self.weights[i] } else { 0.0 };
         }
         let [c1, c2] = self.arm.damping;
         let (swing, square) = (w2 * (2.0 * w1 + w2), w1 * w1);
@@ -132,6 +148,44 @@ impl ArmMinimumTorque {
             compliance,
             acceleration,
         }
+    }
+
+    /// Without limits.
+    pub(crate) fn without_torque_limits(&self) -> Self {
+        Self { limits: [f64::INFINITY; 2], ..*self }
+    }
+
+    /// Limits on the way from `peaks` to `limits`, where these are lower.
+    pub(crate) fn limited_towards(&self, limits: [f64; 2], peaks: [f64; 2], s: f64) -> Self {
+        let between = |i: usize| {
+            if limits[i] < peaks[i] { peaks[i] + s * (limits[i] - peaks[i]) } else { limits[i] }
+        };
+        Self { limits: std::array::from_fn(between), ..*self }
+    }
+
+    /// u = M q̈ + C with its derivatives by q, q̇ and q̈.
+    pub(crate) fn inverse_dynamics(&self, [q, v, a]: &Motion<2>) -> Torque<2> {
+        let pose = self.pose(&SVector::from([q.x, q.y, v.x, v.y, 0.0, 0.0, 0.0, 0.0]));
+        let [base, _, d] = self.inertia;
+        let inertia = Matrix2::new(base + 2.0 * pose.b_cos, d + pose.b_cos, d + pose.b_cos, d);
+        let turned = Vector2::new(2.0 * a.x + a.y, a.x) * -pose.b_sin;
+        // without costates the acceleration is −M⁻¹C
+        let u = inertia * (a - pose.acceleration);
+        let by_angle = Matrix2::from_columns(&[Vector2::zeros(), turned + pose.c_angle]);
+        Torque { u, by: [by_angle, pose.c_rate, inertia] }
+    }
+
+    /// The state on a motion with the costates for which its torques are optimal; of λ_q the part C_vᵀμ, without λ̇_v.
+    pub(crate) fn node_on(&self, motion: &Motion<2>) -> SVector<f64, 8> {
+        let Torque { u, by: [_, rate, inertia] } = self.inverse_dynamics(motion);
+        let mu = -u.component_mul(&Vector2::from(self.weights));
+        let (early, late, [q, v, _]) = (rate.tr_mul(&mu), inertia * mu, motion);
+        SVector::from([q.x, q.y, v.x, v.y, early.x, early.y, late.x, late.y])
+    }
+
+    #[inline(always)]
+    fn effort(&self, Pose { torque, .. }: &Pose) -> f64 {
+        0.5 * (self.weights[0] * torque.x * torque.x + self.weights[1] * torque.y * torque.y)
     }
 
     #[inline(always)]
@@ -204,6 +258,36 @@ impl VectorField<8> for ArmMinimumTorque {
         (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
     }
 
+    #[inline]
+    fn n_switches(&self) -> usize {
+        if self.limits.iter().any(|limit| limit.is_finite()) { 2 } else { 0 }
+    }
+
+    fn piece(&self, p: &SVector<f64, 8>) -> Piece<8> {
+        let mu = self.pose(p).mu;
+        let mut piece = Piece::FREE;
+        (0..2).for_each(|i| piece.sides[i] = self.bounds(i).side(-mu[i] / self.weights[i]));
+        piece
+    }
+
+    #[inline]
+    fn field_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> SVector<f64, 8> {
+        Self::field_at(&self.pose_in(piece, p), p)
+    }
+
+    #[inline(always)]
+    fn linearize_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> (SVector<f64, 8>, SMatrix<f64, 8, 8>) {
+        let pose = self.pose_in(piece, p);
+        (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
+    }
+
+    fn margins(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> SVector<f64, 8> {
+        let Pose { mu, torque, .. } = self.pose_in(piece, p);
+        let slope = |i: usize| self.weights[i] * torque[i] + mu[i];
+        let margin = |i: usize| self.bounds(i).margin(piece.sides[i], torque[i], slope(i));
+        SVector::from_fn(|i, _| if i < 2 { margin(i) } else { f64::INFINITY })
+    }
+
     /// Columns 1, 5 and 6 of D hold nothing but ∂λ̇_v/∂λ_q = −1.
     #[inline(always)]
     fn tangent(&self, d: &SMatrix<f64, 8, 8>, phi: &SMatrix<f64, 8, 8>, out: &mut SMatrix<f64, 8, 8>) {
@@ -243,7 +327,11 @@ impl OptimalControlSystem<8> for ArmMinimumTorque {
     }
 
     fn running_cost(&self, p: &SVector<f64, 8>) -> f64 {
-        let torque = self.pose(p).torque;
-        0.5 * (self.weights[0] * torque.x * torque.x + self.weights[1] * torque.y * torque.y)
+        self.effort(&self.pose(p))
+    }
+
+    #[inline]
+    fn running_cost_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> f64 {
+        self.effort(&self.pose_in(piece, p))
     }
 }

@@ -8,11 +8,13 @@
 //! for p = (x, λ). The running cost carries its ½ (thesis (8.7) and appendix H; the Hamiltonian printed in 8.3 lacks it).
 
 mod arm;
+mod piece;
 mod scalar;
 mod state_costate;
 mod tree;
 
 pub use arm::ArmMinimumTorque;
+pub use piece::{Piece, Side};
 pub use scalar::{CubicRegulator, LinearRegulator};
 pub use state_costate::{ControlProblem, StateCostate};
 pub use tree::TreeMinimumTorque;
@@ -110,6 +112,57 @@ pub trait VectorField<const N: usize> {
         }
     }
 
+    /// Number of switches, at most `N`. Where there are any the field is continuous, but smooth only in each [`Piece`], and
+    /// the methods below must be there too.
+    #[inline(always)]
+    fn n_switches(&self) -> usize {
+        0
+    }
+
+    /// The piece that `p` lies in.
+    #[inline(always)]
+    fn piece(&self, _p: &SVector<f64, N>) -> Piece<N> {
+        Piece::FREE
+    }
+
+    /// h of one piece, which goes on smoothly beyond it.
+    #[inline(always)]
+    fn field_in(&self, _piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        self.field(p)
+    }
+
+    /// h and D of one piece.
+    #[inline(always)]
+    fn linearize_in(&self, _piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        self.linearize(p)
+    }
+
+    /// Of each switch, a smooth function that is positive where the piece holds and zero where it ends.
+    fn margins(&self, _piece: &Piece<N>, _p: &SVector<f64, N>) -> SVector<f64, N> {
+        SVector::repeat(f64::INFINITY)
+    }
+
+    /// The piece that follows at `p`, just beyond the end of `piece`: switches with a negative margin change their side, a
+    /// free one to the side on which its margin is larger.
+    fn next_piece(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Piece<N> {
+        let margins = self.margins(piece, p);
+        let mut next = *piece;
+        for i in (0..self.n_switches()).filter(|&i| margins[i] < 0.0) {
+            let [lower, upper] = [Side::Lower, Side::Upper].map(|side| {
+                let mut other = *piece;
+                other.sides[i] = side;
+                self.margins(&other, p)[i]
+            });
+            // a bound at infinity has no margin
+            next.sides[i] = match piece.sides[i] {
+                Side::Free if upper.is_nan() || lower > upper => Side::Lower,
+                Side::Free => Side::Upper,
+                Side::Lower | Side::Upper => Side::Free,
+            };
+        }
+        next
+    }
+
     /// Why there is no value at `p`, if there is none.
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         let finite = self.field(p).iter().all(|h| h.is_finite());
@@ -133,6 +186,12 @@ pub trait OptimalControlSystem<const N: usize>: HamiltonianSystem<N> {
 
     /// ℓ at the optimal control.
     fn running_cost(&self, p: &SVector<f64, N>) -> f64;
+
+    /// ℓ at the control of one piece of the field.
+    #[inline(always)]
+    fn running_cost_in(&self, _piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+        self.running_cost(p)
+    }
 }
 
 fn expect_controls(u: &[f64], expected: usize) -> Result<(), SystemError> {

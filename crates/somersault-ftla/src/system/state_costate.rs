@@ -12,9 +12,13 @@
 //!
 //! The minimisation is Newton's method with projection on the bounds and backtracking (D. P. Bertsekas, *Projected Newton
 //! methods for optimization problems with simple constraints*, SIAM J. Control Optim. 20 (1982)). Where f is affine and ℓ
-//! quadratic in u, and without bounds, its first step is the closed form and the second confirms it.
+//! quadratic in u, and without bounds, its first step is the closed form and the second confirms it. In a [`Piece`] of the
+//! field the controls at a bound are held there and the others are minimised over without bounds.
 
-use super::{HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls};
+use super::piece::Bounds;
+use super::{
+    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
+};
 use nalgebra::{Cholesky, SMatrix, SVector};
 use num_dual::{Dual64, HyperDual64};
 use somersault_multibody::Scalar;
@@ -45,6 +49,8 @@ pub struct StateCostate<P, const NX: usize, const NU: usize, const N: usize> {
 /// A control with what its minimisation knows of it.
 struct Control<const NU: usize> {
     u: SVector<f64, NU>,
+    /// K_u.
+    gradient: SVector<f64, NU>,
     /// The inverse of K_FF, zero in rows and columns of controls at a bound.
     inverse: SMatrix<f64, NU, NU>,
 }
@@ -61,7 +67,7 @@ struct Derivatives<const NX: usize, const NU: usize> {
 }
 
 impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> StateCostate<P, NX, NU, N> {
-    const DIMENSIONS: () = assert!(N == 2 * NX, "N must be 2 NX");
+    const DIMENSIONS: () = assert!(N == 2 * NX && NU <= N, "N must be 2 NX, and NU not larger");
 
     /// Fails if a lower bound is NaN or not below its upper bound.
     pub fn try_new(problem: P) -> Result<Self, SystemError> {
@@ -84,7 +90,7 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
     /// u*(p).
     pub fn control(&self, p: &SVector<f64, N>) -> Result<SVector<f64, NU>, SystemError> {
         let (x, costate) = Self::halves(p);
-        Ok(self.minimise(&x, &costate)?.u)
+        Ok(self.minimise(&x, &costate, None)?.u)
     }
 
     #[inline(always)]
@@ -96,9 +102,25 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
         self.problem.dynamics(x, u).dot(costate) + self.problem.running_cost(x, u)
     }
 
-    fn minimise(&self, x: &SVector<f64, NX>, costate: &SVector<f64, NX>) -> Result<Control<NU>, SystemError> {
+    fn bounds(&self, i: usize) -> Bounds {
+        Bounds { lower: self.lower[i], upper: self.upper[i] }
+    }
+
+    /// The least K within the bounds, or in `piece`.
+    fn minimise(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        piece: Option<&Piece<N>>,
+    ) -> Result<Control<NU>, SystemError> {
+        let limit = |i: usize, bound: f64, none: f64| match piece {
+            Some(piece) => self.bounds(i).control(piece.sides[i], none),
+            None => bound,
+        };
+        let lower = SVector::<f64, NU>::from_fn(|i, _| limit(i, self.lower[i], f64::NEG_INFINITY));
+        let upper = SVector::<f64, NU>::from_fn(|i, _| limit(i, self.upper[i], f64::INFINITY));
         let (x2, costate2) = (x.map(HyperDual64::from_re), costate.map(HyperDual64::from_re));
-        let mut u = SVector::<f64, NU>::zeros().sup(&self.lower).inf(&self.upper);
+        let mut u = SVector::<f64, NU>::zeros().sup(&lower).inf(&upper);
         let mut size = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
             let (mut gradient, mut hessian) = (SVector::<f64, NU>::zeros(), SMatrix::<f64, NU, NU>::zeros());
@@ -119,7 +141,8 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
                 return Err(SystemError::NonFinite);
             }
             let free: [bool; NU] = std::array::from_fn(|i| {
-                !(u[i] <= self.lower[i] && gradient[i] > 0.0 || u[i] >= self.upper[i] && gradient[i] < 0.0)
+                lower[i] < upper[i]
+                    && !(u[i] <= lower[i] && gradient[i] > 0.0 || u[i] >= upper[i] && gradient[i] < 0.0)
             });
             let inverse = invert_free(&hessian, &free)?;
             let newton = -(inverse * gradient);
@@ -127,9 +150,9 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
             let rounding =
                 newton.iter().zip(&u).all(|(d, u)| d.abs() <= 4.0 * f64::EPSILON * u.abs().max(1e-3));
             if rounding {
-                return Ok(Control { u, inverse });
+                return Ok(Control { u, gradient, inverse });
             }
-            let trial = |step: f64| (u + newton * step).sup(&self.lower).inf(&self.upper);
+            let trial = |step: f64| (u + newton * step).sup(&lower).inf(&upper);
             let accepted = (0..40).map(|k| trial(0.5f64.powi(k))).find(|w| {
                 let change = self.k(x, costate, w) - value;
                 // below rounding of K the Newton step is better than what K can tell
@@ -137,7 +160,7 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
             });
             match accepted {
                 Some(next) if next != u => u = next,
-                _ => return Ok(Control { u, inverse }),
+                _ => return Ok(Control { u, gradient, inverse }),
             }
         }
         Err(SystemError::ControlNotConverged { gradient: size, iterations: MAX_ITERATIONS })
@@ -181,9 +204,13 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
         d
     }
 
-    fn try_field(&self, p: &SVector<f64, N>) -> Result<SVector<f64, N>, SystemError> {
+    fn try_field(
+        &self,
+        p: &SVector<f64, N>,
+        piece: Option<&Piece<N>>,
+    ) -> Result<SVector<f64, N>, SystemError> {
         let (x, costate) = Self::halves(p);
-        let u = self.minimise(&x, &costate)?.u;
+        let u = self.minimise(&x, &costate, piece)?.u;
         let f = self.problem.dynamics(&x, &u);
         let (x, costate, u) = (x.map(Dual64::from_re), costate.map(Dual64::from_re), u.map(Dual64::from_re));
         let mut field = SVector::zeros();
@@ -196,9 +223,13 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
         Ok(field)
     }
 
-    fn try_jacobian(&self, p: &SVector<f64, N>) -> Result<SMatrix<f64, N, N>, SystemError> {
+    fn try_jacobian(
+        &self,
+        p: &SVector<f64, N>,
+        piece: Option<&Piece<N>>,
+    ) -> Result<SMatrix<f64, N, N>, SystemError> {
         let (x, costate) = Self::halves(p);
-        let Control { u, inverse } = self.minimise(&x, &costate)?;
+        let Control { u, inverse, .. } = self.minimise(&x, &costate, piece)?;
         let d = self.derivatives(&x, &costate, &u);
         let u_x = -(inverse * d.k_xu.transpose());
         let u_costate = -(inverse * d.f_u.transpose());
@@ -245,15 +276,56 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
     for StateCostate<P, NX, NU, N>
 {
     fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.try_field(p).unwrap_or_else(|_| SVector::repeat(f64::NAN))
+        self.try_field(p, None).unwrap_or_else(|_| SVector::repeat(f64::NAN))
     }
 
     fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.try_jacobian(p).unwrap_or_else(|_| SMatrix::repeat(f64::NAN))
+        self.try_jacobian(p, None).unwrap_or_else(|_| SMatrix::repeat(f64::NAN))
+    }
+
+    fn n_switches(&self) -> usize {
+        if (0..NU).all(|i| self.lower[i] == f64::NEG_INFINITY && self.upper[i] == f64::INFINITY) {
+            0
+        } else {
+            NU
+        }
+    }
+
+    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
+        let (x, costate) = Self::halves(p);
+        let mut piece = Piece::FREE;
+        if let Ok(Control { u, gradient, .. }) = self.minimise(&x, &costate, None) {
+            for i in 0..NU {
+                piece.sides[i] = match (u[i] <= self.lower[i], u[i] >= self.upper[i]) {
+                    (true, _) if gradient[i] > 0.0 => Side::Lower,
+                    (_, true) if gradient[i] < 0.0 => Side::Upper,
+                    _ => Side::Free,
+                };
+            }
+        }
+        piece
+    }
+
+    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        self.try_field(p, Some(piece)).unwrap_or_else(|_| SVector::repeat(f64::NAN))
+    }
+
+    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        let jacobian = self.try_jacobian(p, Some(piece)).unwrap_or_else(|_| SMatrix::repeat(f64::NAN));
+        (self.field_in(piece, p), jacobian)
+    }
+
+    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        let (x, costate) = Self::halves(p);
+        let Ok(Control { u, gradient, .. }) = self.minimise(&x, &costate, Some(piece)) else {
+            return SVector::repeat(f64::NAN);
+        };
+        let margin = |i: usize| self.bounds(i).margin(piece.sides[i], u[i], gradient[i]);
+        SVector::from_fn(|i, _| if i < NU { margin(i) } else { f64::INFINITY })
     }
 
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
-        match self.try_field(p) {
+        match self.try_field(p, None) {
             Ok(field) => (!field.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite),
             Err(error) => Some(error),
         }
@@ -265,7 +337,7 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
 {
     fn hamiltonian(&self, p: &SVector<f64, N>) -> f64 {
         let (x, costate) = Self::halves(p);
-        self.minimise(&x, &costate).map_or(f64::NAN, |c| self.k(&x, &costate, &c.u))
+        self.minimise(&x, &costate, None).map_or(f64::NAN, |c| self.k(&x, &costate, &c.u))
     }
 }
 
@@ -284,6 +356,12 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
 
     fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
         let (x, costate) = Self::halves(p);
-        self.minimise(&x, &costate).map_or(f64::NAN, |c| self.problem.running_cost(&x, &c.u))
+        self.minimise(&x, &costate, None).map_or(f64::NAN, |c| self.problem.running_cost(&x, &c.u))
+    }
+
+    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+        let (x, costate) = Self::halves(p);
+        let control = self.minimise(&x, &costate, Some(piece));
+        control.map_or(f64::NAN, |c| self.problem.running_cost(&x, &c.u))
     }
 }

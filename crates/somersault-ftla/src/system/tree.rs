@@ -1,10 +1,13 @@
-//! Minimum-torque motions of any tree whose joints have one degree of freedom and are all driven.
+//! Minimum-torque motions of any tree whose joints have one degree of freedom, all driven or some passive.
 //!
 //! x = (q, v), q̇ = v, v̇ = a(q, v, u) by forward dynamics, ℓ = ½ Σ γᵢuᵢ². The partials of `somersault-multibody` give
-//! u* = −Γ⁻¹M⁻¹λ_v and the field; the Jacobian is the same code over dual numbers, one pass for each entry of p.
+//! u* = −Γ⁻¹M⁻¹λ_v, cut off at the limits, and the field; the Jacobian is the same code over dual numbers, one pass for
+//! each entry of p. M⁻¹ is diagonal in nothing, but K is a sum over the controls, so that each is cut off by itself.
 
+use super::piece::{Bounds, expect_limit};
 use super::{
-    HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls, expect_positive,
+    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
+    expect_positive,
 };
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
@@ -14,9 +17,24 @@ use std::sync::{Mutex, PoisonError};
 /// The state–costate system of a tree of n joints, `N` = 4n.
 #[derive(Debug)]
 pub struct TreeMinimumTorque<const N: usize> {
-    weights: Vec<f64>,
+    effort: Effort,
     values: Kernel<f64>,
     duals: Kernel<Dual64>,
+}
+
+/// Weights, limits and which joints are driven.
+#[derive(Debug)]
+struct Effort {
+    weights: Vec<f64>,
+    bounds: Vec<Bounds>,
+    driven: Vec<bool>,
+}
+
+/// Field, torque, and the torque that would be best without limits.
+struct Values<T, const N: usize> {
+    field: SVector<T, N>,
+    torque: SVector<T, N>,
+    free: SVector<T, N>,
 }
 
 /// A model with workspaces that threads take and give back.
@@ -37,19 +55,20 @@ impl<T: Scalar> Kernel<T> {
         Self { model, pool: Mutex::new(Vec::new()) }
     }
 
-    /// Writes the optimal torque and the field at p, all of it over the scalar.
+    /// Torque and field at p in one piece, all of it over the scalar.
     fn evaluate<const N: usize>(
         &self,
-        weights: &[f64],
+        effort: &Effort,
+        piece: &Piece<N>,
         p: &SVector<T, N>,
-    ) -> Result<(SVector<T, N>, SVector<T, N>), DynamicsError> {
+    ) -> Result<Values<T, N>, DynamicsError> {
         let n = N / 4;
         let pooled = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut work = pooled.unwrap_or_else(|| Workspace {
             data: DerivativeData::new(&self.model),
             torque: vec![T::zero(); n],
         });
-        let result = self.evaluate_with(&mut work, weights, p);
+        let result = self.evaluate_with(&mut work, effort, piece, p);
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(work);
         result
     }
@@ -57,20 +76,28 @@ impl<T: Scalar> Kernel<T> {
     fn evaluate_with<const N: usize>(
         &self,
         work: &mut Workspace<T>,
-        weights: &[f64],
+        effort: &Effort,
+        piece: &Piece<N>,
         p: &SVector<T, N>,
-    ) -> Result<(SVector<T, N>, SVector<T, N>), DynamicsError> {
+    ) -> Result<Values<T, N>, DynamicsError> {
         let n = N / 4;
         let Workspace { data, torque } = work;
         let (q, v) = (&p.as_slice()[..n], &p.as_slice()[n..2 * n]);
         let (costate_q, costate_v) = (&p.as_slice()[2 * n..3 * n], &p.as_slice()[3 * n..]);
         // M⁻¹ does not depend on the torque that it is needed for
         torque.fill(T::zero());
-        let mut control = SVector::<T, N>::zeros();
+        let mut free = SVector::<T, N>::zeros();
         let inverse = self.model.forward_dynamics_partials(data, q, v, torque, &[])?.input;
-        for i in 0..n {
+        for i in (0..n).filter(|&i| effort.driven[i]) {
             let projected = (0..n).fold(T::zero(), |sum, j| sum + inverse[(j, i)] * costate_v[j]);
-            control[i] = -projected / nalgebra::convert(weights[i]);
+            free[i] = -projected / nalgebra::convert(effort.weights[i]);
+        }
+        let mut control = free;
+        for i in 0..n {
+            control[i] = match piece.sides[i] {
+                Side::Free => free[i],
+                side => nalgebra::convert(effort.bounds[i].control(side, 0.0)),
+            };
         }
         torque.copy_from_slice(&control.as_slice()[..n]);
         let partials = self.model.forward_dynamics_partials(data, q, v, torque, &[])?;
@@ -84,7 +111,7 @@ impl<T: Scalar> Kernel<T> {
                 field[3 * n + i] -= partials.v[(j, i)] * costate_v[j];
             }
         }
-        Ok((field, control))
+        Ok(Values { field, torque: control, free })
     }
 }
 
@@ -104,34 +131,106 @@ impl<const N: usize> TreeMinimumTorque<N> {
             }
         }
         weights.iter().try_for_each(|&w| expect_positive("weights", w))?;
-        Ok(Self {
-            weights: weights.to_vec(),
-            values: Kernel::new(model.clone()),
-            duals: Kernel::new(model.cast()),
-        })
-    }
-}
-
-impl<const N: usize> VectorField<N> for TreeMinimumTorque<N> {
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.values.evaluate(&self.weights, p).map_or_else(|_| SVector::repeat(f64::NAN), |(field, _)| field)
+        let bounds = vec![Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY }; n];
+        let effort = Effort { weights: weights.to_vec(), bounds, driven: vec![true; n] };
+        Ok(Self { effort, values: Kernel::new(model.clone()), duals: Kernel::new(model.cast()) })
     }
 
-    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+    /// Bounds |uᵢ| by `limits`, N m or N; infinite for none.
+    pub fn try_with_torque_limits(mut self, limits: &[f64]) -> Result<Self, SystemError> {
+        if limits.len() != N / 4 {
+            return Err(SystemError::Length { argument: "limits", expected: N / 4, found: limits.len() });
+        }
+        self.effort.bounds = limits.iter().map(|&limit| expect_limit(limit)).collect::<Result<_, _>>()?;
+        Ok(self)
+    }
+
+    /// Joint number `joint` is passive: its torque is zero. One joint at least must be driven.
+    pub fn try_with_passive(mut self, joint: usize) -> Result<Self, SystemError> {
+        let others = self.effort.driven.iter().enumerate().any(|(i, driven)| *driven && i != joint);
+        if joint >= N / 4 || !others {
+            let (allowed, found) = ("the number of a joint, another one being driven", joint as f64);
+            return Err(SystemError::Parameter { argument: "joint", allowed, found });
+        }
+        self.effort.driven[joint] = false;
+        Ok(self)
+    }
+
+    fn values_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Result<Values<f64, N>, DynamicsError> {
+        self.values.evaluate(&self.effort, piece, p)
+    }
+
+    /// With every torque within its limits.
+    fn values_at(&self, p: &SVector<f64, N>) -> Result<Values<f64, N>, DynamicsError> {
+        let free = self.values_in(&Piece::FREE, p)?;
+        let piece = self.piece_of(&free.free);
+        if piece == Piece::FREE { Ok(free) } else { self.values_in(&piece, p) }
+    }
+
+    fn piece_of(&self, free: &SVector<f64, N>) -> Piece<N> {
+        let mut piece = Piece::FREE;
+        self.effort.bounds.iter().enumerate().for_each(|(i, b)| piece.sides[i] = b.side(free[i]));
+        piece
+    }
+
+    fn jacobian_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
         let mut jacobian = SMatrix::<f64, N, N>::repeat(f64::NAN);
         for j in 0..N {
             let mut seeded = p.map(Dual64::from_re);
             seeded[j].eps = 1.0;
-            if let Ok((field, _)) = self.duals.evaluate(&self.weights, &seeded) {
-                jacobian.set_column(j, &field.map(|h| h.eps));
+            if let Ok(values) = self.duals.evaluate(&self.effort, piece, &seeded) {
+                jacobian.set_column(j, &values.field.map(|h| h.eps));
             }
         }
         jacobian
     }
 
+    fn cost_of(&self, torque: &SVector<f64, N>) -> f64 {
+        0.5 * self.effort.weights.iter().zip(torque).map(|(w, u)| w * u * u).sum::<f64>()
+    }
+}
+
+impl<const N: usize> VectorField<N> for TreeMinimumTorque<N> {
+    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
+        self.values_at(p).map_or_else(|_| SVector::repeat(f64::NAN), |values| values.field)
+    }
+
+    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+        self.jacobian_in(&self.piece(p), p)
+    }
+
+    fn n_switches(&self) -> usize {
+        if self.effort.bounds.iter().any(|b| b.upper.is_finite()) { N / 4 } else { 0 }
+    }
+
+    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
+        self.values_in(&Piece::FREE, p).map_or(Piece::FREE, |values| self.piece_of(&values.free))
+    }
+
+    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        self.values_in(piece, p).map_or_else(|_| SVector::repeat(f64::NAN), |values| values.field)
+    }
+
+    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        (self.field_in(piece, p), self.jacobian_in(piece, p))
+    }
+
+    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        let Ok(Values { free, torque, .. }) = self.values_in(piece, p) else {
+            return SVector::repeat(f64::NAN);
+        };
+        let margin = |i: usize| {
+            let slope = self.effort.weights[i] * (torque[i] - free[i]);
+            self.effort.bounds[i].margin(piece.sides[i], torque[i], slope)
+        };
+        SVector::from_fn(|i, _| if i < N / 4 { margin(i) } else { f64::INFINITY })
+    }
+
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
-        match self.values.evaluate(&self.weights, p) {
-            Ok((field, _)) => (!field.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite),
+        match self.values_at(p) {
+            Ok(Values { field, .. }) => {
+                (!field.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite)
+            }
             Err(error) => Some(error.into()),
         }
     }
@@ -154,13 +253,15 @@ impl<const N: usize> OptimalControlSystem<N> for TreeMinimumTorque<N> {
 
     fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError> {
         expect_controls(u, N / 4)?;
-        let (_, control) = self.values.evaluate(&self.weights, p)?;
-        u.copy_from_slice(&control.as_slice()[..N / 4]);
+        u.copy_from_slice(&self.values_at(p)?.torque.as_slice()[..N / 4]);
         Ok(())
     }
 
     fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
-        let Ok((_, control)) = self.values.evaluate(&self.weights, p) else { return f64::NAN };
-        0.5 * self.weights.iter().zip(&control).map(|(w, u)| w * u * u).sum::<f64>()
+        self.values_at(p).map_or(f64::NAN, |values| self.cost_of(&values.torque))
+    }
+
+    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+        self.values_in(piece, p).map_or(f64::NAN, |values| self.cost_of(&values.torque))
     }
 }

@@ -2,6 +2,8 @@
 #![allow(dead_code)] // each test file is a crate of its own and uses a part
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
+use somersault_ftla::cold_start::ArmTravel;
+use somersault_ftla::continuation::{Continuation, Continued};
 use somersault_ftla::system::{ControlProblem, StateCostate};
 use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
@@ -88,4 +90,11 @@ pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
     let numbers =
         |line: &str| line.split(' ').map(|x| x.parse::<f64>().expect("a number")).collect::<Vec<_>>();
     text.lines().map(numbers).map(|row| (row[0], SVector::from_column_slice(&row[1..]))).collect()
+}
+
+/// The thesis' problem with another fold and another θ₂ at the end.
+pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
+    let thesis = ArmTravel::default();
+    let travel = ArmTravel { fold, last: [thesis.last[0], unfolded], ..thesis };
+    travel.solve(&Continuation::default()).expect("well posed")
 }

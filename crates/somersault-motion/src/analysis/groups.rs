@@ -3,9 +3,9 @@
 use super::{AnalysisError, expect_finite, expect_length};
 use crate::fit::MotionFit;
 use crate::recording::{CubicSpline, uniform_times};
-use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector1};
-use somersault_core::so3;
+use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector1, Vector3};
 use somersault_multibody::{Joint, Model};
+use somersault_ocp::flight::Counting;
 
 /// Mean and spread of a group at each frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,14 +44,14 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
     Ok(uniform_times(times, n_frames).into_iter().map(|t| spline.evaluate(t)[0]).collect())
 }
 
-/// How far the root has turned about the lateral axis since the first frame, in turns, forwards positive.
+/// Somersaults since the first frame, in turns, forwards positive.
 ///
-/// Of a planar root that is its angle. Of a floating one it is the sum, over the frames, of the rotations' part along
-/// the lateral axis of the body: somersaults are counted without regard to twist. Frames must be less than a half turn apart.
-/// None for other roots.
+/// Of a planar root that is its angle. Of a floating one it is ψ of R = R_z(heading) R_y(ψ) R_x(τ) R_z(φ), counted with its
+/// whole turns ([`Counting`]): about the horizontal axis that was lateral in the first frame, whatever the twist φ. Frames must be
+/// less than a half turn apart, and the tilt τ off ±π/2, as it is not in a sideflip. None for other roots.
 pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Option<Vec<f64>> {
     const TURN: f64 = std::f64::consts::TAU;
-    let rotation = |q: &[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
+    let rotation = |q: &&[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
     match model.joint(0)? {
         // the planar diver's angle is positive backwards
         Joint::Planar => {
@@ -59,14 +59,13 @@ pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Option<Vec<f64>>
             Some(configurations.iter().map(|q| (first - q[2]) / TURN).collect())
         }
         Joint::Free => {
-            let mut total = 0.0;
-            let mut turns = vec![0.0; configurations.len().min(1)];
-            for pair in configurations.windows(2) {
-                let step = so3::log(&(rotation(pair[0]).inverse() * rotation(pair[1])));
-                total += step.y / TURN;
-                turns.push(total);
-            }
-            Some(turns)
+            let lateral = configurations.first().map_or(Vector3::y(), |q| rotation(q) * Vector3::y());
+            let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (-lateral.x).atan2(lateral.y));
+            let orientations: Vec<_> =
+                configurations.iter().map(|q| heading.inverse() * rotation(q)).collect();
+            let angles = Counting::default().along(&orientations);
+            let first = angles.first().map_or(0.0, |a| a.somersault);
+            Some(angles.iter().map(|a| (a.somersault - first) / TURN).collect())
         }
         _ => None,
     }
@@ -81,7 +80,7 @@ pub enum Panel {
     MarkerError,
     /// (c) Scale of the model.
     Scale,
-    /// (d) Turns about the lateral axis. The caption of the thesis' panel says "scaling factor".
+    /// (d) Somersaults, in turns. The caption of the thesis' panel says "scaling factor".
     Rotation,
 }
 

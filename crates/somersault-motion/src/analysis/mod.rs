@@ -3,13 +3,15 @@
 //! A motion is a matrix with a row for each frame. [`Pca`] finds the directions in which rows differ most; of the
 //! postures of motions these are eigenpostures, their scores eigenweights ([`eigenpostures`]). [`project`] goes the
 //! other way: from a chosen base to the weights that describe a motion best (thesis 4.2). [`Band`] is what a group of
-//! motions has in common at each frame (Figure 4.1).
+//! motions has in common at each frame (Figure 4.1); [`DiveFaults`] what a dive is marked down for.
 
 pub mod eigenpostures;
+mod faults;
 mod groups;
 mod pca;
 mod projection;
 
+pub use faults::DiveFaults;
 pub use groups::{Band, GroupComparison, Panel, normalize_frames, turns_about};
 pub use pca::Pca;
 pub use projection::{Projection, WeightBounds, project};
@@ -66,6 +68,9 @@ pub enum AnalysisError {
     /// The decomposition did not converge.
     #[error("the singular value decomposition did not converge")]
     NoConvergence,
+    /// The model lacks a body, or a configuration is not the model's.
+    #[error(transparent)]
+    Model(#[from] somersault_multibody::DynamicsError),
 }
 
 pub(crate) fn expect_length(

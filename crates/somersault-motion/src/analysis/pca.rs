@@ -48,14 +48,10 @@ impl Pca {
         }
         expect_finite("samples", samples)?;
         let mean = samples.row_mean().transpose();
-        let mut centred = samples.clone();
-        for (mut column, mean) in centred.column_iter_mut().zip(&mean) {
-            column.add_scalar_mut(-mean);
-        }
-        let (singular, mut components) = right_singular_vectors(&centred, n_components)?;
+        let (singular, mut components) = right_singular_vectors(samples, &mean, n_components)?;
         let total: f64 = singular.iter().map(|s| s * s).sum();
         // what is left of equal samples after their mean is rounding
-        if total.sqrt() <= 1e-14 * samples.norm() {
+        if total.sqrt() <= 1e-14 * (total + n as f64 * mean.norm_squared()).sqrt() {
             return Err(AnalysisError::NoVariance);
         }
         for mut component in components.column_iter_mut() {
@@ -82,6 +78,14 @@ impl Pca {
             return Err(AnalysisError::NonFinite { argument: "mean or variance", row: 0 });
         }
         Ok(Self { mean, components, variance, total_variance, n_samples })
+    }
+
+    /// The first `n` components alone, at most as many as there are.
+    pub(crate) fn truncated(mut self, n: usize) -> Self {
+        let n = n.min(self.n_components());
+        self.components = self.components.columns(0, n).into_owned();
+        self.variance.truncate(n);
+        self
     }
 
     /// Mean of the samples.
@@ -142,16 +146,27 @@ impl Pca {
     }
 }
 
-/// All singular values, and the first `k` right singular vectors as columns.
+/// All singular values of the centred samples, and the first `k` right singular vectors as columns.
 fn right_singular_vectors(
-    matrix: &DMatrix<f64>,
+    samples: &DMatrix<f64>,
+    mean: &DVector<f64>,
     k: usize,
 ) -> Result<(Vec<f64>, DMatrix<f64>), AnalysisError> {
-    let (n, p) = matrix.shape();
-    let view = MatRef::from_column_major_slice(matrix.as_slice(), n, p);
+    // the long side of the matrix along its columns, which lie together in memory: of long samples the transpose
+    let (n, p) = samples.shape();
+    let mut centred = if p > n { samples.transpose() } else { samples.clone() };
+    if p > n {
+        centred.column_iter_mut().for_each(|mut sample| sample -= mean);
+    } else {
+        centred.column_iter_mut().zip(mean).for_each(|(mut column, mean)| column.add_scalar_mut(-mean));
+    }
+    let view = MatRef::from_column_major_slice(centred.as_slice(), n.max(p), n.min(p));
     let decomposed = view.thin_svd().map_err(|_| AnalysisError::NoConvergence)?;
     let singular = decomposed.S().column_vector();
-    let vectors = decomposed.V();
-    let components = DMatrix::from_fn(p, k, |i, j| vectors[(i, j)]);
+    let vectors = if p > n { decomposed.U() } else { decomposed.V() };
+    let mut components = DMatrix::zeros(p, k);
+    for (mut component, vector) in components.column_iter_mut().zip(vectors.col_iter()) {
+        component.iter_mut().zip(vector.iter()).for_each(|(entry, x)| *entry = *x);
+    }
     Ok(((0..singular.nrows()).map(|i| singular[i]).collect(), components))
 }

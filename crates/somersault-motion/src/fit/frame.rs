@@ -156,7 +156,7 @@ impl<'a> FrameFitter<'a> {
                 // what a small step changes is lost in the rounding of the cost
                 if small || found < cost {
                     let gain = (cost - found) / predicted;
-                    estimate.clone_from(&trial);
+                    std::mem::swap(estimate, &mut trial);
                     cost = self.linearize(targets, estimate)?;
                     if small {
                         return Ok((FitStatus::Converged, iteration, cost));

@@ -18,33 +18,13 @@
 
 use super::{MarkerOptions, Place, ReadError, number, point, unexpected};
 use crate::recording::MarkerRecording;
-use ::csv::{ReaderBuilder, StringRecord, Trim};
+use ::csv::{Reader, ReaderBuilder, StringRecord, Trim};
 
 /// The recording in `text`.
 pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, ReadError> {
-    let mut reader = ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .comment(Some(b'#'))
-        .trim(Trim::All)
-        .from_reader(text.as_bytes());
+    let mut rows = Rows::new(text);
     let mut record = StringRecord::new();
-    let (mut line, mut counted) = (1, 0);
-    // text is UTF-8, it is in memory and rows may have any length: no row can fail
-    let mut next = |record: &mut StringRecord| -> Option<Place> {
-        if !reader.read_record(record).unwrap_or(false) {
-            return None;
-        }
-        // a record begins after the one before; blank lines and comments in between count too
-        let mut start = record.position().map_or(0, |p| p.byte() as usize);
-        while let Some(skipped) = skipped(&text[start..]) {
-            start += skipped;
-        }
-        line += text[counted..start].matches('\n').count();
-        counted = start;
-        Some(Place::Line(line))
-    };
-    let Some(place) = next(&mut record) else {
+    let Some(place) = rows.next(&mut record) else {
         return Err(ReadError::Truncated {
             place: Place::Line(1),
             allowed: "the names of columns".to_owned(),
@@ -53,7 +33,7 @@ pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, Read
     let names = names(place, &record)?;
     let (mut times, mut points) = (Vec::new(), Vec::new());
     let expected = 1 + 3 * names.len();
-    while let Some(place) = next(&mut record) {
+    while let Some(place) = rows.next(&mut record) {
         if record.len() != expected {
             let found = format!("{} cells", record.len());
             return Err(unexpected(place, &found, format!("{expected} cells, as many as names")));
@@ -68,6 +48,38 @@ pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, Read
         return Err(ReadError::NoFrames { place });
     }
     Ok(MarkerRecording::try_new(names, times, points)?)
+}
+
+/// Rows of cells without what surrounds them, and the lines they begin on. Blank lines and comments are left out.
+pub(crate) struct Rows<'t> {
+    reader: Reader<&'t [u8]>,
+    text: &'t str,
+    line: usize,
+    counted: usize,
+}
+
+impl<'t> Rows<'t> {
+    pub(crate) fn new(text: &'t str) -> Self {
+        let mut builder = ReaderBuilder::new();
+        builder.has_headers(false).flexible(true).comment(Some(b'#')).trim(Trim::All);
+        Self { reader: builder.from_reader(text.as_bytes()), text, line: 1, counted: 0 }
+    }
+
+    /// Reads the next row; none at the end.
+    pub(crate) fn next(&mut self, record: &mut StringRecord) -> Option<Place> {
+        // text is UTF-8, it is in memory and rows may have any length: no row can fail
+        if !self.reader.read_record(record).unwrap_or(false) {
+            return None;
+        }
+        // a record begins after the one before; blank lines and comments in between count too
+        let mut start = record.position().map_or(0, |p| p.byte() as usize);
+        while let Some(skipped) = skipped(&self.text[start..]) {
+            start += skipped;
+        }
+        self.line += self.text[self.counted..start].matches('\n').count();
+        self.counted = start;
+        Some(Place::Line(self.line))
+    }
 }
 
 /// Bytes of the line at the start of `text`, if that is blank or a comment.

@@ -26,9 +26,9 @@ use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 use somersault_multibody::models::{Dimension, Diver};
 
 /// Numbers in a frame.
-const WIDTH: usize = 44;
+pub(crate) const WIDTH: usize = 44;
 /// Where quaternions begin, in the order of the joints that turn, and where single angles stand.
-const TURNS: [Turn; 13] = [
+pub(crate) const TURNS: [Turn; 13] = [
     Turn::Quaternion(4),
     Turn::Quaternion(8),
     Turn::Quaternion(12),
@@ -45,7 +45,7 @@ const TURNS: [Turn; 13] = [
 ];
 
 #[derive(Clone, Copy)]
-enum Turn {
+pub(crate) enum Turn {
     Quaternion(usize),
     Angle(usize),
 }

@@ -176,12 +176,12 @@ fn shorten(found: &str) -> String {
     }
 }
 
-fn unexpected(place: Place, found: &str, allowed: impl Into<String>) -> ReadError {
+pub(crate) fn unexpected(place: Place, found: &str, allowed: impl Into<String>) -> ReadError {
     ReadError::Unexpected { place, found: shorten(found), allowed: allowed.into() }
 }
 
 /// A finite number.
-fn number(place: Place, text: &str, quantity: &'static str) -> Result<f64, ReadError> {
+pub(crate) fn number(place: Place, text: &str, quantity: &'static str) -> Result<f64, ReadError> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
         Ok(_) => Err(ReadError::NonFinite { place, quantity, found: shorten(text) }),

@@ -37,6 +37,30 @@ impl LengthUnit {
         })
     }
 
+    /// The abbreviation that files have.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Decimetre => "dm",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+            Self::Inch => "in",
+            Self::Foot => "ft",
+        }
+    }
+
+    /// `x` m in this unit.
+    pub fn from_metres(self, x: f64) -> f64 {
+        match self {
+            Self::Metre => x,
+            Self::Decimetre => x * 10.0,
+            Self::Centimetre => x * 100.0,
+            Self::Millimetre => x * 1000.0,
+            Self::Inch => x / 0.0254,
+            Self::Foot => x / 0.3048,
+        }
+    }
+
     /// `x` of this unit in m. Decimal units are divided, so that decimal numbers stay the nearest ones.
     pub fn to_metres(self, x: f64) -> f64 {
         match self {
@@ -149,6 +173,22 @@ impl Convention {
         })
     }
 
+    /// A position of the world, m, in the file's axes and unit.
+    pub fn file_position(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        let turned = Vector3::from_fn(|i, _| {
+            let column = self.permutation.column(i);
+            let k = column.iamax();
+            column[k] * x[k]
+        });
+        turned.map(|c| self.unit.from_metres(c))
+    }
+
+    /// A rotation between frames with x forward and z up as one between frames of the file: Cᵀ R C.
+    pub fn file_rotation(&self, r: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+        let axis = self.permutation.tr_mul(&r.imag());
+        UnitQuaternion::new_unchecked(nalgebra::Quaternion::from_parts(r.w, axis))
+    }
+
     /// A rotation between frames of the file as one between frames with x forward and z up: C R Cᵀ.
     pub fn rotation(&self, r: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let axis = self.permutation * r.imag();
@@ -185,6 +225,8 @@ mod tests {
         let moved = convention.rotation(&r) * convention.position(&x);
         assert!((moved - convention.position(&(r * x))).norm() < 1e-15);
         assert!((convention.turn() * x - convention.position(&x)).norm() < 1e-15);
+        assert_eq!(convention.file_position(&convention.position(&x)), x);
+        assert_eq!(convention.file_rotation(&convention.rotation(&r)), r);
     }
 
     #[test]
@@ -192,5 +234,10 @@ mod tests {
         assert_eq!(LengthUnit::Millimetre.to_metres(1234.5), 1.2345);
         assert_eq!(LengthUnit::from_name(" MM"), Some(LengthUnit::Millimetre));
         assert_eq!(LengthUnit::from_name("furlong"), None);
+        use LengthUnit::{Centimetre, Decimetre, Foot, Inch, Metre, Millimetre};
+        for unit in [Metre, Decimetre, Centimetre, Millimetre, Inch, Foot] {
+            assert_eq!(LengthUnit::from_name(unit.symbol()), Some(unit));
+            assert!((unit.from_metres(unit.to_metres(1.25)) - 1.25).abs() < 1e-15);
+        }
     }
 }

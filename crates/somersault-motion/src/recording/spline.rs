@@ -45,6 +45,20 @@ impl<const D: usize> CubicSpline<D> {
         let (a, b) = (self.slopes[i] * h - rise, rise - self.slopes[i + 1] * h);
         self.values[i] + rise * x + (a * (1.0 - x) + b * x) * (x * (1.0 - x))
     }
+
+    /// The first derivative at `t`, 1/s.
+    pub fn derivative(&self, t: f64) -> SVector<f64, D> {
+        let n = self.times.len();
+        if n == 1 {
+            return SVector::zeros();
+        }
+        let i = self.times.partition_point(|x| *x <= t).clamp(1, n - 1) - 1;
+        let h = self.times[i + 1] - self.times[i];
+        let x = (t - self.times[i]) / h;
+        let rise = (self.values[i + 1] - self.values[i]) / h;
+        let (a, b) = (self.slopes[i] - rise, rise - self.slopes[i + 1]);
+        rise + a * ((1.0 - x) * (1.0 - 3.0 * x)) + b * (x * (2.0 - 3.0 * x))
+    }
 }
 
 /// The derivatives at the knots: a tridiagonal system, which needs no pivots.
@@ -107,10 +121,15 @@ mod tests {
                 assert!((spline.evaluate(t)[0] - cubic(t)).abs() < 1e-13, "{n} points, at {t}");
             }
         }
+        let spline = through(&times, cubic);
+        for t in [-0.3, 0.0, 0.45, 1.0, 2.1] {
+            assert!((spline.derivative(t)[0] - (-2.0 + t + 0.9 * t * t)).abs() < 1e-12, "at {t}");
+        }
         let parabola = |t: f64| t * t - t;
         assert!((through(&times[..3], parabola).evaluate(0.27)[0] - parabola(0.27)).abs() < 1e-15);
         assert!((through(&times[..2], |t| 3.0 * t).evaluate(0.3)[0] - 0.9).abs() < 1e-15);
         assert_eq!(through(&times[..1], |_| 7.0).evaluate(5.0)[0], 7.0);
+        assert_eq!(through(&times[..1], |_| 7.0).derivative(5.0)[0], 0.0);
     }
 
     #[test]

@@ -1,8 +1,10 @@
 //! From motions with scores to a score for a motion.
 
+use super::regression::ComponentScores;
+use super::vector::Normalized;
 use super::{Performance, ScoringError, VectorOptions, expect_least, expect_length};
 use crate::analysis::{Pca, eigenpostures};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// Choices for a scoring model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,8 +23,20 @@ impl ScoringOptions {
         Self { vector: VectorOptions::thesis(), n_components: None, max_components: 5 }
     }
 
+    /// Fails unless every motion has a score, and there are as many as `least` beside the components.
+    pub(super) fn check(&self, n_motions: usize, scores: &[f64], least: usize) -> Result<(), ScoringError> {
+        expect_least("components", self.most(), 1)?;
+        expect_least("motions", n_motions, self.most().saturating_add(least))?;
+        expect_length("scores", scores.len(), n_motions)?;
+        if scores.iter().all(|s| s.is_finite()) {
+            Ok(())
+        } else {
+            Err(ScoringError::NonFinite { argument: "scores" })
+        }
+    }
+
     /// The most components that are asked for.
-    fn most(&self) -> usize {
+    pub(super) fn most(&self) -> usize {
         self.n_components.unwrap_or(self.max_components)
     }
 }
@@ -37,6 +51,7 @@ pub struct ScoringModel {
     pub(super) eigenmotions: Pca,
     pub(super) intercept: f64,
     pub(super) coefficients: Vec<f64>,
+    pub(super) synthetic: bool,
 }
 
 impl ScoringModel {
@@ -46,28 +61,26 @@ impl ScoringModel {
         scores: &[f64],
         options: &ScoringOptions,
     ) -> Result<Self, ScoringError> {
-        expect_least("components", options.most(), 1)?;
-        expect_least("motions", motions.len(), options.most() + 2)?;
-        expect_length("scores", scores.len(), motions.len())?;
-        if !scores.iter().all(|s| s.is_finite()) {
-            return Err(ScoringError::NonFinite { argument: "scores" });
-        }
-        let (eigenpostures, vectors) = describe(motions, &options.vector)?;
-        let n_components = match options.n_components {
-            Some(n) => n,
-            None => choose_components(&vectors, scores, options.max_components)?,
-        };
-        let eigenmotions = Pca::fit(&vectors, n_components)?;
-        let coefficients = regress(&eigenmotions, &vectors, scores)?;
-        let intercept = mean(scores);
-        Ok(Self { vector: options.vector, eigenpostures, eigenmotions, intercept, coefficients })
+        options.check(motions.len(), scores, 2)?;
+        let motions_at = normalize(motions, &options.vector)?;
+        let eigenpostures = eigenpostures_of(&motions_at, &options.vector, None)?;
+        let vectors = options.vector.vectors(&eigenpostures, &motions_at)?;
+        let eigenmotions = Pca::fit(&vectors, options.most())?;
+        let total = eigenmotions.total_variance() * (scores.len() - 1) as f64;
+        let components = ComponentScores::new(eigenmotions.scores(&vectors)?, vec![1.0; scores.len()], total);
+        let n_components = options.n_components.unwrap_or_else(|| components.choose(scores));
+        let mut coefficients = components.coefficients(scores);
+        coefficients.truncate(n_components);
+        let (intercept, eigenmotions) = (components.mean(scores), eigenmotions.truncated(n_components));
+        let synthetic = motions.iter().any(Performance::is_synthetic);
+        Ok(Self { vector: options.vector, eigenpostures, eigenmotions, intercept, coefficients, synthetic })
     }
 
     /// The score of a motion. Its postures must have as many numbers as those learnt from.
     pub fn score(&self, motion: &Performance) -> Result<f64, ScoringError> {
-        let vector = self.vector.vector(&self.eigenpostures, motion)?;
-        let weights =
-            self.eigenmotions.scores(&DMatrix::from_row_slice(1, vector.len(), vector.as_slice()))?;
+        let motion = motion.normalized(self.vector.n_frames)?;
+        let vector = self.vector.vectors(&self.eigenpostures, std::slice::from_ref(&motion))?;
+        let weights = self.eigenmotions.scores(&vector)?;
         Ok(self.intercept + weights.iter().zip(&self.coefficients).map(|(s, b)| s * b).sum::<f64>())
     }
 
@@ -91,60 +104,32 @@ impl ScoringModel {
         self.intercept
     }
 
+    /// Whether it has learnt from motions that are made up: then its scores say nothing about real ones.
+    pub fn is_synthetic(&self) -> bool {
+        self.synthetic
+    }
+
     /// What goes into a motion's vector.
     pub fn vector_options(&self) -> &VectorOptions {
         &self.vector
     }
 }
 
-/// The eigenpostures of motions and the vectors of the motions, a row each.
-fn describe(motions: &[Performance], options: &VectorOptions) -> Result<(Pca, DMatrix<f64>), ScoringError> {
-    let postures: Vec<DMatrix<f64>> = motions
-        .iter()
-        .map(|m| m.normalized(options.n_frames).map(|[postures, _]| postures))
-        .collect::<Result<_, _>>()?;
-    let eigenpostures = eigenpostures::common(&postures, options.n_eigenweights)?;
-    let vectors: Vec<DVector<f64>> =
-        motions.iter().map(|m| options.vector(&eigenpostures, m)).collect::<Result<_, _>>()?;
-    let rows: Vec<_> = vectors.iter().map(DVector::transpose).collect();
-    Ok((eigenpostures, DMatrix::from_rows(&rows)))
+/// The motions at the frames of their vectors.
+pub(super) fn normalize(
+    motions: &[Performance],
+    options: &VectorOptions,
+) -> Result<Vec<Normalized>, ScoringError> {
+    motions.iter().map(|motion| motion.normalized(options.n_frames)).collect()
 }
 
-fn mean(x: &[f64]) -> f64 {
-    x.iter().sum::<f64>() / x.len() as f64
-}
-
-/// Coefficients of least squares. Scores of components are orthogonal, so each is found by itself and does not depend on
-/// how many there are.
-fn regress(pca: &Pca, vectors: &DMatrix<f64>, scores: &[f64]) -> Result<Vec<f64>, ScoringError> {
-    let weights = pca.scores(vectors)?;
-    let offset = mean(scores);
-    let coefficient = |(column, variance): (nalgebra::DVectorView<f64>, &f64)| {
-        let product: f64 = column.iter().zip(scores).map(|(w, s)| w * (s - offset)).sum();
-        // a component without variance says nothing
-        let known = *variance > 1e-20 * pca.total_variance();
-        if known { product / (variance * (scores.len() - 1) as f64) } else { 0.0 }
-    };
-    Ok(weights.column_iter().zip(pca.explained_variance()).map(coefficient).collect())
-}
-
-/// The number of components, up to `most`, with the least squared error of leaving one motion out. The eigenpostures stay:
-/// they know nothing of scores.
-fn choose_components(vectors: &DMatrix<f64>, scores: &[f64], most: usize) -> Result<usize, ScoringError> {
-    let mut errors = vec![0.0; most];
-    for left_out in 0..scores.len() {
-        let rest = vectors.clone().remove_row(left_out);
-        let mut known = scores.to_vec();
-        let score = known.remove(left_out);
-        let pca = Pca::fit(&rest, most)?;
-        let coefficients = regress(&pca, &rest, &known)?;
-        let weights = pca.scores(&vectors.rows(left_out, 1).into_owned())?;
-        let mut predicted = mean(&known);
-        for k in 0..most {
-            predicted += weights[(0, k)] * coefficients[k];
-            errors[k] += (predicted - score).powi(2);
-        }
-    }
-    let best = (0..most).min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
-    Ok(best.map_or(1, |k| k + 1))
+/// The eigenpostures of all motions but the one left out.
+pub(super) fn eigenpostures_of(
+    motions: &[Normalized],
+    options: &VectorOptions,
+    left_out: Option<usize>,
+) -> Result<Pca, ScoringError> {
+    let learnt = motions.iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
+    let postures: Vec<DMatrix<f64>> = learnt.map(|(_, motion)| motion.postures.clone()).collect();
+    Ok(eigenpostures::common(&postures, options.n_eigenweights)?)
 }

@@ -1,16 +1,20 @@
 //! Correlations and their intervals.
 
-use super::{ScoringError, expect_least, expect_length};
+use super::{ScoringError, ValidationOptions, expect_least, expect_length};
+use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
-/// A coefficient with its bootstrap interval.
+/// A coefficient, how sure it is and what chance would make of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correlation {
     /// The coefficient.
     pub value: f64,
-    /// Lower and upper end of the percentile interval.
+    /// Lower and upper end of the percentile interval over resamples.
     pub interval: [f64; 2],
+    /// Share of shuffles, itself among them, with at least this coefficient: a small one is a finding.
+    pub p_value: f64,
 }
 
 fn check(x: &[f64], y: &[f64]) -> Result<(), ScoringError> {
@@ -63,43 +67,58 @@ fn ranks(x: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// Pearson's and Spearman's coefficients with percentile intervals of `level`, from `n` resamples of the pairs drawn by
-/// a generator of this `seed`. Resamples in which one side does not vary are drawn again, at most n times.
-pub(super) fn correlations(
-    x: &[f64],
-    y: &[f64],
-    n: usize,
-    level: f64,
-    seed: u64,
-) -> Result<[Correlation; 2], ScoringError> {
-    let values = [pearson(x, y)?, spearman(x, y)?];
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut found = [Vec::with_capacity(n), Vec::with_capacity(n)];
-    let (mut a, mut b) = (x.to_vec(), y.to_vec());
-    for _ in 0..2 * n {
-        if found[0].len() == n {
-            break;
-        }
-        for k in 0..x.len() {
-            let i = rng.random_range(0..x.len());
-            (a[k], b[k]) = (x[i], y[i]);
-        }
-        if check(&a, &b).is_ok() {
-            found[0].push(coefficient(&a, &b));
-            found[1].push(coefficient(&ranks(&a), &ranks(&b)));
-        }
+/// Pearson's and Spearman's coefficients.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Coefficients([f64; 2]);
+
+impl Coefficients {
+    pub(super) fn try_new(x: &[f64], y: &[f64]) -> Result<Self, ScoringError> {
+        Ok(Self([pearson(x, y)?, spearman(x, y)?]))
     }
-    let interval = |coefficients: &mut Vec<f64>| {
-        coefficients.sort_by(f64::total_cmp);
-        let at = |share: f64| coefficients[(share * (coefficients.len() - 1) as f64).round() as usize];
-        [at(0.5 * (1.0 - level)), at(0.5 * (1.0 + level))]
+}
+
+/// The `value`s with percentile intervals over resamples of n motions, given by their counts, and shares of the shuffles,
+/// given by their order, that reach them. Resamples that have no coefficient are left out, shuffles count as 0. Every
+/// draw has a stream of its own, so that threads do not matter.
+pub(super) fn resampled(
+    value: Coefficients,
+    options: &ValidationOptions,
+    n: usize,
+    of_resample: impl Fn(&[f64]) -> Option<Coefficients> + Sync,
+    of_shuffle: impl Fn(&[usize]) -> Option<Coefficients> + Sync,
+) -> Result<[Correlation; 2], ScoringError> {
+    let rng = |stream: usize| {
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        rng.set_stream(stream as u64);
+        rng
     };
-    let [mut p, mut s] = found;
-    expect_least("resamples that vary", p.len(), 1)?;
-    Ok([
-        Correlation { value: values[0], interval: interval(&mut p) },
-        Correlation { value: values[1], interval: interval(&mut s) },
-    ])
+    let draws = 0..options.n_resamples;
+    let resample = |k: usize| {
+        let (mut rng, mut counts) = (rng(2 * k), vec![0.0; n]);
+        (0..n).for_each(|_| counts[rng.random_range(0..n)] += 1.0);
+        of_resample(&counts)
+    };
+    let resamples: Vec<Coefficients> = draws.clone().into_par_iter().filter_map(resample).collect();
+    let shuffle = |k: usize| {
+        let mut order: Vec<usize> = (0..n).collect();
+        order.shuffle(&mut rng(2 * k + 1));
+        of_shuffle(&order)
+    };
+    let shuffles: Vec<Option<Coefficients>> = draws.into_par_iter().map(shuffle).collect();
+    expect_least("resamples that vary", resamples.len(), 1)?;
+    let correlation = |which: usize| {
+        let value = value.0[which];
+        let mut sorted: Vec<f64> = resamples.iter().map(|c| c.0[which]).collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| sorted[(share * (sorted.len() - 1) as f64).round() as usize];
+        let reached = shuffles.iter().filter(|c| c.map_or(0.0, |c| c.0[which]) >= value).count();
+        Correlation {
+            value,
+            interval: [at(0.5 * (1.0 - options.level)), at(0.5 * (1.0 + options.level))],
+            p_value: (reached + 1) as f64 / (shuffles.len() + 1) as f64,
+        }
+    };
+    Ok([correlation(0), correlation(1)])
 }
 
 #[cfg(test)]

@@ -47,6 +47,8 @@ struct StoredPca {
 struct Stored {
     format: String,
     version: u32,
+    /// Whether it has learnt from motions that are made up.
+    synthetic: bool,
     vector: VectorOptions,
     eigenpostures: StoredPca,
     eigenmotions: StoredPca,
@@ -99,6 +101,7 @@ impl ScoringModel {
         let stored = Stored {
             format: FORMAT.to_owned(),
             version: VERSION,
+            synthetic: self.synthetic,
             vector: self.vector,
             eigenpostures: (&self.eigenpostures).into(),
             eigenmotions: (&self.eigenmotions).into(),
@@ -126,6 +129,7 @@ impl ScoringModel {
         if !coefficients.iter().chain([&stored.intercept]).all(|x| x.is_finite()) {
             return Err(AnalysisError::NonFinite { argument: "coefficients", row: 0 }.into());
         }
-        Ok(Self { vector, eigenpostures, eigenmotions, intercept: stored.intercept, coefficients })
+        let (intercept, synthetic) = (stored.intercept, stored.synthetic);
+        Ok(Self { vector, eigenpostures, eigenmotions, intercept, coefficients, synthetic })
     }
 }

@@ -3,7 +3,7 @@
 use super::{ScoringError, expect_least, expect_length};
 use crate::analysis::{Pca, normalize_frames};
 use crate::recording::MarkerRecording;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, RowDVector};
 
 /// A motion to be scored, frame by frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -11,6 +11,7 @@ pub struct Performance {
     times: Vec<f64>,
     postures: DMatrix<f64>,
     path: DMatrix<f64>,
+    synthetic: bool,
 }
 
 impl Performance {
@@ -31,7 +32,7 @@ impl Performance {
         if times.windows(2).any(|pair| pair[1] <= pair[0]) {
             return Err(ScoringError::Constant { argument: "times" });
         }
-        Ok(Self { times, postures, path })
+        Ok(Self { times, postures, path, synthetic: false })
     }
 
     /// From markers without gaps: the path is their centre, postures are their places about it. The thesis leaves the
@@ -52,6 +53,16 @@ impl Performance {
         Self::try_new(recording.times().to_vec(), postures, path)
     }
 
+    /// The same, labelled as made up; models and validations that use it carry the label on.
+    pub fn labelled_synthetic(self) -> Self {
+        Self { synthetic: true, ..self }
+    }
+
+    /// Whether it is labelled as made up.
+    pub fn is_synthetic(&self) -> bool {
+        self.synthetic
+    }
+
     /// From the first to the last frame, s.
     pub fn duration(&self) -> f64 {
         self.times[self.times.len() - 1] - self.times[0]
@@ -62,8 +73,8 @@ impl Performance {
         self.postures.ncols()
     }
 
-    /// Postures and path at `n_frames` equal distances in time.
-    pub(super) fn normalized(&self, n_frames: usize) -> Result<[DMatrix<f64>; 2], ScoringError> {
+    /// At `n_frames` equal distances in time.
+    pub(super) fn normalized(&self, n_frames: usize) -> Result<Normalized, ScoringError> {
         let normalize = |all: &DMatrix<f64>| -> Result<DMatrix<f64>, ScoringError> {
             let mut out = DMatrix::zeros(n_frames, all.ncols());
             for (k, column) in all.column_iter().enumerate() {
@@ -72,8 +83,16 @@ impl Performance {
             }
             Ok(out)
         };
-        Ok([normalize(&self.postures)?, normalize(&self.path)?])
+        let (postures, path) = (normalize(&self.postures)?, normalize(&self.path)?);
+        Ok(Normalized { postures, path, duration: self.duration() })
     }
+}
+
+/// A motion at a number of frames.
+pub(super) struct Normalized {
+    pub(super) postures: DMatrix<f64>,
+    path: DMatrix<f64>,
+    duration: f64,
 }
 
 /// What goes into the vector of a motion.
@@ -95,23 +114,26 @@ impl VectorOptions {
         Self { n_frames: 60, n_eigenweights: 4, path: true, duration: false }
     }
 
-    /// The vector of a motion whose eigenweights are those of `eigenpostures`.
-    pub(super) fn vector(
+    /// The vectors of motions, a row each, whose eigenweights are those of `eigenpostures`.
+    pub(super) fn vectors(
         &self,
         eigenpostures: &Pca,
-        performance: &Performance,
-    ) -> Result<DVector<f64>, ScoringError> {
-        let [postures, path] = performance.normalized(self.n_frames)?;
-        let weights = eigenpostures.scores(&postures)?;
-        let mut vector: Vec<f64> = weights.iter().copied().collect();
-        if self.path {
-            for column in path.column_iter() {
-                vector.extend(column.iter().map(|x| x - column[0]));
+        motions: &[Normalized],
+    ) -> Result<DMatrix<f64>, ScoringError> {
+        let mut rows = Vec::with_capacity(motions.len());
+        for motion in motions {
+            let weights = eigenpostures.scores(&motion.postures)?;
+            let mut vector: Vec<f64> = weights.iter().copied().collect();
+            if self.path {
+                for column in motion.path.column_iter() {
+                    vector.extend(column.iter().map(|x| x - column[0]));
+                }
             }
+            if self.duration {
+                vector.push(motion.duration);
+            }
+            rows.push(RowDVector::from_vec(vector));
         }
-        if self.duration {
-            vector.push(performance.duration());
-        }
-        Ok(DVector::from_vec(vector))
+        Ok(DMatrix::from_rows(&rows))
     }
 }

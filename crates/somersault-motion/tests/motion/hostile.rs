@@ -1,8 +1,10 @@
-//! Whatever the bytes, the readers return: thousands of changed files, from a fixed seed.
+//! Whatever the bytes, the readers return: thousands of changed files, from a fixed seed, and so many times more where
+//! `SOMERSAULT_HOSTILE` has a number.
 
 use crate::files::{BVH, Bytes, C3d, CSV, TRC, joint_motion};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use somersault_motion::judged;
 use somersault_motion::readers::{MarkerOptions, ReadError, bvh, c3d, csv, joint_motion, text, trc};
 use somersault_motion::recording::{Convention, LengthUnit};
 use somersault_multibody::models::Diver;
@@ -49,6 +51,8 @@ fn survives<T>(
             }
         }
     }
+    let times = std::env::var("SOMERSAULT_HOSTILE").map_or(1, |n| n.parse().expect("a number"));
+    let cases = cases * times;
     assert!(read(file).is_ok(), "the file itself must be right");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut refused = 0;
@@ -94,6 +98,13 @@ fn changed_csv_files_are_read_or_refused() {
     survives(3, 8000, CSV.as_bytes(), &words(&[b",", b"\n", b"\"", b"#", b",,,", b"_x"]), |bytes| {
         csv::read(text(bytes)?, &MarkerOptions::default())
     });
+}
+
+#[test]
+fn changed_lists_are_read_or_refused() {
+    let list = "# my club\nmotion,height,score,synthetic\n\na.csv,1.5,7.5,true\nsub/b.trc,1.25,6,false\n";
+    let words = words(&[b",", b"\n", b"\"", b"#", b"/", b"..", b"score", b"true"]);
+    survives(8, 8000, list.as_bytes(), &words, |bytes| judged::read(text(bytes)?));
 }
 
 #[test]

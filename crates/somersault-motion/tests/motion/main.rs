@@ -3,7 +3,11 @@
 mod analysis;
 mod files;
 mod fitting;
+mod groups;
 mod hostile;
+mod judged;
 mod readers;
 mod recorded;
 mod scoring;
+mod synthetic;
+mod writers;

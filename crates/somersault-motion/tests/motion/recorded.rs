@@ -1,9 +1,13 @@
 //! Recorded human motions, where there are any: the folder is named by `SOMERSAULT_MOTIONS`.
 
-use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet, Scale};
+use nalgebra::DMatrix;
+use somersault_motion::analysis::{WeightBounds, eigenpostures, project};
+use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet, MotionFit, Scale, Shape};
 use somersault_motion::readers::{joint_motion, load, text};
 use somersault_motion::recording::SkeletonRecording;
-use somersault_multibody::models::Diver;
+use somersault_multibody::Model;
+use somersault_multibody::models::{Diver, Posture};
+use somersault_ocp::motion::EigenpostureBase;
 
 /// A motion of DeepMimic by its name, unless the folder is not there: then that is said.
 pub(crate) fn motion(name: &str) -> Option<SkeletonRecording> {
@@ -19,9 +23,16 @@ pub(crate) fn motion(name: &str) -> Option<SkeletonRecording> {
 #[test]
 fn recorded_motions_are_of_human_size() {
     // numbers of frames as a JSON parser of another language counts them
-    for (name, n_frames) in
-        [("backflip", 29), ("sideflip", 40), ("cartwheel", 164), ("roll", 121), ("walk", 39)]
-    {
+    for (name, n_frames) in [
+        ("backflip", 29),
+        ("sideflip", 40),
+        ("cartwheel", 164),
+        ("roll", 121),
+        ("jump", 107),
+        ("spinkick", 78),
+        ("walk", 39),
+        ("run", 25),
+    ] {
         let Some(recording) = motion(name) else { continue };
         assert_eq!(recording.n_frames(), n_frames, "{name}");
         let centres = recording.joint_centres().unwrap();
@@ -32,9 +43,8 @@ fn recorded_motions_are_of_human_size() {
     }
 }
 
-#[test]
-fn recorded_motions_are_fitted_by_the_spatial_diver() {
-    let model = Diver::spatial().model().unwrap();
+/// The joint centres of recordings that the spatial diver has too, by body.
+fn markers(model: &Model) -> MarkerSet {
     let on = |side: &str| {
         [
             ("hip", "thigh"),
@@ -49,14 +59,23 @@ fn recorded_motions_are_fitted_by_the_spatial_diver() {
         .collect::<Vec<_>>()
     };
     let trunk = [("chest", "torso"), ("neck", "head")].map(|(j, b)| (j.to_owned(), b.to_owned(), [0.0; 3]));
-    let markers = trunk.into_iter().chain(on("right")).chain(on("left"));
-    let set = MarkerSet::on_bodies(&model, markers).unwrap();
+    MarkerSet::on_bodies(model, trunk.into_iter().chain(on("right")).chain(on("left"))).unwrap()
+}
+
+/// Lengths are the diver's own, so its scale is one.
+fn fitted(model: &Model, recording: &SkeletonRecording, shape: Shape) -> MotionFit {
+    let options = FitOptions { scale: Scale::Fixed(1.0), shape, ..FitOptions::default() };
+    let fit = MarkerFit::try_new(model, markers(model), options).unwrap();
+    fit.fit(&recording.joint_centres().unwrap()).unwrap()
+}
+
+#[test]
+fn recorded_motions_are_fitted_by_the_spatial_diver() {
+    let model = Diver::spatial().model().unwrap();
     for name in ["backflip", "sideflip", "cartwheel", "roll", "jump", "spinkick", "walk", "run"] {
         let Some(recording) = motion(name) else { continue };
-        let options = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
-        let fit = MarkerFit::try_new(&model, set.clone(), options).unwrap();
-        let fit = fit.fit(&recording.joint_centres().unwrap()).unwrap();
-        let of_markers: Vec<String> = (set.markers().iter().zip(fit.rms_of_markers()))
+        let fit = fitted(&model, &recording, Shape::Joints);
+        let of_markers: Vec<String> = (markers(&model).markers().iter().zip(fit.rms_of_markers()))
             .map(|(m, rms)| format!("{} {:.0}", m.name, 1000.0 * rms.unwrap()))
             .collect();
         println!(
@@ -65,7 +84,57 @@ fn recorded_motions_are_fitted_by_the_spatial_diver() {
             fit.converged(),
             of_markers.join(", ")
         );
-        // lengths are the diver's own; what is left is what its hinges cannot do, such as legs apart
+        // what is left is what the diver's hinges cannot do, such as legs apart
         assert!(fit.rms().unwrap() < 0.15, "{name}");
     }
+}
+
+#[test]
+fn flips_are_described_in_posture_space() {
+    let diver = Diver::spatial();
+    let model = diver.model().unwrap();
+    // arms at the sides, overhead and sideways, tuck and pikes
+    let postures = [Posture::B, Posture::A, Posture::C, Posture::F, Posture::G, Posture::H];
+    let base = EigenpostureBase::try_new(&postures.map(|p| p.spatial().to_vec())).unwrap();
+    let mut joints = Vec::new();
+    for name in ["backflip", "sideflip"] {
+        let Some(recording) = motion(name) else { continue };
+        let free = fitted(&model, &recording, Shape::Joints);
+        let mapped = fitted(&model, &recording, Shape::Eigenpostures(base.clone()));
+        for frame in &mapped.frames {
+            let weights = &frame.estimate.weights;
+            assert!(weights.iter().all(|w| *w >= 0.0) && weights.iter().sum::<f64>() <= 1.0 + 1e-12);
+        }
+        // a convex hull of six postures is less than all joints
+        let (rms, least) = (mapped.rms().unwrap(), free.rms().unwrap());
+        assert!(rms > least && rms < 0.3, "{name}: {rms} m in the postures, {least} m with all joints");
+        // the same from the joint angles: no nearer than without the bounds
+        let n_root = model.positions_of(0).len();
+        let rows: Vec<f64> = free.frames.iter().flat_map(|f| f.estimate.q[n_root..].to_vec()).collect();
+        let rows = DMatrix::from_row_slice(free.frames.len(), base.n_joints(), &rows);
+        let [bounded, unbounded] =
+            [WeightBounds::Simplex, WeightBounds::None].map(|b| project(&base, &rows, b).unwrap());
+        assert!(bounded.distances.iter().zip(&unbounded.distances).all(|(b, u)| *b >= u - 1e-12));
+        // a flip is tucked in between, not at its ends
+        let tuck = |i: usize| mapped.frames[i].estimate.weights[2..].iter().sum::<f64>();
+        let n = mapped.frames.len();
+        let deepest = (0..n).max_by(|a, b| tuck(*a).total_cmp(&tuck(*b))).unwrap();
+        println!(
+            "{name}: rms {:.0} mm in six postures, {:.0} mm with all joints; tuck and pikes weigh {:.2} at first, {:.2} in frame {deepest} of {n}, {:.2} at last",
+            1000.0 * rms,
+            1000.0 * least,
+            tuck(0),
+            tuck(deepest),
+            tuck(n - 1)
+        );
+        assert!(tuck(deepest) > 0.4 && tuck(0) < 0.5 * tuck(deepest), "{name}");
+        joints.push(rows);
+    }
+    if joints.is_empty() {
+        return;
+    }
+    let common = eigenpostures::common(&joints, 4).unwrap();
+    let shares: Vec<String> = common.explained_variance_ratio().iter().map(|r| format!("{r:.3}")).collect();
+    println!("four eigenpostures common to both explain {} of the variance", shares.join(" + "));
+    assert!(common.explained_variance_ratio().iter().sum::<f64>() > 0.75);
 }

@@ -33,37 +33,68 @@ fn judged(n: usize, judge_noise: f64, seed: u64) -> (Vec<Performance>, Vec<f64>)
 fn a_linear_judge_is_recovered_within_his_noise() {
     let (motions, scores) = judged(40, 0.1, 3);
     let options = ScoringOptions::thesis();
-    let found = validate(&motions, &scores, &options, &ValidationOptions::default(), &[]).unwrap();
+    let validation = ValidationOptions { n_resamples: 200, ..ValidationOptions::default() };
+    let found = validate(&motions, &scores, &options, &validation, &[]).unwrap();
     println!("rms {:.3}, Pearson {:?}, Spearman {:?}", found.rms_error, found.pearson, found.spearman);
     // the judge's own noise is 0.1; that of the motions and of forty of them adds to it
     assert!(found.rms_error < 0.2, "{}", found.rms_error);
     assert!(found.pearson.interval[0] > 0.85 && found.spearman.interval[0] > 0.75);
+    assert!(found.pearson.p_value < 0.01 && found.spearman.p_value < 0.01);
     assert_eq!(found.baselines[0].name, "mean");
     assert!(found.baselines.iter().all(|b| b.rms_error > 2.0 * found.rms_error));
     // again to the bit
-    let again = validate(&motions, &scores, &options, &ValidationOptions::default(), &[]).unwrap();
+    let again = validate(&motions, &scores, &options, &validation, &[]).unwrap();
     assert_eq!(found, again);
 }
 
 #[test]
-fn shuffled_scores_are_not_predicted() {
-    let (motions, scores) = judged(24, 0.1, 3);
-    let options = ScoringOptions::thesis();
-    let validation = ValidationOptions { n_resamples: 2000, ..ValidationOptions::default() };
+fn on_shuffled_scores_the_interval_contains_zero_at_its_level() {
+    const SHUFFLES: usize = 60;
+    let (motions, mut scores) = judged(24, 0.1, 3);
     let mut rng = ChaCha8Rng::seed_from_u64(12);
-    let mut contained = 0;
-    for _ in 0..5 {
-        let mut shuffled = scores.clone();
-        shuffled.shuffle(&mut rng);
-        let found = validate(&motions, &shuffled, &options, &validation, &[]).unwrap();
-        println!("shuffled: Pearson {:?}", found.pearson);
-        // correlations of leave-one-out predictions lean to the negative: only a positive one would be a finding
-        let [lower, upper] = found.pearson.interval;
-        assert!(lower < 0.0, "{:?}", found.pearson);
-        assert!(found.rms_error > 0.9 * found.baselines[0].rms_error, "no better than the mean");
-        contained += usize::from(upper > 0.0);
+    let validation = ValidationOptions { n_resamples: 100, ..ValidationOptions::default() };
+    // by cross-validation and with a number given
+    for n_components in [None, Some(3)] {
+        let options = ScoringOptions { n_components, ..ScoringOptions::thesis() };
+        let (mut contained, mut small, mut negative) = ([0; 2], [0; 2], 0);
+        for _ in 0..SHUFFLES {
+            scores.shuffle(&mut rng);
+            let found = validate(&motions, &scores, &options, &validation, &[]).unwrap();
+            for (k, correlation) in [found.pearson, found.spearman].iter().enumerate() {
+                let [lower, upper] = correlation.interval;
+                contained[k] += usize::from(lower <= 0.0 && upper >= 0.0);
+                small[k] += usize::from(correlation.p_value <= 0.05);
+            }
+            negative += usize::from(found.pearson.value < 0.0);
+        }
+        println!(
+            "{n_components:?}: 0 in {contained:?} of {SHUFFLES} intervals, p ≤ 0.05 in {small:?}, {negative} negative"
+        );
+        for k in 0..2 {
+            // 57 and 3 are expected; four deviations of a count of sixty are 7
+            assert!(contained[k] >= 57 - 7, "{contained:?}");
+            assert!(small[k] <= 3 + 7, "{small:?}");
+        }
+        // the lean that intervals and p-values have to bear
+        assert!(negative > SHUFFLES / 2);
     }
-    println!("the interval contains 0 for {contained} of 5 shuffles, and is below it for the others");
+}
+
+#[test]
+fn leaving_out_is_training_without() {
+    let (motions, scores) = judged(16, 0.1, 8);
+    let options = ScoringOptions::thesis();
+    let validation = ValidationOptions { n_resamples: 1, ..ValidationOptions::default() };
+    let found = validate(&motions, &scores, &options, &validation, &[]).unwrap();
+    for i in 0..motions.len() {
+        let (mut others, mut known) = (motions.clone(), scores.clone());
+        let motion = others.remove(i);
+        known.remove(i);
+        let model = ScoringModel::train(&others, &known, &options).unwrap();
+        assert_eq!(found.n_components[i], model.coefficients().len(), "motion {i}");
+        let off = found.predictions[i] - model.score(&motion).unwrap();
+        assert!(off.abs() < 1e-9, "motion {i}: {off:e}");
+    }
 }
 
 #[test]

@@ -8,11 +8,9 @@ use super::radau::MAX_POINTS;
 use super::refinement::{self, IntervalError};
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
-use crate::solver::{Flow, Iteration, NlpSolver, Report, Sqp, Start, Status};
+use crate::solver::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
-/// Points back to which the solver's merit function may rise again: defects curve.
-const MERIT_MEMORY: usize = 8;
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
 
@@ -39,7 +37,7 @@ impl Default for Collocation {
             max_meshes: 20,
             min_points: 3,
             max_points: 12,
-            solver: Sqp { merit_memory: MERIT_MEMORY, ..Sqp::default() },
+            solver: Sqp { globalisation: Globalisation::Filter, ..Sqp::default() },
         }
     }
 }

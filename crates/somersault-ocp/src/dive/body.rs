@@ -2,8 +2,10 @@
 //!
 //! Radii are those of cylinders with a segment's length, mass and density, r = √(m/(π ρ l)); the axis ends a radius
 //! before either end of the segment. What is shorter than it is thick is a sphere of the same volume about its centre
-//! of mass. Masses and lengths are the diver's own ([`Diver`]); densities are those of W. T. Dempster (1955), after
-//! D. A. Winter, *Biomechanics and Motor Control of Human Movement*, Wiley 2009, Table 4.1.
+//! of mass. Masses and lengths are the diver's own ([`Diver`](somersault_multibody::models::Diver)); densities are those
+//! of W. T. Dempster, *Space requirements of the seated operator*, WADC TR-55-159 (1955), as D. A. Winter gives them in
+//! *Biomechanics and Motor Control of Human Movement*, Wiley 2005, Table 4.1; those of head and limbs were also compared
+//! with the set "Dempster" of the package yeadon, which has them from M. R. Yeadon, J. Biomech. 23 (1990) 67–74.
 //!
 //! | Segment | ρ, kg/l | r, mm at 65 kg and 1.70 m |
 //! |---|---|---|
@@ -129,9 +131,12 @@ impl Body {
 
     /// Distances of the surfaces of all pairs, m; negative where they overlap. With room for them, their gradients by
     /// the joints as well, one row of degrees of freedom after the root's for each pair.
+    ///
+    /// With a `preference` above 0 m they are the smooth ones of [`nearest_points`].
     pub fn distances(
         &self,
         positions: &Positions<'_>,
+        preference: f64,
         distances: &mut [f64],
         mut gradients: Option<&mut [f64]>,
     ) -> Result<(), DynamicsError> {
@@ -139,7 +144,11 @@ impl Body {
         for (k, [i, j]) in self.pairs.iter().enumerate() {
             let (a, b) = (&self.capsules[*i], &self.capsules[*j]);
             let (pose_a, pose_b) = (positions.pose(a.body)?, positions.pose(b.body)?);
-            let found = nearest_points(&a.ends.map(|e| pose_a.point(&e)), &b.ends.map(|e| pose_b.point(&e)));
+            let found = nearest_points(
+                &a.ends.map(|e| pose_a.point(&e)),
+                &b.ends.map(|e| pose_b.point(&e)),
+                preference,
+            );
             distances[k] = found.distance - a.radius - b.radius;
             let Some(gradients) = &mut gradients else { continue };
             let row = &mut gradients[k * n..(k + 1) * n];
@@ -167,7 +176,7 @@ impl Body {
         q: &[f64],
     ) -> Result<(f64, [&'static str; 2]), DynamicsError> {
         let mut distances = vec![0.0; self.pairs.len()];
-        self.distances(&model.positions(data, q)?, &mut distances, None)?;
+        self.distances(&model.positions(data, q)?, 0.0, &mut distances, None)?;
         let nearest = distances.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
         Ok(nearest.map_or((f64::INFINITY, [""; 2]), |(k, d)| (*d, self.pairs[k].map(|c| SEGMENTS[c].0))))
     }

@@ -1,5 +1,7 @@
 //! Distances of limbs along a dive.
 
+use super::capsule::PREFERENCE;
+use super::program::entry;
 use super::{Body, Clearance, Dive};
 use crate::motion::SplineMotion;
 use crate::nlp::Pattern;
@@ -30,6 +32,8 @@ pub(super) struct ClearanceRows {
 
 /// Pairs that stay farther apart than this in all postures between those of a dive are left out, m.
 const FAR: f64 = 0.02;
+/// Step of the differences of gradients.
+const STEP: f64 = 1e-6;
 /// Steps of the grid of weights on which they are looked at.
 const GRID: usize = 4;
 
@@ -117,7 +121,12 @@ impl ClearanceRows {
         for time in 0..self.shares.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
-            self.body.distances(&positions, &mut out[time * n_pairs..(time + 1) * n_pairs], None)?;
+            self.body.distances(
+                &positions,
+                PREFERENCE,
+                &mut out[time * n_pairs..(time + 1) * n_pairs],
+                None,
+            )?;
         }
         Ok(())
     }
@@ -131,23 +140,17 @@ impl ClearanceRows {
         pattern: &Pattern,
         jacobian: &mut [f64],
     ) -> Result<(), DynamicsError> {
-        let (n, n_joints) = (motion.basis().n_coefficients(), motion.base().n_joints());
+        let n_joints = motion.base().n_joints();
         let n_pairs = self.distances.len();
         for time in 0..self.shares.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
-            self.body.distances(&positions, &mut self.distances, Some(&mut self.gradients))?;
-            let first = motion.basis().evaluate(self.shares[time], 0, &mut self.basis);
-            for (pair, by_joint) in self.gradients.chunks_exact(n_joints).enumerate() {
+            self.body.distances(&positions, PREFERENCE, &mut self.distances, Some(&mut self.gradients))?;
+            for pair in 0..n_pairs {
                 self.by_channel.fill(0.0);
+                let by_joint = &self.gradients[pair * n_joints..(pair + 1) * n_joints];
                 motion.base().pull_back(by_joint, &mut self.by_channel);
-                self.by_coefficient.fill(0.0);
-                for (channel, by_channel) in self.by_channel.iter().enumerate() {
-                    let row = &mut self.by_coefficient[channel * n + first..];
-                    row.iter_mut().zip(&self.basis).for_each(|(out, b)| *out = by_channel * b);
-                }
-                self.by_parameter.fill(0.0);
-                motion.pull_back(&self.by_coefficient, &mut self.by_parameter);
+                self.pull_back(motion, time);
                 let row = self.first_row + time * n_pairs + pair;
                 for parameter in &self.parameters[time] {
                     let position = column_of[*parameter].and_then(|column| pattern.position(row, column));
@@ -160,8 +163,96 @@ impl ClearanceRows {
         Ok(())
     }
 
+    /// Adds to the upper triangle `hessian` that of Σ y_k d_k: differences of gradients by the channels at each time.
+    pub(super) fn add_curvature(
+        &mut self,
+        model: &Model,
+        motion: &SplineMotion,
+        column_of: &[Option<usize>],
+        coefficients: &[f64],
+        y: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), DynamicsError> {
+        let n_channels = motion.n_channels();
+        let n_pairs = self.distances.len();
+        for (time, y) in y.chunks_exact(n_pairs).enumerate() {
+            if y.iter().all(|y| *y == 0.0) {
+                continue;
+            }
+            self.pose(motion, coefficients, time);
+            let middle = self.weighted_gradient(model, motion, y)?;
+            // by each channel: what it changes of the gradient, and by what parameters it changes itself
+            let mut columns = Vec::with_capacity(n_channels);
+            for channel in 0..n_channels {
+                self.pose(motion, coefficients, time);
+                self.channels[channel] += STEP;
+                self.place(motion);
+                let moved = self.weighted_gradient(model, motion, y)?;
+                let change: Vec<f64> = moved.iter().zip(&middle).map(|(a, b)| (a - b) / STEP).collect();
+                self.by_channel.fill(0.0);
+                self.by_channel[channel] = 1.0;
+                self.pull_back(motion, time);
+                let of_parameter = |p: &usize| (column_of[*p], self.by_parameter[*p]);
+                let factors: Vec<_> = self.parameters[time]
+                    .iter()
+                    .map(of_parameter)
+                    .filter_map(|(column, factor)| Some((column?, factor)))
+                    .filter(|(_, factor)| *factor != 0.0)
+                    .collect();
+                columns.push((change, factors));
+            }
+            for (a, (change, factors)) in columns.iter().enumerate() {
+                for (b, (other, others)) in columns.iter().enumerate() {
+                    let second = 0.5 * (change[b] + other[a]);
+                    for (i, factor) in factors {
+                        for (j, other) in others.iter().filter(|(j, _)| i <= j) {
+                            hessian[entry(*i, *j)] += second * factor * other;
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// ∂(Σ y_k d_k) by the channels, in the present posture.
+    fn weighted_gradient(
+        &mut self,
+        model: &Model,
+        motion: &SplineMotion,
+        y: &[f64],
+    ) -> Result<Vec<f64>, DynamicsError> {
+        let positions = model.positions(&mut self.data, &self.q)?;
+        self.body.distances(&positions, PREFERENCE, &mut self.distances, Some(&mut self.gradients))?;
+        let mut by_channel = vec![0.0; motion.n_channels()];
+        for (by_joint, y) in self.gradients.chunks_exact(motion.base().n_joints()).zip(y) {
+            self.by_channel.fill(0.0);
+            motion.base().pull_back(by_joint, &mut self.by_channel);
+            by_channel.iter_mut().zip(&self.by_channel).for_each(|(sum, by)| *sum += y * by);
+        }
+        Ok(by_channel)
+    }
+
+    /// Leaves what a gradient by the channels at a time is for the parameters.
+    fn pull_back(&mut self, motion: &SplineMotion, time: usize) {
+        let n = motion.basis().n_coefficients();
+        let first = motion.basis().evaluate(self.shares[time], 0, &mut self.basis);
+        self.by_coefficient.fill(0.0);
+        for (channel, by_channel) in self.by_channel.iter().enumerate() {
+            let row = &mut self.by_coefficient[channel * n + first..];
+            row.iter_mut().zip(&self.basis).for_each(|(out, b)| *out = by_channel * b);
+        }
+        self.by_parameter.fill(0.0);
+        motion.pull_back(&self.by_coefficient, &mut self.by_parameter);
+    }
+
     fn pose(&mut self, motion: &SplineMotion, coefficients: &[f64], time: usize) {
         motion.channels_into(coefficients, self.shares[time], 0, &mut self.channels);
+        self.place(motion);
+    }
+
+    /// Leaves the posture of the present channels.
+    fn place(&mut self, motion: &SplineMotion) {
         let n_root = self.q.len() - motion.base().n_joints();
         motion.base().positions_into(&self.channels, &mut self.q[n_root..]);
     }
@@ -187,7 +278,7 @@ fn least_distances(
             let weight = *count as f64 / GRID as f64;
             angles.iter_mut().zip(posture).for_each(|(angle, p)| *angle += weight * p);
         }
-        body.distances(&model.positions(data, q)?, &mut distances, None)?;
+        body.distances(&model.positions(data, q)?, 0.0, &mut distances, None)?;
         least.iter_mut().zip(&distances).for_each(|(least, d)| *least = least.min(*d));
         if !advance(&mut counts) {
             return Ok(least);

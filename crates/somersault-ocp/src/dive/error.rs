@@ -28,6 +28,9 @@ pub enum DiveError {
     /// A problem cannot be posed.
     #[error(transparent)]
     Problem(crate::error::OcpError),
+    /// A motion has no value.
+    #[error("the motion of the dive: {0}")]
+    Undefined(String),
     /// The literal form is that of thesis 3.1 alone.
     #[error("the literal form needs a planar dive by weights with fixed lean and duration")]
     NotLiteral,
@@ -85,6 +88,12 @@ pub enum DiveError {
         /// Its share.
         found: f64,
     },
+}
+
+impl From<crate::nlp::EvaluationError> for DiveError {
+    fn from(error: crate::nlp::EvaluationError) -> Self {
+        Self::Undefined(error.to_string())
+    }
 }
 
 impl From<SplineError> for DiveError {

@@ -3,19 +3,85 @@
 //! Nothing there keeps the angular momentum: each step adds what the curvature of the motion leaves out of it, and the
 //! optimiser pays only for the momentum at take-off.
 
-use super::{Channels, DiveError, DiveProgram};
+use super::{Channels, DiveError, DiveProgram, DiveSearchError};
 use crate::dynamics::Tree;
 use crate::error::OcpError;
+use crate::flight::joints_active;
 use crate::nlp::Bounds;
 use crate::problem::{At, Loss, MotionProblem};
 use crate::shooting::{Phase, Scheme, Shooting, ShootingOptions, Start};
+use crate::solver::{Flow, HessianSource, Iteration, NlpSolver, Report, Sqp};
 use crate::term::{Displacement, Entries, Momentum, MomentumPart, Part};
 use crate::transcription::Transcription;
 use nalgebra::{Rotation2, Vector2, Vector3};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
-use somersault_multibody::{Data, Model, Split};
+use somersault_multibody::{Data, Model};
+
+/// A planar dive stepped by explicit Euler: states at its nodes, rows one after the other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LiteralDive {
+    /// s.
+    pub times: Vec<f64>,
+    /// Configurations q, the centre of mass at the origin at take-off.
+    pub positions: Vec<f64>,
+    /// Velocities v.
+    pub velocities: Vec<f64>,
+    /// About the centre of mass along the lateral axis, kg m²/s.
+    pub angular_momentum: Vec<f64>,
+    /// Turned since take-off, rad.
+    pub somersault: Vec<f64>,
+    /// Of the solver; none where a motion was only rolled out.
+    pub report: Option<Report>,
+}
 
 impl DiveProgram {
+    /// The motion of `z` rolled out as the thesis would.
+    pub fn literal_motion(&self, z: &[f64], n_steps: usize) -> Result<LiteralDive, DiveError> {
+        let (problem, start) = self.literal(z, n_steps)?;
+        self.read_literal(problem, &start, None)
+    }
+
+    /// The dive as the thesis poses it, solved from `z`.
+    pub fn solve_literal(
+        &self,
+        z: &[f64],
+        n_steps: usize,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Result<LiteralDive, DiveSearchError> {
+        let (mut problem, start) = self.literal(z, n_steps)?;
+        let solver = Sqp { hessian: HessianSource::QuasiNewton, stationarity_tol: 1e-6, ..Sqp::default() };
+        let report = solver.solve(&mut problem, &start.into(), on_iteration)?;
+        let found = report.z.clone();
+        Ok(self.read_literal(problem, &found, Some(report))?)
+    }
+
+    fn read_literal(
+        &self,
+        mut problem: MotionProblem<Shooting<Tree>>,
+        z: &[f64],
+        report: Option<Report>,
+    ) -> Result<LiteralDive, DiveError> {
+        problem.transcription_mut().rollout(z)?;
+        let motion = problem.transcription();
+        let mut found = LiteralDive {
+            times: Vec::new(),
+            positions: Vec::new(),
+            velocities: Vec::new(),
+            angular_momentum: momentum_along(self.path().model(), motion)?,
+            somersault: Vec::new(),
+            report,
+        };
+        for k in 0..motion.outline().n_nodes() {
+            let node = motion.node(k);
+            found.times.push(node.time);
+            found.positions.extend_from_slice(node.position);
+            found.velocities.extend_from_slice(node.velocity);
+            // forward turns are negative about the normal of the plane
+            found.somersault.push(motion.node(0).position[2] - node.position[2]);
+        }
+        Ok(found)
+    }
+
     /// The same planar dive, of fixed lean and duration, by `n_steps` steps of explicit Euler, and the start that `z` is
     /// for it: the angular velocity at take-off, against that of `z`, then the spline parameters.
     ///
@@ -33,8 +99,7 @@ impl DiveProgram {
         }
         let (model, motion) = (self.path().model(), self.path().motion().clone());
         let (position, velocity) = self.state_at_take_off(z)?;
-        let n = model.n_velocities();
-        let split = Split::new((0..n).map(|k| k >= 3).collect());
+        let split = joints_active(model);
         let mut start = Start::fixed(&position, &velocity);
         start.free_velocities[2] = true;
         let phase = Phase::new(motion.clone(), n_steps, self.duration(z));
@@ -76,7 +141,7 @@ impl DiveProgram {
         let (model, motion) = (self.path().model(), self.path().motion());
         let (mut q, mut v) = self.state_at_take_off(z)?;
         let (coefficients, duration) = (self.coefficients(z), self.duration(z));
-        let split = Split::new((0..v.len()).map(|k| k >= 3).collect());
+        let split = joints_active(model);
         let mut data = Data::new(model);
         let (mut a, mut torque) = (vec![0.0; v.len()], vec![0.0; v.len()]);
         let mut channels = vec![0.0; motion.n_channels()];

@@ -17,7 +17,8 @@
 //! straightened ([`OrientationPath::with_restart`](crate::flight::OrientationPath::with_restart)), and the tilt left is
 //! the defect that the constraints remove.
 //!
-//! Quasi-Newton steps converge slowly along the valley of nearly equal twisting dives: reports tell how far they came.
+//! The search is Newton's: quasi-Newton steps creep along the valley of nearly equal twisting dives. The Hessian of the
+//! Lagrangian is made convex without a change of the steps that constraints allow.
 //!
 //! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,
 //! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`](crate::flight::Counting)).
@@ -39,8 +40,8 @@ mod template;
 pub use body::Body;
 pub use capsule::{Capsule, NearestPoints, nearest_points};
 pub use error::DiveError;
-pub use literal::momentum_along;
-pub use motion::DiveMotion;
+pub use literal::{LiteralDive, momentum_along};
+pub use motion::{DiveMotion, PeakTorque};
 pub use program::DiveProgram;
 pub use report::{DiveJudgementError, DiveReport};
 pub use search::{DiveSearch, DiveSearchError};

@@ -1,10 +1,10 @@
 //! What a dive looks like: its states at the nodes of its path.
 
 use super::{DiveError, DiveProgram};
-use crate::flight::BodyAngles;
+use crate::flight::{BodyAngles, joints_active};
 use nalgebra::Vector3;
-use somersault_multibody::Data;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
+use somersault_multibody::{Data, Model};
 
 /// A dive at equidistant times from take-off to entry, rows one after the other.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,10 @@ pub struct DiveMotion {
     pub positions: Vec<f64>,
     /// Velocities v.
     pub velocities: Vec<f64>,
+    /// Accelerations of all degrees of freedom.
+    pub accelerations: Vec<f64>,
+    /// Joint forces that the motion takes, N m, of all degrees of freedom: zero for those of the root.
+    pub torques: Vec<f64>,
     /// Weights of the postures but the fundamental one, or joints.
     pub channels: Vec<f64>,
     /// Their rates, 1/s.
@@ -25,6 +29,38 @@ pub struct DiveMotion {
     pub angle_rates: Vec<BodyAngles>,
     /// About the centre of mass, world axes, kg m²/s: of q and v, not of what the path was made with.
     pub angular_momentum: Vec<Vector3<f64>>,
+}
+
+/// The largest force of a joint in a dive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PeakTorque {
+    /// The body that the joint carries.
+    pub joint: String,
+    /// With its sign, N m.
+    pub torque: f64,
+    /// When, s.
+    pub time: f64,
+}
+
+impl DiveMotion {
+    /// For each joint of `model`, the diver of this motion, the largest force at the times of the motion.
+    pub fn peak_torques(&self, model: &Model) -> Vec<PeakTorque> {
+        let n = model.n_velocities();
+        let mut peaks = Vec::with_capacity(n);
+        for body in 1..model.n_bodies() {
+            for dof in model.velocities_of(body) {
+                let joint = model.name(body).unwrap_or_default().to_owned();
+                let mut peak = PeakTorque { joint, torque: 0.0, time: 0.0 };
+                for (time, torques) in self.times.iter().zip(self.torques.chunks_exact(n)) {
+                    if torques[dof].abs() > peak.torque.abs() {
+                        (peak.torque, peak.time) = (torques[dof], *time);
+                    }
+                }
+                peaks.push(peak);
+            }
+        }
+        peaks
+    }
 }
 
 impl DiveProgram {
@@ -40,6 +76,8 @@ impl DiveProgram {
         let flight = Flight::try_new(model, take_off)?;
         let (mut room, mut data) = (FlightData::new(model), Data::new(model));
         let (mut q, mut v) = (model.neutral(), vec![0.0; model.n_velocities()]);
+        let (mut acceleration, mut torque) = (v.clone(), v.clone());
+        let split = joints_active(model);
         let n_joints = motion.base().n_joints();
         let (q_root, v_root) = (q.len() - n_joints, v.len() - n_joints);
         let mut channels = vec![0.0; motion.n_channels()];
@@ -47,6 +85,8 @@ impl DiveProgram {
             times: Vec::new(),
             positions: Vec::new(),
             velocities: Vec::new(),
+            accelerations: Vec::new(),
+            torques: Vec::new(),
             channels: Vec::new(),
             channel_rates: Vec::new(),
             angles: self.angles(z)?,
@@ -68,6 +108,13 @@ impl DiveProgram {
                 q[3..7].copy_from_slice(path.arrival(node).coords.as_slice());
             }
             flight.complete(&mut room, duration * share, &mut q, &mut v)?;
+            motion.channels_into(&coefficients, share, 2, &mut channels);
+            channels.iter_mut().for_each(|rate| *rate /= duration * duration);
+            motion.base().rates_into(&channels, &mut acceleration[v_root..]);
+            torque.fill(0.0);
+            model.hybrid_dynamics(&mut data, &split, &q, &v, &mut acceleration, &mut torque, &[])?;
+            found.accelerations.extend_from_slice(&acceleration);
+            found.torques.extend_from_slice(&torque);
             found.angle_rates.push(if path.is_planar() {
                 BodyAngles { somersault: -v[2], ..BodyAngles::default() }
             } else {

@@ -64,7 +64,7 @@ impl Dive {
             entry_distance: 2.0,
             penalties: Penalties { momentum: 1.0, rate: 2e-3, acceleration: 0.0 },
             clearance: Some(Clearance { distance: 0.005, n_times: 35 }),
-            n_steps: 200,
+            n_steps: 400,
             n_pieces: 1,
         }
     }

@@ -1,16 +1,16 @@
 //! What a dive is, judged by integrations that know nothing of how it was found.
 
-use super::{DiveError, DiveProgram};
-use crate::flight::BodyAngles;
+use super::{DiveError, DiveProgram, PeakTorque};
+use crate::flight::{BodyAngles, joints_active};
 use crate::motion::SplineMotion;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use somersault_core::so3::angle_between;
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::solution::Recorder;
+use somersault_multibody::Data;
 use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault_multibody::motion::{MotionError, TreeMotion, TreeSystem};
-use somersault_multibody::{Data, Split};
 
 /// A dive that was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +40,8 @@ pub struct DiveReport {
     pub greatest_sum: f64,
     /// Least distance of limbs at 1000 times, m, and the limbs; none in the plane.
     pub least_distance: Option<(f64, [&'static str; 2])>,
+    /// The largest force of each joint at the nodes.
+    pub peak_torques: Vec<PeakTorque>,
     /// Centre of mass at take-off, from the toes' end of the platform at the water's level, m.
     pub take_off: Vector3<f64>,
     /// Its velocity, m/s.
@@ -160,6 +162,7 @@ impl DiveProgram {
             least_channel,
             greatest_sum,
             least_distance,
+            peak_torques: self.motion(z)?.peak_torques(model),
             take_off,
             take_off_velocity,
         })
@@ -220,7 +223,7 @@ impl DiveProgram {
         let (q, v) = system.complete(&mut w, 0.0, start).map_err(DiveError::from)?;
         let full_start = model.state(q, v).map_err(DiveError::from)?;
         let n_root = model.velocities_of(0).len();
-        let split = Split::new((0..model.n_velocities()).map(|k| k >= n_root).collect());
+        let split = joints_active(model);
         let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| channels.joints(t, 2, &mut a[n_root..]);
         let full = TreeSystem::new(model, ()).driven(split, drive).map_err(DiveError::from)?;
         let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-14, 1e-14) };

@@ -1,14 +1,14 @@
-//! The search for a dive: soft first, then hard.
+//! The search for a dive: soft first, then hard; coarse first, then fine.
 //!
 //! From a template the entry is far off, and twists respond to the arms so strongly that linearised constraints mean
 //! little there. So entry and clearances begin as costs ½ μ Σ violation², the thesis' soft constraints, whose
-//! Gauss–Newton steps are convex and whose only constraints are linear; μ grows from stage to stage. The last
-//! stage has them as constraints. It starts from the last soft Hessian, which is that of an augmented Lagrangian,
-//! and from the multipliers μ · violation.
+//! Gauss–Newton steps are convex and whose only constraints are linear; μ grows from stage to stage. Then they are
+//! constraints, with the multipliers μ · violation to begin with. All this with few steps of the orientation; the last
+//! stage has those of the dive and begins so near that it takes but a few iterations.
 
-use super::{DiveError, DiveProgram, KeyFrame};
+use super::{Dive, DiveError, DiveProgram, KeyFrame};
 use crate::nlp::Nlp;
-use crate::solver::{Flow, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
+use crate::solver::{Flow, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
 use rayon::prelude::*;
 
 /// How a dive is searched for.
@@ -18,8 +18,10 @@ pub struct DiveSearch {
     pub soft_weights: Vec<f64>,
     /// Solver of the soft stages.
     pub soft: Sqp,
-    /// Solver of the last stage.
+    /// Solver of the stages with constraints.
     pub hard: Sqp,
+    /// Steps of the orientation in all stages but the last; none where there is nothing to save.
+    pub coarse_steps: Option<usize>,
 }
 
 /// Why a search did not even begin, or was broken off.
@@ -37,20 +39,15 @@ pub enum DiveSearchError {
 impl DiveSearch {
     /// For dives in the plane: no soft stages.
     pub fn direct() -> Self {
-        let hard = Sqp { hessian: HessianSource::QuasiNewton, stationarity_tol: 1e-6, ..Sqp::default() };
-        Self { soft_weights: Vec::new(), soft: Sqp::default(), hard }
+        let hard = Sqp { stationarity_tol: 1e-6, ..Sqp::default() };
+        Self { soft_weights: Vec::new(), soft: Sqp::default(), hard, coarse_steps: None }
     }
 
-    /// For dives in space: four soft stages.
+    /// For dives in space: four soft stages, and two hundred steps until the last.
     pub fn staged() -> Self {
         let soft = Sqp { stationarity_tol: 1e-3, max_iterations: 40, ..Sqp::default() };
-        let hard = Sqp {
-            hessian: HessianSource::QuasiNewton,
-            stationarity_tol: 1e-4,
-            max_iterations: 100,
-            ..Sqp::default()
-        };
-        Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard }
+        let hard = Sqp { stationarity_tol: 1e-6, max_iterations: 200, ..Sqp::default() };
+        Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(200) }
     }
 
     /// Searches from `z`. `on_iteration` sees all stages and may end the search.
@@ -60,13 +57,26 @@ impl DiveSearch {
         z: Vec<f64>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
     ) -> Result<Report, DiveSearchError> {
+        let mut has_ended = false;
+        let mut watch = |iteration: &Iteration<'_>| {
+            // one answer ends all stages that are left
+            has_ended = has_ended || on_iteration(iteration) == Flow::Stop;
+            if has_ended { Flow::Stop } else { Flow::Continue }
+        };
+        let steps = self.coarse_steps.filter(|steps| *steps < program.dive().n_steps);
+        let coarse = steps.map(|n_steps| Dive { n_steps, ..program.dive().clone() }.program()).transpose()?;
         let mut start = Start::from(z);
         for weight in &self.soft_weights {
-            let mut stage = program.softened(*weight)?;
-            let report = self.soft.solve(&mut stage, &start, on_iteration)?;
-            start = following(&mut stage, report)?;
+            let mut stage = coarse.as_ref().unwrap_or(program).softened(*weight)?;
+            let report = self.soft.solve(&mut stage, &start, &mut watch)?;
+            start = following(&mut stage, report);
         }
-        Ok(self.hard.solve(&mut program.clone(), &start, on_iteration)?)
+        if let Some(mut coarse) = coarse {
+            let Report { z, constraint_multipliers, .. } =
+                self.hard.solve(&mut coarse, &start, &mut watch)?;
+            start = Start { z, constraint_multipliers, hessian: None };
+        }
+        Ok(self.hard.solve(&mut program.clone(), &start, &mut watch)?)
     }
 
     /// Searches from several templates, in parallel; one report for each.
@@ -84,23 +94,14 @@ impl DiveSearch {
 }
 
 /// The start of the stage after a soft one.
-fn following(stage: &mut DiveProgram, report: Report) -> Result<Start, DiveSearchError> {
-    let structure = stage.structure().clone();
-    let mut values = vec![0.0; structure.constraints.len()];
-    let mut gradient = vec![0.0; report.z.len()];
-    let mut jacobian = vec![0.0; structure.jacobian.n_entries()];
-    let mut hessian = vec![0.0; structure.hessian.n_entries()];
-    let z = report.z;
-    let evaluated = stage
-        .evaluate(&z, &mut values)
-        .and_then(|_| stage.differentiate(&z, &mut gradient, &mut jacobian))
-        .and_then(|()| stage.hessian(&z, 1.0, &values, &mut hessian));
-    if evaluated.is_err() {
-        return Ok(Start::from(z));
+fn following(stage: &mut DiveProgram, report: Report) -> Start {
+    let Report { z, mut constraint_multipliers, .. } = report;
+    let mut values = vec![0.0; constraint_multipliers.len()];
+    if stage.evaluate(&z, &mut values).is_err() {
+        return Start::from(z);
     }
-    let mut constraint_multipliers = report.constraint_multipliers;
     for (y, soft) in constraint_multipliers.iter_mut().zip(stage.soft_multipliers()) {
         *y += soft;
     }
-    Ok(Start { z, constraint_multipliers, hessian: Some(hessian) })
+    Start { z, constraint_multipliers, hessian: None }
 }

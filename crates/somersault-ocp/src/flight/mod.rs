@@ -5,10 +5,13 @@
 //! left to integrate ([`OrientationPath`], and [`FlightShooting`] for whole states), and momentum is exact at every node whatever the step.
 
 mod counting;
+mod forces;
 mod path;
 mod response;
 mod step;
 mod transcription;
+
+pub(crate) use forces::joints_active;
 
 pub use counting::{BodyAngles, Counting};
 pub use path::{NodeDerivatives, OrientationPath, PathGradient};

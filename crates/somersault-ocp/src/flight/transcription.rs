@@ -8,12 +8,13 @@
 //! ```
 //! are solved for the root's part of δq and δv.
 
+use super::forces::Forces;
 use super::response::{INPUTS, respond};
 use super::{NodeDerivatives, OrientationPath, PathGradient};
 use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect_positive};
 use crate::motion::SplineMotion;
 use crate::nlp::{Bounds, EvaluationError};
-use crate::term::Node;
+use crate::term::{Node, NodeGradient};
 use crate::transcription::{NodeSizes, NodeTangent, Outline, RolloutGradient, Transcription, Visit};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use somersault_core::so3;
@@ -49,7 +50,8 @@ pub struct FlightVariables {
 
 /// A motion in flight.
 ///
-/// Nodes are those of an [`OrientationPath`]; they have no accelerations and joint forces. Weights in integrals are those
+/// Nodes are those of an [`OrientationPath`]; accelerations and joint forces they have
+/// [if asked for](Self::with_joint_forces). Weights in integrals are those
 /// of Simpson, the last three steps by his three-eighths rule where the number of steps is odd: order 4.
 #[derive(Debug, Clone)]
 pub struct FlightShooting {
@@ -77,6 +79,8 @@ pub struct FlightShooting {
     by_nodes: Vec<Vector3<f64>>,
     by_coefficient: Vec<f64>,
     by_parameter: Vec<f64>,
+    by_node: NodeGradient,
+    forces: Option<Forces>,
     /// Lent to a forward sweep.
     forward: Option<Forward>,
 }
@@ -170,6 +174,8 @@ impl FlightShooting {
             by_nodes: vec![Vector3::zeros(); n_nodes],
             by_coefficient: vec![0.0; n_coefficients],
             by_parameter: vec![0.0; motion.n_parameters()],
+            by_node: sizes.gradient(),
+            forces: None,
             forward: Some(Forward {
                 carried: NodeDerivatives::new(n_coefficients),
                 tangent: NodeTangent::new(&sizes, (0..n_z).collect()),
@@ -177,6 +183,21 @@ impl FlightShooting {
             }),
             path,
         }
+    }
+
+    /// The same with accelerations and joint forces at its nodes, of the whole tree: (a_root, τ) by hybrid dynamics from
+    /// the accelerations of the joints. For costs and constraints on them, at the price of one more evaluation of the
+    /// dynamics at each node, and of its partial derivatives.
+    pub fn with_joint_forces(mut self) -> Self {
+        let (n_nodes, n_z) = (self.outline.n_nodes(), self.outline.n_variables());
+        let sizes = &mut self.outline.sizes;
+        (sizes.n_accelerations, sizes.n_torques) = (sizes.n_velocities, sizes.n_velocities);
+        self.by_node = sizes.gradient();
+        if let Some(room) = &mut self.forward {
+            room.tangent = NodeTangent::new(sizes, (0..n_z).collect());
+        }
+        self.forces = Some(Forces::new(self.path.model(), self.path.motion().base(), n_nodes, n_z));
+        self
     }
 
     /// The path of the orientation.
@@ -367,6 +388,10 @@ impl Transcription for FlightShooting {
             }
             self.times[k] = take_off.time + share * duration;
             flight.complete(&mut self.flight_data, self.times[k], q, v).map_err(undefined)?;
+            if let Some(forces) = &mut self.forces {
+                let second = &self.channels[2][k * n_channels..(k + 1) * n_channels];
+                forces.evaluate(model, motion.base(), k, [q, v, second]).map_err(undefined)?;
+            }
         }
         if self.positions.iter().chain(&self.velocities).all(|x| x.is_finite()) {
             return Ok(());
@@ -381,8 +406,8 @@ impl Transcription for FlightShooting {
             time: self.times[k],
             position: &self.positions[k * n_positions..(k + 1) * n_positions],
             velocity: &self.velocities[k * n_velocities..(k + 1) * n_velocities],
-            acceleration: &[],
-            torque: &[],
+            acceleration: self.forces.as_ref().map_or(&[], |forces| forces.acceleration(k)),
+            torque: self.forces.as_ref().map_or(&[], |forces| forces.torque(k)),
             channel: channels(0),
             channel_rate: channels(1),
             channel_second_rate: channels(2),
@@ -417,9 +442,22 @@ impl Transcription for FlightShooting {
         let (mut by_duration, mut by_momentum) = (0.0, Vector3::zeros());
         let (mut by_center, mut by_velocity) = (Vector3::zeros(), Vector3::zeros());
         let mut values = [0.0; MAX_DEGREE + 1];
+        let mut own = std::mem::take(&mut self.by_node);
         for (k, node) in by.nodes.iter().enumerate() {
             let share = self.share(k);
             self.respond(k)?;
+            let node = match &mut self.forces {
+                Some(forces) => {
+                    own.clone_from(node);
+                    let NodeSizes { n_positions: n_q, n_velocities: n_v, .. } = self.outline.sizes;
+                    let state =
+                        [&self.positions[k * n_q..(k + 1) * n_q], &self.velocities[k * n_v..(k + 1) * n_v]];
+                    let base = self.path.motion().base();
+                    forces.pull_back(self.path.model(), base, k, state, &mut own)?;
+                    &own
+                }
+                None => node,
+            };
             for (input, column) in self.inputs.iter_mut().zip(self.response.column_iter()) {
                 let parts = node.position.iter().chain(&node.velocity);
                 *input = column.iter().zip(parts).map(|(r, g)| r * g).sum();
@@ -449,6 +487,7 @@ impl Transcription for FlightShooting {
                 }
             }
         }
+        self.by_node = own;
         self.path.pull_back(&self.by_nodes, &mut self.path_gradient);
         let turn_momentum = self.path_gradient.by_momentum;
         by_momentum += turn_momentum * duration;
@@ -502,6 +541,12 @@ impl FlightShooting {
             for (input, answer) in inputs.column_iter().zip(self.response.column_iter()) {
                 tangent.position.ger(1.0, &input, &answer.rows(0, n_v), 1.0);
                 tangent.velocity.ger(1.0, &input, &answer.rows(n_v, n_v), 1.0);
+            }
+            if let Some(forces) = &mut self.forces {
+                let n_q = self.outline.sizes.n_positions;
+                let state =
+                    [&self.positions[k * n_q..(k + 1) * n_q], &self.velocities[k * n_v..(k + 1) * n_v]];
+                forces.push_forward(self.path.model(), k, state, tangent)?;
             }
             visit(k, &self.node(k), self.weight(k), tangent)?;
         }

@@ -51,9 +51,12 @@ pub(super) struct Kkt {
     jacobian_at: Vec<usize>,
     diagonal_at: Vec<usize>,
     hessian: Vec<f64>,
+    no_hessian: Vec<f64>,
     jacobian: Vec<f64>,
     active: Vec<Activity>,
     shift: f64,
+    /// Of rows that may be left: 1 for least squares, 0 for constraints.
+    compliance: f64,
     row_norms: Vec<f64>,
     residual: Vec<f64>,
     pub(super) count: usize,
@@ -85,11 +88,13 @@ impl Kkt {
             jacobian_at,
             diagonal_at,
             hessian: vec![0.0; hessian.n_entries()],
+            no_hessian: vec![0.0; hessian.n_entries()],
             jacobian: vec![0.0; jacobian.n_entries()],
             hessian_pattern: hessian.clone(),
             jacobian_pattern: jacobian.clone(),
             active: vec![Activity::Free; n + m],
             shift: 0.0,
+            compliance: 0.0,
             row_norms: vec![0.0; m],
             residual: vec![0.0; n + m],
             count: 0,
@@ -105,6 +110,20 @@ impl Kkt {
         jacobian: &[f64],
         active: &[Activity],
     ) -> bool {
+        self.compliance = 0.0;
+        self.refactor(hessian, shift, jacobian, active)
+    }
+
+    /// For rows that are met in the sense of least squares: minimise qᵀ p + ½ σ ‖p‖² + ½ ‖A p − d‖², y = A p − d.
+    pub(super) fn factor_least_squares(&mut self, shift: f64, jacobian: &[f64], active: &[Activity]) -> bool {
+        self.compliance = 1.0;
+        let zero = std::mem::take(&mut self.no_hessian);
+        let done = self.refactor(&zero, shift, jacobian, active);
+        self.no_hessian = zero;
+        done
+    }
+
+    fn refactor(&mut self, hessian: &[f64], shift: f64, jacobian: &[f64], active: &[Activity]) -> bool {
         if self.n == 0 {
             return false;
         }
@@ -135,8 +154,11 @@ impl Kkt {
         }
         for i in 0..self.m {
             let norm = self.row_norms[i];
-            self.values[self.diagonal_at[n + i]] =
-                if norm > 0.0 { -DUAL_REGULARISATION * norm * norm / size } else { -1.0 };
+            self.values[self.diagonal_at[n + i]] = if norm > 0.0 && self.compliance == 0.0 {
+                -DUAL_REGULARISATION * norm * norm / size
+            } else {
+                -1.0
+            };
         }
         self.factors.update_values(&self.entries, &self.values);
         if self.factors.refactor().is_err() || self.factors.positive_inertia() != n {
@@ -213,8 +235,8 @@ impl Kkt {
                 *r = 0.0;
                 continue;
             }
-            *r = targets[n + i] - *r;
-            let terms = self.row_norms[i] * reach + targets[n + i].abs();
+            *r = targets[n + i] - *r + self.compliance * y[i];
+            let terms = self.row_norms[i] * reach + targets[n + i].abs() + self.compliance * y[i].abs();
             error = error.max(if *r == 0.0 { 0.0 } else { r.abs() / terms });
             if self.row_norms[i] == 0.0 {
                 *r = 0.0;

@@ -22,11 +22,13 @@
 //! quasi-Newton approximation: damped BFGS for one block of coupled variables, the symmetric rank-one formula by
 //! blocks for several, shifted in the same way.
 //!
-//! **Globalisation.** Backtracking on the merit function f + ρ Σ violations, with second-order corrections (Nocedal
-//! & Wright 2006, sections 18.3 and 18.5). Iterates keep the bounds of z. Points without a value are stepped back
-//! from. Where values differ by rounding only, residuals decide. So what [`Status::Infeasible`] means is that the
-//! *sum* of violations is locally least, and a solve that is squeezed between nonlinear constraints may end there
-//! though there are feasible points elsewhere.
+//! **Globalisation.** A line search, either on the merit function f + ρ Σ violations (Nocedal & Wright 2006,
+//! section 18.3) or with a filter (Fletcher & Leyffer 2002; switching condition and margins of Wächter & Biegler 2006),
+//! both with second-order corrections: see [`Globalisation`]. Where the violation cannot be reduced along a step, or,
+//! with the filter, the linearised constraints contradict each other, feasibility is restored: Levenberg and Marquardt's
+//! method makes the sum of squared violations less within the bounds of z, until a tenth of the violation is left.
+//! [`Status::Infeasible`] means that this sum is locally least though it is not zero. Iterates keep the bounds of z. Points
+//! without a value are stepped back from. Where values differ by rounding only, residuals decide.
 //!
 //! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
 //! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same
@@ -67,7 +69,7 @@
 //! ```
 //!
 //! References: J. Nocedal & S. Wright, Numerical Optimization (2006). A. Wächter & L. Biegler, Math. Program. 106
-//! (2006) 25–57. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &
+//! (2006) 25–57. R. Fletcher & S. Leyffer, Math. Program. 91 (2002) 239–269. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &
 //! M. Saunders, SIAM Review 47 (2005) 99–131. M. Hintermüller, K. Ito & K. Kunisch, SIAM J. Optim. 13 (2002) 865–888.
 //! P. Goulart & Y. Chen, Clarabel, arXiv:2405.12762 (2024). D. Janka, C. Kirches, S. Sager & A. Wächter, Math.
 //! Program. Comput. 8 (2016) 435–459. D. Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246.
@@ -92,7 +94,7 @@ pub use gradient_descent::GradientDescent;
 pub use lbfgs::Lbfgs;
 pub use multi_start::{Failure, FailureCause, Minimum, MultiStart, MultiStartReport, samples};
 pub use report::{Counts, Flow, Iteration, KktResiduals, Report, Start, Status};
-pub use sqp::{HessianSource, Sqp};
+pub use sqp::{Globalisation, HessianSource, Sqp};
 
 use crate::nlp::Nlp;
 use best::{Best, Outcome};

@@ -102,6 +102,14 @@ impl<'a> Program<'a> {
             .sum()
     }
 
+    /// Half the sum of the squared violations of the constraints.
+    pub(super) fn squared_violation(&self, constraints: &[f64]) -> f64 {
+        let bounds = &self.structure.constraints;
+        let violation =
+            |i: usize| (bounds.lower[i] - constraints[i]).max(constraints[i] - bounds.upper[i]).max(0.0);
+        (0..constraints.len()).map(|i| 0.5 * violation(i) * violation(i)).sum()
+    }
+
     /// Residuals at a point with multipliers y; writes the multipliers of the bounds. `gradient_scale` is
     /// ‖∇f(z₀)‖∞.
     pub(super) fn residuals(

@@ -14,8 +14,8 @@ pub enum Status {
     IterationLimit,
     /// The limit of time came first.
     TimeLimit,
-    /// Violations of constraints are stationary: no small step reduces their sum. The program may have
-    /// feasible points elsewhere.
+    /// Violations of constraints are stationary: no small step reduces the sum of their squares. The program may
+    /// have feasible points elsewhere.
     Infeasible,
     /// The cost fell below every reasonable value at feasible points.
     Unbounded,

@@ -1,6 +1,8 @@
 //! Sequential quadratic programming.
 
+mod filter;
 mod line_search;
+mod restoration;
 
 use super::error::SolverError;
 use super::hessian::Hessian;
@@ -9,7 +11,8 @@ use super::report::{Flow, Iteration, KktResiduals, Report, Start, Status};
 use super::subproblem::{Origin, Subproblem};
 use super::{Best, NlpSolver, Outcome};
 use crate::nlp::{Curvature, EvaluationError, Nlp};
-use std::collections::VecDeque;
+use filter::Filter;
+use restoration::Restoration;
 use std::time::{Duration, Instant};
 
 /// Whose Hessian the quadratic model has.
@@ -21,7 +24,18 @@ pub enum HessianSource {
     QuasiNewton,
 }
 
-/// Sequential quadratic programming with a line search on the ℓ₁ merit function f + ρ Σ violations.
+/// Which points along a step are progress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Globalisation {
+    /// Those of a smaller merit function f + ρ Σ violations. Cautious: a step that leads to much higher costs is
+    /// shortened whatever it does for feasibility, which is what long integrations with strong penalties need.
+    Merit,
+    /// Those that reduce the cost or the violation, and that no point before dominates in both. Full steps along
+    /// curved constraints are taken, which is what collocation needs: half the steps, and no dependence on a weight.
+    Filter,
+}
+
+/// Sequential quadratic programming with a line search, and restoration of feasibility where that ends.
 ///
 /// See [the module](super) for the method, the treatment of indefinite Hessians and references.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,9 +48,8 @@ pub struct Sqp {
     pub feasibility_tol: f64,
     /// Tolerance of [`KktResiduals::complementarity`].
     pub complementarity_tol: f64,
-    /// Points back to which the merit function may rise again (Grippo, Lampariello & Lucidi 1986). Along curved
-    /// constraints full steps may need it (Maratos), in a valley it costs steps; with 0 it never rises.
-    pub merit_memory: usize,
+    /// Which points along a step are progress.
+    pub globalisation: Globalisation,
     /// Limit of steps.
     pub max_iterations: usize,
     /// Limit of time, looked at after each step.
@@ -52,7 +65,7 @@ impl Default for Sqp {
             stationarity_tol: 1e-8,
             feasibility_tol: 1e-8,
             complementarity_tol: 1e-8,
-            merit_memory: 0,
+            globalisation: Globalisation::Merit,
             max_iterations: 500,
             max_time: None,
             cost_floor: -1e15,
@@ -99,9 +112,10 @@ struct Run<'a> {
     y_z: Vec<f64>,
     residuals: KktResiduals,
     gradient_scale: f64,
+    filter: Filter,
+    /// While feasibility is restored.
+    restoration: Option<Restoration>,
     penalty: f64,
-    /// Cost and violation of the last points.
-    recent: VecDeque<(f64, f64)>,
     /// How often the penalty was reduced.
     reductions: usize,
     /// Least shift of the Hessian: Levenberg and Marquardt's term.
@@ -141,8 +155,9 @@ impl<'a> Run<'a> {
             y_z: vec![0.0; n],
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
+            filter: Filter::new(0.0, 1.0),
+            restoration: None,
             penalty: 0.0,
-            recent: VecDeque::with_capacity(options.merit_memory + 1),
             reductions: 0,
             floor: 0.0,
             iterations: 0,
@@ -167,6 +182,8 @@ impl<'a> Run<'a> {
             return Outcome::at_start(error);
         }
         self.gradient_scale = max_norm(&self.point.gradient);
+        let violation = self.program.violation(&self.point.constraints);
+        self.filter = Filter::new(violation, self.gradient_scale.max(100.0) / 100.0);
         if start.constraint_multipliers.is_empty() {
             self.subproblem.estimate_multipliers(&self.point, &mut self.y);
         } else {
@@ -194,13 +211,11 @@ impl<'a> Run<'a> {
             if let Some(status) = self.status(flow, began, idle) {
                 return self.end(status);
             }
-            match self.hessian.refresh(&mut self.program, &self.point.z, &self.y) {
-                Ok(()) => {}
-                Err(EvaluationError::Undefined { .. }) if self.iterations > 0 => {}
-                Err(EvaluationError::Undefined { .. }) => self.hessian.reset(),
-                Err(EvaluationError::Failed(source)) => return Outcome::Failed(source),
-            }
-            match self.advance() {
+            let advance = match self.restoration {
+                Some(restoration) => self.restore(restoration),
+                None => self.refresh().and_then(|()| self.advance()),
+            };
+            match advance {
                 Ok(Advance::Stepped { length, decreased }) => {
                     step_length = length;
                     idle = if decreased { 0 } else { idle + 1 };
@@ -210,6 +225,17 @@ impl<'a> Run<'a> {
             }
             self.iterations += 1;
         }
+    }
+
+    /// Asks for the Hessian. Where it has no value the last one stays.
+    fn refresh(&mut self) -> Result<(), Failure> {
+        match self.hessian.refresh(&mut self.program, &self.point.z, &self.y) {
+            Ok(()) => {}
+            Err(EvaluationError::Undefined { .. }) if self.iterations > 0 => {}
+            Err(EvaluationError::Undefined { .. }) => self.hessian.reset(),
+            Err(EvaluationError::Failed(source)) => return Err(source),
+        }
+        Ok(())
     }
 
     fn end(&mut self, status: Status) -> Outcome {
@@ -245,7 +271,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// One step, with repairs of the Hessian where the line search refuses it.
+    /// One step, with repairs of the Hessian where the line search refuses it, and of feasibility where the linearised
+    /// constraints contradict each other and cannot be followed.
     fn advance(&mut self) -> Result<Advance, Failure> {
         let violation = self.program.violation(&self.point.constraints);
         let size = max_norm(&self.hessian.values).max(f64::MIN_POSITIVE);
@@ -255,19 +282,27 @@ impl<'a> Run<'a> {
         }
         for attempt in 0..REPAIRS {
             let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
-            if origin == Some(Origin::Elastic) && !self.is_feasible() && self.is_stuck(violation) {
-                return Ok(Advance::Ended(Status::Infeasible));
+            let filtered = self.options.globalisation == Globalisation::Filter;
+            if origin == Some(Origin::Elastic)
+                && !self.is_feasible()
+                && (filtered || self.is_stuck(violation))
+            {
+                self.floor = kept_floor;
+                return self.begin_restoration(violation);
             }
-            if let Some(origin) = origin {
-                let descent = self.descent(origin, violation);
-                if let Some(length) = self.search(origin, descent)? {
-                    let decreased = self.accept(length);
-                    self.floor = match self.curvature {
-                        Curvature::GaussNewton => self.damping(attempt, length, size),
-                        Curvature::Exact | Curvature::None => kept_floor,
-                    };
-                    return Ok(Advance::Stepped { length, decreased });
-                }
+            if let Some(origin) = origin
+                && let Some(length) = self.search(origin, violation)?
+            {
+                let decreased = self.accept(length);
+                self.floor = match self.curvature {
+                    Curvature::GaussNewton => self.damping(attempt, length, size),
+                    Curvature::Exact | Curvature::None => kept_floor,
+                };
+                return Ok(Advance::Stepped { length, decreased });
+            }
+            if filtered && attempt > 0 && !self.is_feasible() {
+                self.floor = kept_floor;
+                return self.begin_restoration(violation);
             }
             // An indefinite matrix is shifted first; an approximation is given up last.
             let last = if self.hessian.is_definite() { 0 } else { REPAIRS - 2 };
@@ -303,15 +338,13 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Moves to the trial point. Whether the merit function became smaller by more than rounding.
+    /// Moves to the trial point. Whether what is searched along became smaller by more than rounding.
     fn accept(&mut self, length: f64) -> bool {
         let n = self.point.z.len();
-        let merit = self.merit(&self.point);
-        let decreased = self.merit(&self.trial) < merit - 1e-13 * merit.abs();
-        self.recent.push_back((self.point.cost, self.program.violation(&self.point.constraints)));
-        if self.recent.len() > self.options.merit_memory {
-            self.recent.pop_front();
-        }
+        let (from, to) = (self.measures(&self.point), self.measures(&self.trial));
+        let merit = self.merit(from);
+        let decreased = self.merit(to) < merit - 1e-13 * merit.abs()
+            || (self.options.globalisation == Globalisation::Filter && to.violation < 0.99 * from.violation);
         for (y, next) in self.y.iter_mut().zip(&self.subproblem.y[n..]) {
             *y += length * (next - *y);
         }

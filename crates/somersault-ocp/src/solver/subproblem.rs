@@ -9,6 +9,8 @@
 //! 3. Where the linearised constraints contradict each other, or can be met only with huge multipliers, the
 //!    elastic program with weight ρ has a solution.
 
+mod restoration;
+
 use super::hessian::Hessian;
 use super::interior_point::{InteriorPoint, Outcome, Quadratic};
 use super::kkt::{Activity, Kkt};
@@ -184,13 +186,7 @@ impl Subproblem {
     fn newton(&mut self, point: &Point, hessian: &Hessian, floor: f64, exchanges: usize) -> bool {
         let mut shift = floor;
         for _ in 0..=exchanges {
-            for (i, activity) in self.trial_set.iter().enumerate() {
-                self.targets[i] = match activity {
-                    Activity::Free => 0.0,
-                    Activity::Lower => self.lower[i],
-                    Activity::Upper | Activity::Equal => self.upper[i],
-                };
-            }
+            self.set_targets();
             if !self.factor_convex(point, hessian, &mut shift, true)
                 || !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y)
             {
@@ -323,6 +319,16 @@ impl Subproblem {
                 return Some(Origin::Elastic);
             }
             self.weight *= 10.0;
+        }
+    }
+
+    fn set_targets(&mut self) {
+        for (i, activity) in self.trial_set.iter().enumerate() {
+            self.targets[i] = match activity {
+                Activity::Free => 0.0,
+                Activity::Lower => self.lower[i],
+                Activity::Upper | Activity::Equal => self.upper[i],
+            };
         }
     }
 

@@ -7,26 +7,46 @@
 //! passive. With the defaults this is thesis A.2, read so that Table A.1 reproduces: ½ in both costs, R = Δt once,
 //! g = 9.81, explicit Euler, N = 200, and n_par = p + 2 splines, since two of them go to r(0) and ṙ(0).
 //!
-//! The same problem comes in two forms. [`CartPendulumProblem::motion_problem`] composes it of terms, as any problem.
-//! [`CartPendulumProblem::swing_up`] is written out for speed: closed-form dynamics, tables of the basis, one pass
-//! forwards and one backwards, and the exact Hessian. Both have the same cost and gradient.
-
-mod exact;
-mod program;
+//! The same problem comes in three forms.
+//!
+//! - [`CartPendulumProblem::swing_up`] is the one to solve. It is lifted (multiple shooting; Albersmeyer & Diehl, SIAM J.
+//!   Optim. 20 (2010) 1655–1684): nodes cut the motion into segments [t_k, t_k+1], on which the pendulum starts at a state
+//!   s_k of its own and arrives at g_k(p, s_k), and the terminal error e is a variable,
+//!
+//!   ```text
+//!   minimise    ½ eᵀ Q e + Σ_k c_k(p, s_k)
+//!   subject to  g_k(p, s_k) = s_k+1,   x(T; p, s_K) − x_f = e
+//!   ```
+//!   The Lagrangian's Hessian is Σ_k ∇²(c_k + λ_kᵀ g_k) + Q, exact; each term is by the five to twenty parameters that move
+//!   the cart during a segment, and by s_k. Multipliers λ_k are costates of the pendulum at the nodes. From straight lines
+//!   SQP takes six to eight steps for each case of Table A.1, where it takes hundreds by single shooting.
+//! - [`CartPendulumProblem::single_shooting`] has the parameters alone for variables, and the same minima: what a motion of
+//!   the cart costs, by one pass forwards and one backwards.
+//! - [`CartPendulumProblem::motion_problem`] composes it of terms, as any problem.
+//!
+mod curvature;
+mod lifted;
+mod passes;
+mod sine;
+mod single;
+mod starts;
 mod tables;
 
-pub use program::SwingUp;
+pub use lifted::SwingUp;
+pub use single::SingleShooting;
 
 use crate::dynamics::CartPendulumDynamics;
 use crate::error::{OcpError, expect_finite, expect_length, expect_not_negative, expect_positive};
 use crate::motion::{Condition, EigenpostureBase, End, MotionError, SplineMotion};
-use crate::nlp::Bounds;
 use crate::problem::{At, Loss, MotionProblem};
 use crate::shooting::{Drive, Phase, Scheme, Shooting, ShootingOptions, Start};
 use crate::term::{Displacement, Entries, Part};
 use crate::transcription::Transcription;
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::models::CartPendulum;
+
+/// Segments of a [`SwingUp`], where it has as many steps.
+const LEAST_SEGMENTS: usize = 4;
 
 /// The problem in numbers. States are (θ, r, θ̇, ṙ), θ from the upright.
 #[derive(Debug, Clone, PartialEq)]
@@ -104,9 +124,21 @@ impl CartPendulumProblem {
         expect_not_negative("running_weights", &self.running_weights)
     }
 
-    /// The problem for a solver, in its fast form.
+    /// The problem for a solver.
     pub fn swing_up(&self) -> Result<SwingUp, OcpError> {
         SwingUp::try_new(self)
+    }
+
+    /// The cost as a function of the cart's parameters alone.
+    pub fn single_shooting(&self) -> Result<SingleShooting, OcpError> {
+        SingleShooting::try_new(self)
+    }
+
+    /// Segments of about √(ℓ/|g|), in which a pendulum that falls moves away from the upright e-fold; four at least.
+    fn n_segments(&self) -> usize {
+        let rate = (self.system.gravity.abs() / self.system.length).sqrt();
+        // a product beyond all integers becomes the largest
+        ((self.duration * rate).round() as usize).max(LEAST_SEGMENTS).min(self.n_steps)
     }
 
     /// The transcription, with the tree's order q = (r, θ).
@@ -159,20 +191,5 @@ impl CartPendulumProblem {
         };
         let samples: Vec<[f64; 1]> = shares.iter().map(sample).collect();
         Ok(to.fit(&shares, &samples)?)
-    }
-
-    /// A box of parameters to draw starts from: coefficients of the cart within `reach` of the line from the start to
-    /// the target.
-    pub fn start_range(&self, reach: f64) -> Result<Bounds, OcpError> {
-        expect_positive("reach", reach)?;
-        let motion = self.motion()?;
-        let n = self.n_coefficients;
-        let [from, to] = [self.start[1], self.target[1]];
-        let line: Vec<f64> = (0..n).map(|k| from + (to - from) * k as f64 / (n - 1) as f64).collect();
-        let middle = motion.parameters_of(&line);
-        Ok(Bounds {
-            lower: middle.iter().map(|x| x - reach).collect(),
-            upper: middle.iter().map(|x| x + reach).collect(),
-        })
     }
 }

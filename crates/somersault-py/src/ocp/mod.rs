@@ -9,7 +9,7 @@ mod swing_up;
 mod term;
 
 pub(crate) use collocation::{CollocationProblem, CollocationResult};
-pub(crate) use dive::{Dive, DiveSolution, DiveVerification, dive_107b, dive_5174d};
+pub(crate) use dive::{Dive, DiveSolution, DiveVerification, LiteralDive, dive_107b, dive_5174d};
 pub(crate) use joint_motion::{EigenpostureBase, SplineMotion};
 pub(crate) use problem::{Constraint, Cost, Motion, MotionProblem, Phase};
 pub(crate) use solver::Report;

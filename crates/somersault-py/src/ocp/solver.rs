@@ -125,6 +125,9 @@ pub(crate) fn status_name(status: solver::Status) -> &'static str {
     }
 }
 
+/// What a solver shows its iterations.
+pub(crate) type Watch<'a> = &'a mut dyn FnMut(&Iteration<'_>) -> Flow;
+
 /// The arguments that choose a solver and its limits.
 pub(crate) struct SolverArguments<'a, 'py> {
     pub(crate) solver: &'a str,
@@ -185,14 +188,24 @@ impl SolverArguments<'_, '_> {
         start: &Start,
         calls_python: bool,
     ) -> Result<Report, Error> {
+        self.solve_by(py, calls_python, |solver, watch| solver.solve(nlp, start, watch))
+    }
+
+    /// The same for what solves in its own way with the solver.
+    pub(crate) fn solve_by(
+        &self,
+        py: Python<'_>,
+        calls_python: bool,
+        solve: impl FnOnce(&dyn NlpSolver, Watch<'_>) -> Result<solver::Report, SolverError> + Send,
+    ) -> Result<Report, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let solver = self.solver()?;
         let mut watcher = Watcher::new(self.callback);
         let mut watch = |iteration: &Iteration<'_>| watcher.look(iteration);
         let found = if calls_python {
-            solver.solve(nlp, start, &mut watch)
+            solve(&*solver, &mut watch)
         } else {
-            py.detach(|| solver.solve(nlp, start, &mut watch))
+            py.detach(|| solve(&*solver, &mut watch))
         };
         let report = match found {
             Ok(report) => report,

@@ -12,19 +12,12 @@ use pyo3::types::PyType;
 use somersault::multibody::models::CartPendulum;
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::shooting::Scheme;
-use somersault::ocp::solver::{FailureCause, MultiStart, MultiStartReport, Sqp, Start, samples};
-use somersault::ocp::swing_up::{self, SwingUp};
+use somersault::ocp::solver::{self, FailureCause, Iteration, MultiStart, MultiStartReport, Sqp, Start};
+use somersault::ocp::swing_up::{self, SingleShooting, SwingUp};
 use somersault::ocp::transcription::Transcription;
 use somersault::ocp::verification::{Verification, VerificationError, verify};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-
-/// Coefficients up to which random starts are of use.
-const MOST_AT_RANDOM: usize = 12;
-/// Coefficients that are added at once.
-const LEVEL: usize = 5;
-/// Minima that start a problem with more coefficients.
-const CARRIED: usize = 8;
 
 /// A pendulum on a cart is brought from one state to another (thesis appendix A).
 ///
@@ -71,49 +64,35 @@ const CARRIED: usize = 8;
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct CartPendulumProblem {
     problem: swing_up::CartPendulumProblem,
-    nlp: SwingUp,
+    /// The cost of a motion.
+    single: SingleShooting,
+    /// What is solved.
+    lifted: SwingUp,
 }
 
 impl CartPendulumProblem {
     fn of(problem: swing_up::CartPendulumProblem) -> Result<Self, Error> {
-        let nlp = problem.swing_up()?;
+        let (single, lifted) = (problem.single_shooting()?, problem.swing_up()?);
         // the tree, and the transcription, must exist as well
         problem.shooting()?;
-        Ok(Self { problem, nlp })
+        Ok(Self { problem, single, lifted })
     }
 
-    /// Solves from random starts with few variables first, and starts each problem with more from the minima of the one
-    /// before.
-    fn climb(
-        &self,
-        many: &MultiStart<Sqp>,
-        given: Vec<Start>,
-        n_starts: usize,
-        (reach, seed): (f64, u64),
-        stop: &AtomicBool,
-    ) -> Result<MultiStartReport, Error> {
-        let last = self.problem.n_coefficients;
-        let mut levels = vec![last];
-        while n_starts > 0 && levels[0] > MOST_AT_RANDOM {
-            levels.insert(0, levels[0] - LEVEL);
-        }
-        let mut known: Option<(swing_up::CartPendulumProblem, MultiStartReport)> = None;
-        for n_coefficients in levels {
-            let problem = swing_up::CartPendulumProblem { n_coefficients, ..self.problem.clone() };
-            let mut starts = if n_coefficients == last { given.clone() } else { Vec::new() };
-            match &known {
-                Some((coarse, found)) if !found.minima.is_empty() => {
-                    for minimum in found.minima.iter().take(CARRIED) {
-                        starts.push(problem.carry_over(coarse, &minimum.report.z)?.into());
-                    }
-                }
-                _ => starts.extend(samples(&problem.start_range(reach)?, n_starts, seed)?),
-            }
-            let nlp = problem.swing_up()?;
-            let found = many.solve(|| nlp.clone(), &starts, || stop.load(Ordering::Relaxed))?;
-            known = Some((problem, found));
-        }
-        known.map(|(_, found)| found).ok_or_else(|| Error::ocp(&"the search has no start"))
+    /// A start whose nodes are on the motion of given variables.
+    fn start_at(&self, z: &Bound<'_, PyAny>) -> Result<Start, Error> {
+        Ok(self.lifted.clone().start_on_motion(&self.variables(z)?)?)
+    }
+
+    /// A cold start, or one from variables or from a report.
+    fn start_from(&self, z: Option<&Bound<'_, PyAny>>) -> Result<Start, Error> {
+        let Some(z) = z else { return Ok(self.lifted.start(&self.lifted.straight_line())?) };
+        let Ok(report) = z.cast::<Report>() else { return self.start_at(z) };
+        let solver::Report { z, constraint_multipliers, hessian, .. } = &report.get().report;
+        Ok(Start {
+            constraint_multipliers: constraint_multipliers.clone(),
+            hessian: hessian.clone(),
+            ..self.lifted.clone().start_on_motion(z)?
+        })
     }
 
     fn variables(&self, z: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
@@ -135,6 +114,13 @@ fn weights(argument: &str, value: Option<&Bound<'_, PyAny>>, default: [f64; 4]) 
     let mut out = default;
     out.copy_from_slice(&numbers_or_one(argument, 4, value)?);
     Ok(out)
+}
+
+/// A report in the variables of the cart alone.
+fn of_cart(mut report: solver::Report, n_variables: usize) -> solver::Report {
+    report.z.truncate(n_variables);
+    report.bound_multipliers.truncate(n_variables);
+    report
 }
 
 #[pymethods]
@@ -211,7 +197,7 @@ impl CartPendulumProblem {
     /// int: Length of z.
     #[getter]
     fn n_variables(&self) -> usize {
-        self.nlp.structure().variables.len()
+        self.lifted.n_parameters()
     }
 
     /// Model: The tree, q = (r, θ).
@@ -231,7 +217,7 @@ impl CartPendulumProblem {
     /// float
     fn cost(&self, z: &Bound<'_, PyAny>) -> Result<f64, Error> {
         let z = self.variables(z)?;
-        self.nlp.clone().evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))
+        self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))
     }
 
     /// The gradient of the cost.
@@ -245,7 +231,7 @@ impl CartPendulumProblem {
     /// ndarray, shape (n_variables,)
     fn gradient<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let z = self.variables(z)?;
-        let (mut nlp, mut gradient) = (self.nlp.clone(), vec![0.0; z.len()]);
+        let (mut nlp, mut gradient) = (self.single.clone(), vec![0.0; z.len()]);
         nlp.evaluate(&z, &mut [])
             .and_then(|_| nlp.differentiate(&z, &mut gradient, &mut []))
             .map_err(|error| Error::ocp(&error))?;
@@ -263,7 +249,7 @@ impl CartPendulumProblem {
     /// ndarray, shape (n_variables, n_variables)
     fn hessian<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let z = self.variables(z)?;
-        let (mut nlp, n) = (self.nlp.clone(), z.len());
+        let (mut nlp, n) = (self.single.clone(), z.len());
         let mut gradient = vec![0.0; n];
         let mut triangle = vec![0.0; n * (n + 1) / 2];
         nlp.evaluate(&z, &mut [])
@@ -279,14 +265,21 @@ impl CartPendulumProblem {
 
     /// Solves from one start.
     ///
+    /// Sequential quadratic programming solves the lifted form: the state of the pendulum at a few nodes and the terminal
+    /// error are variables as well, so that a step is not bent by the whole motion. The report has z alone; its
+    /// multipliers are those of (θ, θ̇) at the nodes and of the error (θ, θ̇, r, ṙ), and unless it has converged its cost
+    /// is that of a motion with gaps at the nodes, as large as its ``feasibility`` says. First-order methods have z alone
+    /// for variables.
+    ///
     /// Parameters
     /// ----------
-    /// z : array_like, shape (n_variables,), or Report
-    ///     Start; a report of an earlier solve gives its multipliers as well.
+    /// z : array_like, shape (n_variables,), or Report, optional
+    ///     Start, with nodes on its motion; a report of an earlier solve gives its multipliers as well. By default the
+    ///     cart is on the straight line from its start to its target, and the nodes are on that of the pendulum.
     /// solver : {'sqp', 'sqp_bfgs', 'lbfgs', 'gradient_descent'}, optional
     ///     Sequential quadratic programming with the exact or a quasi-Newton Hessian, or first-order methods.
     /// tol : float, optional
-    ///     Of the scaled gradient.
+    ///     Of the scaled gradient of the Lagrangian, and of the gaps.
     /// max_iterations : int, optional
     /// max_time : float, optional
     ///     s.
@@ -300,12 +293,12 @@ impl CartPendulumProblem {
     /// Report
     ///     With the best iterate, whatever the status.
     #[pyo3(signature = (
-        z, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="return"
+        z=None, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="return"
     ))]
     fn solve(
         &self,
         py: Python<'_>,
-        z: &Bound<'_, PyAny>,
+        z: Option<&Bound<'_, PyAny>>,
         solver: &str,
         tol: Option<f64>,
         max_iterations: Option<usize>,
@@ -313,30 +306,36 @@ impl CartPendulumProblem {
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
     ) -> Result<Report, Error> {
-        let start = match z.cast::<Report>() {
-            Ok(report) => report.get().report.start(),
-            Err(_) => self.variables(z)?.into(),
-        };
+        let mut start = self.start_from(z)?;
         let arguments = SolverArguments { solver, tol, max_iterations, max_time, callback, on_interrupt };
-        arguments.solve(py, &mut self.nlp.clone(), &start, false)
+        let n = self.n_variables();
+        if !solver.starts_with("sqp") {
+            start.z.truncate(n);
+            return arguments.solve(py, &mut self.single.clone(), &start.z.into(), false);
+        }
+        let mut nlp = self.lifted.clone();
+        arguments.solve_by(py, false, |solver, watch| {
+            let mut watch_cart =
+                |iteration: &Iteration<'_>| watch(&Iteration { z: &iteration.z[..n], ..*iteration });
+            Ok(of_cart(solver.solve(&mut nlp, &start, &mut watch_cart)?, n))
+        })
     }
 
     /// Solves from many starts, in parallel, and gathers the distinct minima.
     ///
-    /// Starts are a Latin hypercube of coefficients within `reach` of the line from the cart's start to its target. With
-    /// more than ten variables few of these converge: then they are for the same problem with at most ten, whose best
-    /// minima start one with five more, and so on. The same arguments give the same minima for any
-    /// number of threads.
+    /// The first start is the straight lines of cart and pendulum. Others are a Latin hypercube about these: five half waves
+    /// of the cart, and nodes of the pendulum up to 1 rad away. The same arguments give the same minima for any number of
+    /// threads.
     ///
     /// Parameters
     /// ----------
     /// n_starts : int, optional
-    ///     Random ones.
+    ///     Those of the library.
     /// starts : array_like, shape (m, n_variables), optional
-    ///     Others, numbered before the random ones.
+    ///     Others, numbered before these, with nodes on their motion.
     /// seed : int, optional
     /// reach : float, optional
-    ///     m.
+    ///     Amplitude of the first half wave, m; that of the m-th is an m-th of it.
     /// distance_tol : float, optional
     ///     Two minima are the same if no variable differs by more, relative to its size where that is above 1.
     /// on_interrupt : {'return', 'raise'}, optional
@@ -346,7 +345,7 @@ impl CartPendulumProblem {
     /// -------
     /// SwingUpSearch
     #[pyo3(signature = (
-        n_starts=32, *, starts=None, seed=0, reach=2.0, distance_tol=1e-4, on_interrupt="return"
+        n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, on_interrupt="return"
     ))]
     fn search(
         &self,
@@ -362,16 +361,15 @@ impl CartPendulumProblem {
         if n_starts == 0 && starts.is_none() {
             return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
         }
-        let given = starts
-            .iter()
-            .flatten()
-            .map(|z| Ok(self.variables(z)?.into()))
-            .collect::<Result<Vec<Start>, Error>>()?;
+        let mut all =
+            starts.iter().flatten().map(|z| self.start_at(z)).collect::<Result<Vec<Start>, Error>>()?;
+        all.extend(self.lifted.starts(n_starts, reach, seed)?);
         let many = MultiStart { distance_tol, ..MultiStart::new(Sqp::default()) };
         let stop = AtomicBool::new(false);
         let (found, raised) = py.detach(|| {
             thread::scope(|scope| {
-                let search = scope.spawn(|| self.climb(&many, given, n_starts, (reach, seed), &stop));
+                let search =
+                    scope.spawn(|| many.solve(|| self.lifted.clone(), &all, || stop.load(Ordering::Relaxed)));
                 let mut raised = None;
                 while !search.is_finished() {
                     thread::park_timeout(ATTENTION / 10);
@@ -390,7 +388,7 @@ impl CartPendulumProblem {
             Some(error) if !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
                 Err(error.into())
             }
-            _ => SwingUpSearch::of(py, found),
+            _ => SwingUpSearch::of(py, found, self.n_variables()),
         }
     }
 
@@ -450,7 +448,7 @@ impl CartPendulumProblem {
             // no fewer steps than ten for each of the thesis'
             let factor = 2000_usize.div_ceil(self.problem.n_steps);
             let refined = |factor| {
-                let mut nlp = self.problem.refined(factor).swing_up()?;
+                let mut nlp = self.problem.refined(factor).single_shooting()?;
                 nlp.evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))
             };
             let (coarse, cost) = (refined(factor)?, refined(2 * factor)?);
@@ -476,10 +474,10 @@ pub(crate) struct SwingUpSearch {
 }
 
 impl SwingUpSearch {
-    fn of(py: Python<'_>, found: MultiStartReport) -> Result<Self, Error> {
+    fn of(py: Python<'_>, found: MultiStartReport, n_variables: usize) -> Result<Self, Error> {
         let mut search = Self { minima: Vec::new(), starts: Vec::new(), failures: Vec::new() };
         for minimum in found.minima {
-            search.minima.push(Py::new(py, Report { report: minimum.report })?);
+            search.minima.push(Py::new(py, Report { report: of_cart(minimum.report, n_variables) })?);
             search.starts.push(minimum.starts);
         }
         for failure in found.failures {

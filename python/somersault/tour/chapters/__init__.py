@@ -26,8 +26,13 @@ ORDER = (
     "divers",
     "eigenpostures",
     "dives",
+    "motions",
+    "recordings",
     "swing_up",
     "arm",
+    "timescales",
+    "matching",
+    "extremals",
     "deviations",
 )
 

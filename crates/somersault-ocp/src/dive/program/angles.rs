@@ -2,7 +2,7 @@
 
 use super::DiveProgram;
 use crate::dive::{Dive, DiveError};
-use crate::flight::BodyAngles;
+use crate::flight::{BodyAngles, PathGradient};
 use crate::nlp::Bounds;
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_multibody::models::Dimension;
@@ -43,13 +43,8 @@ impl DiveProgram {
 
     /// Integrates the orientation for `z`.
     pub(in crate::dive) fn fly(&mut self, z: &[f64], with_derivatives: bool) -> Result<(), DiveError> {
-        let (lean, turn_momentum) = (self.lean(z), self.momentum(z) * self.duration(z));
-        let motion = self.path.motion();
-        for (p, value) in self.free.iter().zip(z) {
-            self.parameters[*p] = *value;
-        }
-        motion.coefficients_into(&self.parameters, &mut self.coefficients);
-        let momentum = Vector3::new(0.0, turn_momentum, 0.0);
+        self.expand(z);
+        let (lean, momentum) = (self.lean(z), self.turn_momentum(z));
         let upright = self.counting.axes.inverse();
         if self.path.is_planar() {
             let start = -(lean + upright.euler_angles().1);
@@ -59,6 +54,29 @@ impl DiveProgram {
             self.path.integrate(&self.coefficients, start.coords.as_slice(), momentum, with_derivatives)?;
         }
         Ok(())
+    }
+
+    /// Integrates again, with derivatives, for a `z` that differs from the last one from `step` on.
+    pub(super) fn fly_from(&mut self, step: usize, z: &[f64]) -> Result<(), DiveError> {
+        if step == 0 {
+            return self.fly(z, true);
+        }
+        self.expand(z);
+        let momentum = self.turn_momentum(z);
+        Ok(self.path.integrate_from(step, &self.coefficients, momentum)?)
+    }
+
+    /// T L.
+    fn turn_momentum(&self, z: &[f64]) -> Vector3<f64> {
+        Vector3::new(0.0, self.momentum(z) * self.duration(z), 0.0)
+    }
+
+    /// Leaves the coefficients of the splines for `z`.
+    fn expand(&mut self, z: &[f64]) {
+        for (p, value) in self.free.iter().zip(z) {
+            self.parameters[*p] = *value;
+        }
+        self.path.motion().coefficients_into(&self.parameters, &mut self.coefficients);
     }
 
     /// Angles at the nodes of the path.
@@ -90,56 +108,52 @@ impl DiveProgram {
         [last.somersault, square.tilt, square.twist]
     }
 
-    /// The nodes of these angles, and their derivatives by a displacement there, in axes of the torso.
-    pub(super) fn entry_gradients(&self) -> [(usize, Vector3<f64>); 3] {
-        let n_steps = self.path.n_steps();
-        if self.path.is_planar() {
-            return [(n_steps, -Vector3::z()), (0, Vector3::zeros()), (0, Vector3::zeros())];
-        }
-        let at = |node: usize| self.counting.gradients(self.path.arrival(node));
-        let [_, tilt, twist] = at(self.square_out);
-        [(n_steps, at(n_steps)[0]), (self.square_out, tilt), (self.square_out, twist)]
-    }
-
     /// Angles at entry and square-out that are constraints.
     pub(super) fn n_angles(&self) -> usize {
         if self.path.is_planar() { 1 } else { 3 }
     }
 
-    /// The gradients of these angles by z, for the last flight.
-    pub(super) fn angle_gradients(&mut self, z: &[f64], rows: &mut [Vec<f64>; 3]) {
-        let mut node_derivatives = std::mem::take(&mut self.node);
-        let mut before = usize::MAX;
-        for (k, (node, by_node)) in self.entry_gradients().iter().enumerate().take(self.n_angles()) {
-            if *node != before {
-                self.path.node_derivatives(*node, &mut node_derivatives);
-                before = *node;
-            }
-            for (out, by) in self.by_coefficient.iter_mut().zip(&node_derivatives.by_coefficients) {
-                *out = by.dot(by_node);
-            }
-            self.row.fill(0.0);
-            self.path.motion().pull_back(&self.by_coefficient, &mut self.row);
-            let row = &mut rows[k];
-            self.free.iter().zip(row.iter_mut()).for_each(|(p, out)| *out = self.row[*p]);
-            let by_momentum = node_derivatives.by_momentum.tr_mul(by_node).y;
-            if let Some(column) = self.extra.momentum {
-                row[column] = by_momentum * self.duration(z) * self.momentum_unit;
-            }
-            if let Some(column) = self.extra.duration {
-                row[column] = by_momentum * self.momentum(z);
-            }
-            if let Some(column) = self.extra.lean {
-                // the start turns about the world's lateral axis
-                let turn = if self.path.is_planar() {
-                    -Vector3::z()
-                } else {
-                    self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
-                };
-                row[column] = node_derivatives.by_start.tr_mul(by_node).dot(&turn);
+    /// Adds to `out` the gradient by z of these angles times `factors`, for the last flight.
+    pub(super) fn pull_back_angles(&mut self, z: &[f64], factors: &[f64], out: &mut [f64]) {
+        let n_steps = self.path.n_steps();
+        self.by_nodes.fill(Vector3::zeros());
+        let mut by_arrival = Vector3::zeros();
+        if self.path.is_planar() {
+            self.by_nodes[n_steps] = -Vector3::z() * factors[0];
+        } else {
+            let at = |node: usize| self.counting.gradients(self.path.arrival(node));
+            let [_, tilt, twist] = at(self.square_out);
+            let square = tilt * factors[1] + twist * factors[2];
+            self.by_nodes[n_steps] = at(n_steps)[0] * factors[0];
+            if self.square_out < n_steps {
+                by_arrival = square;
+            } else {
+                self.by_nodes[n_steps] += square;
             }
         }
-        self.node = node_derivatives;
+        self.path_gradient.clear();
+        self.path.pull_back_arrival(&self.by_nodes, &by_arrival, &mut self.path_gradient);
+        let PathGradient { by_start, by_momentum, by_coefficients } = &self.path_gradient;
+        self.row.fill(0.0);
+        self.path.motion().pull_back(by_coefficients, &mut self.row);
+        for (parameter, out) in self.free.iter().zip(out.iter_mut()) {
+            *out += self.row[*parameter];
+        }
+        if let Some(column) = self.extra.momentum {
+            out[column] += by_momentum.y * self.duration(z) * self.momentum_unit;
+        }
+        if let Some(column) = self.extra.duration {
+            out[column] += by_momentum.y * self.momentum(z);
+        }
+        if let Some(column) = self.extra.lean {
+            // the start turns about the world's lateral axis
+            let turn = if self.path.is_planar() {
+                -Vector3::z()
+            } else {
+                self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
+            };
+            out[column] += by_start.dot(&turn);
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod angles;
 mod channels;
+mod curvature;
 mod nlp;
 mod soft;
 
@@ -9,11 +10,12 @@ use super::clearance::ClearanceRows;
 use super::cost::Quadratic;
 use super::error::expect_positive;
 use super::{Channels, Dive, DiveError, Range};
-use crate::flight::{Counting, NodeDerivatives, OrientationPath};
+use crate::flight::{Counting, OrientationPath, PathGradient};
 use crate::nlp::{Bounds, Pattern, Structure};
 use angles::{long_axis, targets};
 use channels::{LinearRow, channel_rows, free_parameters};
-use nalgebra::DVector;
+pub(in crate::dive) use curvature::entry;
+use nalgebra::{DVector, Vector3};
 use soft::Soft;
 use somersault_multibody::models::Dimension;
 
@@ -41,14 +43,16 @@ pub struct DiveProgram {
     linear: Vec<LinearRow>,
     /// The Jacobian with all that is constant.
     jacobian: Vec<f64>,
+    /// The Jacobian at the last point.
+    last: Vec<f64>,
     clearance: Option<ClearanceRows>,
     soft: Option<Soft>,
-    node: NodeDerivatives,
-    angle_rows: [Vec<f64>; 3],
+    by_nodes: Vec<Vector3<f64>>,
+    path_gradient: PathGradient,
     coefficients: Vec<f64>,
-    by_coefficient: Vec<f64>,
     parameters: Vec<f64>,
     row: Vec<f64>,
+    angle_row: Vec<f64>,
 }
 
 /// Where z has what is not a spline parameter.
@@ -125,15 +129,16 @@ impl DiveProgram {
             rates: [1, 2].map(|derivative| Quadratic::of_rate(&motion, &free, derivative)),
             rate_unit,
             linear,
+            last: jacobian.clone(),
             jacobian,
             clearance,
             soft: None,
-            node: NodeDerivatives::new(motion.n_coefficients()),
-            angle_rows: [0; 3].map(|_| vec![0.0; n_z]),
+            by_nodes: Vec::new(),
+            path_gradient: PathGradient::new(motion.n_coefficients()),
             coefficients: vec![0.0; motion.n_coefficients()],
-            by_coefficient: vec![0.0; motion.n_coefficients()],
             parameters: vec![0.0; motion.n_parameters()],
             row: vec![0.0; motion.n_parameters()],
+            angle_row: vec![0.0; n_z],
             free,
             column_of,
             square_out: 0,
@@ -152,7 +157,8 @@ impl DiveProgram {
             Dimension::Spatial if square_out < n_steps => program.path.with_restart(square_out, counting),
             _ => program.path,
         };
-        Ok(Self { square_out, path, ..program })
+        let by_nodes = vec![Vector3::zeros(); n_steps + 1];
+        Ok(Self { square_out, path, by_nodes, ..program })
     }
 
     /// The same with entry and clearances as costs ½ μ Σ violation² (rad², m²): the thesis' soft constraints. What
@@ -166,7 +172,7 @@ impl DiveProgram {
             program.structure.constraints.upper[row] = f64::INFINITY;
         }
         let violations = vec![0.0; bounds.len()];
-        program.soft = Some(Soft { weight, bounds, violations, jacobian: self.jacobian.clone() });
+        program.soft = Some(Soft { weight, bounds, violations });
         Ok(program)
     }
 

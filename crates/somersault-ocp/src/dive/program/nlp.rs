@@ -74,15 +74,18 @@ impl Nlp for DiveProgram {
         self.cost(z, Some(gradient));
         jacobian.copy_from_slice(&self.jacobian);
         let n_angles = self.n_angles();
-        let mut rows = std::mem::take(&mut self.angle_rows);
-        self.angle_gradients(z, &mut rows);
-        let pattern = &self.structure.jacobian;
-        for (k, row) in rows.iter().enumerate().take(n_angles) {
+        let mut row = std::mem::take(&mut self.angle_row);
+        for k in 0..n_angles {
+            row.fill(0.0);
+            let factors = [0, 1, 2].map(|i| f64::from(u8::from(i == k)));
+            self.pull_back_angles(z, &factors, &mut row);
+            let pattern = &self.structure.jacobian;
             for (column, value) in row.iter().enumerate() {
                 jacobian[pattern.position(self.linear.len() + k, column).unwrap_or_default()] = *value;
             }
         }
-        self.angle_rows = rows;
+        self.angle_row = row;
+        let pattern = &self.structure.jacobian;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
             let found = clearance.differentiate(
@@ -95,8 +98,8 @@ impl Nlp for DiveProgram {
             );
             found.map_err(|error| undefined(error.into()))?;
         }
-        if let Some(soft) = &mut self.soft {
-            soft.jacobian.copy_from_slice(jacobian);
+        self.last.copy_from_slice(jacobian);
+        if let Some(soft) = &self.soft {
             for (column, out) in gradient.iter_mut().enumerate() {
                 for k in pattern.columns[column]..pattern.columns[column + 1] {
                     *out += soft.weight * soft.violations[pattern.rows[k]] * jacobian[k];
@@ -107,40 +110,17 @@ impl Nlp for DiveProgram {
     }
 
     fn curvature(&self) -> Curvature {
-        if self.soft.is_some() { Curvature::GaussNewton } else { Curvature::None }
+        Curvature::GaussNewton
     }
 
-    /// Of the cost, and of the soft constraints after Gauss and Newton.
     fn hessian(
         &mut self,
         z: &[f64],
         cost_factor: f64,
-        _multipliers: &[f64],
+        multipliers: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        let n_p = self.free.len();
-        let duration = self.duration(z);
-        let penalties = &self.dive.penalties;
-        hessian.fill(0.0);
-        let mut at = 0;
-        for j in 0..z.len() {
-            for i in 0..=j {
-                if j < n_p {
-                    hessian[at] = cost_factor
-                        * self.rate_unit
-                        * (penalties.rate / duration * self.rates[0].matrix[(i, j)]
-                            + penalties.acceleration / duration.powi(3) * self.rates[1].matrix[(i, j)]);
-                }
-                at += 1;
-            }
-        }
-        if let Some(k) = self.extra.momentum {
-            hessian[k * (k + 3) / 2] += cost_factor * penalties.momentum;
-        }
-        if let Some(soft) = &self.soft {
-            soft.add_hessian(&self.structure.jacobian, self.linear.len(), cost_factor, hessian);
-        }
-        Ok(())
+        self.convex_curvature(z, cost_factor, multipliers, hessian).map_err(undefined)
     }
 }
 

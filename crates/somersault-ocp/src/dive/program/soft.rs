@@ -9,9 +9,8 @@ pub(super) struct Soft {
     pub(super) weight: f64,
     /// The bounds that are violated.
     pub(super) bounds: Bounds,
-    /// Violations and the Jacobian at the last point.
+    /// Violations at the last point.
     pub(super) violations: Vec<f64>,
-    pub(super) jacobian: Vec<f64>,
 }
 
 impl Soft {
@@ -31,12 +30,19 @@ impl Soft {
     }
 
     /// μ Jᵀ J of the violated rows.
-    pub(super) fn add_hessian(&self, pattern: &Pattern, first: usize, factor: f64, hessian: &mut [f64]) {
+    pub(super) fn add_hessian(
+        &self,
+        pattern: &Pattern,
+        jacobian: &[f64],
+        first: usize,
+        factor: f64,
+        hessian: &mut [f64],
+    ) {
         let n = pattern.n_columns();
         let mut row = vec![0.0; n];
         for violated in (first..pattern.n_rows).filter(|row| self.violations[*row] != 0.0) {
             for (column, value) in row.iter_mut().enumerate() {
-                *value = pattern.position(violated, column).map_or(0.0, |k| self.jacobian[k]);
+                *value = pattern.position(violated, column).map_or(0.0, |k| jacobian[k]);
             }
             let mut at = 0;
             for j in 0..n {

@@ -1,0 +1,103 @@
+//! Recorded motions: models fitted to markers, principal components, a synthetic dive.
+//!
+//! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a somersault, seen by
+//! 20 markers with 5 mm of noise; with a robust loss; with one marker in five missing. `python benches/peers/svd.py` times
+//! NumPy's singular values of the same shape.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use nalgebra::DMatrix;
+use somersault::motion::analysis::Pca;
+use somersault::motion::fit::{FitOptions, Loss, MarkerFit, MarkerSet};
+use somersault::motion::recording::MarkerRecording;
+use somersault::motion::synthetic::{Perturbation, SyntheticFlight, synthetic_markers};
+use somersault::multibody::Model;
+use somersault::multibody::models::{Diver, Posture};
+use std::f64::consts::PI;
+use std::hint::black_box;
+use std::time::Duration;
+
+const FRAMES: usize = 60;
+const MARKERS: usize = 20;
+
+/// Times and configurations of a somersault from posture A over H to A.
+fn motion(diver: &Diver) -> (Vec<f64>, Vec<f64>) {
+    let [a, h] = [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("planar postures"));
+    let times: Vec<f64> = (0..FRAMES).map(|i| i as f64 / FRAMES as f64).collect();
+    let frame = |t: &f64| {
+        let mix = 0.1 + 0.7 * (PI * t).sin().powi(2);
+        let mut q: Vec<f64> = a.iter().zip(&h).map(|(a, h)| a + mix * (h - a)).collect();
+        if *diver == Diver::planar() {
+            q[..3].copy_from_slice(&[0.5 * t, 1.0 + 4.0 * t * (1.0 - t), -2.0 * PI * t]);
+        } else {
+            let root = [0.5 * t, 0.0, 1.0 + 4.0 * t * (1.0 - t), 0.0, (PI * t).sin(), 0.0, (PI * t).cos()];
+            q[..7].copy_from_slice(&root);
+        }
+        q
+    };
+    let positions = times.iter().flat_map(frame).collect();
+    (times, positions)
+}
+
+/// Twenty markers over the bodies that have an extent, off their axes.
+fn markers(model: &Model) -> MarkerSet {
+    let names = model.links().iter().map(|link| link.name().to_owned());
+    let bodies: Vec<String> = names.filter(|n| !n.contains("shoulder_") && !n.contains("waist")).collect();
+    let points = [[0.03, 0.05, -0.02], [0.06, -0.03, -0.11], [-0.04, 0.02, -0.07]];
+    let marker = |k: usize| {
+        let body = bodies[k % bodies.len()].clone();
+        (format!("{body} {k}"), body, points[k / bodies.len()])
+    };
+    MarkerSet::on_bodies(model, (0..MARKERS).map(marker)).expect("bodies of the model")
+}
+
+fn fits(c: &mut Criterion) {
+    let mut group = c.benchmark_group("fit 60 frames x 20 markers");
+    group.sample_size(20).measurement_time(Duration::from_secs(4));
+    for (name, diver) in [("planar", Diver::planar()), ("spatial", Diver::spatial())] {
+        let model = diver.model().expect("valid");
+        let (set, (times, positions)) = (markers(&model), motion(&diver));
+        let whole = synthetic_markers(&model, &set, &times, &positions, 0.005, 1).expect("of the model");
+        let points = whole.frames().flatten().enumerate().map(|(k, p)| p.filter(|_| k % 5 != 3)).collect();
+        let gapped = MarkerRecording::try_new(whole.names().to_vec(), times, points).expect("as before");
+        for (variant, recording, loss) in [
+            ("squares", &whole, Loss::Squares),
+            ("Huber", &whole, Loss::Huber(0.01)),
+            ("20 % missing", &gapped, Loss::Squares),
+        ] {
+            let root = model.positions_of(0).len();
+            let starts =
+                [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("planar")[root..].to_vec());
+            let options = FitOptions { loss, starts: starts.to_vec(), ..FitOptions::default() };
+            let fit = MarkerFit::try_new(&model, set.clone(), options).expect("valid");
+            group.bench_function(format!("{name}, {variant}"), |b| {
+                b.iter(|| fit.fit(black_box(recording)).expect("common markers").rms())
+            });
+        }
+    }
+    group.finish();
+}
+
+fn components(c: &mut Criterion) {
+    let mut group = c.benchmark_group("principal components");
+    group.sample_size(10);
+    let samples =
+        DMatrix::from_fn(16, 100_000, |i, j| ((i * 31 + j * 17) as f64 * 0.37).sin() + (j % (i + 2)) as f64);
+    group.bench_function("16 x 100 000", |b| {
+        b.iter(|| Pca::fit(black_box(&samples), 15).expect("finite").total_variance())
+    });
+    group.finish();
+}
+
+fn synthetic(c: &mut Criterion) {
+    let diver = Diver::planar();
+    let (times, positions) = motion(&diver);
+    let model = diver.model().expect("valid");
+    let flight = SyntheticFlight::try_new(&model, &times, &positions).expect("it folds");
+    let perturbation = Perturbation { looseness: 0.1, over_rotation: 0.2, ..Perturbation::none() };
+    c.bench_function("SYNTHETIC planar dive, 60 frames", |b| {
+        b.iter(|| flight.perturb(black_box(&perturbation)).expect("aimed").angular_momentum)
+    });
+}
+
+criterion_group!(benches, fits, components, synthetic);
+criterion_main!(benches);

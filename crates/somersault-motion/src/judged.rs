@@ -1,0 +1,355 @@
+//! Judged motions of one's own: a list of files with scores.
+//!
+//! ```text
+//! # comment
+//! motion,score,synthetic,height
+//! monday/dive_01.c3d,7.5,false,1.52
+//! monday/dive_02.c3d,6.0,false,1.47
+//! ```
+//! The list is comma-separated text. Its first line names the columns, in any order: `motion`, a file relative to the
+//! list and below its folder, listed once; `score`, a number; `synthetic`, which may be left out, `true` or `false`: whether motion or
+//! score are made up; all other columns are numbers that serve as single features, as baselines of
+//! [`validate`](crate::scoring::validate). Blank lines and lines that begin with `#` are left aside.
+//!
+//! Files are read by their ending: `.csv`, `.trc` and `.c3d` have markers; of `.bvh`, and of `.json` and `.txt`, which are motions of
+//! DeepMimic, the joint centres are taken for markers. All must have the markers of the first one; others are left aside.
+
+use crate::readers::csv::Rows;
+use crate::readers::{
+    LoadError, MarkerOptions, Place, ReadError, bvh, c3d, csv, joint_motion, load, number, text, trc,
+    unexpected,
+};
+use crate::recording::{Convention, LengthUnit, MarkerRecording, RecordingError};
+use crate::scoring::{Performance, ScoringError};
+use crate::writers::{self, WriteError};
+use ::csv::StringRecord;
+use somersault_multibody::models::Diver;
+use std::path::{Component, Path, PathBuf};
+
+/// A line of the list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JudgedMotion {
+    /// The file, relative to the list.
+    pub file: String,
+    /// Its score.
+    pub score: f64,
+    /// Whether motion or score are made up.
+    pub synthetic: bool,
+    /// Single features, in the order of their names.
+    pub features: Vec<f64>,
+    /// Line in the list, from 1.
+    pub line: usize,
+}
+
+/// The list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JudgedList {
+    /// Names of the features.
+    pub feature_names: Vec<String>,
+    /// Its lines.
+    pub motions: Vec<JudgedMotion>,
+}
+
+/// How the files of a list are read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JudgedOptions {
+    /// Axes, and the unit where a file has none.
+    pub convention: Convention,
+    /// Whether NaN in text files of markers is a gap.
+    pub nan_is_gap: bool,
+    /// The longest gap that is filled, s. Gaps that are left are errors.
+    pub longest_gap: f64,
+    /// Whose lengths the motions of DeepMimic have.
+    pub diver: Diver,
+}
+
+impl Default for JudgedOptions {
+    /// z up, in m; gaps of up to 0.1 s are filled; the spatial diver.
+    fn default() -> Self {
+        let convention = Convention::z_up(LengthUnit::Metre);
+        Self { convention, nan_is_gap: false, longest_gap: 0.1, diver: Diver::spatial() }
+    }
+}
+
+/// A list with its motions: markers of the same names without gaps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JudgedSet {
+    /// The list.
+    pub list: JudgedList,
+    /// The motion of each line.
+    pub recordings: Vec<MarkerRecording>,
+}
+
+/// Why there is no judged set.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum JudgedError {
+    /// The list cannot be read.
+    #[error(transparent)]
+    List(LoadError),
+    /// A motion of it cannot.
+    #[error("line {line} of the list: {source}")]
+    Motion {
+        /// Line in the list, from 1.
+        line: usize,
+        /// Why.
+        source: LoadError,
+    },
+    /// A file has no known ending.
+    #[error("line {line} of the list: `{file}` must end in .csv, .trc, .c3d, .bvh, .json or .txt")]
+    UnknownFormat {
+        /// Line in the list, from 1.
+        line: usize,
+        /// The file.
+        file: String,
+    },
+    /// A motion lacks a marker that the first one has, or its gaps cannot be filled.
+    #[error("line {line} of the list: `{file}` does not suit the others: {source}")]
+    Recording {
+        /// Line in the list, from 1.
+        line: usize,
+        /// The file.
+        file: String,
+        /// Why.
+        source: RecordingError,
+    },
+    /// A gap is longer than what is filled, or at an end.
+    #[error("line {line} of the list: `{marker}` of `{file}` has a gap in frame {frame} that is not filled")]
+    Gap {
+        /// Line in the list, from 1.
+        line: usize,
+        /// The file.
+        file: String,
+        /// The marker.
+        marker: String,
+        /// Frame, from 0.
+        frame: usize,
+    },
+    /// A motion cannot be scored.
+    #[error("line {line} of the list: {source}")]
+    Scoring {
+        /// Line in the list, from 1.
+        line: usize,
+        /// Why.
+        source: ScoringError,
+    },
+    /// A set cannot be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// A path cannot be written to.
+    #[error("`{}` cannot be written: {reason}", path.display())]
+    Io {
+        /// The path.
+        path: PathBuf,
+        /// What the operating system says.
+        reason: String,
+    },
+}
+
+/// What a column holds.
+#[derive(Clone, Copy, PartialEq)]
+enum Column {
+    Motion,
+    Score,
+    Synthetic,
+    Feature,
+}
+
+/// The list in `text`.
+pub fn read(text: &str) -> Result<JudgedList, ReadError> {
+    let mut rows = Rows::new(text);
+    let mut record = StringRecord::new();
+    let Some(head) = rows.next(&mut record) else {
+        let allowed = "the names of columns".to_owned();
+        return Err(ReadError::Truncated { place: Place::Line(1), allowed });
+    };
+    let (columns, feature_names) = columns(head, &record)?;
+    let mut motions: Vec<JudgedMotion> = Vec::new();
+    let mut seen = std::collections::HashSet::new();
+    while let Some(place) = rows.next(&mut record) {
+        if record.len() != columns.len() {
+            let found = format!("{} cells", record.len());
+            return Err(unexpected(place, &found, format!("{} cells, as many as names", columns.len())));
+        }
+        let mut motion = JudgedMotion {
+            file: String::new(),
+            score: 0.0,
+            synthetic: false,
+            features: Vec::new(),
+            line: if let Place::Line(line) = place { line } else { 0 },
+        };
+        for (column, cell) in columns.iter().zip(&record) {
+            match column {
+                Column::Motion => motion.file = file(place, cell)?,
+                Column::Score => motion.score = number(place, cell, "a score")?,
+                Column::Synthetic => {
+                    motion.synthetic = cell.parse().map_err(|_| unexpected(place, cell, "true or false"))?;
+                }
+                Column::Feature => motion.features.push(number(place, cell, "a feature")?),
+            }
+        }
+        // a motion that is left out must not be learnt from in another line
+        if !seen.insert(motion.file.clone()) {
+            return Err(unexpected(place, &motion.file, "a motion that is not in the list already"));
+        }
+        motions.push(motion);
+    }
+    if motions.is_empty() {
+        return Err(ReadError::Truncated { place: head, allowed: "at least one motion after it".to_owned() });
+    }
+    Ok(JudgedList { feature_names, motions })
+}
+
+fn columns(place: Place, header: &StringRecord) -> Result<(Vec<Column>, Vec<String>), ReadError> {
+    let mut names = std::collections::HashSet::new();
+    let (mut columns, mut features) = (Vec::new(), Vec::new());
+    for name in header {
+        if name.is_empty() || !names.insert(name) {
+            return Err(unexpected(place, name, "names of columns that differ"));
+        }
+        columns.push(match name {
+            "motion" => Column::Motion,
+            "score" => Column::Score,
+            "synthetic" => Column::Synthetic,
+            _ => {
+                features.push(name.to_owned());
+                Column::Feature
+            }
+        });
+    }
+    match [Column::Motion, Column::Score].iter().all(|c| columns.contains(c)) {
+        true => Ok((columns, features)),
+        false => {
+            let found = header.iter().collect::<Vec<_>>().join(",");
+            Err(unexpected(place, &found, "columns with motion and score among them"))
+        }
+    }
+}
+
+/// A path below the folder of the list: nothing else on the machine is opened for what a list says.
+fn file(place: Place, cell: &str) -> Result<String, ReadError> {
+    let inside = Path::new(cell).components().all(|c| matches!(c, Component::Normal(_)));
+    if cell.is_empty() || !inside || cell.contains('\\') {
+        return Err(unexpected(place, cell, "a file below the folder of the list, its parts joined by /"));
+    }
+    Ok(cell.to_owned())
+}
+
+/// The list at `path` and its motions.
+pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<JudgedSet, JudgedError> {
+    let path = path.as_ref();
+    let list = load(path, |bytes| read(text(bytes)?)).map_err(JudgedError::List)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut recordings: Vec<MarkerRecording> = Vec::with_capacity(list.motions.len());
+    for motion in &list.motions {
+        let found = recording(folder, motion, options)?;
+        let (line, file) = (motion.line, motion.file.clone());
+        let unsuited = |source| JudgedError::Recording { line, file: file.clone(), source };
+        let found = match recordings.first() {
+            Some(first) => found.select(first.names()).map_err(unsuited)?,
+            None => found,
+        };
+        let found = if found.n_missing() > 0 {
+            found.fill_gaps(options.longest_gap).map_err(unsuited)?
+        } else {
+            found
+        };
+        for (frame, points) in found.frames().enumerate() {
+            if let Some(k) = points.iter().position(Option::is_none) {
+                return Err(JudgedError::Gap { line, file, marker: found.names()[k].clone(), frame });
+            }
+        }
+        recordings.push(found);
+    }
+    Ok(JudgedSet { list, recordings })
+}
+
+fn recording(
+    folder: &Path,
+    motion: &JudgedMotion,
+    options: &JudgedOptions,
+) -> Result<MarkerRecording, JudgedError> {
+    let path = folder.join(&motion.file);
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let JudgedOptions { convention, nan_is_gap, diver, .. } = *options;
+    let markers = MarkerOptions { convention, nan_is_gap };
+    let found = match ending.as_str() {
+        "csv" => load(path, |bytes| csv::read(text(bytes)?, &markers)),
+        "trc" => load(path, |bytes| trc::read(text(bytes)?, &markers)),
+        "c3d" => load(path, |bytes| c3d::read(bytes, &c3d::Options { convention })),
+        "bvh" => load(path, |bytes| Ok(bvh::read(text(bytes)?, &convention)?.joint_centres()?)),
+        "json" | "txt" => load(path, |bytes| Ok(joint_motion::read(text(bytes)?, &diver)?.joint_centres()?)),
+        _ => return Err(JudgedError::UnknownFormat { line: motion.line, file: motion.file.clone() }),
+    };
+    found.map_err(|source| JudgedError::Motion { line: motion.line, source })
+}
+
+/// The list as text that [`read`] reads; lines that are made up are labelled SYNTHETIC, and so is the list.
+pub fn write(list: &JudgedList) -> Result<String, WriteError> {
+    const ALLOWED: &str = "names without comma, quote, line break or blanks around them";
+    let mut out = String::new();
+    if list.motions.iter().any(|m| m.synthetic) {
+        out.push_str("# SYNTHETIC: motions or scores are made up\n");
+    }
+    out.push_str("motion,score,synthetic");
+    for name in &list.feature_names {
+        writers::expect_name(name, &[',', '"'], ALLOWED)?;
+        out.push(',');
+        out.push_str(name);
+    }
+    out.push('\n');
+    for motion in &list.motions {
+        writers::expect_name(&motion.file, &[',', '"'], ALLOWED)?;
+        out.push_str(&format!("{},{},{}", motion.file, motion.score, motion.synthetic));
+        motion.features.iter().for_each(|x| out.push_str(&format!(",{x}")));
+        out.push('\n');
+    }
+    Ok(out)
+}
+
+impl JudgedSet {
+    /// The scores, in the order of the list.
+    pub fn scores(&self) -> Vec<f64> {
+        self.list.motions.iter().map(|m| m.score).collect()
+    }
+
+    /// Each feature with its numbers, in the order of the list.
+    pub fn features(&self) -> Vec<(String, Vec<f64>)> {
+        let names = self.list.feature_names.iter().enumerate();
+        names
+            .map(|(k, name)| (name.clone(), self.list.motions.iter().map(|m| m.features[k]).collect()))
+            .collect()
+    }
+
+    /// The motions to be scored, those that are made up labelled so.
+    pub fn performances(&self) -> Result<Vec<Performance>, JudgedError> {
+        let performance = |(motion, recording): (&JudgedMotion, &MarkerRecording)| {
+            let found = Performance::from_markers(recording)
+                .map_err(|source| JudgedError::Scoring { line: motion.line, source })?;
+            Ok(if motion.synthetic { found.labelled_synthetic() } else { found })
+        };
+        self.list.motions.iter().zip(&self.recordings).map(performance).collect()
+    }
+
+    /// Writes the list as `judged.csv` and its motions into `folder`, under the names that the list has: they end in `.csv`, and
+    /// are markers in m, z up. Files of motions that are made up begin with a comment that says SYNTHETIC.
+    pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), JudgedError> {
+        let folder = folder.as_ref();
+        let put = |name: &str, content: String| {
+            let path = folder.join(name);
+            let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+            let written = made.and_then(|()| std::fs::write(&path, content));
+            written.map_err(|error| JudgedError::Io { path, reason: error.to_string() })
+        };
+        let metres = Convention::z_up(LengthUnit::Metre);
+        for (motion, recording) in self.list.motions.iter().zip(&self.recordings) {
+            if !motion.file.ends_with(".csv") {
+                return Err(JudgedError::UnknownFormat { line: motion.line, file: motion.file.clone() });
+            }
+            let label =
+                if motion.synthetic { "# SYNTHETIC: this motion or its score is made up\n" } else { "" };
+            put(&motion.file, label.to_owned() + &writers::csv::write(recording, &metres)?)?;
+        }
+        put("judged.csv", write(&self.list)?)
+    }
+}

@@ -1,0 +1,45 @@
+//! Markers that nobody measured.
+
+use super::{SyntheticError, expect_not_negative};
+use crate::fit::MarkerSet;
+use crate::recording::MarkerRecording;
+use nalgebra::Vector3;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use somersault_multibody::{Data, Model};
+
+/// **Synthetic** measurements: where `markers` of `model` are at its configurations, one after the other, each coordinate
+/// with normal noise of standard deviation `noise`, m. The same for the same seed.
+pub fn synthetic_markers(
+    model: &Model,
+    markers: &MarkerSet,
+    times: &[f64],
+    positions: &[f64],
+    noise: f64,
+    seed: u64,
+) -> Result<MarkerRecording, SyntheticError> {
+    expect_not_negative("noise", noise)?;
+    let expected = times.len().saturating_mul(model.n_positions());
+    if positions.len() != expected {
+        return Err(SyntheticError::Length { argument: "positions", expected, found: positions.len() });
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut data = Data::new(model);
+    let mut points = Vec::with_capacity(times.len() * markers.markers().len());
+    for q in positions.chunks_exact(model.n_positions()) {
+        let placed = model.positions(&mut data, q)?;
+        for marker in markers.markers() {
+            let off = Vector3::from_fn(|_, _| standard_normal(&mut rng));
+            points.push(Some(placed.pose(marker.body)?.point(&marker.point) + off * noise));
+        }
+    }
+    let names = markers.markers().iter().map(|m| m.name.clone()).collect();
+    Ok(MarkerRecording::try_new(names, times.to_vec(), points)?)
+}
+
+/// A number from the standard normal distribution, after G. E. P. Box and M. E. Muller, Ann. Math. Statist. 29 (1958), 610.
+pub(super) fn standard_normal(rng: &mut impl Rng) -> f64 {
+    // 1 − u is never zero
+    let (u, turn): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
+}

@@ -1,0 +1,255 @@
+//! A flight flown anew with other joints and another momentum.
+
+use super::curve::FoldCurve;
+use super::{SyntheticError, expect_range, synthetic_markers};
+use crate::analysis::DiveFaults;
+use crate::fit::MarkerSet;
+use crate::recording::{MarkerRecording, expect_times, uniform_times};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use somersault_core::so3;
+use somersault_integrators::driver::{TimeGrid, integrate};
+use somersault_integrators::methods::RungeKuttaMuntheKaas4;
+use somersault_integrators::solution::Recorder;
+use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
+use somersault_multibody::motion::TreeMotion;
+use somersault_multibody::{Data, Joint, Model};
+
+/// What is changed about a flight.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Perturbation {
+    /// How much later the fold opens, s; negative earlier.
+    pub exit_delay: f64,
+    /// ℓ, share by which the fold is smaller: a loose pike. Negative: tighter, maybe beyond the joints' ranges.
+    pub looseness: f64,
+    /// How much farther the body turns till the entry, rad; negative: short.
+    pub over_rotation: f64,
+    /// A, amplitude of the wobble as a share of the fold.
+    pub wobble: f64,
+    /// f, of the wobble, Hz.
+    pub wobble_frequency: f64,
+    /// φ, of the wobble, rad.
+    pub wobble_phase: f64,
+    /// a, share by which joints named `right_…` fold more and those named `left_…` less.
+    pub asymmetry: f64,
+    /// d, share by which the flight lasts longer.
+    pub duration: f64,
+}
+
+impl Perturbation {
+    /// Nothing; a wobble would be of 6 Hz.
+    pub fn none() -> Self {
+        Self {
+            exit_delay: 0.0,
+            looseness: 0.0,
+            over_rotation: 0.0,
+            wobble: 0.0,
+            wobble_frequency: 6.0,
+            wobble_phase: 0.0,
+            asymmetry: 0.0,
+            duration: 0.0,
+        }
+    }
+
+    fn validate(&self) -> Result<(), SyntheticError> {
+        let share =
+            |argument, found| expect_range(argument, found, "between -1 and 1", |x: f64| x.abs() < 1.0);
+        share("looseness", self.looseness)?;
+        share("wobble", self.wobble)?;
+        share("asymmetry", self.asymmetry)?;
+        share("duration", self.duration)?;
+        for (argument, found) in [
+            ("over_rotation", self.over_rotation),
+            ("wobble_frequency", self.wobble_frequency),
+            ("wobble_phase", self.wobble_phase),
+        ] {
+            expect_range(argument, found, "finite", f64::is_finite)?;
+        }
+        Ok(())
+    }
+}
+
+/// A flight that synthetic dives are made of.
+#[derive(Debug, Clone)]
+pub struct SyntheticFlight {
+    model: Model,
+    curve: FoldCurve,
+    duration: f64,
+    n_frames: usize,
+    /// Orientation of the root in the first frame: numbers of q.
+    orientation: Vec<f64>,
+    /// Centre of mass in the first and the last frame.
+    ends: [Vector3<f64>; 2],
+    /// Mean over the flight, by differences.
+    momentum: Vector3<f64>,
+    /// How far the root turns about the momentum, rad.
+    turned: f64,
+}
+
+/// A **synthetic** dive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SyntheticDive {
+    /// At equal distances from 0, s.
+    pub times: Vec<f64>,
+    /// Configurations, one after the other.
+    pub positions: Vec<f64>,
+    /// What made it.
+    pub perturbation: Perturbation,
+    /// About the centre of mass, world axes, kg m²/s.
+    pub angular_momentum: Vector3<f64>,
+}
+
+/// Steps of the integration from frame to frame.
+const STEPS: u64 = 8;
+/// Secants to the momentum, at most, and what rotation they may miss, rad.
+const SECANTS: usize = 30;
+const AIM_TOL: f64 = 1e-9;
+
+impl SyntheticFlight {
+    /// Of configurations at `times`, one after the other, of a `model` with a floating or planar root and other joints of one
+    /// coordinate. At least five frames, less than a half turn apart; the dives have as many.
+    pub fn try_new(model: &Model, times: &[f64], positions: &[f64]) -> Result<Self, SyntheticError> {
+        const LEAST: usize = 5;
+        if times.len() < LEAST {
+            return Err(SyntheticError::TooFew { argument: "times", least: LEAST, found: times.len() });
+        }
+        expect_times(times)?;
+        let (n_q, n_frames) = (model.n_positions(), times.len());
+        let expected = n_frames.saturating_mul(n_q);
+        if positions.len() != expected {
+            let (argument, found) = ("positions", positions.len());
+            return Err(SyntheticError::Length { argument, expected, found });
+        }
+        if let Some(&found) = positions.iter().find(|x| !x.is_finite()) {
+            return Err(SyntheticError::OutOfRange { argument: "positions", allowed: "finite", found });
+        }
+        let turning = match model.joint(0) {
+            Some(Joint::Planar) => 2..3,
+            _ => 3..model.positions_of(0).len().max(3),
+        };
+        let mut data = Data::new(model);
+        let mut v = vec![0.0; model.n_velocities()];
+        let frames: Vec<&[f64]> = positions.chunks_exact(n_q).collect();
+        let mut momentum = Vector3::zeros();
+        for (times, pair) in times.windows(2).zip(frames.windows(2)) {
+            model.difference(pair[0], pair[1], &mut v)?;
+            momentum += model.centroidal(&mut data, pair[0])?.momentum(&v)?.angular / (times[1] - times[0]);
+        }
+        momentum /= (n_frames - 1) as f64;
+        let mut center = |q: &[f64]| Ok::<_, SyntheticError>(model.positions(&mut data, q)?.center_of_mass());
+        let ends = [center(frames[0])?, center(frames[n_frames - 1])?];
+        // refuses models that cannot fly
+        let take_off = TakeOff {
+            time: 0.0,
+            center_of_mass: ends[0],
+            velocity: Vector3::zeros(),
+            angular_momentum: momentum,
+        };
+        Flight::try_new(model, take_off)?;
+        let curve = FoldCurve::try_new(model, times, positions)?;
+        let turned = turned(model, positions, &momentum);
+        // one that turns by less than this is not aimed by its momentum
+        if !(turned.abs() > 1e-3) {
+            return Err(SyntheticError::NoMomentum);
+        }
+        let (model, orientation) = (model.clone(), frames[0][turning].to_vec());
+        let duration = times[n_frames - 1] - times[0];
+        Ok(Self { model, curve, duration, n_frames, orientation, ends, momentum, turned })
+    }
+
+    /// The model that flies.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The flight with this perturbation. Cost: some 30 000 evaluations of the flight for 60 frames.
+    pub fn perturb(&self, perturbation: &Perturbation) -> Result<SyntheticDive, SyntheticError> {
+        perturbation.validate()?;
+        self.curve.expect_delay(perturbation.exit_delay)?;
+        let target = self.turned + self.turned.signum() * perturbation.over_rotation;
+        // in the plane the rotation is linear in the momentum, and the second secant meets it
+        let mut before: Option<(f64, f64)> = None;
+        let (mut factor, mut miss) = (1.0, f64::INFINITY);
+        for _ in 0..SECANTS {
+            let dive = self.fly(perturbation, factor)?;
+            miss = turned(&self.model, &dive.positions, &self.momentum) - target;
+            if miss.abs() < AIM_TOL {
+                return Ok(dive);
+            }
+            let slope = match before {
+                Some((other, missed)) => (miss - missed) / (factor - other),
+                None => self.turned,
+            };
+            before = Some((factor, miss));
+            factor -= miss / slope;
+            if !factor.is_finite() {
+                break;
+            }
+        }
+        Err(SyntheticError::NotAimed { miss })
+    }
+
+    /// Flies with a momentum that is `factor` times that of the flight.
+    fn fly(&self, perturbation: &Perturbation, factor: f64) -> Result<SyntheticDive, SyntheticError> {
+        let duration = self.duration * (1.0 + perturbation.duration);
+        let [start, end] = self.ends;
+        let take_off = TakeOff {
+            time: 0.0,
+            center_of_mass: start,
+            velocity: (end - start) / duration - self.model.gravity() * (0.5 * duration),
+            angular_momentum: self.momentum * factor,
+        };
+        let flight = Flight::try_new(&self.model, take_off)?;
+        let shape = |t: f64, q: &mut [f64], v: &mut [f64]| {
+            self.curve.joints_into(perturbation, duration, t, q, v);
+        };
+        let system = FlightSystem::new(flight, &shape);
+        let first = system.state(&self.orientation)?;
+        let grid = TimeGrid::try_with_steps(0.0, duration, STEPS * (self.n_frames as u64 - 1));
+        let grid = grid.map_err(|error| system.explain(error))?;
+        let mut recorder = Recorder::new(0.0, &first, STEPS);
+        integrate(&system, &RungeKuttaMuntheKaas4, &first, &grid, &mut recorder)
+            .map_err(|error| system.explain(error))?;
+        let times = uniform_times(&[0.0, duration], self.n_frames);
+        let mut positions = Vec::with_capacity(self.n_frames * self.model.n_positions());
+        let mut room = somersault_integrators::system::System::workspace(&system);
+        for (t, state) in times.iter().zip(&recorder.into_solution().states) {
+            positions.extend_from_slice(system.complete(&mut room, *t, state)?.0);
+        }
+        Ok(SyntheticDive {
+            times,
+            positions,
+            perturbation: *perturbation,
+            angular_momentum: take_off.angular_momentum,
+        })
+    }
+}
+
+impl SyntheticDive {
+    /// Its faults.
+    pub fn faults(&self, model: &Model) -> Result<DiveFaults, SyntheticError> {
+        Ok(DiveFaults::of(model, &self.times, &self.positions)?)
+    }
+
+    /// Where markers of the model were, with noise: [`synthetic_markers`].
+    pub fn markers(
+        &self,
+        model: &Model,
+        markers: &MarkerSet,
+        noise: f64,
+        seed: u64,
+    ) -> Result<MarkerRecording, SyntheticError> {
+        synthetic_markers(model, markers, &self.times, &self.positions, noise, seed)
+    }
+}
+
+/// How far the root turns about the direction of the momentum, rad: in the plane its angle, in space the sum of the parts of
+/// the steps along it.
+fn turned(model: &Model, positions: &[f64], momentum: &Vector3<f64>) -> f64 {
+    let frames: Vec<&[f64]> = positions.chunks_exact(model.n_positions()).collect();
+    if model.joint(0) == Some(&Joint::Planar) {
+        return frames[frames.len() - 1][2] - frames[0][2];
+    }
+    let axis = momentum.normalize();
+    let rotation = |q: &[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
+    frames.windows(2).map(|w| so3::log(&(rotation(w[1]) * rotation(w[0]).inverse())).dot(&axis)).sum()
+}

@@ -1,0 +1,125 @@
+//! Markers as C3D: the format of [`readers::c3d`](crate::readers::c3d).
+//!
+//! Point data as floats for processors of Intel, without analog channels. Coordinates and the rate have single
+//! precision; the first frame is at t = 0 for whoever reads the file. Gaps have a residual of −1, other points of 0.
+
+use super::{WriteError, expect_name, time_step};
+use crate::recording::{Convention, MarkerRecording};
+
+/// Bytes in a block.
+const BLOCK: usize = 512;
+/// The greatest number of 16 bits.
+const WORD: usize = 0xffff;
+/// Labels in an array.
+const LABELS: usize = 255;
+
+/// `recording` as the bytes of a file.
+pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Vec<u8>, WriteError> {
+    let (n_points, n_frames) = (recording.n_markers(), recording.n_frames());
+    // four words each, and that many fit into a block's count of words
+    let most = WORD / 4;
+    if n_points > most {
+        return Err(WriteError::TooMany { quantity: "points", found: n_points, most });
+    }
+    if n_frames > u32::MAX as usize {
+        return Err(WriteError::TooMany { quantity: "frames", found: n_frames, most: u32::MAX as usize });
+    }
+    let rate = (1.0 / time_step(recording.times())?) as f32;
+    let mut section = parameters(recording, convention, rate)?;
+    let n_blocks = section.len() / BLOCK;
+    let Ok(counted) = u8::try_from(n_blocks) else {
+        return Err(WriteError::TooMany { quantity: "blocks of names", found: n_blocks, most: 255 });
+    };
+    section[2] = counted;
+
+    let mut file = vec![2, 0x50];
+    let data = (2 + n_blocks) as u16;
+    for word in [n_points as u16, 0, 1, n_frames.min(WORD) as u16, 0] {
+        file.extend(word.to_le_bytes());
+    }
+    file.extend((-1.0_f32).to_le_bytes());
+    file.extend(data.to_le_bytes());
+    file.extend(0_u16.to_le_bytes());
+    file.extend(rate.to_le_bytes());
+    file.resize(BLOCK, 0);
+    file.append(&mut section);
+    for point in recording.frames().flatten() {
+        let [x, y, z, residual] = match point.map(|p| convention.file_position(&p)) {
+            Some(p) => [p.x as f32, p.y as f32, p.z as f32, 0.0],
+            None => [0.0, 0.0, 0.0, -1.0],
+        };
+        for number in [x, y, z, residual] {
+            file.extend(number.to_le_bytes());
+        }
+    }
+    file.resize(file.len().next_multiple_of(BLOCK), 0);
+    Ok(file)
+}
+
+/// The parameter section, whole blocks; how many is left to the caller.
+fn parameters(
+    recording: &MarkerRecording,
+    convention: &Convention,
+    rate: f32,
+) -> Result<Vec<u8>, WriteError> {
+    let (n_points, n_frames) = (recording.n_markers(), recording.n_frames());
+    let mut section = vec![1, 0x50, 0, 84];
+    group(&mut section, 1, "POINT");
+    word(&mut section, 1, "USED", &[n_points as u16]);
+    word(&mut section, 1, "FRAMES", &[n_frames.min(WORD) as u16]);
+    float(&mut section, 1, "SCALE", -1.0);
+    float(&mut section, 1, "RATE", rate);
+    let unit = convention.unit().symbol();
+    array(&mut section, 1, "UNITS", -1, &[unit.len() as u8], unit.as_bytes());
+    for (k, names) in recording.names().chunks(LABELS).enumerate() {
+        let width = names.iter().map(String::len).max().unwrap_or(0);
+        let mut labels = Vec::with_capacity(width * names.len());
+        for name in names {
+            const ALLOWED: &str = "names of up to 255 ASCII characters without blanks around them";
+            expect_name(name, &[], ALLOWED)?;
+            if !name.is_ascii() || width > 255 {
+                return Err(WriteError::Name { name: name.clone(), allowed: ALLOWED });
+            }
+            labels.extend(name.bytes());
+            labels.resize(labels.len().next_multiple_of(width.max(1)), b' ');
+        }
+        let array_name = if k == 0 { "LABELS".to_owned() } else { format!("LABELS{}", k + 1) };
+        array(&mut section, 1, &array_name, -1, &[width as u8, names.len() as u8], &labels);
+    }
+    if n_frames > WORD {
+        group(&mut section, 2, "TRIAL");
+        word(&mut section, 2, "ACTUAL_START_FIELD", &[1, 0]);
+        let last = [n_frames as u16, (n_frames >> 16) as u16];
+        word(&mut section, 2, "ACTUAL_END_FIELD", &last);
+    }
+    section.extend([0, 0]);
+    section.resize(section.len().next_multiple_of(BLOCK), 0);
+    Ok(section)
+}
+
+fn group(section: &mut Vec<u8>, number: i8, name: &str) {
+    section.extend([name.len() as u8, -number as u8]);
+    section.extend(name.bytes());
+    // to the next parameter, past an empty description
+    section.extend([3, 0, 0]);
+}
+
+fn word(section: &mut Vec<u8>, group: i8, name: &str, words: &[u16]) {
+    let data: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
+    let dimensions: &[u8] = if words.len() > 1 { &[words.len() as u8] } else { &[] };
+    array(section, group, name, 2, dimensions, &data);
+}
+
+fn float(section: &mut Vec<u8>, group: i8, name: &str, x: f32) {
+    array(section, group, name, 4, &[], &x.to_le_bytes());
+}
+
+fn array(section: &mut Vec<u8>, group: i8, name: &str, kind: i8, dimensions: &[u8], data: &[u8]) {
+    section.extend([name.len() as u8, group as u8]);
+    section.extend(name.bytes());
+    section.extend(((2 + 2 + dimensions.len() + data.len() + 1) as u16).to_le_bytes());
+    section.extend([kind as u8, dimensions.len() as u8]);
+    section.extend(dimensions);
+    section.extend(data);
+    section.push(0);
+}

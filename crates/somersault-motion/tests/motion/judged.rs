@@ -1,0 +1,140 @@
+//! Lists of motions with scores.
+
+use crate::files::{BVH, CSV, TRC};
+use crate::synthetic::judged;
+use somersault_motion::judged::{self as list, JudgedError, JudgedOptions, load_set};
+use somersault_motion::readers::{LoadError, Place, ReadError};
+use somersault_motion::scoring::{ScoringModel, ScoringOptions};
+use somersault_motion::synthetic::SyntheticOptions;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const LIST: &str = "# my club
+motion,height,score
+
+a.csv,1.5,7.5
+sub/b.trc,1.25,6
+";
+
+/// A folder that goes when the test ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("somersault-{name}-{}", std::process::id()));
+        fs::create_dir_all(path.join("sub")).unwrap();
+        Self(path)
+    }
+
+    fn put(&self, name: &str, content: &str) {
+        fs::write(self.0.join(name), content).unwrap();
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        Path::new(&self.0).join(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn a_list_is_read_with_its_features_and_lines() {
+    let found = list::read(LIST).unwrap();
+    assert_eq!(found.feature_names, ["height"]);
+    assert_eq!((found.motions[0].score, &found.motions[0].features[..]), (7.5, &[1.5][..]));
+    assert_eq!((found.motions[1].file.as_str(), found.motions[1].line), ("sub/b.trc", 5));
+    assert!(found.motions.iter().all(|m| !m.synthetic));
+    let text = list::write(&found).unwrap();
+    assert!(!text.contains("SYNTHETIC"));
+    let again = list::read(&text).unwrap();
+    assert_eq!(again.motions[1].features, found.motions[1].features);
+}
+
+#[test]
+fn a_wrong_list_is_named_with_its_line() {
+    let line = |text: &str| match list::read(text) {
+        Err(
+            ReadError::Unexpected { place: Place::Line(line), .. }
+            | ReadError::NonFinite { place: Place::Line(line), .. }
+            | ReadError::Truncated { place: Place::Line(line), .. },
+        ) => line,
+        other => panic!("{other:?}"),
+    };
+    let change = |from: &str, to: &str| {
+        assert!(LIST.contains(from));
+        line(&LIST.replacen(from, to, 1))
+    };
+    assert_eq!(line(""), 1);
+    assert_eq!(line("motion,score\n"), 1);
+    assert_eq!(change("score", "points"), 2);
+    assert_eq!(change("height", "score"), 2);
+    assert_eq!(change("7.5", "good"), 4);
+    assert_eq!(change("7.5", "nan"), 4);
+    assert_eq!(change("1.5,", ""), 4);
+    assert_eq!(change("sub/b.trc", "a.csv"), 5);
+    for path in ["/etc/passwd", "../b.trc", "sub/../../b.trc", "..\\b.trc", ""] {
+        assert_eq!(change("sub/b.trc", path), 5, "{path}");
+    }
+    assert_eq!(line("motion,score,synthetic\na.csv,1,maybe\n"), 2);
+}
+
+#[test]
+fn motions_of_a_list_have_the_markers_of_the_first_without_gaps() {
+    let folder = Folder::new("judged");
+    folder.put("judged.csv", LIST);
+    folder.put("a.csv", CSV);
+    folder.put("sub/b.trc", TRC);
+    let options = JudgedOptions::default();
+    let load = |options: &JudgedOptions| load_set(folder.path("judged.csv"), options);
+    let found = load(&options).unwrap();
+    assert_eq!(found.scores(), [7.5, 6.0]);
+    assert_eq!(found.features(), [("height".to_owned(), vec![1.5, 1.25])]);
+    assert!(found.recordings.iter().all(|r| r.n_missing() == 0 && r.names() == ["hip", "knee"]));
+    assert!(found.performances().unwrap().iter().all(|p| !p.is_synthetic()));
+
+    let gap = load(&JudgedOptions { longest_gap: 0.015, ..options });
+    assert!(
+        matches!(&gap, Err(JudgedError::Gap { line: 4, frame: 1, marker, .. }) if marker == "knee"),
+        "{gap:?}"
+    );
+    folder.put("sub/b.trc", &TRC.replace("knee", "nose"));
+    assert!(matches!(load(&options), Err(JudgedError::Recording { line: 5, .. })));
+    folder.put("sub/b.trc", &TRC.replace("901", "9o1"));
+    let Err(JudgedError::Motion { line: 5, source }) = load(&options) else { panic!() };
+    assert!(matches!(
+        source,
+        LoadError::Read { source: ReadError::Unexpected { place: Place::Line(8), .. }, .. }
+    ));
+    folder.put("judged.csv", &LIST.replace("sub/b.trc", "c.trc"));
+    assert!(matches!(load(&options), Err(JudgedError::Motion { line: 5, source: LoadError::Io { .. } })));
+    folder.put("judged.csv", &LIST.replace("sub/b.trc", "c.docx"));
+    assert!(matches!(load(&options), Err(JudgedError::UnknownFormat { line: 5, .. })));
+    assert!(matches!(load_set(folder.path("none"), &options), Err(JudgedError::List(LoadError::Io { .. }))));
+    // the joint centres of a skeleton have names of their own
+    folder.put("judged.csv", "motion,score\nx.bvh,5\n");
+    folder.put("x.bvh", BVH);
+    assert_eq!(load(&options).unwrap().recordings[0].names()[0], "Hips");
+}
+
+#[test]
+fn a_synthetic_set_comes_back_from_its_files_and_trains_the_same_model() {
+    let folder = Folder::new("synthetic");
+    let (set, _) = judged(&SyntheticOptions::of(12));
+    let saved = set.judged_set();
+    saved.save(&folder.0).unwrap();
+    for entry in fs::read_dir(&folder.0).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file()) {
+        assert!(fs::read_to_string(&entry).unwrap().starts_with("# SYNTHETIC"), "{entry:?}");
+    }
+    let found = load_set(folder.path("judged.csv"), &JudgedOptions::default()).unwrap();
+    assert_eq!(found, saved);
+    let [from_files, from_memory] =
+        [(found.performances().unwrap(), found.scores()), (set.performances().unwrap(), set.scores)].map(
+            |(motions, scores)| ScoringModel::train(&motions, &scores, &ScoringOptions::thesis()).unwrap(),
+        );
+    assert_eq!(from_files, from_memory);
+    assert!(from_files.is_synthetic());
+}

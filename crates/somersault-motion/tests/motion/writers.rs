@@ -1,0 +1,182 @@
+//! What is written is read again.
+
+use crate::files::{BVH, CSV, TRC, joint_motion};
+use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::so3::angle_between;
+use somersault_motion::readers::{self, MarkerOptions};
+use somersault_motion::recording::{
+    Axis, Convention, LengthUnit, MarkerRecording, Skeleton, SkeletonJoint, SkeletonRecording,
+};
+use somersault_motion::writers::{self, WriteError};
+use somersault_multibody::models::Diver;
+
+/// Digits that no short decimal has, a gap, and a name with blanks and umlauts inside.
+fn markers() -> MarkerRecording {
+    let names = vec!["left knee".into(), "höhe".into(), "c".into()];
+    let times: Vec<f64> = (0..7).map(|i| 0.1 * f64::from(i) / 3.0).collect();
+    let point = |k: usize| {
+        let x = (k as f64 * 0.7).sin();
+        (k != 10).then(|| Vector3::new(x, 1.0 / (k as f64 + 3.0), -1e-9 * x))
+    };
+    MarkerRecording::try_new(names, times, (0..21).map(point).collect()).unwrap()
+}
+
+fn largest_difference(a: &MarkerRecording, b: &MarkerRecording) -> f64 {
+    assert_eq!((a.names(), a.n_frames()), (b.names(), b.n_frames()));
+    let pairs = a.frames().flatten().zip(b.frames().flatten());
+    pairs.fold(0.0, |largest, (a, b)| match (a, b) {
+        (Some(a), Some(b)) => (a - b).amax().max(largest),
+        (None, None) => largest,
+        _ => f64::NAN,
+    })
+}
+
+#[test]
+fn markers_in_metres_keep_all_their_digits_as_text() {
+    let (markers, metres) = (markers(), Convention::z_up(LengthUnit::Metre));
+    let text = writers::csv::write(&markers, &metres).unwrap();
+    assert_eq!(readers::csv::read(&text, &MarkerOptions::default()).unwrap(), markers);
+    let text = writers::trc::write(&markers, "a.trc", &metres).unwrap();
+    assert_eq!(readers::trc::read(&text, &MarkerOptions::default()).unwrap(), markers);
+    // and those of the files that other tests read
+    let options = MarkerOptions::default();
+    let csv = readers::csv::read(CSV, &options).unwrap();
+    let again = writers::csv::write(&csv, &metres).unwrap();
+    assert_eq!(readers::csv::read(&again, &options).unwrap(), csv);
+    let convention = Convention::y_up_x_forward(LengthUnit::Millimetre);
+    let options = MarkerOptions { convention, ..options };
+    let trc = readers::trc::read(TRC, &options).unwrap();
+    let again = writers::trc::write(&trc, "jump.trc", &convention).unwrap();
+    assert_eq!(readers::trc::read(&again, &options).unwrap(), trc);
+}
+
+#[test]
+fn conventions_come_back_to_rounding() {
+    let markers = markers();
+    for unit in [LengthUnit::Millimetre, LengthUnit::Inch] {
+        let convention = Convention::try_new(unit, Axis::PlusY, Axis::MinusZ).unwrap();
+        let options = MarkerOptions { convention, ..MarkerOptions::default() };
+        for again in [
+            readers::csv::read(&writers::csv::write(&markers, &convention).unwrap(), &options).unwrap(),
+            readers::trc::read(&writers::trc::write(&markers, "x", &convention).unwrap(), &options).unwrap(),
+        ] {
+            assert!(largest_difference(&markers, &again) < 1e-15);
+        }
+    }
+}
+
+#[test]
+fn c3d_comes_back_in_single_precision() {
+    let read = |file: &[u8]| readers::c3d::read(file, &readers::c3d::Options::default()).unwrap();
+    let markers = markers();
+    let names: Vec<String> = ["left knee", "b", "c"].map(String::from).to_vec();
+    let points: Vec<_> = markers.frames().flatten().copied().collect();
+    let markers = MarkerRecording::try_new(names, markers.times().to_vec(), points).unwrap();
+    let again = read(&writers::c3d::write(&markers, &Convention::z_up(LengthUnit::Metre)).unwrap());
+    assert!(largest_difference(&markers, &again) < 1e-7);
+    let times = markers.times().iter().zip(again.times());
+    assert!(times.into_iter().all(|(a, b)| (a - b).abs() < 1e-7 * b.max(0.1)));
+
+    // more points than an array has labels, more frames than sixteen bits count
+    let (n_points, n_frames) = (300, 3);
+    let names = (0..n_points).map(|k| format!("marker {k}")).collect();
+    let points = (0..n_points * n_frames).map(|k| Some(Vector3::repeat(k as f64 / 8.0))).collect();
+    let times = (0..n_frames).map(|i| i as f64 / 128.0).collect();
+    let wide = MarkerRecording::try_new(names, times, points).unwrap();
+    assert_eq!(read(&writers::c3d::write(&wide, &Convention::z_up(LengthUnit::Metre)).unwrap()), wide);
+    let n_frames = 70_000;
+    let times = (0..n_frames).map(|i| i as f64 / 128.0).collect();
+    let points = (0..n_frames).map(|i| Some(Vector3::repeat(i as f64 / 8.0))).collect();
+    let long = MarkerRecording::try_new(vec!["a".into()], times, points).unwrap();
+    assert_eq!(read(&writers::c3d::write(&long, &Convention::z_up(LengthUnit::Metre)).unwrap()), long);
+}
+
+fn assert_same_motion(a: &SkeletonRecording, b: &SkeletonRecording) {
+    assert_eq!(a.skeleton(), b.skeleton());
+    for i in 0..a.n_frames() {
+        assert!((a.times()[i] - b.times()[i]).abs() < 1e-12);
+        for (a, b) in a.frame(i).zip(b.frame(i)) {
+            assert!((a.0 - b.0).norm() < 1e-13 && angle_between(&a.1, &b.1) < 1e-13, "frame {i}");
+        }
+    }
+}
+
+#[test]
+fn bvh_comes_back_to_rounding() {
+    let convention = Convention::y_up_z_forward(LengthUnit::Centimetre);
+    let recording = readers::bvh::read(BVH, &convention).unwrap();
+    let text = writers::bvh::write(&recording, &convention).unwrap();
+    assert_same_motion(&readers::bvh::read(&text, &convention).unwrap(), &recording);
+
+    // rotations anywhere, and where the first and the third axis coincide
+    let joint = |name: &str, parent, turns, moves| SkeletonJoint {
+        name: name.into(),
+        parent,
+        offset: Vector3::new(0.0, 0.1, -0.4),
+        turns,
+        moves,
+    };
+    let skeleton = Skeleton::try_new(vec![
+        joint("hips", None, true, true),
+        joint("left leg", Some(0), true, false),
+        joint("left leg_end", Some(1), false, false),
+        joint("rigid", Some(0), false, false),
+        joint("slider", Some(3), true, true),
+    ])
+    .unwrap();
+    let n = 200;
+    let rotation = |k: usize| {
+        let x = k as f64;
+        match k % 4 {
+            // R_z(a) R_x(±π/2) R_y(c) in the axes of the file, nearly or exactly
+            0 => {
+                let up = UnitQuaternion::from_scaled_axis(
+                    Vector3::x() * (std::f64::consts::FRAC_PI_2 - 1e-9 * (x % 3.0)),
+                );
+                let [a, c] =
+                    [Vector3::z() * x, Vector3::y() * (0.3 * x)].map(UnitQuaternion::from_scaled_axis);
+                convention.rotation(&(a * up * c))
+            }
+            _ => UnitQuaternion::from_euler_angles(0.9 * x, (1.7 * x).sin(), -2.3 * x),
+        }
+    };
+    let times: Vec<f64> = (0..n).map(|i| i as f64 / 120.0).collect();
+    let places = (0..2 * n).map(|k| Vector3::new((k as f64).sin(), 0.1, 0.3)).collect();
+    let recording =
+        SkeletonRecording::try_new(skeleton, times, (0..3 * n).map(rotation).collect(), places).unwrap();
+    let metres = Convention::y_up_z_forward(LengthUnit::Metre);
+    let text = writers::bvh::write(&recording, &metres).unwrap();
+    assert_same_motion(&readers::bvh::read(&text, &metres).unwrap(), &recording);
+}
+
+#[test]
+fn joint_motions_come_back_to_rounding() {
+    let diver = Diver::spatial();
+    let recording = readers::joint_motion::read(&joint_motion(5), &diver).unwrap();
+    let text = writers::joint_motion::write(&recording).unwrap();
+    assert_same_motion(&readers::joint_motion::read(&text, &diver).unwrap(), &recording);
+    if let Some(recording) = crate::recorded::motion("backflip") {
+        let text = writers::joint_motion::write(&recording).unwrap();
+        assert_same_motion(&readers::joint_motion::read(&text, &diver).unwrap(), &recording);
+    }
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_refused() {
+    let metres = Convention::z_up(LengthUnit::Metre);
+    let named =
+        |name: &str| MarkerRecording::try_new(vec![name.into()], vec![0.0, 0.1, 0.3], vec![None; 3]).unwrap();
+    assert!(matches!(writers::csv::write(&named("a,b"), &metres), Err(WriteError::Name { .. })));
+    assert!(matches!(writers::trc::write(&named("a\tb"), "x", &metres), Err(WriteError::Name { .. })));
+    assert!(matches!(writers::trc::write(&named("a"), "x\ny", &metres), Err(WriteError::Name { .. })));
+    assert!(matches!(writers::csv::write(&named(" a"), &metres), Err(WriteError::Name { .. })));
+    let uneven = writers::c3d::write(&named("a"), &metres);
+    assert!(matches!(uneven, Err(WriteError::UnevenTimes { frame: 2, found: 0.3, .. })), "{uneven:?}");
+    let even = |name: &str| MarkerRecording::try_new(vec![name.into()], vec![0.0], vec![None]).unwrap();
+    assert!(matches!(writers::c3d::write(&even("höhe"), &metres), Err(WriteError::Name { .. })));
+    assert!(matches!(writers::c3d::write(&even(&"a".repeat(256)), &metres), Err(WriteError::Name { .. })));
+    let bvh = readers::bvh::read(BVH, &metres).unwrap();
+    let found = writers::joint_motion::write(&bvh);
+    let expected = WriteError::Joint { joint: 0, expected: "root", found: "Hips".into() };
+    assert_eq!(found, Err(expected));
+}

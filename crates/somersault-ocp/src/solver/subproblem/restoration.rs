@@ -1,0 +1,61 @@
+//! Steps towards feasibility alone: least squares, damped, within bounds.
+//!
+//! ```text
+//! minimise  ½ Σ (violations of l ≤ c + J p ≤ u)² + ½ σ ‖p‖²   subject to  l_z ≤ z + p ≤ u_z
+//! ```
+//! A working set of bounds and of rows that are violated at the end of the step, exchanged as for Newton's step.
+
+use super::{EXCHANGES, Subproblem};
+use crate::solver::kkt::Activity;
+use crate::solver::program::Point;
+
+/// What a step of restoration leaves.
+pub(in crate::solver) struct Rest {
+    /// Half the sum of squared violations, linearised.
+    pub(in crate::solver) squared_violation: f64,
+    /// Whether the working set is the right one.
+    pub(in crate::solver) is_settled: bool,
+}
+
+impl Subproblem {
+    /// The step that makes half the sum of squared linearised violations and ½ σ ‖p‖² least within the bounds.
+    /// None if it cannot be computed.
+    pub(in crate::solver) fn restore(&mut self, point: &Point, shift: f64) -> Option<Rest> {
+        self.set_bounds(point);
+        let n = point.z.len();
+        for i in 0..self.trial_set.len() {
+            self.trial_set[i] = if self.lower[i] == self.upper[i] {
+                Activity::Equal
+            } else if i >= n && self.lower[i] > 0.0 {
+                Activity::Lower
+            } else if i >= n && self.upper[i] < 0.0 {
+                Activity::Upper
+            } else {
+                Activity::Free
+            };
+        }
+        let no_gradient = vec![0.0; n];
+        let mut is_settled = false;
+        for _ in 0..=EXCHANGES {
+            self.set_targets();
+            if !self.kkt.factor_least_squares(shift, &point.jacobian, &self.trial_set)
+                || !self.kkt.solve(&no_gradient, &self.targets, &mut self.p, &mut self.y)
+            {
+                return None;
+            }
+            if !self.exchange(point) {
+                is_settled = true;
+                break;
+            }
+        }
+        self.shift = shift;
+        for i in 0..n {
+            self.p[i] = self.p[i].max(self.lower[i]).min(self.upper[i]);
+        }
+        self.jp.fill(0.0);
+        self.structure.jacobian.add_product(&point.jacobian, &self.p, &mut self.jp);
+        let left = |i: usize| (self.lower[n + i] - self.jp[i]).max(self.jp[i] - self.upper[n + i]).max(0.0);
+        let squared_violation = (0..self.jp.len()).map(|i| 0.5 * left(i) * left(i)).sum();
+        Some(Rest { squared_violation, is_settled })
+    }
+}

@@ -1,0 +1,327 @@
+//! Extremals from a rest, and families of them.
+
+use super::dimension::{for_dimension, vector};
+use super::error::{input, positive};
+use super::run::{Run, attend, caused};
+use super::settings::Settings;
+use super::shooting::{EndStates, Extremal, Nodes, end_of, shooting_of};
+use super::system::System;
+use crate::convert::real_numbers;
+use crate::error::Error;
+use crate::plan::check_callable;
+use pyo3::prelude::*;
+use somersault::ftla::cold_start::ArmTravel;
+use somersault::ftla::continuation::{self, Continuation, Member};
+use somersault::ftla::shooting::Shooting;
+use std::sync::Arc;
+
+/// Where a continuation ended.
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Continued {
+    extremal: Py<Extremal>,
+    /// float: The parameter of that extremal: one if the continuation arrived.
+    #[pyo3(get)]
+    s: f64,
+    /// int: Members solved on the way.
+    #[pyo3(get)]
+    n_steps: usize,
+    /// int: Members tried in vain.
+    #[pyo3(get)]
+    n_rejected: usize,
+    /// int: Newton steps of all of them.
+    #[pyo3(get)]
+    n_iterations: usize,
+    /// int: Evaluations of the field for all of them.
+    #[pyo3(get)]
+    n_evaluations: usize,
+    arrived: bool,
+}
+
+#[pymethods]
+impl Continued {
+    /// bool: Whether the last member was reached and polished.
+    #[getter]
+    fn success(&self) -> bool {
+        self.arrived
+    }
+
+    /// Extremal: The last solution.
+    #[getter]
+    fn extremal(&self, py: Python<'_>) -> Py<Extremal> {
+        self.extremal.clone_ref(py)
+    }
+
+    fn __repr__(&self) -> String {
+        let Self { s, n_steps, n_rejected, n_iterations, .. } = self;
+        let how = if self.arrived { "arrived" } else { "broke off" };
+        format!(
+            "<Continued: {how} at s = {s}, {n_steps} members, {n_rejected} in vain, {n_iterations} iterations>"
+        )
+    }
+}
+
+/// What a continuation leaves.
+struct Way {
+    nodes: Nodes,
+    s: f64,
+    steps: [usize; 2],
+    iterations: usize,
+    evaluations: usize,
+}
+
+impl Way {
+    fn of<const N: usize>(found: &continuation::Continued<N>) -> Self {
+        Self {
+            nodes: Nodes::of(&found.extremal),
+            s: found.s,
+            steps: found.steps,
+            iterations: found.iterations,
+            evaluations: found.work.evaluations,
+        }
+    }
+
+    fn into_python(self, py: Python<'_>, system: Py<System>, polish: &Shooting) -> Result<Continued, Error> {
+        let extremal = Extremal { system, settings: Settings::new(polish.flow), nodes: self.nodes };
+        Ok(Continued {
+            arrived: self.s == 1.0 && extremal.success(),
+            extremal: Py::new(py, extremal)?,
+            s: self.s,
+            n_steps: self.steps[0],
+            n_rejected: self.steps[1],
+            n_iterations: self.iterations,
+            n_evaluations: self.evaluations,
+        })
+    }
+}
+
+fn continuation_of(polish: Shooting, first_step: f64, min_step: f64) -> Result<Continuation, Error> {
+    for (name, found) in [("first_step", first_step), ("min_step", min_step)] {
+        if !found.is_finite() || found <= 0.0 || found > 1.0 {
+            return Err(input(format!("`{name}` must be above 0 and not above 1, found {found}")));
+        }
+    }
+    Ok(Continuation { polish, first_step, min_step, ..Continuation::default() })
+}
+
+/// Fractions of the horizon, which must ascend from 0 to 1.
+fn fractions_of(fractions: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+    let fractions = real_numbers("fractions", fractions)?;
+    let ascending = fractions.windows(2).all(|pair| pair[0] < pair[1]);
+    match (fractions.first(), fractions.last()) {
+        (Some(0.0), Some(1.0)) if ascending => Ok(fractions),
+        _ => Err(input("`fractions` must ascend from 0 to 1".to_owned())),
+    }
+}
+
+fn through<const N: usize>(
+    continuation: &Continuation,
+    system: &System,
+    run: &Arc<Run>,
+    stages: &[[Vec<f64>; 2]],
+    horizon: f64,
+    fractions: &[f64],
+) -> Result<Way, Error> {
+    let system = system.watched::<N>(run)?;
+    Ok(Way::of(&continuation.through(&system, stages, horizon, fractions)?))
+}
+
+/// Leads a system from rest to given end states, through pairs of end states on the way.
+///
+/// Parameters
+/// ----------
+/// system : System
+/// stages : sequence of pair of array_like, shape (n,)
+///     Initial and final states. The first pair must be a rest: the same state at both ends, at which staying without control
+///     costs nothing. An arm that folds first rests folded, then travels folded, then unfolds at the ends.
+/// horizon : float
+///     s.
+/// fractions : array_like, shape (m,)
+///     Times of the nodes as fractions of the horizon, ascending from 0 to 1.
+/// tol : float, optional
+///     Of the last member, as for `shoot`.
+/// max_iterations : int, optional
+/// rtol, atol : float, optional
+/// first_step, min_step : float, optional
+///     First step of the parameter from 0 to 1 in a stage, and the one below which a continuation ends.
+///
+/// Returns
+/// -------
+/// Continued
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> fractions = ftla.graded_times(1.0, 0.02, 0.2)
+/// >>> stages = [([0.0], [0.0]), ([1.0], [1.5])]
+/// >>> found = ftla.continue_through(ftla.cubic_regulator(), stages, 40.0, fractions)
+/// >>> found.success, round(found.extremal.cost(), 6)
+/// (True, 3.591505)
+#[pyfunction]
+#[pyo3(signature = (
+    system, stages, horizon, fractions, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1,
+    min_step=1e-4
+))]
+pub(crate) fn continue_through(
+    py: Python<'_>,
+    system: Py<System>,
+    stages: Vec<[Bound<'_, PyAny>; 2]>,
+    horizon: f64,
+    fractions: &Bound<'_, PyAny>,
+    tol: f64,
+    max_iterations: usize,
+    rtol: f64,
+    atol: f64,
+    first_step: f64,
+    min_step: f64,
+) -> Result<Continued, Error> {
+    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let continuation = continuation_of(polish, first_step, min_step)?;
+    let fractions = fractions_of(fractions)?;
+    let pair = |[initial, last]: &[Bound<'_, PyAny>; 2]| {
+        Ok([real_numbers("stages", initial)?, real_numbers("stages", last)?])
+    };
+    let stages = stages.iter().map(pair).collect::<Result<Vec<_>, Error>>()?;
+    positive("horizon", horizon)?;
+    let n = system.get().dimension;
+    let way = attend(py, |run| {
+        for_dimension!(n, through(&continuation, system.get(), run, &stages, horizon, &fractions))
+    })??;
+    way.into_python(py, system, &polish)
+}
+
+/// An extremal of the two-link arm between two rests, from the way it folds alone.
+///
+/// Parameters
+/// ----------
+/// system : System
+///     As `arm` makes it.
+/// initial, last : tuple of float
+///     (θ₁, θ₂), rad.
+/// horizon : float
+///     s.
+/// fold : float
+///     θ₂ on the way, rad.
+/// tol : float, optional
+///     As for `shoot`.
+/// max_iterations : int, optional
+/// rtol, atol : float, optional
+///
+/// Returns
+/// -------
+/// Continued
+#[pyfunction]
+#[pyo3(signature = (
+    system, initial, last, horizon, fold, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15
+))]
+pub(crate) fn travel_arm(
+    py: Python<'_>,
+    system: Py<System>,
+    initial: [f64; 2],
+    last: [f64; 2],
+    horizon: f64,
+    fold: f64,
+    tol: f64,
+    max_iterations: usize,
+    rtol: f64,
+    atol: f64,
+) -> Result<Continued, Error> {
+    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let Some(arm) = system.get().arm else {
+        return Err(input("`system` must be an arm, as `ftla.arm` makes it".to_owned()));
+    };
+    let travel = ArmTravel { system: arm, initial, last, fold, horizon };
+    let continuation = Continuation { polish, ..Continuation::default() };
+    let found = attend(py, |_| travel.solve(&continuation).map(|found| Way::of(&found)))??;
+    found.into_python(py, system, &polish)
+}
+
+/// A member of a family as a callable gives it.
+type GivenMember = (Py<System>, EndStates, EndStates, f64);
+
+fn follow<const N: usize>(
+    continuation: &Continuation,
+    run: &Arc<Run>,
+    first: &GivenMember,
+    family: &(dyn Fn(f64) -> PyResult<GivenMember> + Sync),
+    fractions: &[f64],
+    nodes: &[f64],
+) -> Result<Way, Error> {
+    let member = |(system, initial, last, horizon): &GivenMember| -> Result<Member<_, N>, Error> {
+        positive("horizon", *horizon)?;
+        let ends = [end_of("initial_state", initial)?, end_of("final_state", last)?];
+        Ok(Member { system: system.get().watched::<N>(run)?, ends, horizon: *horizon })
+    };
+    let fallback = member(first)?;
+    let members = |s: f64| {
+        if run.is_stopped() {
+            return fallback.clone();
+        }
+        let given = family(s).map_err(Error::from).and_then(|given| member(&given));
+        given.unwrap_or_else(|error| {
+            run.stop(error.into());
+            fallback.clone()
+        })
+    };
+    let nodes: Vec<_> = nodes.chunks_exact(N).map(vector::<N>).collect();
+    Ok(Way::of(&continuation.follow(members, fractions, &nodes)?))
+}
+
+/// Follows a family of problems, from nodes that solve its first member to its last: in horizon, travel or any parameter.
+///
+/// By secants and Newton's method, in steps that grow where Newton is quick and are halved where it fails.
+///
+/// Parameters
+/// ----------
+/// family : callable
+///     ``family(s) -> (system, initial_state, final_state, horizon)`` for s from 0 to 1.
+/// start : Extremal
+///     Of the member s = 0.
+/// tol : float, optional
+///     Of the last member, as for `shoot`.
+/// max_iterations : int, optional
+/// rtol, atol : float, optional
+/// first_step, min_step : float, optional
+///     First step of s, and the one below which the continuation ends.
+///
+/// Returns
+/// -------
+/// Continued
+#[pyfunction(name = "follow")]
+#[pyo3(signature = (
+    family, start, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1, min_step=1e-4
+))]
+pub(crate) fn py_follow(
+    py: Python<'_>,
+    family: &Bound<'_, PyAny>,
+    start: &Extremal,
+    tol: f64,
+    max_iterations: usize,
+    rtol: f64,
+    atol: f64,
+    first_step: f64,
+    min_step: f64,
+) -> Result<Continued, Error> {
+    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let continuation = continuation_of(polish, first_step, min_step)?;
+    check_callable("family", "of s", family)?;
+    let callable = family.clone().unbind();
+    let given = |s: f64| -> PyResult<GivenMember> {
+        Python::attach(|py| {
+            let returned = callable.call1(py, (s,)).map_err(|error| caused(py, "family", error))?;
+            returned.bind(py).extract().map_err(|_| {
+                let what = "`family` must return (system, initial_state, final_state, horizon)";
+                PyErr::from(input(what.to_owned()))
+            })
+        })
+    };
+    let first = given(0.0)?;
+    let n = start.system.get().dimension;
+    if first.0.get().dimension != n {
+        return Err(input(format!("`family` must have systems of dimension {n} as `start` has")));
+    }
+    let (fractions, nodes) = start.fractions();
+    let last = given(1.0)?.0;
+    let way =
+        attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))??;
+    way.into_python(py, last, &polish)
+}

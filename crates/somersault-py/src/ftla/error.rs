@@ -1,0 +1,103 @@
+//! Errors of the analysis as Python exceptions.
+
+use crate::error::Error;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use somersault::ftla::flow::FlowError;
+use somersault::ftla::matching::MatchingError;
+use somersault::ftla::placement::PlacementError;
+use somersault::ftla::shooting::ShootingError;
+use somersault::ftla::spectrum::SpectrumError;
+use somersault::ftla::system::SystemError;
+
+fn own(class: &'static str, error: &impl ToString) -> Error {
+    Error::Own { class, message: error.to_string() }
+}
+
+/// An argument that is not allowed.
+pub(super) fn input(message: String) -> Error {
+    Error::Own { class: "FtlaInputError", message }
+}
+
+/// A positive and finite number.
+pub(super) fn positive(argument: &str, found: f64) -> Result<f64, Error> {
+    if found.is_finite() && found > 0.0 {
+        Ok(found)
+    } else {
+        Err(input(format!("`{argument}` must be positive and finite, found {found}")))
+    }
+}
+
+impl From<SystemError> for Error {
+    fn from(error: SystemError) -> Self {
+        match error {
+            SystemError::Model(error) => error.into(),
+            SystemError::Dynamics(error) => error.into(),
+            SystemError::Parameter { .. } | SystemError::Length { .. } | SystemError::Joint { .. } => {
+                own("FtlaInputError", &error)
+            }
+            error => own("FieldError", &error),
+        }
+    }
+}
+
+/// An exception that tells where a motion ended.
+fn with_place(class: &'static str, message: String, t: f64, state: &[f64]) -> Error {
+    Python::attach(|py| {
+        let error = PyErr::from(Error::Own { class, message });
+        let value = error.value(py);
+        // An exception that takes no attributes is still the one to raise.
+        let _ = value.setattr("t", t).and_then(|()| value.setattr("state", PyArray1::from_slice(py, state)));
+        Error::Raised(error)
+    })
+}
+
+/// The error of a motion, after words that say which motion it was.
+pub(super) fn of_motion(which: &str, error: FlowError) -> Error {
+    let message = format!("{which}{error}");
+    match error {
+        FlowError::NonFinite { t, state, source } => {
+            let message = source.map_or(message.clone(), |why| format!("{message}: {why}"));
+            with_place("FieldError", message, t, &state)
+        }
+        FlowError::StepUnderflow { t, state } | FlowError::TooManySteps { t, state, .. } => {
+            with_place("FlowError", message, t, &state)
+        }
+        _ => input(message),
+    }
+}
+
+impl From<FlowError> for Error {
+    fn from(error: FlowError) -> Self {
+        of_motion("", error)
+    }
+}
+
+impl From<SpectrumError> for Error {
+    fn from(error: SpectrumError) -> Self {
+        own("FtlaInputError", &error)
+    }
+}
+
+impl From<PlacementError> for Error {
+    fn from(error: PlacementError) -> Self {
+        own("FtlaInputError", &error)
+    }
+}
+
+impl From<MatchingError> for Error {
+    fn from(error: MatchingError) -> Self {
+        own("FtlaInputError", &error)
+    }
+}
+
+impl From<ShootingError> for Error {
+    fn from(error: ShootingError) -> Self {
+        match error {
+            ShootingError::Guess { segment, source } => {
+                of_motion(&format!("segment {segment} of the guess: "), source)
+            }
+            error => own("FtlaInputError", &error),
+        }
+    }
+}

@@ -1,0 +1,387 @@
+//! State and transition matrix together.
+
+use super::chain::{Chain, Transition};
+use super::dimension::{for_dimension, rows_array, vector};
+use super::error::{input, of_motion};
+use super::run::{Run, attend};
+use super::settings::{Settings, tolerances_of};
+use super::spectrum::{Spectrum, direction_of};
+use super::system::System;
+use crate::convert::{array, real_numbers};
+use crate::error::Error;
+use crate::rows::Rows;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use somersault::ftla::flow::{self, Tolerances};
+use somersault::ftla::spectrum::TimeDirection;
+use somersault::ftla::system::{Piece, Side};
+use std::sync::Arc;
+
+/// Integrates a system with its transition matrix, forward and, for a negative duration, backward.
+///
+/// DOP853, its steps controlled by both: the state relative to each of its entries, Φ relative to the largest entry of each
+/// column.
+///
+/// Parameters
+/// ----------
+/// system : System
+/// rtol : float, optional
+///     Error of a step relative to each entry of the state and each column of Φ, from 1e-15 to 0.1.
+/// atol : float, optional
+///     Error of a step that is always allowed in an entry of the state.
+/// max_steps : int, optional
+///     Of a run.
+///
+/// Raises
+/// ------
+/// FieldError
+///     By whatever integrates, where the field has no value.
+/// FlowError
+///     Where steps become too small or too many. Both have ``t``, the time since the start, and ``state``, the last one.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+/// >>> found = flow.transition([1.0, 0.4], 2.0)
+/// >>> bool(np.isclose(np.linalg.det(found.matrix), 1.0))
+/// True
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct VariationalFlow {
+    pub(crate) system: Py<System>,
+    pub(crate) settings: Settings,
+}
+
+fn states<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    durations: &[f64],
+) -> Result<Vec<Vec<f64>>, Error> {
+    let system = system.watched::<N>(run)?;
+    let flow = settings.flow(&system)?;
+    let p = vector::<N>(p);
+    let found = durations.par_iter().map(|&duration| flow.state(&p, duration));
+    Ok(found.map(|end| end.map(|end| end.as_slice().to_vec())).collect::<Result<_, _>>()?)
+}
+
+fn cost<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    duration: f64,
+) -> Result<(Vec<f64>, f64), Error> {
+    let system = system.watched::<N>(run)?;
+    let (end, cost) = settings.flow(&system)?.cost(&vector(p), duration)?;
+    Ok((end.as_slice().to_vec(), cost))
+}
+
+fn transitions<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    points: &[f64],
+    duration: f64,
+) -> Result<Vec<Transition>, Error> {
+    let system = system.watched::<N>(run)?;
+    let flow = settings.flow(&system)?;
+    let propagated = points.par_chunks_exact(N).enumerate().map(|(row, p)| {
+        let which = if points.len() == N { String::new() } else { format!("row {row}: ") };
+        flow.transition(&vector(p), duration)
+            .map(|t| Transition::of(&t))
+            .map_err(|error| of_motion(&which, error))
+    });
+    propagated.collect()
+}
+
+fn switches<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    duration: f64,
+) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
+    let watched = system.watched::<N>(run)?;
+    let found = settings.flow(&watched)?.switches(&vector(p), duration)?;
+    let named = |(t, piece): (f64, Piece<N>)| {
+        let side = |side: &Side| match side {
+            Side::Lower => "lower",
+            Side::Free => "free",
+            Side::Upper => "upper",
+        };
+        (t, piece.sides.iter().take(system.n_controls).map(side).collect())
+    };
+    Ok(found.into_iter().map(named).collect())
+}
+
+fn chain<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    times: &[f64],
+    growth: f64,
+) -> Result<Chain, Error> {
+    let system = system.watched::<N>(run)?;
+    let mut chain = flow::Chain::new();
+    settings.flow(&system)?.chain_into(&vector(p), times, growth, &mut chain)?;
+    Ok(Chain::of(&chain))
+}
+
+fn spectra<const N: usize>(
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    times: &[f64],
+    direction: TimeDirection,
+) -> Result<Vec<Spectrum>, Error> {
+    let system = system.watched::<N>(run)?;
+    let flow = settings.flow(&system)?;
+    let found = somersault::ftla::spectrum::spectra(&flow, &vector(p), direction, times)?;
+    Ok(found.iter().map(Spectrum::of).collect())
+}
+
+impl VariationalFlow {
+    /// A point of the system's dimension.
+    pub(crate) fn point(&self, name: &'static str, p: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+        let rows = Rows::extract(name, &[self.system.get().dimension], p)?;
+        if rows.is_many() {
+            return Err(input(format!("`{name}` must be one point, found many")));
+        }
+        Ok(rows.all()?.to_vec())
+    }
+}
+
+#[pymethods]
+impl VariationalFlow {
+    #[new]
+    #[pyo3(signature = (system, *, rtol=1e-12, atol=1e-14, max_steps=100_000))]
+    fn new(system: Py<System>, rtol: f64, atol: f64, max_steps: usize) -> Result<Self, Error> {
+        let tolerances = tolerances_of(rtol, atol)?;
+        if max_steps == 0 {
+            return Err(input("`max_steps` must be positive, found 0".to_owned()));
+        }
+        Ok(Self { system, settings: Settings { tolerances, max_steps } })
+    }
+
+    /// System: What is integrated.
+    #[getter]
+    fn system(&self, py: Python<'_>) -> Py<System> {
+        self.system.clone_ref(py)
+    }
+
+    /// p(t + T), without Φ.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// duration : float or array_like, shape (m,)
+    ///     T, s. Each of many is a run of its own.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (dimension,) or (m, dimension)
+    fn state<'py>(
+        &self,
+        py: Python<'py>,
+        p: &Bound<'py, PyAny>,
+        duration: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (p, (single, durations)) = (self.point("p", p)?, crate::convert::times("duration", duration)?);
+        let system = self.system.get();
+        let n = system.dimension;
+        let ends = attend(py, |run| for_dimension!(n, states(system, self.settings, run, &p, &durations)))??;
+        if single {
+            return Ok(PyArray1::from_slice(py, &ends[0]).into_any());
+        }
+        Ok(rows_array(py, &ends, n)?)
+    }
+
+    /// p(t + T) and the cost on the way, by the weights of the steps; backward in time it is negative.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// duration : float
+    ///     T, s.
+    ///
+    /// Returns
+    /// -------
+    /// end : ndarray, shape (dimension,)
+    /// cost : float
+    fn cost<'py>(
+        &self,
+        py: Python<'py>,
+        p: &Bound<'py, PyAny>,
+        duration: f64,
+    ) -> Result<(Bound<'py, PyAny>, f64), Error> {
+        let (p, system) = (self.point("p", p)?, self.system.get());
+        let (end, cost) = attend(py, |run| {
+            for_dimension!(system.dimension, cost(system, self.settings, run, &p, duration))
+        })??;
+        Ok((PyArray1::from_vec(py, end).into_any(), cost))
+    }
+
+    /// p(t + T) with Φ.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// duration : float
+    ///     T, s.
+    ///
+    /// Returns
+    /// -------
+    /// Transition
+    fn transition(&self, py: Python<'_>, p: &Bound<'_, PyAny>, duration: f64) -> Result<Transition, Error> {
+        let (p, system) = (self.point("p", p)?, self.system.get());
+        let mut found = attend(py, |run| {
+            for_dimension!(system.dimension, transitions(system, self.settings, run, &p, duration))
+        })??;
+        Ok(found.remove(0))
+    }
+
+    /// Ends and transition matrices from many points at once, in parallel.
+    ///
+    /// Parameters
+    /// ----------
+    /// points : array_like, shape (m, dimension)
+    /// duration : float
+    ///     T, s.
+    ///
+    /// Returns
+    /// -------
+    /// ends : ndarray, shape (m, dimension)
+    /// matrices : ndarray, shape (m, dimension, dimension)
+    fn transitions<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        duration: f64,
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+        let system = self.system.get();
+        let n = system.dimension;
+        let rows = Rows::extract("points", &[n], points)?;
+        let all = rows.all()?;
+        let found =
+            attend(py, |run| for_dimension!(n, transitions(system, self.settings, run, all, duration)))??;
+        let ends = found.iter().flat_map(|t| t.end_values().iter().copied()).collect();
+        let matrices = found.iter().flat_map(Transition::matrix_by_rows).collect();
+        let m = found.len();
+        Ok((array(py, ends, &[m, n])?.into_any(), array(py, matrices, &[m, n, n])?.into_any()))
+    }
+
+    /// Where controls reach and leave their bounds on the way, located to rounding.
+    ///
+    /// The field has a kink there and Φ no jump; steps end at each.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// duration : float
+    ///     T, s.
+    ///
+    /// Returns
+    /// -------
+    /// list of tuple
+    ///     (time since the start, s; a list that says of each control ``'lower'``, ``'free'`` or ``'upper'`` from there on).
+    fn switches(
+        &self,
+        py: Python<'_>,
+        p: &Bound<'_, PyAny>,
+        duration: f64,
+    ) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
+        let (p, system) = (self.point("p", p)?, self.system.get());
+        attend(py, |run| {
+            for_dimension!(system.dimension, switches(system, self.settings, run, &p, duration))
+        })?
+    }
+
+    /// Factors of Φ that keep its small singular values.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// times : array_like, shape (m,)
+    ///     Where factors are to end, s: ascending from above zero, or descending from below.
+    /// growth : float, optional
+    ///     How far a factor stretches or shrinks before the next begins: with 100, it loses four digits of sixteen.
+    ///
+    /// Returns
+    /// -------
+    /// Chain
+    #[pyo3(signature = (p, times, growth=100.0))]
+    fn chain(
+        &self,
+        py: Python<'_>,
+        p: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+        growth: f64,
+    ) -> Result<Chain, Error> {
+        let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
+        attend(py, |run| {
+            for_dimension!(system.dimension, chain(system, self.settings, run, &p, &times, growth))
+        })?
+    }
+
+    /// Finite-time Lyapunov exponents and vectors for many averaging times, from one run.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// times : array_like, shape (m,)
+    ///     Averaging times T > 0, s, ascending.
+    /// direction : {'forward', 'backward'}, optional
+    ///
+    /// Returns
+    /// -------
+    /// list of Spectrum
+    #[pyo3(signature = (p, times, direction="forward"))]
+    fn spectra(
+        &self,
+        py: Python<'_>,
+        p: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+        direction: &str,
+    ) -> Result<Vec<Spectrum>, Error> {
+        let direction = direction_of(direction)?;
+        let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
+        attend(py, |run| {
+            for_dimension!(system.dimension, spectra(system, self.settings, run, &p, &times, direction))
+        })?
+    }
+
+    /// Finite-time Lyapunov exponents and vectors for one averaging time.
+    ///
+    /// Parameters
+    /// ----------
+    /// p : array_like, shape (dimension,)
+    /// time : float
+    ///     Averaging time T > 0, s.
+    /// direction : {'forward', 'backward'}, optional
+    ///
+    /// Returns
+    /// -------
+    /// Spectrum
+    #[pyo3(signature = (p, time, direction="forward"))]
+    fn spectrum(
+        &self,
+        py: Python<'_>,
+        p: &Bound<'_, PyAny>,
+        time: f64,
+        direction: &str,
+    ) -> Result<Spectrum, Error> {
+        let times = PyArray1::from_slice(py, &[time]).into_any();
+        Ok(self.spectra(py, p, &times, direction)?.remove(0))
+    }
+
+    fn __repr__(&self) -> String {
+        let Tolerances { relative, absolute } = self.settings.tolerances;
+        format!("<VariationalFlow: rtol {relative:e}, atol {absolute:e}>")
+    }
+}

@@ -1,0 +1,336 @@
+//! Matching a motion from the start with one from the end.
+
+use super::dimension::{for_dimension, rows_array};
+use super::error::{input, positive};
+use super::flow::VariationalFlow;
+use super::placement::Placement;
+use super::run::{Run, attend};
+use super::watched::Watched;
+use crate::convert::{real_numbers, with_shape};
+use crate::error::Error;
+use pyo3::prelude::*;
+use somersault::ftla::flow;
+use somersault::ftla::matching::{self, GridSearch, LeastSquares, MatchStatus};
+use somersault::ftla::spectrum::TimeDirection;
+use std::any::Any;
+use std::sync::Arc;
+
+/// A motion from the start matched with one from the end on the centre manifold (thesis 10.2).
+///
+/// Unknown are the costates that the placement holds, at both ends. Each choice is placed, followed to the match time with
+/// midcourse corrections, that is placed again at given times, and judged by the mismatch ‖p⁺ − p⁻‖ there.
+///
+/// Parameters
+/// ----------
+/// flow : VariationalFlow
+/// initial_state, final_state : array_like, shape (n,)
+/// horizon : float
+///     s.
+/// placement : Placement
+///     For both ends.
+/// initial_costate, final_costate : array_like, shape (n,)
+///     Where the search begins; round values will often do.
+/// match_time : float, optional
+///     s; the middle unless given.
+/// corrections : array_like, shape (m,), optional
+///     Times of midcourse corrections, s, ascending.
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Matching {
+    flow: Py<VariationalFlow>,
+    placement: Py<Placement>,
+    states: [Vec<f64>; 2],
+    costates: [Vec<f64>; 2],
+    horizon: f64,
+    match_time: f64,
+    corrections: Vec<f64>,
+}
+
+/// Finite numbers, so many of them.
+fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+    let values = with_shape(name, &[n], value)?;
+    match values.iter().find(|x| !x.is_finite()) {
+        Some(found) => Err(input(format!("`{name}` must be finite, found {found}"))),
+        None => Ok(values),
+    }
+}
+
+/// What is done with a match.
+enum Search {
+    Check,
+    Grid(GridSearch),
+    LeastSquares(LeastSquares),
+}
+
+impl Matching {
+    /// As it is in the dimension N, with the flow of a run.
+    fn typed<'a, const N: usize>(
+        &self,
+        flow: flow::VariationalFlow<'a, Watched<N>, N>,
+    ) -> Result<matching::Matching<'a, Watched<N>, N>, Error> {
+        let placement = self.placement.get();
+        let placements =
+            [placement.typed::<N>(TimeDirection::Forward)?, placement.typed::<N>(TimeDirection::Backward)?];
+        let [initial, last] = self.states.each_ref().map(Vec::as_slice);
+        let [first_guess, last_guess] = self.costates.each_ref().map(Vec::as_slice);
+        let matching = matching::Matching::try_new(
+            flow,
+            [initial, last],
+            [first_guess, last_guess],
+            self.horizon,
+            placements,
+        )?;
+        Ok(matching.try_with_course(self.match_time, &self.corrections)?)
+    }
+
+    fn dimension(&self) -> usize {
+        self.flow.get().system.get().dimension
+    }
+
+    fn run(self_: &Bound<'_, Self>, search: &Search) -> Result<Matched, Error> {
+        let (py, matching) = (self_.py(), self_.get());
+        let owner = self_.clone().unbind();
+        let mut found =
+            attend(py, |run| for_dimension!(matching.dimension(), search_in(matching, run, search)))??;
+        found.matching = Some(owner);
+        Ok(found)
+    }
+}
+
+fn search_in<const N: usize>(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<Matched, Error> {
+    let flow = matching.flow.get();
+    let system = flow.system.get().watched::<N>(run)?;
+    let typed = matching.typed(flow.settings.flow(&system)?)?;
+    let found = match search {
+        Search::Check => return Ok(Matched::default()),
+        Search::Grid(search) => search.run(&typed)?,
+        Search::LeastSquares(search) => search.run(&typed)?,
+    };
+    Ok(Matched {
+        status: match found.status {
+            MatchStatus::Matched => "matched",
+            MatchStatus::Exhausted => "exhausted",
+            MatchStatus::MaxRounds => "max_rounds",
+            MatchStatus::NoStart => "no_start",
+        },
+        ends: found.ends.map(|p| p.as_slice().to_vec()),
+        meeting: found.meeting.map(|p| p.as_slice().to_vec()),
+        mismatch: found.mismatch,
+        n_rounds: found.rounds,
+        n_branches: found.branches,
+        n_flow_evaluations: found.flow_evaluations,
+        typed: Box::new(found),
+        matching: None,
+    })
+}
+
+fn nodes_in<const N: usize>(
+    matched: &Matched,
+    matching: &Matching,
+    run: &Arc<Run>,
+    times: &[f64],
+) -> Result<Vec<Vec<f64>>, Error> {
+    let flow = matching.flow.get();
+    let system = flow.system.get().watched::<N>(run)?;
+    let typed = matching.typed(flow.settings.flow(&system)?)?;
+    match matched.typed.downcast_ref::<matching::Matched<N>>() {
+        Some(found) => {
+            let nodes = found.nodes(&typed, times)?;
+            Ok(nodes.iter().map(|p| p.as_slice().to_vec()).collect())
+        }
+        None => Ok(Vec::new()),
+    }
+}
+
+#[pymethods]
+impl Matching {
+    #[new]
+    #[pyo3(signature = (
+        flow, initial_state, final_state, horizon, placement, *, initial_costate, final_costate, match_time=None,
+        corrections=None
+    ))]
+    fn new(
+        py: Python<'_>,
+        flow: Py<VariationalFlow>,
+        initial_state: &Bound<'_, PyAny>,
+        final_state: &Bound<'_, PyAny>,
+        horizon: f64,
+        placement: Py<Placement>,
+        initial_costate: &Bound<'_, PyAny>,
+        final_costate: &Bound<'_, PyAny>,
+        match_time: Option<f64>,
+        corrections: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let n = flow.get().system.get().dimension / 2;
+        let matching = Self {
+            states: [entries("initial_state", n, initial_state)?, entries("final_state", n, final_state)?],
+            costates: [
+                entries("initial_costate", n, initial_costate)?,
+                entries("final_costate", n, final_costate)?,
+            ],
+            flow,
+            placement,
+            horizon,
+            match_time: match_time.unwrap_or(0.5 * horizon),
+            corrections: corrections.map_or(Ok(Vec::new()), |times| real_numbers("corrections", times))?,
+        };
+        attend(py, |run| for_dimension!(2 * n, search_in(&matching, run, &Search::Check)))??;
+        Ok(matching)
+    }
+
+    /// The grid search of appendix G: three values of each unknown at each end, all pairs compared, in parallel.
+    ///
+    /// Parameters
+    /// ----------
+    /// spacing : array_like, shape (2, k)
+    ///     Of the grids at the start and at the end, for each costate held.
+    /// tol : float, optional
+    ///     Mismatch at which to stop.
+    /// finest : float, optional
+    ///     Stops when every spacing is below this fraction of the first.
+    /// max_rounds : int, optional
+    ///
+    /// Returns
+    /// -------
+    /// Matched
+    #[pyo3(signature = (spacing, *, tol=2e-3, finest=1e-4, max_rounds=100))]
+    fn grid_search(
+        self_: &Bound<'_, Self>,
+        spacing: &Bound<'_, PyAny>,
+        tol: f64,
+        finest: f64,
+        max_rounds: usize,
+    ) -> Result<Matched, Error> {
+        let count = self_.get().placement.get().held_count();
+        let numbers = with_shape("spacing", &[2, count], spacing)?;
+        let (first, last) = numbers.split_at(count);
+        let spacing = [first.to_vec(), last.to_vec()];
+        let search = GridSearch {
+            spacing,
+            tolerance: positive("tol", tol)?,
+            finest: positive("finest", finest)?,
+            max_rounds,
+        };
+        Self::run(self_, &Search::Grid(search))
+    }
+
+    /// Gauss–Newton on p⁺ − p⁻ and H⁺ − H⁻.
+    ///
+    /// Parameters
+    /// ----------
+    /// conserved : sequence of int, optional
+    ///     Numbers, from 0, of held costates that are constant along motions: one unknown for both ends. λ₁ of the arm is.
+    /// tol : float, optional
+    ///     Mismatch at which to stop.
+    /// max_rounds : int, optional
+    ///
+    /// Returns
+    /// -------
+    /// Matched
+    #[pyo3(signature = (conserved=vec![], *, tol=2e-3, max_rounds=30))]
+    fn least_squares(
+        self_: &Bound<'_, Self>,
+        conserved: Vec<usize>,
+        tol: f64,
+        max_rounds: usize,
+    ) -> Result<Matched, Error> {
+        let search = LeastSquares { conserved, tolerance: positive("tol", tol)?, max_rounds };
+        Self::run(self_, &Search::LeastSquares(search))
+    }
+
+    fn __repr__(&self) -> String {
+        let Self { horizon, match_time, corrections, .. } = self;
+        format!("<Matching: {horizon} s, at {match_time} s, corrections at {corrections:?} s>")
+    }
+}
+
+/// A pair of ends whose motions nearly meet: the best that was found.
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Matched {
+    /// str: ``'matched'``, ``'exhausted'`` where spacing or steps have become too small, ``'max_rounds'``, or ``'no_start'``
+    /// where nothing to begin with could be placed and followed.
+    #[pyo3(get)]
+    status: &'static str,
+    ends: [Vec<f64>; 2],
+    meeting: [Vec<f64>; 2],
+    /// float: ‖p⁺ − p⁻‖ at the match time.
+    #[pyo3(get)]
+    mismatch: f64,
+    /// int: Rounds of the search.
+    #[pyo3(get)]
+    n_rounds: usize,
+    /// int: Ends placed and followed.
+    #[pyo3(get)]
+    n_branches: usize,
+    /// int: Spectra and segments computed for them.
+    #[pyo3(get)]
+    n_flow_evaluations: usize,
+    /// The same in its dimension.
+    typed: Box<dyn Any + Send + Sync>,
+    matching: Option<Py<Matching>>,
+}
+
+impl Default for Matched {
+    fn default() -> Self {
+        Self {
+            status: "no_start",
+            ends: Default::default(),
+            meeting: Default::default(),
+            mismatch: f64::INFINITY,
+            n_rounds: 0,
+            n_branches: 0,
+            n_flow_evaluations: 0,
+            typed: Box::new(()),
+            matching: None,
+        }
+    }
+}
+
+#[pymethods]
+impl Matched {
+    /// bool: Whether the mismatch is below the tolerance.
+    #[getter]
+    fn success(&self) -> bool {
+        self.status == "matched"
+    }
+
+    /// ndarray, shape (2, dimension): Placed points at the start and at the end.
+    #[getter]
+    fn ends<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows_array(py, &self.ends, self.ends[0].len())
+    }
+
+    /// ndarray, shape (2, dimension): p⁺ and p⁻ at the match time.
+    #[getter]
+    fn meeting<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows_array(py, &self.meeting, self.meeting[0].len())
+    }
+
+    /// The matched motion at given times: a guess for `shoot`.
+    ///
+    /// Parameters
+    /// ----------
+    /// times : array_like, shape (m,)
+    ///     s, from 0 to the horizon.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (m, dimension)
+    fn nodes<'py>(&self, py: Python<'py>, times: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let times = real_numbers("times", times)?;
+        let Some(matching) = &self.matching else {
+            return Err(input("this match has no motion".to_owned()));
+        };
+        let matching = matching.get();
+        if let Some(t) = times.iter().find(|t| !(0.0..=matching.horizon).contains(*t)) {
+            return Err(input(format!("`times` must be from 0 to the horizon, found {t}")));
+        }
+        let n = matching.dimension();
+        let nodes = attend(py, |run| for_dimension!(n, nodes_in(self, matching, run, &times)))??;
+        Ok(rows_array(py, &nodes, n)?)
+    }
+
+    fn __repr__(&self) -> String {
+        let Self { status, mismatch, n_rounds, n_branches, .. } = self;
+        format!("<Matched: {status}, mismatch {mismatch:.2e} after {n_rounds} rounds, {n_branches} branches>")
+    }
+}

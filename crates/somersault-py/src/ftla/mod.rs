@@ -1,0 +1,31 @@
+//! Finite-time Lyapunov analysis of hyper-sensitive optimal control: `somersault.ftla`.
+//!
+//! The crate is generic over the dimension, which Python knows only at run time: classes here hold plain numbers, and
+//! [`for_dimension`](dimension::for_dimension) enters the code of theirs.
+
+mod chain;
+mod continuation;
+mod dimension;
+mod error;
+mod flow;
+mod matching;
+mod named_systems;
+mod placement;
+mod run;
+mod settings;
+mod shooting;
+mod spectrum;
+mod subspace;
+mod system;
+mod watched;
+
+pub(crate) use chain::{Chain, Transition};
+pub(crate) use continuation::{Continued, continue_through, py_follow, travel_arm};
+pub(crate) use flow::VariationalFlow;
+pub(crate) use matching::{Matched, Matching};
+pub(crate) use named_systems::{arm, cubic_regulator, linear_regulator, tree};
+pub(crate) use placement::{Placed, Placement};
+pub(crate) use shooting::{Extremal, py_graded_times, shoot};
+pub(crate) use spectrum::{Diagnosis, Spectrum, diagnose};
+pub(crate) use subspace::{Splitting, Subspace, rank_held_costates, slow_subspace};
+pub(crate) use system::System;

@@ -1,0 +1,296 @@
+//! Placing a point on the centre-stable or the centre-unstable manifold.
+
+use super::dimension::{for_dimension, vector};
+use super::error::{input, positive};
+use super::flow::VariationalFlow;
+use super::run::{Run, attend};
+use super::settings::Settings;
+use super::spectrum::{Diagnosis, Spectrum, direction_of};
+use super::subspace::dims_of;
+use super::system::System;
+use crate::convert::real_numbers;
+use crate::error::Error;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use somersault::ftla::placement::{self, Method, PlacementError, PlacementStatus, Schedule};
+use somersault::ftla::spectrum::{SplittingDims, TimeDirection};
+use std::sync::Arc;
+
+/// How points are placed on the slow manifolds by their costates (thesis 10.1).
+///
+/// A point is placed where its field lies in the directions that do not expand fast: E^cs forward, E^cu backward. As many
+/// costates are solved for as there are fast directions; the others and the states are held.
+///
+/// Parameters
+/// ----------
+/// dims : tuple of int or Diagnosis
+///     (n^s, n^c, n^u).
+/// held : sequence of int
+///     Numbers, from 0, of the costates that are held; see `rank_held_costates`.
+/// times : array_like, shape (m,), optional
+///     Averaging times, s, ascending; by default those of `Diagnosis.schedule`.
+/// method : {'newton', 'fixed_point'}, optional
+///     Newton's method with the change of the basis, damped; or the basis held and computed anew, as algorithms 1 and 2 do.
+/// tol : float, optional
+///     Angle between the field and the slow subspace, rad.
+/// max_iterations : int, optional
+///     For one averaging time.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> flow = ftla.VariationalFlow(ftla.cubic_regulator())
+/// >>> placement = ftla.Placement((1, 0, 1), [], np.arange(0.5, 9.1, 0.5))
+/// >>> placed = placement.place(flow, [1.0, 0.6])
+/// >>> placed.status, bool(abs(placed.p[1] - (np.sqrt(2) - 1)) < 1e-7)
+/// ('placed', True)
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Placement {
+    dims: SplittingDims,
+    /// list of int: Numbers of the costates held.
+    #[pyo3(get)]
+    held: Vec<usize>,
+    schedule: Schedule,
+    method: Method,
+    /// float: Angle allowed, rad.
+    #[pyo3(get)]
+    tol: f64,
+    /// int: Iterations for one averaging time.
+    #[pyo3(get)]
+    max_iterations: usize,
+}
+
+/// Dimensions, or what they are read from.
+#[derive(FromPyObject)]
+enum DimsOrDiagnosis<'py> {
+    Diagnosis(Bound<'py, Diagnosis>),
+    Dims((usize, usize, usize)),
+}
+
+impl Placement {
+    /// Number of costates held.
+    pub(crate) fn held_count(&self) -> usize {
+        self.held.len()
+    }
+
+    /// As it is in the dimension N.
+    pub(crate) fn typed<const N: usize>(
+        &self,
+        direction: TimeDirection,
+    ) -> Result<placement::Placement, PlacementError> {
+        let placement =
+            placement::Placement::try_new::<N>(direction, self.dims, &self.held, self.schedule.clone())?;
+        let mut placement = placement.with_method(self.method);
+        (placement.tolerance, placement.max_iterations) = (self.tol, self.max_iterations);
+        Ok(placement)
+    }
+}
+
+fn check<const N: usize>(placement: &Placement) -> Result<(), Error> {
+    // where n^s and n^u differ, it can serve one direction only
+    let forward = placement.typed::<N>(TimeDirection::Forward);
+    let backward = placement.typed::<N>(TimeDirection::Backward);
+    match (forward, backward) {
+        (Err(error), Err(_)) => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+fn place<const N: usize>(
+    placement: &Placement,
+    system: &System,
+    settings: Settings,
+    run: &Arc<Run>,
+    p: &[f64],
+    direction: TimeDirection,
+) -> Result<Placed, Error> {
+    let placement = placement.typed::<N>(direction)?;
+    let system = system.watched::<N>(run)?;
+    Ok(Placed::of(placement.place(&settings.flow(&system)?, &vector(p))))
+}
+
+#[pymethods]
+impl Placement {
+    #[new]
+    #[pyo3(signature = (dims, held, times=None, *, method="newton", tol=1e-8, max_iterations=30))]
+    fn new(
+        dims: DimsOrDiagnosis<'_>,
+        held: Vec<usize>,
+        times: Option<&Bound<'_, PyAny>>,
+        method: &str,
+        tol: f64,
+        max_iterations: usize,
+    ) -> Result<Self, Error> {
+        let times = times.map(|times| real_numbers("times", times)).transpose()?;
+        let (dims, schedule) = match (dims, times) {
+            (DimsOrDiagnosis::Diagnosis(found), None) => {
+                let diagnosis = &found.get().diagnosis;
+                (diagnosis.dims, Schedule::of_diagnosis(diagnosis)?)
+            }
+            (DimsOrDiagnosis::Diagnosis(found), Some(times)) => {
+                (found.get().diagnosis.dims, Schedule::try_times(times)?)
+            }
+            (DimsOrDiagnosis::Dims(dims), Some(times)) => (dims_of(dims), Schedule::try_times(times)?),
+            (DimsOrDiagnosis::Dims(_), None) => {
+                return Err(input("`times` must be given where `dims` is no Diagnosis".to_owned()));
+            }
+        };
+        let method = match method {
+            "newton" => Method::Newton,
+            "fixed_point" => Method::FixedPoint,
+            other => {
+                return Err(input(format!("`method` must be 'newton' or 'fixed_point', found '{other}'")));
+            }
+        };
+        positive("tol", tol)?;
+        let placement = Self { dims, held, schedule, method, tol, max_iterations };
+        for_dimension!(dims.stable + dims.center + dims.unstable, check(&placement))?;
+        Ok(placement)
+    }
+
+    /// tuple of int: (n^s, n^c, n^u).
+    #[getter]
+    fn dims(&self) -> (usize, usize, usize) {
+        (self.dims.stable, self.dims.center, self.dims.unstable)
+    }
+
+    /// ndarray, shape (m,): Averaging times, s.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_slice(py, self.schedule.times()).into_any()
+    }
+
+    /// str: ``'newton'`` or ``'fixed_point'``.
+    #[getter]
+    fn method(&self) -> &'static str {
+        match self.method {
+            Method::Newton => "newton",
+            Method::FixedPoint => "fixed_point",
+        }
+    }
+
+    /// Places a point for one averaging time after the other (thesis algorithms 3 and 4).
+    ///
+    /// A time at which placing fails is approached in smaller steps before giving up.
+    ///
+    /// Parameters
+    /// ----------
+    /// flow : VariationalFlow
+    /// p : array_like, shape (dimension,)
+    /// direction : {'forward', 'backward'}, optional
+    ///     Forward for a point at the start, backward for one at the end.
+    ///
+    /// Returns
+    /// -------
+    /// Placed
+    ///     The placed point, or the best one found; the status says which.
+    #[pyo3(signature = (flow, p, direction="forward"))]
+    fn place(
+        &self,
+        py: Python<'_>,
+        flow: &VariationalFlow,
+        p: &Bound<'_, PyAny>,
+        direction: &str,
+    ) -> Result<Placed, Error> {
+        let (p, system, settings) = (flow.point("p", p)?, flow.system.get(), flow.settings);
+        let direction = direction_of(direction)?;
+        attend(py, |run| for_dimension!(system.dimension, place(self, system, settings, run, &p, direction)))?
+    }
+
+    fn __repr__(&self) -> String {
+        let (SplittingDims { stable, center, unstable }, times) = (self.dims, self.schedule.times());
+        format!(
+            "<Placement: {stable}/{center}/{unstable}, costates {:?} held, {} for {} times up to {} s>",
+            self.held,
+            self.method(),
+            times.len(),
+            times[times.len() - 1]
+        )
+    }
+}
+
+/// A placed point, or the best one found.
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Placed {
+    p: Vec<f64>,
+    /// str: ``'placed'``, ``'stalled'``, ``'max_iterations'``, ``'singular_costates'`` or ``'flow'``.
+    #[pyo3(get)]
+    status: &'static str,
+    /// str: The status in a sentence.
+    #[pyo3(get)]
+    message: String,
+    /// float: Angle between the field and the slow subspace, rad; NaN where the motion could not be followed at all.
+    #[pyo3(get)]
+    angle: f64,
+    /// float: Averaging time of point and angle, s.
+    #[pyo3(get)]
+    time: f64,
+    spectrum: Option<Spectrum>,
+    /// int: Iterations over all averaging times.
+    #[pyo3(get)]
+    n_iterations: usize,
+    /// int: Spectra computed.
+    #[pyo3(get)]
+    n_flow_evaluations: usize,
+}
+
+impl Placed {
+    fn of<const N: usize>(placed: placement::Placed<N>) -> Self {
+        let (status, message) = match placed.status {
+            PlacementStatus::Placed => {
+                ("placed", "the angle is within the tolerance at the last averaging time".to_owned())
+            }
+            PlacementStatus::Stalled => {
+                let what = "no step lowers the angle: the point is out of reach of this averaging time";
+                ("stalled", what.to_owned())
+            }
+            PlacementStatus::MaxIterations => {
+                ("max_iterations", "the iterations for one averaging time are used up".to_owned())
+            }
+            PlacementStatus::SingularCostates => {
+                let what =
+                    "the costates solved for do not move the field along the fast directions: hold others";
+                ("singular_costates", what.to_owned())
+            }
+            PlacementStatus::Flow(error) => {
+                ("flow", format!("the motion cannot be followed for the averaging time: {error}"))
+            }
+        };
+        Self {
+            p: placed.p.as_slice().to_vec(),
+            status,
+            message,
+            angle: placed.angle,
+            time: placed.time,
+            spectrum: placed.spectrum.as_ref().map(Spectrum::of),
+            n_iterations: placed.iterations,
+            n_flow_evaluations: placed.flow_evaluations,
+        }
+    }
+}
+
+#[pymethods]
+impl Placed {
+    /// ndarray, shape (dimension,): The point.
+    #[getter]
+    fn p<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_slice(py, &self.p).into_any()
+    }
+
+    /// bool: Whether it was placed at the last averaging time.
+    #[getter]
+    fn success(&self) -> bool {
+        self.status == "placed"
+    }
+
+    /// Spectrum or None: The spectrum there, if the motion could be followed.
+    #[getter]
+    fn spectrum(&self) -> Option<Spectrum> {
+        self.spectrum.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Placed: {}, {:.1e} rad at T = {} s>", self.status, self.angle, self.time)
+    }
+}

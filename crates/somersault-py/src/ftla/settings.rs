@@ -1,0 +1,42 @@
+//! Accuracy and length of runs.
+
+use super::error::input;
+use super::watched::Watched;
+use crate::error::Error;
+use somersault::ftla::flow::{FlowError, Tolerances, VariationalFlow};
+
+/// Steps of a run, unless a user allows another number.
+const MAX_STEPS: usize = 100_000;
+
+/// Accuracy and length of runs.
+#[derive(Clone, Copy)]
+pub(crate) struct Settings {
+    pub(crate) tolerances: Tolerances,
+    pub(crate) max_steps: usize,
+}
+
+impl Settings {
+    /// Runs of the usual length.
+    pub(crate) fn new(tolerances: Tolerances) -> Self {
+        Self { tolerances, max_steps: MAX_STEPS }
+    }
+
+    /// The flow of a system in a run.
+    pub(crate) fn flow<'a, const N: usize>(
+        &self,
+        system: &'a Watched<N>,
+    ) -> Result<VariationalFlow<'a, Watched<N>, N>, FlowError> {
+        Ok(VariationalFlow::try_new(system, self.tolerances)?.with_max_steps(self.max_steps))
+    }
+}
+
+/// Tolerances by the names that they have in Python.
+pub(crate) fn tolerances_of(rtol: f64, atol: f64) -> Result<Tolerances, Error> {
+    if !(1e-15..=0.1).contains(&rtol) {
+        return Err(input(format!("`rtol` must be from 1e-15 to 0.1, found {rtol}")));
+    }
+    if !atol.is_finite() || atol < 0.0 {
+        return Err(input(format!("`atol` must be finite and not negative, found {atol}")));
+    }
+    Ok(Tolerances { relative: rtol, absolute: atol })
+}

@@ -1,0 +1,389 @@
+//! Extremals by multiple shooting.
+
+use super::chain::{Chain, Transition};
+use super::dimension::{for_dimension, rows_array, vector};
+use super::error::{input, positive};
+use super::run::{Run, attend};
+use super::settings::{Settings, tolerances_of};
+use super::system::System;
+use crate::convert::{array, real_numbers, times};
+use crate::error::Error;
+use crate::rows::Rows;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use somersault::ftla::flow::{self, Work};
+use somersault::ftla::shooting::{self, End, Shooting, Status, graded_times};
+use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem};
+use std::sync::Arc;
+
+/// The states at one end, None where one is free.
+pub(crate) type EndStates = Vec<Option<f64>>;
+
+/// The conditions at one end.
+pub(crate) fn end_of<const N: usize>(name: &str, states: &EndStates) -> Result<End<N>, Error> {
+    if states.len() != N / 2 {
+        return Err(input(format!("`{name}` must have {} entries, found {}", N / 2, states.len())));
+    }
+    if let Some(found) = states.iter().flatten().find(|x| !x.is_finite()) {
+        return Err(input(format!("`{name}` must be finite, found {found}")));
+    }
+    let given: Vec<f64> = states.iter().map(|x| x.unwrap_or_default()).collect();
+    let mut end = End::try_state(&given)?;
+    for i in (0..states.len()).filter(|&i| states[i].is_none()) {
+        end = end.with_free(i)?;
+    }
+    Ok(end)
+}
+
+/// A motion by its nodes, with how well it satisfies the conditions.
+pub(crate) struct Nodes {
+    times: Vec<f64>,
+    points: Vec<Vec<f64>>,
+    links: Vec<Transition>,
+    status: Status,
+    residual: f64,
+    iterations: usize,
+    flow_evaluations: usize,
+    work: Work,
+}
+
+impl Nodes {
+    pub(crate) fn of<const N: usize>(extremal: &shooting::Extremal<N>) -> Self {
+        Self {
+            times: extremal.times.clone(),
+            points: extremal.nodes.iter().map(|p| p.as_slice().to_vec()).collect(),
+            links: extremal.links.iter().map(Transition::of).collect(),
+            status: extremal.status,
+            residual: extremal.residual,
+            iterations: extremal.iterations,
+            flow_evaluations: extremal.flow_evaluations,
+            work: extremal.work,
+        }
+    }
+}
+
+/// A motion by its nodes that satisfies the conditions of an optimum, as far as `status` and `residual` say.
+///
+/// Called with times it gives states and costates there.
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Extremal {
+    pub(crate) system: Py<System>,
+    pub(crate) settings: Settings,
+    pub(crate) nodes: Nodes,
+}
+
+impl Extremal {
+    fn typed<const N: usize>(&self) -> shooting::Extremal<N> {
+        let nodes = &self.nodes;
+        shooting::Extremal {
+            times: nodes.times.clone(),
+            nodes: nodes.points.iter().map(|p| vector(p)).collect(),
+            links: nodes.links.iter().map(Transition::typed).collect(),
+            status: nodes.status,
+            residual: nodes.residual,
+            iterations: nodes.iterations,
+            flow_evaluations: nodes.flow_evaluations,
+            work: nodes.work,
+        }
+    }
+
+    fn dimension(&self) -> usize {
+        self.system.get().dimension
+    }
+
+    /// Times of the nodes as fractions of the horizon, and the nodes one after the other.
+    pub(crate) fn fractions(&self) -> (Vec<f64>, Vec<f64>) {
+        let Nodes { times, points, .. } = &self.nodes;
+        let (first, last) = (times[0], times[times.len() - 1]);
+        (times.iter().map(|t| (t - first) / (last - first)).collect(), points.concat())
+    }
+}
+
+fn points<const N: usize>(
+    extremal: &Extremal,
+    run: &Arc<Run>,
+    times: &[f64],
+) -> Result<Vec<Vec<f64>>, Error> {
+    let system = extremal.system.get().watched::<N>(run)?;
+    let (flow, typed) = (extremal.settings.flow(&system)?, extremal.typed::<N>());
+    times.iter().map(|&t| Ok(typed.at(&flow, t)?.as_slice().to_vec())).collect()
+}
+
+fn controls<const N: usize>(
+    extremal: &Extremal,
+    run: &Arc<Run>,
+    times: &[f64],
+) -> Result<Vec<Vec<f64>>, Error> {
+    let system = extremal.system.get().watched::<N>(run)?;
+    let (flow, typed) = (extremal.settings.flow(&system)?, extremal.typed::<N>());
+    let control = |&t: &f64| {
+        let mut u = vec![0.0; system.n_controls()];
+        system.control_into(&typed.at(&flow, t)?, &mut u)?;
+        Ok(u)
+    };
+    times.iter().map(control).collect()
+}
+
+fn cost<const N: usize>(extremal: &Extremal, run: &Arc<Run>) -> Result<f64, Error> {
+    let system = extremal.system.get().watched::<N>(run)?;
+    Ok(extremal.typed::<N>().cost(&extremal.settings.flow(&system)?)?)
+}
+
+fn hamiltonian_range<const N: usize>(extremal: &Extremal, run: &Arc<Run>) -> Result<[f64; 2], Error> {
+    let system = extremal.system.get().watched::<N>(run)?;
+    Ok(extremal.typed::<N>().range_of(|p| system.hamiltonian(p)))
+}
+
+#[pymethods]
+impl Extremal {
+    /// System: Whose motion it is.
+    #[getter]
+    fn system(&self, py: Python<'_>) -> Py<System> {
+        self.system.clone_ref(py)
+    }
+
+    /// str: ``'converged'``, ``'stalled'``, ``'max_iterations'`` or ``'singular'``; the nodes are the best found.
+    #[getter]
+    fn status(&self) -> &'static str {
+        match self.nodes.status {
+            Status::Converged => "converged",
+            Status::Stalled => "stalled",
+            Status::MaxIterations => "max_iterations",
+            Status::Singular => "singular",
+        }
+    }
+
+    /// str: The status in a sentence.
+    #[getter]
+    fn message(&self) -> &'static str {
+        match self.nodes.status {
+            Status::Converged => "every defect and end condition is within the tolerance",
+            Status::Stalled => "no shortened step passes the monotonicity test",
+            Status::MaxIterations => "the iterations are used up",
+            Status::Singular => "the end conditions do not determine a correction",
+        }
+    }
+
+    /// bool: Whether it converged.
+    #[getter]
+    pub(crate) fn success(&self) -> bool {
+        self.nodes.status == Status::Converged
+    }
+
+    /// ndarray, shape (m,): Times of the nodes, s.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_slice(py, &self.nodes.times).into_any()
+    }
+
+    /// ndarray, shape (m, dimension): States and costates at the nodes.
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows_array(py, &self.nodes.points, self.dimension())
+    }
+
+    /// float: The largest entry of a defect or end condition.
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.nodes.residual
+    }
+
+    /// int: Newton steps taken.
+    #[getter]
+    fn n_iterations(&self) -> usize {
+        self.nodes.iterations
+    }
+
+    /// int: Segments propagated.
+    #[getter]
+    fn n_flow_evaluations(&self) -> usize {
+        self.nodes.flow_evaluations
+    }
+
+    /// int: Evaluations of the field.
+    #[getter]
+    fn n_evaluations(&self) -> usize {
+        self.nodes.work.evaluations
+    }
+
+    /// Chain: The transition matrices of the segments.
+    #[getter]
+    fn chain(&self) -> Result<Chain, Error> {
+        fn chain<const N: usize>(extremal: &Extremal) -> Result<Chain, Error> {
+            Ok(Chain::of(&flow::Chain::from_links(extremal.typed::<N>().links)))
+        }
+        for_dimension!(self.dimension(), chain(self))
+    }
+
+    /// States and costates at any times, integrated from the node before.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     s; cut off at the ends.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (dimension,) or (m, dimension)
+    fn __call__<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let (single, t) = finite_times(t)?;
+        let found = attend(py, |run| for_dimension!(self.dimension(), points(self, run, &t)))??;
+        shaped(py, found, single, self.dimension())
+    }
+
+    /// The optimal control at any times.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     s; cut off at the ends.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_controls,) or (m, n_controls)
+    fn control<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let (single, t) = finite_times(t)?;
+        let found = attend(py, |run| for_dimension!(self.dimension(), controls(self, run, &t)))??;
+        shaped(py, found, single, self.system.get().n_controls)
+    }
+
+    /// The cost of the motion, integrated over its segments.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    fn cost(&self, py: Python<'_>) -> Result<f64, Error> {
+        attend(py, |run| for_dimension!(self.dimension(), cost(self, run)))?
+    }
+
+    /// The smallest and the largest Hamiltonian over the nodes and the ends of segments.
+    ///
+    /// Returns
+    /// -------
+    /// tuple of float
+    fn hamiltonian_range(&self, py: Python<'_>) -> Result<(f64, f64), Error> {
+        let range = attend(py, |run| for_dimension!(self.dimension(), hamiltonian_range(self, run)))??;
+        Ok(range.into())
+    }
+
+    fn __repr__(&self) -> String {
+        let Nodes { times, residual, .. } = &self.nodes;
+        let last = times.last().copied().unwrap_or_default();
+        format!("<Extremal: {}, residual {residual:.1e}, {} nodes to {last} s>", self.status(), times.len())
+    }
+}
+
+fn finite_times(t: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
+    let (single, found) = times("t", t)?;
+    match found.iter().find(|t| !t.is_finite()) {
+        Some(t) => Err(input(format!("`t` must be finite, found {t}"))),
+        None => Ok((single, found)),
+    }
+}
+
+fn shaped(
+    py: Python<'_>,
+    rows: Vec<Vec<f64>>,
+    single: bool,
+    width: usize,
+) -> Result<Bound<'_, PyAny>, Error> {
+    let count = (!single).then_some(rows.len());
+    let shape: Vec<usize> = count.into_iter().chain([width]).collect();
+    Ok(array(py, rows.concat(), &shape)?.into_any())
+}
+
+/// A shooting by the names that its settings have in Python.
+pub(crate) fn shooting_of(tol: f64, max_iterations: usize, rtol: f64, atol: f64) -> Result<Shooting, Error> {
+    Ok(Shooting { tolerance: positive("tol", tol)?, max_iterations, flow: tolerances_of(rtol, atol)? })
+}
+
+fn solve<const N: usize>(
+    shooting: &Shooting,
+    system: &System,
+    run: &Arc<Run>,
+    states: &[EndStates; 2],
+    times: &[f64],
+    nodes: &[f64],
+) -> Result<Nodes, Error> {
+    let ends = [end_of("initial_state", &states[0])?, end_of("final_state", &states[1])?];
+    let nodes: Vec<_> = nodes.chunks_exact(N).map(vector::<N>).collect();
+    Ok(Nodes::of(&shooting.solve(&system.watched::<N>(run)?, &ends, times, &nodes)?))
+}
+
+/// Solves for an extremal by multiple shooting, from nodes of a guess (thesis (8.5), (8.6), (8.10)).
+///
+/// Newton's method for all nodes at once with the transition matrices of the segments, damped by the natural monotonicity
+/// test; segments are propagated in parallel, and no more accurately than the residual calls for.
+///
+/// Parameters
+/// ----------
+/// system : System
+/// initial_state, final_state : sequence, length n
+///     Numbers, None where a state is free, so that its costate is zero.
+/// times : array_like, shape (m,)
+///     Of the nodes, s, ascending.
+/// nodes : array_like, shape (m, dimension)
+///     A guess.
+/// tol : float, optional
+///     Largest defect and end residual of a solution.
+/// max_iterations : int, optional
+/// rtol, atol : float, optional
+///     Of the segments in the last steps.
+///
+/// Returns
+/// -------
+/// Extremal
+///     With the best nodes, whatever the status.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> times = ftla.graded_times(10.0, 0.2, 2.0)
+/// >>> found = ftla.shoot(ftla.linear_regulator(), [1.0], [1.5], times, np.zeros((len(times), 2)))
+/// >>> found.status, round(found.cost(), 6)
+/// ('converged', 2.923301)
+#[pyfunction]
+#[pyo3(signature = (
+    system, initial_state, final_state, times, nodes, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15
+))]
+pub(crate) fn shoot(
+    py: Python<'_>,
+    system: Py<System>,
+    initial_state: EndStates,
+    final_state: EndStates,
+    times: &Bound<'_, PyAny>,
+    nodes: &Bound<'_, PyAny>,
+    tol: f64,
+    max_iterations: usize,
+    rtol: f64,
+    atol: f64,
+) -> Result<Extremal, Error> {
+    let n = system.get().dimension;
+    let (times, rows) = (real_numbers("times", times)?, Rows::extract("nodes", &[n], nodes)?);
+    let (all, states) = (rows.all()?, [initial_state, final_state]);
+    let shooting = shooting_of(tol, max_iterations, rtol, atol)?;
+    let nodes =
+        attend(py, |run| for_dimension!(n, solve(&shooting, system.get(), run, &states, &times, all)))??;
+    Ok(Extremal { settings: Settings::new(shooting.flow), system, nodes })
+}
+
+/// Times from 0 to the horizon, `shortest` apart at both ends and half as much more at each step inwards, to `longest`.
+///
+/// Parameters
+/// ----------
+/// horizon, shortest, longest : float
+///     s.
+///
+/// Returns
+/// -------
+/// ndarray, shape (m,)
+#[pyfunction(name = "graded_times")]
+pub(crate) fn py_graded_times(
+    py: Python<'_>,
+    horizon: f64,
+    shortest: f64,
+    longest: f64,
+) -> Result<Bound<'_, PyAny>, Error> {
+    Ok(PyArray1::from_vec(py, graded_times(horizon, shortest, longest)?).into_any())
+}

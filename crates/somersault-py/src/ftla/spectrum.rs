@@ -1,0 +1,234 @@
+//! Finite-time Lyapunov exponents and vectors, and what they say of a problem.
+
+use super::dimension::{for_dimension, matrix, matrix_array, vector};
+use super::error::{input, positive};
+use crate::error::Error;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use somersault::ftla::placement::Schedule;
+use somersault::ftla::spectrum::{self, SplittingDims, TimeDirection};
+
+/// A direction of time by its name.
+pub(crate) fn direction_of(name: &str) -> Result<TimeDirection, Error> {
+    match name {
+        "forward" => Ok(TimeDirection::Forward),
+        "backward" => Ok(TimeDirection::Backward),
+        other => Err(input(format!("`direction` must be 'forward' or 'backward', found '{other}'"))),
+    }
+}
+
+pub(crate) fn name_of(direction: TimeDirection) -> &'static str {
+    match direction {
+        TimeDirection::Forward => "forward",
+        TimeDirection::Backward => "backward",
+    }
+}
+
+/// Exponents and vectors at one point for one averaging time.
+///
+/// With Φ(T, p) = N Σ Lᵀ and σᵢ = exp(μᵢT) the exponents are μᵢ = ln σᵢ / T and the vectors the columns of L (thesis
+/// (9.1)–(9.4), with their misprints corrected), counted from the most stable to the most unstable direction of forward time.
+#[pyclass(frozen, module = "somersault.ftla")]
+#[derive(Clone)]
+pub(crate) struct Spectrum {
+    direction: TimeDirection,
+    /// float: Averaging time T, s.
+    #[pyo3(get)]
+    time: f64,
+    exponents: Vec<f64>,
+    /// Column by column.
+    vectors: Vec<f64>,
+}
+
+impl Spectrum {
+    pub(crate) fn of<const N: usize>(spectrum: &spectrum::Spectrum<N>) -> Self {
+        Self {
+            direction: spectrum.direction,
+            time: spectrum.time,
+            exponents: spectrum.exponents.as_slice().to_vec(),
+            vectors: spectrum.vectors.as_slice().to_vec(),
+        }
+    }
+
+    pub(crate) fn typed<const N: usize>(&self) -> spectrum::Spectrum<N> {
+        spectrum::Spectrum {
+            direction: self.direction,
+            time: self.time,
+            exponents: vector(&self.exponents),
+            vectors: matrix(&self.vectors),
+        }
+    }
+
+    pub(crate) fn dimension(&self) -> usize {
+        self.exponents.len()
+    }
+}
+
+#[pymethods]
+impl Spectrum {
+    /// str: ``'forward'`` or ``'backward'``.
+    #[getter]
+    fn direction(&self) -> &'static str {
+        name_of(self.direction)
+    }
+
+    /// ndarray, shape (dimension,): μ, 1/s, ascending forward and descending backward.
+    #[getter]
+    fn exponents<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_slice(py, &self.exponents).into_any()
+    }
+
+    /// ndarray, shape (dimension, dimension): lᵢ as columns, orthonormal.
+    #[getter]
+    fn vectors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        matrix_array(py, &self.vectors, self.exponents.len())
+    }
+
+    /// ndarray, shape (dimension,): Exponents in forward order whatever the direction, backward ones with their sign changed.
+    #[getter]
+    fn rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        let rates = self.exponents.iter().map(|mu| mu * self.direction.sign()).collect();
+        PyArray1::from_vec(py, rates).into_any()
+    }
+
+    /// float: max |μᵢ + μ_{2n+1−i}|, zero for a Hamiltonian system.
+    #[getter]
+    fn pairing_defect(&self) -> Result<f64, Error> {
+        fn defect<const N: usize>(spectrum: &Spectrum) -> Result<f64, Error> {
+            Ok(spectrum.typed::<N>().pairing_defect())
+        }
+        for_dimension!(self.dimension(), defect(self))
+    }
+
+    fn __repr__(&self) -> String {
+        let exponents: Vec<_> = self.exponents.iter().map(|mu| format!("{mu:.4}")).collect();
+        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time, exponents.join(", "))
+    }
+}
+
+/// What the exponents at a point say about a problem with a given horizon, as `diagnose` finds it.
+///
+/// `str` puts it in words.
+#[pyclass(frozen, module = "somersault.ftla")]
+pub(crate) struct Diagnosis {
+    pub(crate) diagnosis: spectrum::Diagnosis,
+}
+
+#[pymethods]
+impl Diagnosis {
+    /// tuple of int: (n^s, n^c, n^u); all in the centre where no gap is wide enough.
+    #[getter]
+    fn dims(&self) -> (usize, usize, usize) {
+        let SplittingDims { stable, center, unstable } = self.diagnosis.dims;
+        (stable, center, unstable)
+    }
+
+    /// bool: Whether fast rates act in both directions for many time constants on the horizon.
+    #[getter]
+    fn is_hyper_sensitive(&self) -> bool {
+        self.diagnosis.is_hyper_sensitive()
+    }
+
+    /// bool: Whether it is so in some directions only.
+    #[getter]
+    fn is_partially_hyper_sensitive(&self) -> bool {
+        self.diagnosis.is_partially_hyper_sensitive()
+    }
+
+    /// float: Averaging time that shows the splitting best, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.diagnosis.time
+    }
+
+    /// tuple of float: Slowest of the fast contracting and of the fast expanding rates, 1/s.
+    #[getter]
+    fn fast_rates(&self) -> (f64, f64) {
+        self.diagnosis.fast_rates.into()
+    }
+
+    /// float: Largest |μ| of the centre, 1/s.
+    #[getter]
+    fn center_rate(&self) -> f64 {
+        self.diagnosis.center_rate
+    }
+
+    /// tuple of float: Gaps between stable and centre and between centre and unstable exponents, 1/s.
+    #[getter]
+    fn gaps(&self) -> (f64, f64) {
+        self.diagnosis.gaps.into()
+    }
+
+    /// float: The smaller gap times the averaging time: how far the subspaces have converged.
+    #[getter]
+    fn time_constants(&self) -> f64 {
+        self.diagnosis.time_constants
+    }
+
+    /// tuple of float: Longest range of averaging times over which the splitting has these dimensions, s.
+    #[getter]
+    fn window(&self) -> (f64, f64) {
+        self.diagnosis.window.into()
+    }
+
+    /// float: The horizon, s.
+    #[getter]
+    fn horizon(&self) -> f64 {
+        self.diagnosis.horizon
+    }
+
+    /// Averaging times to place with: steps of 0.7 time constants of the slowest fast rate, to eight constants of the gap.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (m,)
+    fn schedule<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyAny>, Error> {
+        let schedule = Schedule::of_diagnosis(&self.diagnosis)?;
+        Ok(PyArray1::from_slice(py, schedule.times()).into_any())
+    }
+
+    fn __str__(&self) -> String {
+        self.diagnosis.to_string()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Diagnosis: {}>", self.diagnosis)
+    }
+}
+
+/// Chooses (n^s, n^c, n^u) from spectra at one point.
+///
+/// The widest gap above and the widest below zero, at the averaging time where the smaller of the two times T is largest; a
+/// gap of less than three time constants is none.
+///
+/// Parameters
+/// ----------
+/// spectra : sequence of Spectrum
+///     At one point, for ascending averaging times.
+/// horizon : float
+///     Of the problem, s.
+///
+/// Returns
+/// -------
+/// Diagnosis
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+/// >>> diagnosis = ftla.diagnose(flow.spectra([1.0, 0.4], [1.0, 2.0, 4.0]), 40.0)
+/// >>> diagnosis.dims, diagnosis.is_hyper_sensitive
+/// ((1, 0, 1), True)
+#[pyfunction]
+pub(crate) fn diagnose(spectra: Vec<Bound<'_, Spectrum>>, horizon: f64) -> Result<Diagnosis, Error> {
+    positive("horizon", horizon)?;
+    let n = spectra.first().map_or(2, |s| s.get().dimension());
+    if spectra.iter().any(|s| s.get().dimension() != n) {
+        return Err(input("`spectra` must be of one dimension".to_owned()));
+    }
+    fn of<const N: usize>(spectra: &[Bound<'_, Spectrum>], horizon: f64) -> Result<Diagnosis, Error> {
+        let typed: Vec<_> = spectra.iter().map(|s| s.get().typed::<N>()).collect();
+        Ok(Diagnosis { diagnosis: spectrum::diagnose(&typed, horizon)? })
+    }
+    for_dimension!(n, of(&spectra, horizon))
+}

@@ -1,0 +1,220 @@
+//! The system of one calculation: compiled, or Python callables, and stopped when the calculation is.
+
+use super::dimension::matrix;
+use super::error::input;
+use super::run::{Run, caused};
+use crate::convert::with_shape;
+use crate::error::Error;
+use pyo3::prelude::*;
+use somersault::ftla::nalgebra::{SMatrix, SVector};
+use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, Piece, SystemError, VectorField};
+use std::sync::Arc;
+
+/// A compiled system, as many runs share it.
+pub(crate) type Compiled<const N: usize> = Arc<dyn OptimalControlSystem<N> + Send + Sync>;
+
+/// The callables of a system that a user wrote.
+pub(crate) struct Callables {
+    pub(crate) field: Py<PyAny>,
+    pub(crate) jacobian: Py<PyAny>,
+    pub(crate) hamiltonian: Option<Py<PyAny>>,
+    pub(crate) control: Option<Py<PyAny>>,
+    pub(crate) running_cost: Option<Py<PyAny>>,
+    pub(crate) n_controls: usize,
+}
+
+/// Where a system comes from.
+#[derive(Clone)]
+pub(crate) enum Source<const N: usize> {
+    Compiled(Compiled<N>),
+    Callables(Arc<Callables>),
+}
+
+/// A system in one run. Stopped, it has no values, so that whatever integrates it comes to an end.
+#[derive(Clone)]
+pub(crate) struct Watched<const N: usize> {
+    source: Source<N>,
+    run: Arc<Run>,
+}
+
+impl<const N: usize> Source<N> {
+    /// The system for one run.
+    pub(crate) fn watched(&self, run: &Arc<Run>) -> Watched<N> {
+        Watched { source: self.clone(), run: Arc::clone(run) }
+    }
+}
+
+impl<const N: usize> Watched<N> {
+    /// What a callable makes of p: numbers of a shape; none once anything has been raised.
+    fn call(
+        &self,
+        name: &str,
+        callable: &Py<PyAny>,
+        p: &SVector<f64, N>,
+        shape: &[usize],
+    ) -> Option<Vec<f64>> {
+        if self.run.is_stopped() {
+            return None;
+        }
+        Python::attach(|py| {
+            let argument = numpy::PyArray1::from_slice(py, p.as_slice());
+            let returned = callable.call1(py, (argument,)).map_err(|error| caused(py, name, error));
+            let numbers = returned.and_then(|value| {
+                with_shape(&format!("{name}(p)"), shape, value.bind(py))
+                    .map_err(|error| PyErr::from(input_of(error)))
+            });
+            numbers.map_err(|error| self.run.stop(error)).ok()
+        })
+    }
+
+    /// A number that a callable makes of p; NaN once anything has been raised, and an error where it is no number.
+    fn number(&self, name: &str, callable: Option<&Py<PyAny>>, p: &SVector<f64, N>) -> f64 {
+        let Some(callable) = callable else {
+            self.run.stop(input(format!("this system was made without `{name}`")).into());
+            return f64::NAN;
+        };
+        let value = self.call(name, callable, p, &[]).map_or(f64::NAN, |numbers| numbers[0]);
+        if !value.is_finite() && !self.run.is_stopped() {
+            let message = format!("`{name}` returned {value}");
+            self.run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
+        }
+        value
+    }
+}
+
+/// What a callable returned is an argument of this module.
+fn input_of(error: Error) -> Error {
+    match error {
+        Error::Own { message, .. } => input(message),
+        raised => raised,
+    }
+}
+
+impl<const N: usize> VectorField<N> for Watched<N> {
+    #[inline]
+    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
+        match &self.source {
+            _ if self.run.is_stopped() => SVector::repeat(f64::NAN),
+            Source::Compiled(system) => system.field(p),
+            Source::Callables(own) => self
+                .call("field", &own.field, p, &[N])
+                .map_or(SVector::repeat(f64::NAN), |h| SVector::from_column_slice(&h)),
+        }
+    }
+
+    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+        match &self.source {
+            Source::Compiled(system) => system.jacobian(p),
+            Source::Callables(own) => self
+                .call("jacobian", &own.jacobian, p, &[N, N])
+                .map_or(SMatrix::repeat(f64::NAN), |d| matrix::<N>(&d).transpose()),
+        }
+    }
+
+    #[inline]
+    fn linearize(&self, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        match &self.source {
+            Source::Compiled(system) if !self.run.is_stopped() => system.linearize(p),
+            _ => (self.field(p), self.jacobian(p)),
+        }
+    }
+
+    #[inline]
+    fn n_switches(&self) -> usize {
+        match &self.source {
+            Source::Compiled(system) => system.n_switches(),
+            Source::Callables(_) => 0,
+        }
+    }
+
+    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
+        match &self.source {
+            Source::Compiled(system) => system.piece(p),
+            Source::Callables(_) => Piece::FREE,
+        }
+    }
+
+    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        match &self.source {
+            Source::Compiled(system) if !self.run.is_stopped() => system.field_in(piece, p),
+            _ => self.field(p),
+        }
+    }
+
+    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        match &self.source {
+            Source::Compiled(system) if !self.run.is_stopped() => system.linearize_in(piece, p),
+            _ => self.linearize(p),
+        }
+    }
+
+    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+        match &self.source {
+            Source::Compiled(system) => system.margins(piece, p),
+            Source::Callables(_) => SVector::repeat(f64::INFINITY),
+        }
+    }
+
+    fn next_piece(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Piece<N> {
+        match &self.source {
+            Source::Compiled(system) => system.next_piece(piece, p),
+            Source::Callables(_) => *piece,
+        }
+    }
+
+    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
+        match &self.source {
+            Source::Compiled(system) => system.fault(p),
+            Source::Callables(_) => Some(SystemError::NonFinite),
+        }
+    }
+}
+
+impl<const N: usize> HamiltonianSystem<N> for Watched<N> {
+    fn hamiltonian(&self, p: &SVector<f64, N>) -> f64 {
+        match &self.source {
+            Source::Compiled(system) => system.hamiltonian(p),
+            Source::Callables(own) => self.number("hamiltonian", own.hamiltonian.as_ref(), p),
+        }
+    }
+}
+
+impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
+    fn n_controls(&self) -> usize {
+        match &self.source {
+            Source::Compiled(system) => system.n_controls(),
+            Source::Callables(own) => own.n_controls,
+        }
+    }
+
+    fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError> {
+        match &self.source {
+            Source::Compiled(system) => system.control_into(p, u),
+            Source::Callables(own) => {
+                let found = match &own.control {
+                    Some(control) => self.call("control", control, p, &[own.n_controls]),
+                    None => {
+                        self.number("control", None, p);
+                        None
+                    }
+                };
+                u.copy_from_slice(&found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]));
+                Ok(())
+            }
+        }
+    }
+
+    fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
+        match &self.source {
+            Source::Compiled(system) => system.running_cost(p),
+            Source::Callables(own) => self.number("running_cost", own.running_cost.as_ref(), p),
+        }
+    }
+
+    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+        match &self.source {
+            Source::Compiled(system) => system.running_cost_in(piece, p),
+            Source::Callables(_) => self.running_cost(p),
+        }
+    }
+}

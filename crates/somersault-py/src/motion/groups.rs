@@ -1,0 +1,229 @@
+//! Groups of motions side by side.
+
+use super::matrix::{matrix, matrix_array, numbers_array};
+use super::motion_fit::MotionFit;
+use crate::convert::{real_numbers, with_shape};
+use crate::error::Error;
+use crate::model::Model;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use somersault::motion::analysis::{self, Panel};
+
+/// Mean and spread of a group of motions at each frame.
+///
+/// Parameters
+/// ----------
+/// series : array_like, shape (n_motions, n_frames)
+///
+/// Raises
+/// ------
+/// AnalysisInputError
+///     If there is no motion, or a number is not finite.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct Band {
+    band: analysis::Band,
+}
+
+#[pymethods]
+impl Band {
+    #[new]
+    fn new(series: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        Ok(Self { band: analysis::Band::of(&matrix("series", series)?)? })
+    }
+
+    /// ndarray, shape (n_frames,): Mean over the motions.
+    #[getter]
+    fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.band.mean)
+    }
+
+    /// ndarray, shape (n_frames,): Standard deviation over the motions, with n − 1 in the denominator; zero for a single
+    /// motion.
+    #[getter]
+    fn deviation<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.band.deviation)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Band: {} frames>", self.band.mean.len())
+    }
+}
+
+/// One panel of Figure 4.1 for groups of fitted motions, each normalised to the same number of frames.
+///
+/// Parameters
+/// ----------
+/// groups : dict of str to sequence of MotionFit
+///     Fits of one kind of model. Frames without markers are left out.
+/// panel : {'eigenweight', 'marker_error', 'scale', 'rotation'}
+///     An eigenweight; the root mean square of the residuals, m; the scale; or turns about the lateral axis, forwards
+///     positive.
+/// n_frames : int, optional
+///     60 in the thesis.
+/// weight : int, optional
+///     Number of the eigenweight, from 0.
+///
+/// Raises
+/// ------
+/// AnalysisInputError
+///     If a fit has no such weight, or there is nothing to compare.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct GroupComparison {
+    names: Vec<String>,
+    comparison: analysis::GroupComparison,
+}
+
+fn panel_of(name: &str, weight: usize) -> Result<Panel, Error> {
+    match name {
+        "eigenweight" => Ok(Panel::Eigenweight(weight)),
+        "marker_error" => Ok(Panel::MarkerError),
+        "scale" => Ok(Panel::Scale),
+        "rotation" => Ok(Panel::Rotation),
+        _ => Err(Error::input(format!(
+            "`panel` must be 'eigenweight', 'marker_error', 'scale' or 'rotation', found '{name}'"
+        ))),
+    }
+}
+
+#[pymethods]
+impl GroupComparison {
+    #[new]
+    #[pyo3(signature = (groups, panel, *, n_frames=60, weight=0))]
+    fn new(groups: &Bound<'_, PyDict>, panel: &str, n_frames: usize, weight: usize) -> Result<Self, Error> {
+        let panel = panel_of(panel, weight)?;
+        let mut names = Vec::new();
+        let mut fits: Vec<Vec<Bound<'_, MotionFit>>> = Vec::new();
+        for (name, group) in groups.iter() {
+            names.push(name.extract::<String>()?);
+            fits.push(group.extract()?);
+        }
+        let Some(first) = fits.iter().flatten().next() else {
+            return Err(Error::analysis_input("`groups` must have a fitted motion, found none".to_owned()));
+        };
+        let model = first.get().fit.get().fit.model();
+        for fit in fits.iter().flatten() {
+            let other = fit.get().fit.get().fit.model();
+            if other.joint(0) != model.joint(0) || other.n_positions() != model.n_positions() {
+                let message = format!(
+                    "`groups` must be fits of one kind of model, found {} and {} numbers in a configuration",
+                    model.n_positions(),
+                    other.n_positions()
+                );
+                return Err(Error::analysis_input(message));
+            }
+        }
+        let motions: Vec<Vec<_>> =
+            fits.iter().map(|group| group.iter().map(|fit| &fit.get().motion).collect()).collect();
+        let motions: Vec<&[_]> = motions.iter().map(Vec::as_slice).collect();
+        let comparison = analysis::GroupComparison::try_new(model, &motions, panel, n_frames)?;
+        Ok(Self { names, comparison })
+    }
+
+    /// tuple of str: Names of the groups.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.names)
+    }
+
+    /// str: What is compared.
+    #[getter]
+    fn panel(&self) -> &'static str {
+        match self.comparison.panel() {
+            Panel::Eigenweight(_) => "eigenweight",
+            Panel::MarkerError => "marker_error",
+            Panel::Scale => "scale",
+            Panel::Rotation => "rotation",
+        }
+    }
+
+    /// The motions of a group.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_motions, n_frames)
+    fn series<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
+        let number = self.names.iter().position(|known| known == name).ok_or_else(|| {
+            let known = self.names.join(", ");
+            Error::analysis_input(format!("`name` must be one of the groups {known}, found '{name}'"))
+        })?;
+        Ok(matrix_array(py, &self.comparison.series(number))?)
+    }
+
+    /// Mean and spread of each group.
+    ///
+    /// Returns
+    /// -------
+    /// dict of str to Band
+    fn bands<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyDict>, Error> {
+        let found = PyDict::new(py);
+        for (name, band) in self.names.iter().zip(self.comparison.bands()?) {
+            found.set_item(name, Band { band })?;
+        }
+        Ok(found)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<GroupComparison: {} of {}>", self.panel(), self.names.join(", "))
+    }
+}
+
+/// A quantity of all frames, brought to so many at equal distances in time by a cubic spline.
+///
+/// Parameters
+/// ----------
+/// times : array_like, shape (n,)
+/// values : array_like, shape (n,)
+/// n_frames : int
+///
+/// Returns
+/// -------
+/// ndarray, shape (n_frames,)
+#[pyfunction]
+pub(crate) fn normalize_frames<'py>(
+    py: Python<'py>,
+    times: &Bound<'py, PyAny>,
+    values: &Bound<'py, PyAny>,
+    n_frames: usize,
+) -> Result<Bound<'py, PyAny>, Error> {
+    let times = real_numbers("times", times)?;
+    let values = with_shape("values", &[times.len()], values)?;
+    Ok(numbers_array(py, &analysis::normalize_frames(&times, &values, n_frames)?))
+}
+
+/// How far the root of a tree has turned about the lateral axis since the first configuration.
+///
+/// Of a planar root that is its angle. Of a floating one it is the sum of the rotations' part along the lateral axis of
+/// the body: somersaults are counted without regard to twist. Configurations must be less than a half turn apart.
+///
+/// Parameters
+/// ----------
+/// model : Model
+/// q : array_like, shape (n, n_positions)
+///
+/// Returns
+/// -------
+/// ndarray, shape (n,), or None
+///     Turns, forwards positive; None for a root that does not turn so.
+#[pyfunction]
+pub(crate) fn turns_about<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    q: &Bound<'py, PyAny>,
+) -> Result<Option<Bound<'py, PyAny>>, Error> {
+    let model = &model.get().model;
+    let q = matrix("q", q)?;
+    let n = model.n_positions();
+    if q.ncols() != n {
+        return Err(Error::input(format!("`q` must have {n} columns, found {}", q.ncols())));
+    }
+    if let Some(at) = q.iter().position(|x| !x.is_finite()) {
+        return Err(Error::input(format!("`q` must be finite, but is not in row {}", at % q.nrows())));
+    }
+    let rows = q.transpose();
+    let rows: Vec<&[f64]> = rows.as_slice().chunks_exact(n).collect();
+    Ok(analysis::turns_about(model, &rows).map(|turns| numbers_array(py, &turns)))
+}

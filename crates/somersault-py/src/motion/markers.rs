@@ -1,0 +1,225 @@
+//! Recordings of markers.
+
+use super::matrix::{mask, numbers_array};
+use crate::convert::{array, real_numbers, with_shape};
+use crate::error::Error;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use somersault::motion::nalgebra::Vector3;
+use somersault::motion::recording::{self, uniform_times};
+
+/// Positions of markers over time, in m, with x forward, y left and z up.
+///
+/// Parameters
+/// ----------
+/// names : sequence of str
+///     Names of the markers, which differ.
+/// times : array_like, shape (n_frames,)
+///     Times of the frames, s, rising.
+/// points : array_like, shape (n_frames, n_markers, 3)
+///     Positions. NaN is an error unless `present` says that the marker is missing.
+/// present : array_like of bool, shape (n_frames, n_markers), optional
+///     Which markers there are in which frame; all unless given. What `points` has for the others does not matter.
+///
+/// Raises
+/// ------
+/// RecordingError
+///     If a number is not finite, times do not rise or names repeat.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> t = np.linspace(0.0, 1.0, 5)
+/// >>> points = np.stack([t, t**2, 0.0 * t], axis=1)[:, None, :]
+/// >>> recording = motion.MarkerRecording(["hip"], t, points, present=[[1 > 0], [True], [False], [True], [True]])
+/// >>> recording.n_missing, recording.fill_gaps(0.6).points[2, 0].round(12).tolist()
+/// (1, [0.5, 0.25, 0.0])
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct MarkerRecording {
+    pub(crate) recording: recording::MarkerRecording,
+}
+
+#[pymethods]
+impl MarkerRecording {
+    #[new]
+    #[pyo3(signature = (names, times, points, present=None))]
+    fn new(
+        names: Vec<String>,
+        times: &Bound<'_, PyAny>,
+        points: &Bound<'_, PyAny>,
+        present: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let times = real_numbers("times", times)?;
+        let values = with_shape("points", &[times.len(), names.len(), 3], points)?;
+        let n = times.len() * names.len();
+        let present = match present {
+            Some(present) => mask("present", &[times.len(), names.len()], present)?,
+            None => vec![true; n],
+        };
+        let point = |(x, there): (&[f64], &bool)| there.then(|| Vector3::from_column_slice(x));
+        let points = values.chunks_exact(3).zip(&present).map(point).collect();
+        Ok(Self { recording: recording::MarkerRecording::try_new(names, times, points)? })
+    }
+
+    /// tuple of str: Names of the markers.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.recording.names())
+    }
+
+    /// ndarray, shape (n_frames,): Times of the frames, s.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, self.recording.times())
+    }
+
+    /// ndarray, shape (n_frames, n_markers, 3): Positions, m; NaN where a marker is missing.
+    #[getter]
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let all = self.recording.frames().flatten();
+        let values = all.flat_map(|p| p.map_or([f64::NAN; 3], Into::into)).collect();
+        Ok(array(py, values, &[self.recording.n_frames(), self.recording.n_markers(), 3])?.into_any())
+    }
+
+    /// ndarray of bool, shape (n_frames, n_markers): Which markers there are in which frame.
+    #[getter]
+    fn present<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let values: Vec<bool> = self.recording.frames().flatten().map(Option::is_some).collect();
+        let shape = (self.recording.n_frames(), self.recording.n_markers());
+        numpy::PyArray1::from_vec(py, values).call_method1("reshape", (shape,))
+    }
+
+    /// int: Number of markers.
+    #[getter]
+    fn n_markers(&self) -> usize {
+        self.recording.n_markers()
+    }
+
+    /// int: Number of frames.
+    #[getter]
+    fn n_frames(&self) -> usize {
+        self.recording.n_frames()
+    }
+
+    /// int: Positions that are missing, over all markers and frames.
+    #[getter]
+    fn n_missing(&self) -> usize {
+        self.recording.n_missing()
+    }
+
+    /// float: From the first to the last frame, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        duration(self.recording.times())
+    }
+
+    /// One marker over all frames.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_frames, 3)
+    ///     NaN where it is missing.
+    ///
+    /// Raises
+    /// ------
+    /// RecordingError
+    ///     If there is no marker of this name.
+    fn track<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
+        let track = self.recording.track(self.recording.marker(name)?);
+        let values = track.flat_map(|p| p.map_or([f64::NAN; 3], Into::into)).collect();
+        Ok(array(py, values, &[self.recording.n_frames(), 3])?.into_any())
+    }
+
+    /// The markers of these names, in this order.
+    ///
+    /// Parameters
+    /// ----------
+    /// names : sequence of str
+    ///
+    /// Returns
+    /// -------
+    /// MarkerRecording
+    fn select(&self, names: Vec<String>) -> Result<Self, Error> {
+        Ok(Self { recording: self.recording.select(&names)? })
+    }
+
+    /// The same motion at other times, by a cubic spline through each marker's unbroken stretches.
+    ///
+    /// What lies in a gap stays missing.
+    ///
+    /// Parameters
+    /// ----------
+    /// times : array_like, shape (n,), optional
+    ///     Within the recording, s, rising.
+    /// n_frames : int, optional
+    ///     In the place of `times`: so many at equal distances.
+    ///
+    /// Returns
+    /// -------
+    /// MarkerRecording
+    #[pyo3(signature = (times=None, *, n_frames=None))]
+    fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<usize>) -> Result<Self, Error> {
+        let times = new_times(self.recording.times(), times, n_frames)?;
+        Ok(Self { recording: self.recording.resample(&times)? })
+    }
+
+    /// Fills gaps by a cubic spline through all the frames that have the marker.
+    ///
+    /// Gaps at the start or the end stay.
+    ///
+    /// Parameters
+    /// ----------
+    /// longest : float
+    ///     Gaps that last longer stay, s, from the frame before to the frame after.
+    ///
+    /// Returns
+    /// -------
+    /// MarkerRecording
+    fn fill_gaps(&self, longest: f64) -> Result<Self, Error> {
+        Ok(Self { recording: self.recording.fill_gaps(longest)? })
+    }
+
+    fn __len__(&self) -> usize {
+        self.recording.n_frames()
+    }
+
+    fn __repr__(&self) -> String {
+        let r = &self.recording;
+        format!(
+            "<MarkerRecording: {} markers, {} frames, {:.3} s, {} positions missing>",
+            r.n_markers(),
+            r.n_frames(),
+            self.duration(),
+            r.n_missing()
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, r) = (slf.py(), slf.get());
+        let arguments = (r.names(py)?, r.times(py), r.points(py)?, r.present(py)?).into_pyobject(py)?;
+        Ok((slf.get_type().into_any(), arguments))
+    }
+}
+
+/// From the first to the last time.
+pub(super) fn duration(times: &[f64]) -> f64 {
+    times[times.len() - 1] - times[0]
+}
+
+/// Times given, or so many at equal distances.
+pub(super) fn new_times(
+    old: &[f64],
+    times: Option<&Bound<'_, PyAny>>,
+    n_frames: Option<usize>,
+) -> Result<Vec<f64>, Error> {
+    match (times, n_frames) {
+        (Some(times), None) => real_numbers("times", times),
+        (None, Some(n)) => Ok(uniform_times(old, n)),
+        _ => Err(Error::input("either `times` or `n_frames` must be given, found both or neither")),
+    }
+}

@@ -1,0 +1,24 @@
+//! Recorded motions.
+
+mod convention;
+mod fit;
+mod groups;
+mod markers;
+mod matrix;
+mod motion_fit;
+mod pca;
+mod readers;
+mod scoring;
+mod skeleton;
+mod validation;
+mod worker;
+
+pub(crate) use fit::{MarkerFit, MarkerSet};
+pub(crate) use groups::{Band, GroupComparison, normalize_frames, turns_about};
+pub(crate) use markers::MarkerRecording;
+pub(crate) use motion_fit::MotionFit;
+pub(crate) use pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
+pub(crate) use readers::{read_bvh, read_c3d, read_csv, read_joint_motion, read_trc};
+pub(crate) use scoring::{Performance, ScoringModel, ScoringOptions};
+pub(crate) use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
+pub(crate) use validation::{Baseline, Correlation, Validation, pearson, spearman, validate};

@@ -1,0 +1,173 @@
+//! What a fit found.
+
+use super::fit::MarkerFit;
+use super::matrix::{matrix_array, numbers_array};
+use crate::convert::array;
+use crate::error::Error;
+use crate::model::Model;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use somersault::motion::fit::{self, FitStatus, FrameFit};
+
+/// A fitted motion. Arrays have a row for each frame.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct MotionFit {
+    pub(super) fit: Py<MarkerFit>,
+    pub(super) motion: fit::MotionFit,
+}
+
+/// A status by its name in Python.
+fn status_name(status: FitStatus) -> &'static str {
+    match status {
+        FitStatus::Converged => "converged",
+        FitStatus::IterationLimit => "iteration_limit",
+        FitStatus::NoProgress => "no_progress",
+        FitStatus::NoMarkers => "no_markers",
+    }
+}
+
+impl MotionFit {
+    /// As many numbers of each frame as the first has.
+    fn rows<'py>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        of: impl Fn(&FrameFit) -> Vec<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let values = self.motion.frames.iter().flat_map(of).collect();
+        Ok(array(py, values, &[self.motion.frames.len(), width])?.into_any())
+    }
+
+    fn numbers<'py>(&self, py: Python<'py>, of: impl Fn(&FrameFit) -> f64) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.motion.frames.iter().map(of).collect::<Vec<_>>())
+    }
+}
+
+#[pymethods]
+impl MotionFit {
+    /// MarkerFit: What was fitted.
+    #[getter]
+    fn fit(&self, py: Python<'_>) -> Py<MarkerFit> {
+        self.fit.clone_ref(py)
+    }
+
+    /// Model: The model.
+    #[getter]
+    fn model(&self, py: Python<'_>) -> Py<Model> {
+        self.fit.get().model(py)
+    }
+
+    /// ndarray, shape (n_frames,): Times, s.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.motion.times)
+    }
+
+    /// ndarray, shape (n_frames,): Size over that of the model.
+    #[getter]
+    fn scale<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, |frame| frame.estimate.scale)
+    }
+
+    /// ndarray, shape (n_frames, n_positions): Configurations of the model; places of its root are in m and not scaled.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, self.fit.get().fit.model().n_positions(), |frame| frame.estimate.q.clone())
+    }
+
+    /// ndarray, shape (n_frames, n_weights): Weights of the eigenpostures; none where joints were fitted.
+    #[getter]
+    fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let width = self.motion.frames.first().map_or(0, |frame| frame.estimate.weights.len());
+        self.rows(py, width, |frame| frame.estimate.weights.clone())
+    }
+
+    /// ndarray, shape (n_frames, n_markers): Distances of the markers to the recorded ones, m; NaN where one is missing.
+    #[getter]
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let width = self.fit.get().fit.markers().markers().len();
+        let of = |frame: &FrameFit| frame.residuals.iter().map(|r| r.unwrap_or(f64::NAN)).collect();
+        self.rows(py, width, of)
+    }
+
+    /// ndarray, shape (n_frames,): Root mean square of the residuals of each frame, m; NaN without markers.
+    #[getter]
+    fn frame_rms<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, |frame| frame.rms.unwrap_or(f64::NAN))
+    }
+
+    /// dict of str to float: Root mean square of the residuals of each marker, m; NaN for one never seen.
+    #[getter]
+    fn marker_rms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = PyDict::new(py);
+        let markers = self.fit.get().fit.markers().markers();
+        for (marker, rms) in markers.iter().zip(self.motion.rms_of_markers()) {
+            found.set_item(&marker.name, rms.unwrap_or(f64::NAN))?;
+        }
+        Ok(found)
+    }
+
+    /// float: Root mean square of all residuals, m; NaN without markers.
+    #[getter]
+    fn rms(&self) -> f64 {
+        self.motion.rms().unwrap_or(f64::NAN)
+    }
+
+    /// ndarray, shape (n_frames,): The minimum of ½ Σ c ρ in each frame.
+    #[getter]
+    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, |frame| frame.cost)
+    }
+
+    /// list of int: Iterations made in each frame.
+    #[getter]
+    fn iterations(&self) -> Vec<usize> {
+        self.motion.frames.iter().map(|frame| frame.iterations).collect()
+    }
+
+    /// list of str: How the search in each frame ended: ``'converged'``, ``'iteration_limit'``, ``'no_progress'`` where no
+    /// step makes the distances smaller, ``'no_markers'`` where the estimate is that of the frame before.
+    #[getter]
+    fn status(&self) -> Vec<&'static str> {
+        self.motion.frames.iter().map(|frame| status_name(frame.status)).collect()
+    }
+
+    /// bool: Whether every frame that has markers has converged, and a common scale too.
+    #[getter]
+    fn success(&self) -> bool {
+        self.motion.converged()
+    }
+
+    /// Covariance of the unknowns of a frame by linearisation.
+    ///
+    /// Parameters
+    /// ----------
+    /// frame : int
+    ///     Number of the frame, from 0.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n, n), or None
+    ///     Of scale, rates of the root in its own axes, and rates of the joints or weights; unknowns at a bound have
+    ///     none. None where the markers do not determine the unknowns, or, if the noise is not known, are not more.
+    fn covariance<'py>(&self, py: Python<'py>, frame: usize) -> Result<Option<Bound<'py, PyAny>>, Error> {
+        let n = self.motion.frames.len();
+        let found = self.motion.frames.get(frame).ok_or_else(|| {
+            Error::input(format!("`frame` must be less than the {n} frames there are, found {frame}"))
+        })?;
+        Ok(found.covariance.as_ref().map(|m| matrix_array(py, m)).transpose()?)
+    }
+
+    fn __len__(&self) -> usize {
+        self.motion.frames.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let done = self.motion.frames.iter().filter(|frame| frame.status == FitStatus::Converged).count();
+        format!(
+            "<MotionFit: {done} of {} frames converged, rms {:.2} mm>",
+            self.motion.frames.len(),
+            1e3 * self.rms()
+        )
+    }
+}

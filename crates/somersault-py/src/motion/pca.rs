@@ -1,0 +1,236 @@
+//! Principal components of motions, and motions in a base.
+
+use super::matrix::{matrices, matrix, matrix_array, numbers_array};
+use super::worker::attended;
+use crate::error::Error;
+use crate::ocp::EigenpostureBase;
+use pyo3::prelude::*;
+use somersault::motion::analysis::{self, WeightBounds, eigenpostures};
+use somersault::motion::nalgebra::DMatrix;
+
+/// Principal components of samples: mean, directions in which they differ most, and their variances.
+///
+/// By singular values of the samples less their mean, never of a covariance matrix. The sign of a component is such that
+/// its largest entry is positive, as in scikit-learn. Of the postures of motions, components are eigenpostures and
+/// scores eigenweights.
+///
+/// Parameters
+/// ----------
+/// samples : array_like, shape (n_samples, n_features)
+/// n_components : int, optional
+///     At most n_samples − 1 and n_features, which is taken unless given.
+///
+/// Raises
+/// ------
+/// AnalysisInputError
+///     If there are fewer than two samples or fewer than components, a number is not finite, or samples do not differ.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> pca = motion.Pca([[0.0, 0.1], [1.0, 0.9], [2.0, 2.1], [3.0, 2.9]], 1)
+/// >>> bool(pca.explained_variance_ratio[0] > 0.99)
+/// True
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct Pca {
+    pub(super) pca: analysis::Pca,
+}
+
+#[pymethods]
+impl Pca {
+    #[new]
+    #[pyo3(signature = (samples, n_components=None))]
+    fn new(py: Python<'_>, samples: &Bound<'_, PyAny>, n_components: Option<usize>) -> Result<Self, Error> {
+        let samples = matrix("samples", samples)?;
+        let most = samples.nrows().saturating_sub(1).min(samples.ncols());
+        let n = n_components.unwrap_or(most);
+        Ok(Self { pca: attended(py, move || analysis::Pca::fit(&samples, n))? })
+    }
+
+    /// ndarray, shape (n_features,): Mean of the samples.
+    #[getter]
+    fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, self.pca.mean().as_slice())
+    }
+
+    /// ndarray, shape (n_components, n_features): The components, of unit length, that of the largest variance first.
+    #[getter]
+    fn components<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        matrix_array(py, &self.pca.components().transpose())
+    }
+
+    /// int: Number of components.
+    #[getter]
+    fn n_components(&self) -> usize {
+        self.pca.n_components()
+    }
+
+    /// int: Number of samples it is of.
+    #[getter]
+    fn n_samples(&self) -> usize {
+        self.pca.n_samples()
+    }
+
+    /// ndarray, shape (n_components,): Variance of the scores of each component, with n − 1 in the denominator.
+    #[getter]
+    fn explained_variance<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, self.pca.explained_variance())
+    }
+
+    /// ndarray, shape (n_components,): Share of each component in the variance of the samples.
+    #[getter]
+    fn explained_variance_ratio<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.pca.explained_variance_ratio())
+    }
+
+    /// float: Variance of the samples in all directions.
+    #[getter]
+    fn total_variance(&self) -> f64 {
+        self.pca.total_variance()
+    }
+
+    /// What samples are in the components: (x − x̄)·v for each.
+    ///
+    /// Parameters
+    /// ----------
+    /// samples : array_like, shape (n, n_features)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n, n_components)
+    fn scores<'py>(&self, py: Python<'py>, samples: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        Ok(matrix_array(py, &self.pca.scores(&matrix("samples", samples)?)?)?)
+    }
+
+    /// The samples that have these scores: x̄ + Σ s v.
+    ///
+    /// Parameters
+    /// ----------
+    /// scores : array_like, shape (n, n_components)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n, n_features)
+    fn reconstruct<'py>(
+        &self,
+        py: Python<'py>,
+        scores: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        Ok(matrix_array(py, &self.pca.reconstruct(&matrix("scores", scores)?)?)?)
+    }
+
+    fn __repr__(&self) -> String {
+        let share: f64 = self.pca.explained_variance_ratio().iter().sum();
+        format!(
+            "<Pca: {} components of {} samples, {:.1} % of their variance>",
+            self.pca.n_components(),
+            self.pca.n_samples(),
+            100.0 * share
+        )
+    }
+}
+
+/// Eigenpostures of motions on one basis for all: weights of different motions can be compared.
+///
+/// Parameters
+/// ----------
+/// motions : sequence of array_like, shape (n_frames, n_features)
+///     A motion each, with a posture in every row; numbers of frames may differ.
+/// n_eigenpostures : int
+///
+/// Returns
+/// -------
+/// Pca
+#[pyfunction]
+pub(crate) fn common_eigenpostures(
+    py: Python<'_>,
+    motions: &Bound<'_, PyAny>,
+    n_eigenpostures: usize,
+) -> Result<Pca, Error> {
+    let motions = matrices("motions", motions)?;
+    Ok(Pca { pca: attended(py, move || eigenpostures::common(&motions, n_eigenpostures))? })
+}
+
+/// Eigenpostures of each motion by itself: the variant of the thesis (4.1.1).
+///
+/// Bases of single motions have signs and an order of their own, so weights must not be compared across motions.
+///
+/// Parameters
+/// ----------
+/// motions : sequence of array_like, shape (n_frames, n_features)
+/// n_eigenpostures : int
+///
+/// Returns
+/// -------
+/// list of Pca
+#[pyfunction]
+pub(crate) fn eigenpostures_per_motion(
+    py: Python<'_>,
+    motions: &Bound<'_, PyAny>,
+    n_eigenpostures: usize,
+) -> Result<Vec<Pca>, Error> {
+    let motions = matrices("motions", motions)?;
+    let found = attended(py, move || eigenpostures::per_motion(&motions, n_eigenpostures))?;
+    Ok(found.into_iter().map(|pca| Pca { pca }).collect())
+}
+
+/// A motion in a base of eigenpostures.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct Projection {
+    weights: DMatrix<f64>,
+    distances: Vec<f64>,
+}
+
+#[pymethods]
+impl Projection {
+    /// ndarray, shape (n_frames, n_weights): Weights.
+    #[getter]
+    fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        matrix_array(py, &self.weights)
+    }
+
+    /// ndarray, shape (n_frames,): Distance of each frame to the nearest posture of the base, in the norm of its coordinates.
+    #[getter]
+    fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.distances)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Projection: {} frames, {} weights>", self.weights.nrows(), self.weights.ncols())
+    }
+}
+
+/// The weights that bring a base nearest to each posture, by least squares.
+///
+/// Parameters
+/// ----------
+/// base : EigenpostureBase
+/// postures : array_like, shape (n_frames, n_joints)
+/// bounds : {'simplex', 'none'}, optional
+///     Whether weights are not negative and add up to at most one, or may be anything.
+///
+/// Returns
+/// -------
+/// Projection
+///
+/// Raises
+/// ------
+/// AnalysisInputError
+///     If a posture has another number of coordinates than the base, or is not finite.
+#[pyfunction]
+#[pyo3(signature = (base, postures, *, bounds="simplex"))]
+pub(crate) fn project(
+    py: Python<'_>,
+    base: &Bound<'_, EigenpostureBase>,
+    postures: &Bound<'_, PyAny>,
+    bounds: &str,
+) -> Result<Projection, Error> {
+    let bounds = match bounds {
+        "simplex" => WeightBounds::Simplex,
+        "none" => WeightBounds::None,
+        _ => return Err(Error::input(format!("`bounds` must be 'simplex' or 'none', found '{bounds}'"))),
+    };
+    let (base, postures) = (base.get().base.clone(), matrix("postures", postures)?);
+    let found = attended(py, move || analysis::project(&base, &postures, bounds))?;
+    Ok(Projection { weights: found.weights, distances: found.distances })
+}

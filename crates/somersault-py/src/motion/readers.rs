@@ -1,0 +1,254 @@
+//! Files with recorded motions.
+
+use super::convention::convention;
+use super::markers::MarkerRecording;
+use super::skeleton::SkeletonRecording;
+use super::worker::attended;
+use crate::convert::a_type;
+use crate::error::Error;
+use crate::named_models::Diver;
+use pyo3::prelude::*;
+use somersault::motion::readers::{self, MarkerOptions, Place, ReadError, bvh, c3d, joint_motion, trc};
+use somersault::multibody::models;
+use std::error::Error as _;
+
+/// The bytes of a file, and its name for messages. A path is opened by Python, whose exceptions say why one cannot be.
+fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Error> {
+    if source.hasattr("read")? {
+        let content = source.call_method0("read")?;
+        if let Ok(text) = content.extract::<String>() {
+            return Ok((text.into_bytes(), None));
+        }
+        let bytes = content.extract::<Vec<u8>>().map_err(|_| {
+            let found = a_type(&content);
+            Error::input(format!("`source` must be a path or a file that reads bytes or str, found {found}"))
+        })?;
+        return Ok((bytes, None));
+    }
+    let path = source.py().import("pathlib")?.call_method1("Path", (source,))?;
+    let name = path.str()?.to_string();
+    Ok((path.call_method0("read_bytes")?.extract()?, Some(name)))
+}
+
+/// A read that failed, with line or byte as attributes of the exception.
+struct Failed {
+    error: ReadError,
+    name: Option<String>,
+}
+
+impl From<Failed> for Error {
+    fn from(Failed { error, name }: Failed) -> Self {
+        let prefix = name.map_or(String::new(), |name| format!("{name}: "));
+        let reason = error.source().map_or(String::new(), |source| format!(": {source}"));
+        let place = match &error {
+            ReadError::Unexpected { place, .. }
+            | ReadError::Truncated { place, .. }
+            | ReadError::Misdeclared { place, .. }
+            | ReadError::NonFinite { place, .. }
+            | ReadError::NoFrames { place }
+            | ReadError::Encoding { place } => Some(*place),
+            _ => None,
+        };
+        let raised: PyErr = Self::read(format!("{prefix}{error}{reason}")).into();
+        Python::attach(|py| {
+            let value = raised.value(py);
+            match place {
+                Some(Place::Line(line)) => value.setattr("line", line),
+                Some(Place::Byte(byte)) => value.setattr("byte", byte),
+                None => Ok(()),
+            }
+        })
+        .map_or_else(Self::Raised, |()| Self::Raised(raised))
+    }
+}
+
+/// Reads without the interpreter.
+fn read<T: Send + 'static>(
+    source: &Bound<'_, PyAny>,
+    reader: impl FnOnce(&[u8]) -> Result<T, ReadError> + Send + 'static,
+) -> Result<T, Error> {
+    let (bytes, name) = bytes_of(source)?;
+    attended(source.py(), move || reader(&bytes).map_err(|error| Failed { error, name }))
+}
+
+/// Reads a BVH file: a tree of joints and how they turned.
+///
+/// Any hierarchy and any order of channels. The first frame is at t = 0. An `End Site` is a joint that does not turn,
+/// named after its parent with ``_end``.
+///
+/// Parameters
+/// ----------
+/// source : path, or file opened for reading
+/// unit : str
+///     Unit of length, which the format does not say: ``'m'``, ``'cm'``, ``'in'``, …
+/// up, forward : str, optional
+///     Axes of the file that point up and forward, such as ``'y'`` or ``'-x'``.
+///
+/// Returns
+/// -------
+/// SkeletonRecording
+///
+/// Raises
+/// ------
+/// ReadError
+///     If the file is no BVH; the message and the attribute ``line`` say where.
+/// OSError
+///     If the file cannot be opened.
+#[pyfunction]
+#[pyo3(signature = (source, *, unit, up="y", forward="z"))]
+pub(crate) fn read_bvh(
+    source: &Bound<'_, PyAny>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+) -> Result<SkeletonRecording, Error> {
+    let convention = convention(unit, up, forward)?;
+    let recording = read(source, move |bytes| bvh::read(readers::text(bytes)?, &convention))?;
+    Ok(SkeletonRecording { recording })
+}
+
+/// Reads the points of a C3D file.
+///
+/// Integers or floats, of processors of Intel, DEC and MIPS. A point with a negative residual is missing. Analog
+/// channels, force plates and events are left aside.
+///
+/// Parameters
+/// ----------
+/// source : path, or file opened for reading bytes
+/// unit : str, optional
+///     Unit of length where the file does not say.
+/// up, forward : str, optional
+///     Axes of the file that point up and forward, such as ``'z'`` or ``'-y'``.
+///
+/// Returns
+/// -------
+/// MarkerRecording
+///
+/// Raises
+/// ------
+/// ReadError
+///     If the file is no C3D; the message and the attribute ``byte`` say where.
+/// OSError
+///     If the file cannot be opened.
+#[pyfunction]
+#[pyo3(signature = (source, *, unit="mm", up="z", forward="x"))]
+pub(crate) fn read_c3d(
+    source: &Bound<'_, PyAny>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+) -> Result<MarkerRecording, Error> {
+    let options = c3d::Options { convention: convention(unit, up, forward)? };
+    Ok(MarkerRecording { recording: read(source, move |bytes| c3d::read(bytes, &options))? })
+}
+
+/// Reads a TRC file of markers, as Motion Analysis and OpenSim write them.
+///
+/// Parameters
+/// ----------
+/// source : path, or file opened for reading
+/// up, forward : str, optional
+///     Axes of the file that point up and forward; those of OpenSim unless given. The unit is the file's.
+/// nan_is_gap : bool, optional
+///     Whether a marker with three times NaN is missing rather than an error. Empty cells always are gaps.
+///
+/// Returns
+/// -------
+/// MarkerRecording
+///
+/// Raises
+/// ------
+/// ReadError
+///     If the file is no TRC; the message and the attribute ``line`` say where.
+/// OSError
+///     If the file cannot be opened.
+#[pyfunction]
+#[pyo3(signature = (source, *, up="y", forward="x", nan_is_gap=false))]
+pub(crate) fn read_trc(
+    source: &Bound<'_, PyAny>,
+    up: &str,
+    forward: &str,
+    nan_is_gap: bool,
+) -> Result<MarkerRecording, Error> {
+    let options = MarkerOptions { convention: convention("m", up, forward)?, nan_is_gap };
+    let recording = read(source, move |bytes| trc::read(readers::text(bytes)?, &options))?;
+    Ok(MarkerRecording { recording })
+}
+
+/// Reads markers as comma-separated values.
+///
+/// The first line has ``time``, s, and then ``_x``, ``_y`` and ``_z`` after the name of each marker; every other line is a
+/// frame. Three empty cells are a gap. Lines that begin with ``#`` are comments.
+///
+/// Parameters
+/// ----------
+/// source : path, or file opened for reading
+/// unit : str, optional
+///     Unit of length.
+/// up, forward : str, optional
+///     Axes of the file that point up and forward.
+/// nan_is_gap : bool, optional
+///     Whether a marker with three times NaN is missing rather than an error.
+///
+/// Returns
+/// -------
+/// MarkerRecording
+///
+/// Raises
+/// ------
+/// ReadError
+///     If the file is no such table; the message and the attribute ``line`` say where.
+/// OSError
+///     If the file cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import io
+/// >>> from somersault import motion
+/// >>> text = "time,hip_x,hip_y,hip_z\n0.00,0,0,0.9\n0.01,,,\n"
+/// >>> motion.read_csv(io.StringIO(text)).present.tolist()
+/// [[True], [False]]
+#[pyfunction]
+#[pyo3(signature = (source, *, unit="m", up="z", forward="x", nan_is_gap=false))]
+pub(crate) fn read_csv(
+    source: &Bound<'_, PyAny>,
+    unit: &str,
+    up: &str,
+    forward: &str,
+    nan_is_gap: bool,
+) -> Result<MarkerRecording, Error> {
+    let options = MarkerOptions { convention: convention(unit, up, forward)?, nan_is_gap };
+    let recording = read(source, move |bytes| readers::csv::read(readers::text(bytes)?, &options))?;
+    Ok(MarkerRecording { recording })
+}
+
+/// Reads a motion in the format of DeepMimic: JSON with ``Frames`` of 44 numbers.
+///
+/// Such recordings carry no lengths of segments: these are the diver's, from the segment table it is made of.
+///
+/// Parameters
+/// ----------
+/// source : path, or file opened for reading
+/// diver : Diver, optional
+///     Whose size it takes; the spatial diver's of 1.70 m unless given.
+///
+/// Returns
+/// -------
+/// SkeletonRecording
+///
+/// Raises
+/// ------
+/// ReadError
+///     If the file is no such motion; the message and the attribute ``line`` say where.
+/// OSError
+///     If the file cannot be opened.
+#[pyfunction]
+#[pyo3(signature = (source, diver=None))]
+pub(crate) fn read_joint_motion(
+    source: &Bound<'_, PyAny>,
+    diver: Option<&Bound<'_, Diver>>,
+) -> Result<SkeletonRecording, Error> {
+    let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
+    let recording = read(source, move |bytes| joint_motion::read(readers::text(bytes)?, &diver))?;
+    Ok(SkeletonRecording { recording })
+}

@@ -1,0 +1,319 @@
+//! Motions to be scored, and models that score them.
+
+use super::markers::MarkerRecording;
+use super::matrix::{matrix, numbers_array};
+use super::pca::Pca;
+use super::worker::attended;
+use crate::convert::real_numbers;
+use crate::error::Error;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::motion::scoring::{self, VectorOptions};
+
+/// A motion to be scored, frame by frame.
+///
+/// Parameters
+/// ----------
+/// times : array_like, shape (n_frames,)
+///     Times, s, rising.
+/// postures : array_like, shape (n_frames, n_features)
+///     Joint angles, or places against the body.
+/// path : array_like, shape (n_frames, 3)
+///     Of the body, m.
+///
+/// Raises
+/// ------
+/// ScoringError
+///     If a number is not finite, times do not rise, or shapes do not fit.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct Performance {
+    pub(super) performance: scoring::Performance,
+}
+
+#[pymethods]
+impl Performance {
+    #[new]
+    fn new(
+        times: &Bound<'_, PyAny>,
+        postures: &Bound<'_, PyAny>,
+        path: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let (times, postures) = (real_numbers("times", times)?, matrix("postures", postures)?);
+        let path = matrix("path", path)?;
+        Ok(Self { performance: scoring::Performance::try_new(times, postures, path)? })
+    }
+
+    /// From markers without gaps: their centre is the path, their places about it are the postures.
+    ///
+    /// Parameters
+    /// ----------
+    /// recording : MarkerRecording
+    ///
+    /// Returns
+    /// -------
+    /// Performance
+    ///
+    /// Raises
+    /// ------
+    /// ScoringError
+    ///     If a marker is missing.
+    #[classmethod]
+    fn from_markers(_: &Bound<'_, PyType>, recording: &Bound<'_, MarkerRecording>) -> Result<Self, Error> {
+        Ok(Self { performance: scoring::Performance::from_markers(&recording.get().recording)? })
+    }
+
+    /// float: From the first to the last frame, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.performance.duration()
+    }
+
+    /// int: Numbers in a posture.
+    #[getter]
+    fn n_features(&self) -> usize {
+        self.performance.n_features()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Performance: {} features, {:.3} s>", self.n_features(), self.duration())
+    }
+}
+
+/// Motions as Rust takes them.
+pub(super) fn performances(motions: &[Bound<'_, Performance>]) -> Vec<scoring::Performance> {
+    motions.iter().map(|motion| motion.get().performance.clone()).collect()
+}
+
+/// Choices for a scoring model. Those of the thesis (4.1.2) unless given: 60 frames, four eigenweights, body path.
+///
+/// Parameters
+/// ----------
+/// n_frames : int, optional
+///     Frames each motion is brought to.
+/// n_eigenweights : int, optional
+///     Eigenweights of each frame.
+/// path : bool, optional
+///     Whether the path of the body, from where it begins, is part of a motion's vector.
+/// duration : bool, optional
+///     Whether the duration is.
+/// n_components : int, optional
+///     Components of the second PCA; chosen by cross-validation unless given.
+/// max_components : int, optional
+///     The most that cross-validation may choose.
+#[pyclass(frozen, module = "somersault.motion")]
+#[derive(Clone)]
+pub(crate) struct ScoringOptions {
+    options: scoring::ScoringOptions,
+}
+
+impl ScoringOptions {
+    /// Those given, or those of the thesis.
+    pub(super) fn or_thesis(options: Option<&Bound<'_, Self>>) -> scoring::ScoringOptions {
+        options.map_or_else(scoring::ScoringOptions::thesis, |options| options.get().options)
+    }
+}
+
+#[pymethods]
+impl ScoringOptions {
+    #[new]
+    #[pyo3(signature = (
+        *, n_frames=60, n_eigenweights=4, path=true, duration=false, n_components=None, max_components=5
+    ))]
+    fn new(
+        n_frames: usize,
+        n_eigenweights: usize,
+        path: bool,
+        duration: bool,
+        n_components: Option<usize>,
+        max_components: usize,
+    ) -> Self {
+        let vector = VectorOptions { n_frames, n_eigenweights, path, duration };
+        Self { options: scoring::ScoringOptions { vector, n_components, max_components } }
+    }
+
+    /// int: Frames each motion is brought to.
+    #[getter]
+    fn n_frames(&self) -> usize {
+        self.options.vector.n_frames
+    }
+
+    /// int: Eigenweights of each frame.
+    #[getter]
+    fn n_eigenweights(&self) -> usize {
+        self.options.vector.n_eigenweights
+    }
+
+    /// bool: Whether the path of the body is part of a motion's vector.
+    #[getter]
+    fn path(&self) -> bool {
+        self.options.vector.path
+    }
+
+    /// bool: Whether the duration is.
+    #[getter]
+    fn duration(&self) -> bool {
+        self.options.vector.duration
+    }
+
+    /// int or None: Components of the second PCA.
+    #[getter]
+    fn n_components(&self) -> Option<usize> {
+        self.options.n_components
+    }
+
+    /// int: The most that cross-validation may choose.
+    #[getter]
+    fn max_components(&self) -> usize {
+        self.options.max_components
+    }
+
+    fn __repr__(&self) -> String {
+        let has = |with: bool| if with { "True" } else { "False" };
+        let n_components = self.options.n_components.map_or("None".to_owned(), |n| n.to_string());
+        format!(
+            "ScoringOptions(n_frames={}, n_eigenweights={}, path={}, duration={}, n_components={n_components}, \
+             max_components={})",
+            self.n_frames(),
+            self.n_eigenweights(),
+            has(self.path()),
+            has(self.duration()),
+            self.max_components()
+        )
+    }
+}
+
+/// A model that scores motions, learnt from motions and their scores (thesis 4.1).
+///
+/// Eigenpostures of all frames on one basis; for each motion a vector of its eigenweights, path and duration; principal
+/// components of the vectors; score = a + b·s.
+///
+/// Parameters
+/// ----------
+/// motions : sequence of Performance
+///     Two more than components at least.
+/// scores : array_like, shape (n_motions,)
+/// options : ScoringOptions, optional
+///
+/// Raises
+/// ------
+/// ScoringError
+///     If there are too few motions, or scores are not finite.
+/// AnalysisInputError
+///     If motions have fewer numbers than components are asked for.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct ScoringModel {
+    model: scoring::ScoringModel,
+}
+
+#[pymethods]
+impl ScoringModel {
+    #[new]
+    #[pyo3(signature = (motions, scores, options=None))]
+    fn new(
+        py: Python<'_>,
+        motions: Vec<Bound<'_, Performance>>,
+        scores: &Bound<'_, PyAny>,
+        options: Option<&Bound<'_, ScoringOptions>>,
+    ) -> Result<Self, Error> {
+        let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
+        let options = ScoringOptions::or_thesis(options);
+        let model = attended(py, move || scoring::ScoringModel::train(&motions, &scores, &options))?;
+        Ok(Self { model })
+    }
+
+    /// The score of a motion.
+    ///
+    /// Parameters
+    /// ----------
+    /// motion : Performance
+    ///     With as many features as those learnt from.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    fn score(&self, motion: &Bound<'_, Performance>) -> Result<f64, Error> {
+        Ok(self.model.score(&motion.get().performance)?)
+    }
+
+    /// Pca: The basis of postures.
+    #[getter]
+    fn eigenpostures(&self) -> Pca {
+        Pca { pca: self.model.eigenpostures().clone() }
+    }
+
+    /// Pca: The basis of motions, the thesis' Eigendives.
+    #[getter]
+    fn eigenmotions(&self) -> Pca {
+        Pca { pca: self.model.eigenmotions().clone() }
+    }
+
+    /// ndarray, shape (n_components,): What a unit of each Eigendive's weight adds to the score.
+    #[getter]
+    fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, self.model.coefficients())
+    }
+
+    /// float: The score of the mean motion.
+    #[getter]
+    fn intercept(&self) -> f64 {
+        self.model.intercept()
+    }
+
+    /// Writes the model to a file of JSON, with all digits.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    fn save(&self, py: Python<'_>, path: &Bound<'_, PyAny>) -> Result<(), Error> {
+        let text = self.model.to_json()?;
+        let path = py.import("pathlib")?.call_method1("Path", (path,))?;
+        path.call_method1("write_text", (text, "utf-8"))?;
+        Ok(())
+    }
+
+    /// The model that `save` wrote, checked.
+    ///
+    /// Parameters
+    /// ----------
+    /// path : path
+    ///
+    /// Returns
+    /// -------
+    /// ScoringModel
+    ///
+    /// Raises
+    /// ------
+    /// StorageError
+    ///     If the file is not such a model or of another version; the message has the line.
+    #[classmethod]
+    fn load(class: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let path = class.py().import("pathlib")?.call_method1("Path", (path,))?;
+        let bytes: Vec<u8> = path.call_method0("read_bytes")?.extract()?;
+        Self::from_json(&String::from_utf8_lossy(&bytes))
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<ScoringModel: {} components of motions, {} eigenpostures>",
+            self.model.coefficients().len(),
+            self.model.eigenpostures().n_components()
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, Bound<'py, PyTuple>), Error> {
+        let arguments = (slf.get().model.to_json()?,).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled model.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, text: &str) -> Result<Self, Error> {
+        Self::from_json(text)
+    }
+}
+
+impl ScoringModel {
+    fn from_json(text: &str) -> Result<Self, Error> {
+        Ok(Self { model: scoring::ScoringModel::from_json(text)? })
+    }
+}

@@ -1,0 +1,337 @@
+//! Recordings of skeletons.
+
+use super::markers::{MarkerRecording, duration, new_times};
+use super::matrix::numbers_array;
+use crate::convert::{array, components, quaternions, real_numbers, vector_array, vector_or, with_shape};
+use crate::error::Error;
+use crate::model::Model;
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple, PyType};
+use somersault::motion::nalgebra::Vector3;
+use somersault::motion::recording;
+
+/// A joint of a skeleton.
+///
+/// Parameters
+/// ----------
+/// name : str
+/// parent : int, optional
+///     Number of the parent, which comes before it; the first joint has none.
+/// offset : array_like, shape (3,), optional
+///     Place in the axes of the parent, m; that of the root in the world.
+/// turns : bool, optional
+///     Whether it turns; ends of segments do not.
+/// moves : bool, optional
+///     Whether it moves in its parent: each frame then has a place that stands for the offset.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct SkeletonJoint {
+    joint: recording::SkeletonJoint,
+}
+
+#[pymethods]
+impl SkeletonJoint {
+    #[new]
+    #[pyo3(signature = (name, parent=None, offset=None, *, turns=true, moves=false))]
+    fn new(
+        name: String,
+        parent: Option<usize>,
+        offset: Option<&Bound<'_, PyAny>>,
+        turns: bool,
+        moves: bool,
+    ) -> Result<Self, Error> {
+        let offset = vector_or("offset", offset, Vector3::zeros())?;
+        Ok(Self { joint: recording::SkeletonJoint { name, parent, offset, turns, moves } })
+    }
+
+    /// str: Its name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.joint.name
+    }
+
+    /// int or None: Number of the parent.
+    #[getter]
+    fn parent(&self) -> Option<usize> {
+        self.joint.parent
+    }
+
+    /// ndarray, shape (3,): Place in the axes of the parent, m.
+    #[getter]
+    fn offset<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.joint.offset)
+    }
+
+    /// bool: Whether it turns.
+    #[getter]
+    fn turns(&self) -> bool {
+        self.joint.turns
+    }
+
+    /// bool: Whether it moves in its parent.
+    #[getter]
+    fn moves(&self) -> bool {
+        self.joint.moves
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<SkeletonJoint: {}>", self.joint.name)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let joint = slf.get();
+        let arguments = (joint.name(), joint.parent(), joint.offset(slf.py()), joint.turns(), joint.moves());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled joint.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        name: String,
+        parent: Option<usize>,
+        offset: &Bound<'_, PyAny>,
+        turns: bool,
+        moves: bool,
+    ) -> Result<Self, Error> {
+        Self::new(name, parent, Some(offset), turns, moves)
+    }
+}
+
+/// A tree of joints.
+///
+/// Parameters
+/// ----------
+/// joints : sequence of SkeletonJoint
+///     The root first, every other after its parent.
+///
+/// Raises
+/// ------
+/// RecordingError
+///     If the joints make no tree, or names repeat.
+#[pyclass(frozen, module = "somersault.motion")]
+#[derive(Clone)]
+pub(crate) struct Skeleton {
+    pub(super) skeleton: recording::Skeleton,
+}
+
+#[pymethods]
+impl Skeleton {
+    #[new]
+    fn new(joints: Vec<Bound<'_, SkeletonJoint>>) -> Result<Self, Error> {
+        let joints = joints.iter().map(|joint| joint.get().joint.clone()).collect();
+        Ok(Self { skeleton: recording::Skeleton::try_new(joints)? })
+    }
+
+    /// list of SkeletonJoint: The joints.
+    #[getter]
+    fn joints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        PyList::new(py, self.skeleton.joints().iter().cloned().map(|joint| SkeletonJoint { joint }))
+    }
+
+    /// tuple of str: Names of the joints.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        self.named(py, |_| true)
+    }
+
+    /// tuple of str: Names of the joints that turn, each with a rotation in every frame.
+    #[getter]
+    fn turning<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        self.named(py, |joint| joint.turns)
+    }
+
+    /// tuple of str: Names of the joints that move in their parent, each with a place in every frame.
+    #[getter]
+    fn moving<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        self.named(py, |joint| joint.moves)
+    }
+
+    /// The same tree for dynamics and for pictures: the root floats, joints that turn are spherical.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass : float
+    ///     A recording has none, kg; it is spread evenly over the joints that are not fixed, as points.
+    ///
+    /// Returns
+    /// -------
+    /// Model
+    ///     Bodies are named after the joints; configurations are those of `SkeletonRecording.configurations`.
+    fn model(&self, mass: f64) -> Result<Model, Error> {
+        Ok(Model::of(self.skeleton.model(mass)?))
+    }
+
+    fn __repr__(&self) -> String {
+        let s = &self.skeleton;
+        format!(
+            "<Skeleton: {} joints from '{}', {} turn, {} move>",
+            s.joints().len(),
+            s.joints()[0].name,
+            s.n_turning(),
+            s.n_moving()
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let arguments = (slf.get().joints(slf.py())?,).into_pyobject(slf.py())?;
+        Ok((slf.get_type().into_any(), arguments))
+    }
+}
+
+impl Skeleton {
+    fn named<'py>(
+        &self,
+        py: Python<'py>,
+        chosen: impl Fn(&recording::SkeletonJoint) -> bool,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let names: Vec<&str> =
+            self.skeleton.joints().iter().filter(|j| chosen(j)).map(|j| j.name.as_str()).collect();
+        PyTuple::new(py, names)
+    }
+}
+
+/// A skeleton and its poses, frame by frame, in m, with x forward, y left and z up.
+///
+/// Parameters
+/// ----------
+/// skeleton : Skeleton
+/// times : array_like, shape (n_frames,)
+///     Times of the frames, s, rising.
+/// rotations : array_like, shape (n_frames, n_turning, 4)
+///     Of the joints that turn against their parents, as quaternions (x, y, z, w).
+/// places : array_like, shape (n_frames, n_moving, 3)
+///     Of the joints that move, in the axes of their parents, m.
+///
+/// Raises
+/// ------
+/// RecordingError
+///     If a number is not finite, or times do not rise.
+#[pyclass(frozen, module = "somersault.motion")]
+pub(crate) struct SkeletonRecording {
+    pub(crate) recording: recording::SkeletonRecording,
+}
+
+#[pymethods]
+impl SkeletonRecording {
+    #[new]
+    fn new(
+        skeleton: &Bound<'_, Skeleton>,
+        times: &Bound<'_, PyAny>,
+        rotations: &Bound<'_, PyAny>,
+        places: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let skeleton = skeleton.get().skeleton.clone();
+        let times = real_numbers("times", times)?;
+        let rotations = quaternions("rotations", &[times.len(), skeleton.n_turning()], rotations)?;
+        let places = with_shape("places", &[times.len(), skeleton.n_moving(), 3], places)?;
+        let places = places.chunks_exact(3).map(Vector3::from_column_slice).collect();
+        Ok(Self { recording: recording::SkeletonRecording::try_new(skeleton, times, rotations, places)? })
+    }
+
+    /// Skeleton: The skeleton.
+    #[getter]
+    fn skeleton(&self) -> Skeleton {
+        Skeleton { skeleton: self.recording.skeleton().clone() }
+    }
+
+    /// ndarray, shape (n_frames,): Times of the frames, s.
+    #[getter]
+    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, self.recording.times())
+    }
+
+    /// ndarray, shape (n_frames, n_turning, 4): Rotations of the joints that turn against their parents, as quaternions
+    /// (x, y, z, w).
+    #[getter]
+    fn rotations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let joints = self.recording.skeleton().joints();
+        let mut values = Vec::new();
+        for i in 0..self.recording.n_frames() {
+            let turning = self.recording.frame(i).zip(joints).filter(|(_, joint)| joint.turns);
+            values.extend(turning.flat_map(|((_, rotation), _)| components(&rotation)));
+        }
+        let shape = [self.recording.n_frames(), self.recording.skeleton().n_turning(), 4];
+        Ok(array(py, values, &shape)?.into_any())
+    }
+
+    /// ndarray, shape (n_frames, n_moving, 3): Places of the joints that move, in the axes of their parents, m.
+    #[getter]
+    fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let joints = self.recording.skeleton().joints();
+        let mut values = Vec::new();
+        for i in 0..self.recording.n_frames() {
+            let moving = self.recording.frame(i).zip(joints).filter(|(_, joint)| joint.moves);
+            values.extend(moving.flat_map(|((place, _), _)| <[f64; 3]>::from(place)));
+        }
+        let shape = [self.recording.n_frames(), self.recording.skeleton().n_moving(), 3];
+        Ok(array(py, values, &shape)?.into_any())
+    }
+
+    /// ndarray, shape (n_frames, n_positions): The frames as configurations of `Skeleton.model`.
+    #[getter]
+    fn configurations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.recording.n_frames();
+        let values: Vec<f64> = (0..n).flat_map(|i| self.recording.configuration(i)).collect();
+        let width = values.len() / n;
+        Ok(array(py, values, &[n, width])?.into_any())
+    }
+
+    /// int: Number of frames.
+    #[getter]
+    fn n_frames(&self) -> usize {
+        self.recording.n_frames()
+    }
+
+    /// float: From the first to the last frame, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        duration(self.recording.times())
+    }
+
+    /// Where all joints were, by forward kinematics.
+    ///
+    /// Returns
+    /// -------
+    /// MarkerRecording
+    ///     With a marker for each joint, of its name.
+    fn joint_centres(&self) -> Result<MarkerRecording, Error> {
+        Ok(MarkerRecording { recording: self.recording.joint_centres()? })
+    }
+
+    /// The same motion at other times: places by cubic splines, rotations on their group.
+    ///
+    /// Parameters
+    /// ----------
+    /// times : array_like, shape (n,), optional
+    ///     Within the recording, s, rising.
+    /// n_frames : int, optional
+    ///     In the place of `times`: so many at equal distances.
+    ///
+    /// Returns
+    /// -------
+    /// SkeletonRecording
+    #[pyo3(signature = (times=None, *, n_frames=None))]
+    fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<usize>) -> Result<Self, Error> {
+        let times = new_times(self.recording.times(), times, n_frames)?;
+        Ok(Self { recording: self.recording.resample(&times)? })
+    }
+
+    fn __len__(&self) -> usize {
+        self.recording.n_frames()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<SkeletonRecording: {} joints, {} frames, {:.3} s>",
+            self.recording.skeleton().joints().len(),
+            self.recording.n_frames(),
+            self.duration()
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, r) = (slf.py(), slf.get());
+        let arguments = (r.skeleton(), r.times(py), r.rotations(py)?, r.places(py)?).into_pyobject(py)?;
+        Ok((slf.get_type().into_any(), arguments))
+    }
+}

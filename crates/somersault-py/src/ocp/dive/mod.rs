@@ -1,0 +1,414 @@
+//! Dives.
+
+mod literal;
+mod plan;
+mod solution;
+mod verification;
+
+pub(crate) use literal::LiteralDive;
+pub(crate) use plan::{dive_107b, dive_5174d};
+pub(crate) use solution::DiveSolution;
+pub(crate) use verification::DiveVerification;
+
+use super::solver::{Watcher, duration};
+use crate::convert::with_shape;
+use crate::error::Error;
+use crate::named_models::Diver;
+use crate::plan::returns_interrupted;
+use plan::{CLEARANCE_TIMES, Plan};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use rayon::prelude::*;
+use somersault::multibody::models::Dimension;
+use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, KeyFrame, Range};
+use somersault::ocp::nlp::Nlp;
+use somersault::ocp::solver::{Flow, Iteration, Status};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often a search of several starts looks for Ctrl-C.
+const ATTENTION: Duration = Duration::from_millis(20);
+
+/// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
+///
+/// ``½ a (L/L₀)² + ½ ∫ Σ (b ẇ² + c ẅ²) dt`` is to be least, with L₀ = m h²/(1 s), such that somersaults, twists and
+/// tilt at the entry are as wanted, the weights w of the postures are not negative and add up to at most one at all
+/// times, and limbs keep apart. Flight is reduced by its momentum, which is therefore kept to rounding. Unknown are the
+/// coefficients of the splines for w, the angular momentum L and, where they have a range, lean and duration. The
+/// body's long axis goes from the feet to the hands in the last posture.
+///
+/// `dive_107b` and `dive_5174d` are those of the thesis (3.1 and 3.2).
+///
+/// Parameters
+/// ----------
+/// diver : Diver
+///     Who dives, in the plane or in space.
+/// postures : sequence of str or of array_like, shape (n_joints,)
+///     Letters, or joint angles, rad; the fundamental posture first.
+/// first, last : str or int, optional
+///     The postures at take-off and at the entry, where all joints are at rest; the fundamental one unless given.
+/// channels : {'weights', 'joints'}, optional
+///     Splines for the weights, or one for each joint, which then keeps to its limits.
+/// windows : sequence of tuple of float, optional
+///     For each channel the shares of the duration between which it may differ from zero.
+/// square_out : float, optional
+///     Share of the duration at which twists and tilt must be what they are at the entry.
+/// n_par : int, optional
+///     Coefficients of each spline, of degree 5; 10 unless given.
+/// somersaults, twists : float, optional
+///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given.
+/// lean : float or tuple of float, optional
+///     Forward lean at take-off, rad, or its range; 10° unless given.
+/// entry_lean : float, optional
+///     Lean past the vertical at the entry, rad.
+/// duration : float or tuple of float, optional
+///     Of the flight, s, or its range; 1.7 s unless given.
+/// momentum : float or tuple of float, optional
+///     Angular momentum about the lateral axis, kg m²/s, or its range; from 0 to 500 unless given.
+/// platform : float, optional
+///     Height of the feet over the water at take-off, m; 10 m unless given.
+/// entry_distance : float, optional
+///     How far ahead the hands enter the water, m; 2 m unless given.
+/// momentum_penalty, rate_penalty, acceleration_penalty : float, optional
+///     a, b (s) and c (s³); 1, 10⁻³ and 0 unless given.
+/// clearance : float, optional
+///     Least distance of limbs, m, of a spatial diver; None for none.
+/// clearance_times : int, optional
+///     At how many times it is asked for between take-off and entry; 35 unless given.
+/// n_steps : int, optional
+///     Steps of the orientation; 60 unless given.
+/// n_pieces : int, optional
+///     Into how many pieces intervals of the splines are cut for the bounds on the channels; 2 unless given.
+/// template : sequence of tuple, optional
+///     A rough course to start from: ``(share, posture)`` with shares that rise from 0 to 1.
+///
+/// Raises
+/// ------
+/// OcpInputError
+///     If an argument is not allowed or contradicts another.
+/// PostureError
+///     If the diver has no such posture.
+///
+/// Examples
+/// --------
+/// >>> from somersault import multibody, ocp
+/// >>> course = [(0.0, "B"), (0.25, "F"), (0.7, "F"), (1.0, "A")]
+/// >>> dive = ocp.Dive(
+/// ...     multibody.diver_planar(mass=55.0, height=1.6), "BAF", first="B", last="A", somersaults=2.5,
+/// ...     duration=1.6, template=course)
+/// >>> dive.solve().success
+/// True
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct Dive {
+    program: DiveProgram,
+    plan: Plan,
+}
+
+#[pymethods]
+impl Dive {
+    #[new]
+    #[pyo3(signature = (diver, postures, **options))]
+    fn new(
+        diver: &Bound<'_, Diver>,
+        postures: &Bound<'_, PyAny>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> Result<Self, Error> {
+        let dive = dive::Dive { diver: diver.get().diver, ..dive::Dive::forward_pike()? };
+        let mut plan = Plan { dive, names: Vec::new(), clearance_times: CLEARANCE_TIMES, template: None };
+        plan.set_postures(postures)?;
+        plan.change(options)?;
+        plan.build()
+    }
+
+    /// The same dive with other arguments.
+    ///
+    /// Parameters
+    /// ----------
+    /// **changes
+    ///     Arguments of the class.
+    ///
+    /// Returns
+    /// -------
+    /// Dive
+    #[pyo3(signature = (**changes))]
+    fn replace(&self, changes: Option<&Bound<'_, PyDict>>) -> Result<Self, Error> {
+        let mut plan = self.plan.clone();
+        plan.change(changes)?;
+        plan.build()
+    }
+
+    /// Diver: Who dives.
+    #[getter]
+    fn diver(&self, py: Python<'_>) -> Result<Diver, Error> {
+        Diver::of(py, self.plan.dive.diver)
+    }
+
+    /// tuple of str: Names of the postures, the fundamental one first; numbers where angles were given.
+    #[getter]
+    fn postures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.plan.names)
+    }
+
+    /// list of tuple, or None: The template, as share and posture.
+    #[getter]
+    fn template(&self) -> Option<Vec<(f64, String)>> {
+        let name = |frame: &KeyFrame| (frame.share, self.plan.names[frame.posture].clone());
+        self.plan.template.as_ref().map(|frames| frames.iter().map(name).collect())
+    }
+
+    /// dict: The other arguments of the class, by their names.
+    #[getter]
+    fn options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dive = &self.plan.dive;
+        let options = PyDict::new(py);
+        let pair = |range: &Range| (range.lower, range.upper);
+        options.set_item("first", &self.plan.names[dive.first])?;
+        options.set_item("last", &self.plan.names[dive.last])?;
+        options
+            .set_item("channels", if dive.channels == Channels::Weights { "weights" } else { "joints" })?;
+        options.set_item("windows", dive.windows.iter().map(pair).collect::<Vec<_>>())?;
+        options.set_item("square_out", dive.square_out)?;
+        options.set_item("n_par", dive.n_par)?;
+        options.set_item("somersaults", dive.somersaults)?;
+        options.set_item("twists", dive.twists)?;
+        options.set_item("lean", pair(&dive.lean))?;
+        options.set_item("entry_lean", dive.entry_lean)?;
+        options.set_item("duration", pair(&dive.duration))?;
+        options.set_item("momentum", pair(&dive.momentum))?;
+        options.set_item("platform", dive.platform)?;
+        options.set_item("entry_distance", dive.entry_distance)?;
+        options.set_item("momentum_penalty", dive.penalties.momentum)?;
+        options.set_item("rate_penalty", dive.penalties.rate)?;
+        options.set_item("acceleration_penalty", dive.penalties.acceleration)?;
+        options.set_item("clearance", dive.clearance.map(|clearance| clearance.distance))?;
+        options.set_item("clearance_times", self.plan.clearance_times)?;
+        options.set_item("n_steps", dive.n_steps)?;
+        options.set_item("n_pieces", dive.n_pieces)?;
+        Ok(options)
+    }
+
+    /// int: Length of the decision vector z.
+    #[getter]
+    fn n_variables(&self) -> usize {
+        self.program.structure().variables.len()
+    }
+
+    /// A start from a template: splines nearest to its course, with the momentum that turns the somersaults.
+    ///
+    /// Parameters
+    /// ----------
+    /// template : sequence of tuple, optional
+    ///     ``(share, posture)``; that of the dive unless given.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_variables,)
+    #[pyo3(signature = (template=None))]
+    fn start<'py>(
+        &self,
+        py: Python<'py>,
+        template: Option<&Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let z = match template {
+            Some(template) => self.program.start(&self.plan.key_frames(template)?)?,
+            None => self.program.start(self.own_template()?)?,
+        };
+        Ok(numpy::PyArray1::from_vec(py, z).into_any())
+    }
+
+    /// Finds the dive.
+    ///
+    /// Parameters
+    /// ----------
+    /// z : array_like, shape (n_variables,), or DiveSolution, optional
+    ///     Start; that of the template unless given.
+    /// soft_weights : sequence of float, optional
+    ///     Stages before the last in which entry and clearances are costs ½ μ Σ violation² with these μ; none in the
+    ///     plane and 1, 10, 100, 1000 in space unless given, none where `z` is a solution.
+    /// tol : float, optional
+    ///     Of the residuals in the last stage.
+    /// max_iterations : int, optional
+    ///     Of the last stage.
+    /// max_time : float, optional
+    ///     Of all stages, s.
+    /// callback : callable, optional
+    ///     ``callback(iteration, z, cost, residual)`` after each step of each stage; the search stops where it returns
+    ///     true.
+    /// on_interrupt : {'return', 'raise'}, optional
+    ///     What Ctrl-C does: return the best iterate, or raise with it as the attribute ``solution``.
+    ///
+    /// Returns
+    /// -------
+    /// DiveSolution
+    ///     The best iterate, whatever the status.
+    #[pyo3(signature = (
+        z=None, *, soft_weights=None, tol=None, max_iterations=None, max_time=None, callback=None,
+        on_interrupt="return"
+    ))]
+    fn solve(
+        slf: &Bound<'_, Self>,
+        py: Python<'_>,
+        z: Option<&Bound<'_, PyAny>>,
+        soft_weights: Option<Vec<f64>>,
+        tol: Option<f64>,
+        max_iterations: Option<usize>,
+        max_time: Option<f64>,
+        callback: Option<&Bound<'_, PyAny>>,
+        on_interrupt: &str,
+    ) -> Result<DiveSolution, Error> {
+        let dive = slf.get();
+        let returned = returns_interrupted(on_interrupt)?;
+        let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
+        let warm = z.and_then(|z| z.cast::<DiveSolution>().ok());
+        let soft_weights = soft_weights.or_else(|| warm.map(|_| Vec::new()));
+        let search = dive.search_with(soft_weights, tol, max_iterations);
+        let z = match (z, warm) {
+            (_, Some(solution)) => dive.checked(solution.get().report.z.clone())?,
+            (Some(z), None) => dive.checked(with_shape("z", &[dive.n_variables()], z)?)?,
+            (None, None) => dive.program.start(dive.own_template()?)?,
+        };
+        let mut watcher = Watcher::new(callback);
+        let (mut stopped, mut is_late) = (false, false);
+        let mut watch = |iteration: &Iteration<'_>| {
+            is_late |= deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            stopped |= is_late || watcher.look(iteration) == Flow::Stop;
+            if stopped { Flow::Stop } else { Flow::Continue }
+        };
+        let mut report = py.detach(|| search.solve(&dive.program, z, &mut watch))?;
+        if is_late && report.status == Status::Stopped {
+            report.status = Status::TimeLimit;
+        }
+        let solution = DiveSolution::of(slf, report)?;
+        match watcher.into_raised(py, returned) {
+            Some(error) => Err(with_solution(py, error, solution)),
+            None => Ok(solution),
+        }
+    }
+
+    /// Searches from several starts in parallel: the template, and others whose inner key frames are moved.
+    ///
+    /// Parameters
+    /// ----------
+    /// n_starts : int, optional
+    /// seed : int, optional
+    ///     Of the other starts.
+    /// soft_weights, tol, max_iterations, max_time, on_interrupt
+    ///     As of `solve`.
+    ///
+    /// Returns
+    /// -------
+    /// list of DiveSolution
+    ///     One for each start: those that converged first, and of these the cheapest.
+    #[pyo3(signature = (
+        n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="return"
+    ))]
+    fn search(
+        slf: &Bound<'_, Self>,
+        py: Python<'_>,
+        n_starts: usize,
+        seed: u64,
+        soft_weights: Option<Vec<f64>>,
+        tol: Option<f64>,
+        max_iterations: Option<usize>,
+        max_time: Option<f64>,
+        on_interrupt: &str,
+    ) -> Result<Vec<DiveSolution>, Error> {
+        let dive = slf.get();
+        let returned = returns_interrupted(on_interrupt)?;
+        let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
+        let search = dive.search_with(soft_weights, tol, max_iterations);
+        let templates = KeyFrame::variations(dive.own_template()?, n_starts, seed);
+        let stop = AtomicBool::new(false);
+        let from = |template: &Vec<KeyFrame>| {
+            let z = dive.program.start(template)?;
+            search.solve(&dive.program, z, &mut |_| {
+                if stop.load(Ordering::Relaxed) { Flow::Stop } else { Flow::Continue }
+            })
+        };
+        let mut raised = None;
+        let reports = py.detach(|| {
+            std::thread::scope(|scope| {
+                let all = || templates.par_iter().with_max_len(1).map(from).collect::<Result<Vec<_>, _>>();
+                let worker = scope.spawn(all);
+                while !worker.is_finished() {
+                    std::thread::sleep(ATTENTION);
+                    if raised.is_none() {
+                        raised = Python::attach(|py| py.check_signals()).err();
+                    }
+                    let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+                    stop.fetch_or(is_late || raised.is_some(), Ordering::Relaxed);
+                }
+                worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            })
+        })?;
+        if let Some(error) = raised
+            && !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py))
+        {
+            return Err(error.into());
+        }
+        let mut solutions =
+            reports.into_iter().map(|report| DiveSolution::of(slf, report)).collect::<Result<Vec<_>, _>>()?;
+        solutions.sort_by(|a, b| {
+            let failed = |solution: &DiveSolution| !solution.report.status.is_converged();
+            failed(a).cmp(&failed(b)).then(a.report.cost.total_cmp(&b.report.cost))
+        });
+        Ok(solutions)
+    }
+
+    fn __repr__(&self) -> String {
+        let dive = &self.plan.dive;
+        format!(
+            "<Dive: {} somersaults, {} twists, postures {}, {} variables>",
+            dive.somersaults,
+            dive.twists,
+            self.plan.names.join(", "),
+            self.n_variables()
+        )
+    }
+}
+
+impl Dive {
+    fn own_template(&self) -> Result<&[KeyFrame], Error> {
+        let none = || Error::input("the dive needs a `template`, or a start `z`");
+        self.plan.template.as_deref().ok_or_else(none)
+    }
+
+    fn checked(&self, z: Vec<f64>) -> Result<Vec<f64>, Error> {
+        let n = self.n_variables();
+        if z.len() != n {
+            return Err(Error::input(format!("`z` must have {n} numbers, found {}", z.len())));
+        }
+        z.into_iter().map(|x| crate::convert::finite("z", x)).collect()
+    }
+
+    fn search_with(
+        &self,
+        soft_weights: Option<Vec<f64>>,
+        tol: Option<f64>,
+        max_iterations: Option<usize>,
+    ) -> DiveSearch {
+        let mut search = match self.plan.dive.diver.dimension {
+            Dimension::Planar => DiveSearch::direct(),
+            Dimension::Spatial => DiveSearch::staged(),
+        };
+        if let Some(weights) = soft_weights {
+            search.soft_weights = weights;
+        }
+        if let Some(tol) = tol {
+            let hard = &mut search.hard;
+            (hard.stationarity_tol, hard.feasibility_tol, hard.complementarity_tol) = (tol, tol, tol);
+        }
+        search.hard.max_iterations = max_iterations.unwrap_or(search.hard.max_iterations);
+        search
+    }
+}
+
+/// The exception, with the solution as its attribute.
+fn with_solution(py: Python<'_>, error: PyErr, solution: DiveSolution) -> Error {
+    if let Ok(solution) = Py::new(py, solution) {
+        // an exception that takes no attributes is still the one to raise
+        let _ = error.value(py).setattr("solution", solution);
+    }
+    error.into()
+}

@@ -1,0 +1,330 @@
+//! A dive that was found.
+
+use super::{Dive, DiveVerification, LiteralDive};
+use crate::convert::array;
+use crate::error::Error;
+use crate::ocp::solver::{Report, status_name};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use somersault::ocp::dive::{Channels, DiveMotion, PeakTorque};
+use somersault::ocp::solver;
+use std::f64::consts::TAU;
+
+/// A dive that was found: what the solver says of it, its motion, and how it holds when integrated anew.
+///
+/// Arrays are over `t`. The origin is at the water's level below the end of the platform.
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct DiveSolution {
+    dive: Py<Dive>,
+    pub(super) report: solver::Report,
+    motion: DiveMotion,
+    momentum: f64,
+    duration: f64,
+    lean: f64,
+    n_positions: usize,
+    n_velocities: usize,
+    n_channels: usize,
+}
+
+impl DiveSolution {
+    pub(super) fn of(dive: &Bound<'_, Dive>, report: solver::Report) -> Result<Self, Error> {
+        let program = &dive.get().program;
+        let model = program.path().model();
+        Ok(Self {
+            dive: dive.clone().unbind(),
+            motion: program.motion(&report.z)?,
+            momentum: program.momentum(&report.z),
+            duration: program.duration(&report.z),
+            lean: program.lean(&report.z),
+            n_positions: model.n_positions(),
+            n_velocities: model.n_velocities(),
+            n_channels: program.path().motion().n_channels(),
+            report,
+        })
+    }
+
+    fn rows<'py>(&self, py: Python<'py>, values: &[f64], width: usize) -> PyResult<Bound<'py, PyAny>> {
+        Ok(array(py, values.to_vec(), &[self.motion.times.len(), width])?.into_any())
+    }
+
+    fn numbers<'py>(&self, py: Python<'py>, values: impl Iterator<Item = f64>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_vec(py, values.collect()).into_any()
+    }
+}
+
+pub(super) fn peaks<'py>(py: Python<'py>, peaks: &[PeakTorque]) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for PeakTorque { joint, torque, time } in peaks {
+        found.set_item(joint, (torque, time))?;
+    }
+    Ok(found)
+}
+
+#[pymethods]
+impl DiveSolution {
+    /// Dive: What was searched for.
+    #[getter]
+    fn dive(&self, py: Python<'_>) -> Py<Dive> {
+        self.dive.clone_ref(py)
+    }
+
+    /// Report: What the solver says, of the last stage.
+    #[getter]
+    fn report(&self) -> Report {
+        Report { report: self.report.clone() }
+    }
+
+    /// str: How the search ended; see `Report`.
+    #[getter]
+    fn status(&self) -> &'static str {
+        status_name(self.report.status)
+    }
+
+    /// bool: Whether all residuals are within their tolerances.
+    #[getter]
+    fn success(&self) -> bool {
+        self.report.status.is_converged()
+    }
+
+    /// ndarray, shape (n,): Decision vector.
+    #[getter]
+    fn z<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.report.z).into_any()
+    }
+
+    /// float: Angular momentum about the lateral axis, forward, kg m²/s.
+    #[getter]
+    fn momentum(&self) -> f64 {
+        self.momentum
+    }
+
+    /// float: Duration of the flight, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// float: Forward lean at take-off, rad.
+    #[getter]
+    fn lean(&self) -> f64 {
+        self.lean
+    }
+
+    /// ndarray, shape (n,): Times, s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.motion.times).into_any()
+    }
+
+    /// ndarray, shape (n, n_positions): Configurations.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, &self.motion.positions, self.n_positions)
+    }
+
+    /// ndarray, shape (n, n_velocities): Velocities.
+    #[getter]
+    fn v<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, &self.motion.velocities, self.n_velocities)
+    }
+
+    /// ndarray, shape (n, n_velocities): Accelerations.
+    #[getter]
+    fn a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, &self.motion.accelerations, self.n_velocities)
+    }
+
+    /// ndarray, shape (n, n_velocities): Joint forces that the motion takes, by hybrid dynamics, N m; zero for the root,
+    /// which nothing pushes in flight.
+    #[getter]
+    fn torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, &self.motion.torques, self.n_velocities)
+    }
+
+    /// dict of str to (float, float): For each joint the largest force at the times of the motion, with its sign, N m, and
+    /// when it acts, s.
+    #[getter]
+    fn peak_torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        peaks(py, &self.motion.peak_torques(self.dive.get().program.path().model()))
+    }
+
+    /// ndarray, shape (n, n_channels): Weights of the postures but the fundamental one, or joints where these are the
+    /// channels.
+    #[getter]
+    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, &self.motion.channels, self.n_channels)
+    }
+
+    /// ndarray, shape (n, n_channels): Rates of the channels, 1/s.
+    #[getter]
+    fn channel_rates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, &self.motion.channel_rates, self.n_channels)
+    }
+
+    /// ndarray, shape (n,): Somersaults, turns, 0 for upright.
+    #[getter]
+    fn somersaults<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, self.motion.angles.iter().map(|a| a.somersault / TAU))
+    }
+
+    /// ndarray, shape (n,): Twists, turns to the left.
+    #[getter]
+    fn twists<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, self.motion.angles.iter().map(|a| a.twist / TAU))
+    }
+
+    /// ndarray, shape (n,): Tilt of the body's long axis out of the plane of the somersault, rad.
+    #[getter]
+    fn tilt<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, self.motion.angles.iter().map(|a| a.tilt))
+    }
+
+    /// ndarray, shape (n,): Rate of the somersault ψ, rad/s.
+    #[getter]
+    fn somersault_rate<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, self.motion.angle_rates.iter().map(|a| a.somersault))
+    }
+
+    /// ndarray, shape (n,): Rate of the tilt τ, rad/s.
+    #[getter]
+    fn tilt_rate<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, self.motion.angle_rates.iter().map(|a| a.tilt))
+    }
+
+    /// ndarray, shape (n,): Rate of the twist φ, rad/s.
+    #[getter]
+    fn twist_rate<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        self.numbers(py, self.motion.angle_rates.iter().map(|a| a.twist))
+    }
+
+    /// ndarray, shape (n, 3): Angular momentum of the motion about its centre of mass, world axes, kg m²/s.
+    #[getter]
+    fn angular_momentum<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let values: Vec<f64> = self.motion.angular_momentum.iter().flat_map(|l| [l.x, l.y, l.z]).collect();
+        self.rows(py, &values, 3)
+    }
+
+    /// float: Angle of the body's long axis to the vertical at the entry, rad.
+    #[getter]
+    fn entry_angle(&self) -> f64 {
+        let level = |angles: &somersault::ocp::flight::BodyAngles| {
+            (angles.somersault.cos() * angles.tilt.cos()).abs().min(1.0).acos()
+        };
+        self.motion.angles.last().map_or(f64::NAN, level)
+    }
+
+    /// list of (str, float, float): Which posture weighs most, from when to when, s; empty where joints are the
+    /// channels.
+    #[getter]
+    fn phases(&self) -> Vec<(String, f64, f64)> {
+        let plan = &self.dive.get().plan;
+        if plan.dive.channels == Channels::Joints {
+            return Vec::new();
+        }
+        let shares = |weights: &[f64]| -> Vec<f64> {
+            let rest = 1.0 - weights.iter().sum::<f64>();
+            std::iter::once(rest).chain(weights.iter().copied()).collect()
+        };
+        let mut phases: Vec<(String, f64, f64)> = Vec::new();
+        let (mut last, mut before, mut t_before) = (None, Vec::new(), 0.0);
+        for (t, weights) in self.motion.times.iter().zip(self.motion.channels.chunks_exact(self.n_channels)) {
+            let now = shares(weights);
+            let heaviest = (0..now.len()).max_by(|a, b| now[*a].total_cmp(&now[*b])).unwrap_or_default();
+            if last != Some(heaviest) {
+                // where the two weigh the same, between two times
+                let change = last.map_or(*t, |last: usize| {
+                    let lead = [&before, &now].map(|w: &Vec<f64>| w[last] - w[heaviest]);
+                    t_before + (t - t_before) * lead[0] / (lead[0] - lead[1])
+                });
+                if let Some((_, _, end)) = phases.last_mut() {
+                    *end = change;
+                }
+                phases.push((plan.names[heaviest].clone(), change, self.duration));
+            }
+            (last, before, t_before) = (Some(heaviest), now, *t);
+        }
+        phases
+    }
+
+    /// Judges the dive by integrations that know nothing of how it was found.
+    ///
+    /// Returns
+    /// -------
+    /// DiveVerification
+    fn verify(&self, py: Python<'_>) -> Result<DiveVerification, Error> {
+        let program = &self.dive.get().program;
+        Ok(DiveVerification(py.detach(|| program.report(&self.report.z))?))
+    }
+
+    /// The planar dive as the thesis has it: the full hybrid dynamics by explicit Euler, x₊ = x + Δt f(x, u) (2.8).
+    ///
+    /// Nothing there keeps the angular momentum: each step leaves out what the motion curves by. Weights, lean and duration
+    /// are those of this dive; with ``optimise`` the problem is solved again, from here, under these dynamics.
+    ///
+    /// Parameters
+    /// ----------
+    /// n_steps : int, optional
+    ///     N; 200 in the thesis.
+    /// optimise : bool, optional
+    ///     Solve anew instead of rolling this motion out.
+    /// on_interrupt : {'return', 'raise'}, optional
+    ///     As of `Dive.solve`.
+    ///
+    /// Returns
+    /// -------
+    /// LiteralDive
+    ///
+    /// Raises
+    /// ------
+    /// OcpInputError
+    ///     If the dive is not planar, has joints for channels, or a range of durations or leans.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> literal = ocp.dive_107b().solve().literal()
+    /// >>> bool(abs(literal.momentum_change) > 0.01)
+    /// True
+    #[pyo3(signature = (n_steps=200, *, optimise=false, on_interrupt="return"))]
+    fn literal(
+        &self,
+        py: Python<'_>,
+        n_steps: usize,
+        optimise: bool,
+        on_interrupt: &str,
+    ) -> Result<LiteralDive, Error> {
+        LiteralDive::of(py, &self.dive.get().program, &self.report.z, n_steps, optimise, on_interrupt)
+    }
+
+    /// Angular momentum of this planar dive about its centre of mass by explicit Euler in the coordinates x, z, θ of the torso
+    /// and their rates; `literal` steps velocities in axes of the torso.
+    ///
+    /// Parameters
+    /// ----------
+    /// n_steps : int, optional
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_steps + 1,)
+    #[pyo3(signature = (n_steps=200))]
+    fn literal_momentum<'py>(&self, py: Python<'py>, n_steps: usize) -> Result<Bound<'py, PyAny>, Error> {
+        let along = self.dive.get().program.momentum_in_coordinates(&self.report.z, n_steps)?;
+        Ok(numpy::PyArray1::from_vec(py, along).into_any())
+    }
+
+    fn __len__(&self) -> usize {
+        self.motion.times.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let end = self.motion.angles.last().copied().unwrap_or_default();
+        format!(
+            "<DiveSolution: {}, {:.3} somersaults, {:.3} twists, L = {:.2} kg m²/s, {} times>",
+            self.status(),
+            end.somersault / TAU,
+            end.twist / TAU,
+            self.momentum,
+            self.motion.times.len()
+        )
+    }
+}

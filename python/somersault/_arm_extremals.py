@@ -1,0 +1,134 @@
+"""Extremals of the two-link arm from its boundary states and the way it folds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from somersault._somersault import (
+    Continued,
+    Extremal,
+    System,
+    arm,
+    continue_through,
+    graded_times,
+    travel_arm,
+)
+from somersault.errors import FtlaInputError
+
+__all__ = ["ArmExtremal", "arm_extremals", "solve_arm"]
+
+
+@dataclass(frozen=True)
+class ArmExtremal:
+    """One of several extremals of the arm."""
+
+    #: θ₂ of the folded arm, rad.
+    fold: float
+    #: Whole turns added to the last θ₂.
+    turns: int
+    #: ½ ∫ γ₁u₁² + γ₂u₂² dt.
+    cost: float
+    extremal: Extremal
+
+
+def solve_arm(
+    initial_state: ArrayLike,
+    final_state: ArrayLike,
+    horizon: float,
+    *,
+    fold: float = np.pi,
+    system: System | None = None,
+    **options: Any,
+) -> Continued:
+    """An extremal of the two-link arm from nothing but its end states and the way it folds.
+
+    Between two rests from a spline of least effort, whose torques tell the costates; otherwise by
+    continuation from a rest with the second link folded, through a travel of the folded arm, to the unfolded
+    ends. Multiple shooting polishes.
+
+    Parameters
+    ----------
+    initial_state, final_state : array_like, shape (4,)
+        (θ₁, θ₂, dθ₁/dt, dθ₂/dt).
+    horizon : float
+        s.
+    fold : float, optional
+        θ₂ of the folded arm, rad: π, or −π for the other way round.
+    system : System, optional
+        As `arm` makes it; that of the thesis unless given.
+    options
+        ``tol``, ``max_iterations``, ``rtol`` and ``atol`` as those of `shoot`.
+
+    Returns
+    -------
+    Continued
+    """
+    initial, final = _state("initial_state", initial_state), _state("final_state", final_state)
+    if not (np.isfinite(horizon) and horizon > 0.0):
+        raise FtlaInputError(f"`horizon` must be positive and finite, found {horizon}")
+    if not np.isfinite(fold):
+        raise FtlaInputError(f"`fold` must be finite, found {fold}")
+    system = system or arm()
+    if not (initial[2:].any() or final[2:].any()):
+        return travel_arm(system, initial[:2].tolist(), final[:2].tolist(), horizon, fold, **options)
+    middle = 0.5 * (initial[0] + final[0])
+    rest = np.array([middle, fold, 0.0, 0.0])
+    travel = [np.array([state[0], fold, 0.0, 0.0]) for state in (initial, final)]
+    stages = [(rest, rest), (travel[0], travel[1]), (initial, final)]
+    # segments from a tenth to four tenths of a second
+    fractions = graded_times(1.0, min(0.1 / horizon, 0.05), min(0.4 / horizon, 0.2))
+    return continue_through(system, stages, horizon, fractions, **options)
+
+
+def arm_extremals(
+    initial_state: ArrayLike,
+    final_state: ArrayLike,
+    horizon: float,
+    *,
+    folds: Sequence[float] = (np.pi, -np.pi),
+    turns: Sequence[int] = (-1, 0, 1),
+    system: System | None = None,
+    **options: Any,
+) -> list[ArmExtremal]:
+    """Extremals of the two-link arm for several folds and whole turns of the second link, the cheapest first.
+
+    Parameters
+    ----------
+    initial_state, final_state : array_like, shape (4,)
+    horizon : float
+        s.
+    folds : sequence of float, optional
+        θ₂ of the folded arm, rad.
+    turns : sequence of int, optional
+        Whole turns added to the last θ₂: the same final posture.
+    system : System, optional
+    options
+        As those of `solve_arm`.
+
+    Returns
+    -------
+    list of ArmExtremal
+        Those that were found; a fold and a number of turns that lead nowhere are left out.
+    """
+    final = _state("final_state", final_state)
+    found = []
+    for fold in folds:
+        for turn in turns:
+            last = final + np.array([0.0, 2.0 * np.pi * turn, 0.0, 0.0])
+            continued = solve_arm(initial_state, last, horizon, fold=fold, system=system, **options)
+            if continued.success:
+                extremal = continued.extremal
+                found.append(ArmExtremal(float(fold), int(turn), extremal.cost(), extremal))
+    return sorted(found, key=lambda each: each.cost)
+
+
+def _state(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    state = np.asarray(value, dtype=float)
+    if state.shape != (4,) or not np.isfinite(state).all():
+        raise FtlaInputError(f"`{name}` must be four finite numbers, found {value!r}")
+    return state

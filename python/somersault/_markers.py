@@ -1,0 +1,99 @@
+"""Markers of a model in given motions, and recordings filtered."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import signal
+
+from somersault._somersault import MarkerRecording, MarkerSet
+from somersault.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: By how much the distances of frames may differ for a filter, relative.
+_UNIFORM = 1e-6
+
+
+def place_markers(
+    markers: MarkerSet, times: ArrayLike, q: ArrayLike, *, scale: ArrayLike = 1.0
+) -> MarkerRecording:
+    """Where the markers of a model are in a motion: a recording without noise and gaps.
+
+    x = r + s d(q), with the place r of the root, which is not scaled, as `MarkerFit` has it.
+
+    Parameters
+    ----------
+    markers : MarkerSet
+        The markers, and their model.
+    times : array_like, shape (n,)
+        Times, s, rising.
+    q : array_like, shape (n, n_positions)
+        Configurations of the model.
+    scale : float or array_like, shape (n,), optional
+        Size over that of the model.
+
+    Returns
+    -------
+    MarkerRecording
+    """
+    model = markers.model
+    poses = np.asarray(model.poses(np.asarray(q, dtype=np.float64)))
+    bodies = poses[:, [model.body(name) for name in markers.bodies]]
+    root = poses[:, :1, :3, 3]
+    away = np.einsum("nkij,kj->nki", bodies[..., :3, :3], markers.points) + bodies[..., :3, 3] - root
+    size = np.broadcast_to(np.asarray(scale, dtype=np.float64), (len(poses),))
+    return MarkerRecording(list(markers.names), times, root + size[:, None, None] * away)
+
+
+def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> MarkerRecording:
+    """A recording without what is faster than a frequency: Butterworth's filter, forth and back.
+
+    The two passes leave no lag. Half of the order is taken in each, and each pass begins to cut higher, by
+    (√2 − 1)^(−1/order), so that both together have 1/√2 of the amplitude at `cutoff`. Every unbroken stretch
+    of a marker is filtered by itself; gaps stay. By SciPy's `butter` and `sosfiltfilt`.
+
+    Parameters
+    ----------
+    recording : MarkerRecording
+        With frames at equal distances in time; `resample` makes them so.
+    cutoff : float
+        Hz, below half of the rate of frames.
+    order : int, optional
+        Of both passes together, even.
+
+    Returns
+    -------
+    MarkerRecording
+
+    Raises
+    ------
+    InputError
+        If frames are not at equal distances, or `cutoff` or `order` are not allowed.
+    """
+    times = np.asarray(recording.times)
+    steps = np.diff(times)
+    if len(steps) == 0 or np.ptp(steps) > _UNIFORM * steps.mean():
+        raise InputError("`recording` must have frames at equal distances in time; `resample` it before")
+    rate = 1.0 / float(steps.mean())
+    if not 0.0 < cutoff < 0.5 * rate:
+        raise InputError(
+            f"`cutoff` must be between 0 and {0.5 * rate:g} Hz, half of the rate of frames, found {cutoff:g}"
+        )
+    if not isinstance(order, int) or order < 2 or order % 2:
+        raise InputError(f"`order` must be an even number from 2 on, found {order}")
+    # where one pass has its own 1/√2, with the frequencies of the bilinear transform
+    warped = np.tan(np.pi * cutoff / rate) / (np.sqrt(2.0) - 1.0) ** (1.0 / order)
+    sections = signal.butter(order // 2, 2.0 * np.arctan(warped) / np.pi, output="sos")
+    points, present = np.array(recording.points), np.asarray(recording.present)
+    for k in range(recording.n_markers):
+        for stretch in _stretches(present[:, k]):
+            room = min(3 * (2 * len(sections) + 1), stretch.stop - stretch.start - 1)
+            points[stretch, k] = signal.sosfiltfilt(sections, points[stretch, k], axis=0, padlen=room)
+    return MarkerRecording(list(recording.names), times, points, present)
+
+
+def _stretches(present: NDArray[np.bool_]) -> list[slice]:
+    """Where a marker is there without a break."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], present, [False]]).astype(int)))
+    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -1,0 +1,82 @@
+"""Figures of recorded motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from somersault import motion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["motion_groups"]
+
+_GROUPS = ("#228833", "#CC6677", "#DDCC77", "#882255")
+_SINGLE = "#4477AA"
+_LABELS = {
+    "eigenweight": "eigenweight",
+    "marker_error": "marker error, mm",
+    "scale": "scaling factor",
+    "rotation": "rotation, turns",
+}
+
+
+def motion_groups(
+    groups: Mapping[str, Sequence[motion.MotionFit]],
+    single: Mapping[str, motion.MotionFit] | None = None,
+    axes: Sequence[Axes] | None = None,
+    *,
+    n_frames: int = 60,
+    weight: int = 0,
+) -> Sequence[Axes]:
+    """Groups of fitted motions side by side, as thesis Figure 4.1.
+
+    Thick lines are means, shaded is what lies within one standard deviation of them. The four panels are an
+    eigenweight, the root mean square of the distances of markers, the scale, and the rotation.
+
+    Parameters
+    ----------
+    groups : mapping of str to sequence of MotionFit
+        Motions by the name of their group.
+    single : mapping of str to MotionFit, optional
+        Motions of their own, such as one that was generated: thin lines in the panels of
+        eigenweight and rotation.
+    axes : sequence of four matplotlib.axes.Axes, optional
+        Axes to draw into.
+    n_frames : int
+        Frames that each motion is brought to.
+    weight : int
+        Number of the eigenweight, from 0.
+
+    Returns
+    -------
+    sequence of four matplotlib.axes.Axes
+    """
+    if axes is None:
+        axes = list(plt.figure(figsize=(9.0, 6.4), layout="constrained").subplots(2, 2, sharex=True).flat)
+    frames = np.arange(1, n_frames + 1)
+    for letter, ax, panel in zip("abcd", axes, _LABELS, strict=True):
+        unit = 1e3 if panel == "marker_error" else 1.0
+        options: dict[str, Any] = {"n_frames": n_frames, "weight": weight}
+        bands = motion.GroupComparison(dict(groups), panel, **options).bands()  # type: ignore[arg-type]
+        for k, (name, band) in enumerate(bands.items()):
+            colour = _GROUPS[k % len(_GROUPS)]
+            mean, deviation = unit * band.mean, unit * band.deviation
+            ax.fill_between(frames, mean - deviation, mean + deviation, color=colour, alpha=0.22, lw=0)
+            ax.plot(frames, mean, color=colour, lw=2.2, label=f"{name} ({len(groups[name])})")
+        for name, fit in (single or {}).items():
+            if panel in ("eigenweight", "rotation"):
+                drawn = motion.GroupComparison({name: [fit]}, panel, **options)  # type: ignore[arg-type]
+                ax.plot(frames, drawn.series(name)[0], color=_SINGLE, lw=1.3, label=name)
+        ax.set_title(f"({letter})", loc="left", fontsize=10)
+        ax.set_ylabel(_LABELS[panel])
+        ax.grid(color="0.92")
+        ax.margins(x=0)
+    for ax in axes[2:]:
+        ax.set_xlabel("frame")
+    axes[0].legend(frameon=False, fontsize=9)
+    return axes

@@ -1,0 +1,82 @@
+"""Finite-time Lyapunov analysis of hyper-sensitive optimal control.
+
+The necessary conditions of an optimal control problem are a boundary value problem in states and costates,
+p = (x, λ). Where it has rates that are fast against the horizon, shooting fails; the same rates split the
+tangent space, and an optimum starts near the centre-stable manifold and ends near the centre-unstable one.
+
+In the order of work: a `System` poses; a `VariationalFlow` integrates it with its transition matrix and gives
+a `Spectrum` of exponents and vectors; `diagnose` says whether the problem is hyper-sensitive, `Splitting`
+holds the subspaces; a `Placement` puts points on the slow manifolds, a `Matching` joins two ends, and `shoot`
+polishes to rounding. `continue_through` starts from nothing but boundary states, `follow` changes a
+parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
+
+>>> import numpy as np
+>>> from somersault import ftla
+>>> found = ftla.solve_arm([-np.pi / 2, 0.05, 0.0, 0.0], [np.pi / 2, 0.05, 0.0, 0.0], 10.0, fold=np.pi)
+>>> found.success, round(found.extremal.cost(), 9)
+(True, 0.321777232)
+>>> flow = ftla.VariationalFlow(found.extremal.system)
+>>> spectra = flow.spectra(found.extremal(5.0), np.arange(0.5, 5.1, 0.5))
+>>> ftla.diagnose(spectra, 10.0).dims
+(2, 4, 2)
+"""
+
+from somersault._arm_extremals import ArmExtremal, arm_extremals, solve_arm
+from somersault._somersault import (
+    Chain,
+    Continued,
+    Diagnosis,
+    Extremal,
+    Matched,
+    Matching,
+    Placed,
+    Placement,
+    Spectrum,
+    Splitting,
+    Subspace,
+    System,
+    Transition,
+    VariationalFlow,
+    arm,
+    continue_through,
+    cubic_regulator,
+    diagnose,
+    follow,
+    graded_times,
+    linear_regulator,
+    rank_held_costates,
+    shoot,
+    slow_subspace,
+    tree,
+)
+
+__all__ = [
+    "ArmExtremal",
+    "Chain",
+    "Continued",
+    "Diagnosis",
+    "Extremal",
+    "Matched",
+    "Matching",
+    "Placed",
+    "Placement",
+    "Spectrum",
+    "Splitting",
+    "Subspace",
+    "System",
+    "Transition",
+    "VariationalFlow",
+    "arm",
+    "arm_extremals",
+    "continue_through",
+    "cubic_regulator",
+    "diagnose",
+    "follow",
+    "graded_times",
+    "linear_regulator",
+    "rank_held_costates",
+    "shoot",
+    "slow_subspace",
+    "solve_arm",
+    "tree",
+]

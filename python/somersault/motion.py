@@ -1,0 +1,100 @@
+"""Recorded motions: read, fitted by a model, analysed and scored.
+
+Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
+named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned. A `MarkerFit` lays a
+model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` describe motions; a
+`ScoringModel` learns scores, and `validate` says what they are worth.
+
+| Format | Reader | Gives |
+|---|---|---|
+| BVH | `read_bvh` | skeleton |
+| motions of DeepMimic (JSON) | `read_joint_motion` | skeleton |
+| C3D, point data | `read_c3d` | markers |
+| TRC | `read_trc` | markers |
+| CSV | `read_csv` | markers |
+
+A diver who folds, seen by noisy markers, some of them missing, and found again:
+
+>>> import numpy as np
+>>> from somersault import motion, multibody
+>>> diver = multibody.diver_planar()
+>>> markers = motion.MarkerSet.joint_centres(diver.model)
+>>> t = np.linspace(0.0, 1.0, 30)
+>>> q = np.linspace(diver.configuration("A"), diver.configuration("H"), 30)
+>>> seen = motion.place_markers(markers, t, q)
+>>> rng = np.random.default_rng(1)
+>>> points = seen.points + rng.normal(0.0, 0.005, seen.points.shape)
+>>> seen = motion.MarkerRecording(seen.names, t, points, rng.random(seen.present.shape) > 0.2)
+>>> fit = motion.MarkerFit(markers, scale=1.0).fit(seen)
+>>> fit.success, bool(fit.rms < 0.01)
+(True, True)
+"""
+
+from somersault._markers import low_pass, place_markers
+from somersault._somersault import (
+    Band,
+    Baseline,
+    Correlation,
+    GroupComparison,
+    MarkerFit,
+    MarkerRecording,
+    MarkerSet,
+    MotionFit,
+    Pca,
+    Performance,
+    Projection,
+    ScoringModel,
+    ScoringOptions,
+    Skeleton,
+    SkeletonJoint,
+    SkeletonRecording,
+    Validation,
+    common_eigenpostures,
+    eigenpostures_per_motion,
+    normalize_frames,
+    pearson,
+    project,
+    read_bvh,
+    read_c3d,
+    read_csv,
+    read_joint_motion,
+    read_trc,
+    spearman,
+    turns_about,
+    validate,
+)
+
+__all__ = [
+    "Band",
+    "Baseline",
+    "Correlation",
+    "GroupComparison",
+    "MarkerFit",
+    "MarkerRecording",
+    "MarkerSet",
+    "MotionFit",
+    "Pca",
+    "Performance",
+    "Projection",
+    "ScoringModel",
+    "ScoringOptions",
+    "Skeleton",
+    "SkeletonJoint",
+    "SkeletonRecording",
+    "Validation",
+    "common_eigenpostures",
+    "eigenpostures_per_motion",
+    "low_pass",
+    "normalize_frames",
+    "pearson",
+    "place_markers",
+    "project",
+    "read_bvh",
+    "read_c3d",
+    "read_csv",
+    "read_joint_motion",
+    "read_trc",
+    "spearman",
+    "turns_about",
+    "validate",
+]

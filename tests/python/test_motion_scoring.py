@@ -1,0 +1,211 @@
+"""Scores: motions made up here, whose judge is known, and SYNTHETIC dives from end to end."""
+
+import json
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from somersault import errors, motion
+
+Array = NDArray[np.float64]
+
+
+def performances(n: int, seed: int = 1) -> tuple[list[motion.Performance], Array]:
+    """Motions that differ in one bump of their postures, by an amount, and in noise."""
+    rng = np.random.default_rng(seed)
+    amounts = rng.uniform(0.0, 1.0, n)
+    pattern = rng.normal(size=(2, 12))
+    made = []
+    for amount in amounts:
+        t = np.linspace(0.0, rng.uniform(1.4, 1.6), 50)
+        share = (t / t[-1])[:, None]
+        bump = np.exp(-(((share - 0.6) / 0.1) ** 2))
+        postures = np.sin(np.pi * share) * pattern[0] + amount * bump * pattern[1]
+        postures = postures + rng.normal(0.0, 0.01, postures.shape)
+        path = np.hstack([share, 0 * share, 10.0 - 10.0 * share**2])
+        made.append(motion.Performance(t, postures, path))
+    return made, amounts
+
+
+class TestModels:
+    motions, amounts = performances(16)
+    scores = 8.0 - 3.0 * amounts
+
+    def test_a_linear_judge_is_learnt(self) -> None:
+        model = motion.ScoringModel(self.motions[:12], self.scores[:12])
+        found = [model.score(m) for m in self.motions[12:]]
+        np.testing.assert_allclose(found, self.scores[12:], atol=0.15)
+        assert model.eigenpostures.n_components == 4
+        assert model.eigenmotions.n_components == len(model.coefficients) <= 5
+        assert model.intercept == pytest.approx(self.scores[:12].mean())
+
+    def test_the_score_is_that_of_the_formula(self) -> None:
+        options = motion.ScoringOptions(n_frames=20, n_eigenweights=2, path=False, n_components=1)
+        model = motion.ScoringModel(self.motions, self.scores, options)
+        t = np.linspace(0.0, 1.5, 20)
+        postures = np.random.default_rng(4).normal(size=(20, 12))
+        weights = model.eigenpostures.scores(postures)
+        vector = weights.T.reshape(1, -1)
+        expected = model.intercept + float(model.eigenmotions.scores(vector)[0] @ model.coefficients)
+        found = model.score(motion.Performance(t, postures, np.zeros((20, 3))))
+        assert found == pytest.approx(expected, abs=1e-10)
+
+    def test_saved_models_come_back_to_the_bit(self, tmp_path: Path) -> None:
+        model = motion.ScoringModel(self.motions, self.scores)
+        model.save(tmp_path / "model.json")
+        expected = [model.score(m) for m in self.motions]
+        for same in (
+            motion.ScoringModel.load(str(tmp_path / "model.json")),
+            pickle.loads(pickle.dumps(model)),
+        ):
+            assert [same.score(m) for m in self.motions] == expected
+
+    def test_files_that_are_no_models_are_refused(self, tmp_path: Path) -> None:
+        path = tmp_path / "model.json"
+        motion.ScoringModel(self.motions, self.scores).save(path)
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        for change, message in (
+            ({"version": 99}, "found `somersault scoring model` of version 99"),
+            ({"format": "else"}, "found `else`"),
+            ({"coefficients": [1.0] * 99}, "`coefficients`"),
+            ({"intercept": "x"}, r"line \d+: not a scoring model"),
+        ):
+            path.write_text(json.dumps({**stored, **change}), encoding="utf-8")
+            with pytest.raises(errors.StorageError, match=message):
+                motion.ScoringModel.load(path)
+        path.write_bytes(b"\xff\xfe{")
+        with pytest.raises(errors.StorageError, match="line 1"):
+            motion.ScoringModel.load(path)
+        with pytest.raises(FileNotFoundError):
+            motion.ScoringModel.load(tmp_path / "absent.json")
+
+    def test_options_are_those_of_the_thesis_unless_given(self) -> None:
+        options = motion.ScoringOptions()
+        assert (options.n_frames, options.n_eigenweights, options.path, options.duration) == (
+            60,
+            4,
+            True,
+            False,
+        )
+        assert options.n_components is None and options.max_components == 5
+        assert repr(motion.ScoringOptions(n_components=2)).count("n_components=2") == 1
+
+    @pytest.mark.parametrize(
+        ("n", "scores", "options", "message"),
+        [
+            (5, np.arange(5.0), {}, "`motions` must have at least 7 entries, found 5"),
+            (12, np.arange(11.0), {}, "`scores` must have 12 entries, found 11"),
+            (12, [np.nan] * 12, {}, "`scores` must be finite"),
+            (12, np.arange(12.0), {"n_components": 0}, "`components` must have at least 1"),
+            (12, np.arange(12.0), {"n_eigenweights": 13}, "`n_components` must be between 1 and 12"),
+            (12, np.arange(12.0), {"n_frames": 0}, "`n_frames`"),
+            (0, [], {}, "`motions`"),
+        ],
+    )
+    def test_what_cannot_be_learnt_is_refused(
+        self, n: int, scores: Any, options: dict[str, Any], message: str
+    ) -> None:
+        with pytest.raises(errors.InputError, match=message):
+            motion.ScoringModel(self.motions[:n], scores, motion.ScoringOptions(**options))
+
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            ({"times": [0.0]}, "`times` must have at least 2"),
+            ({"times": [0.0, 0.0, 1.0]}, "`times`"),
+            ({"postures": np.zeros((2, 4))}, "`rows of postures` must have 3 entries, found 2"),
+            ({"path": np.zeros((3, 2))}, "`columns of path` must have 3 entries, found 2"),
+            ({"postures": np.full((3, 4), np.nan)}, "must be finite"),
+        ],
+    )
+    def test_what_is_no_performance_is_refused(self, change: dict[str, Any], message: str) -> None:
+        arguments: dict[str, Any] = {
+            "times": [0.0, 0.1, 0.2],
+            "postures": np.zeros((3, 4)),
+            "path": np.zeros((3, 3)),
+        }
+        with pytest.raises(errors.InputError, match=message):
+            motion.Performance(**(arguments | change))
+
+    def test_motions_of_another_width_have_no_score(self) -> None:
+        model = motion.ScoringModel(self.motions, self.scores)
+        other = motion.Performance([0.0, 1.0], np.zeros((2, 5)), np.zeros((2, 3)))
+        with pytest.raises(errors.AnalysisInputError, match="must have 12 entries, found 5"):
+            model.score(other)
+
+    def test_markers_with_gaps_are_no_performance(self) -> None:
+        points = np.zeros((3, 2, 3))
+        recording = motion.MarkerRecording(["a", "b"], [0.0, 0.1, 0.2], points)
+        assert motion.Performance.from_markers(recording).n_features == 6
+        gap = motion.MarkerRecording(["a", "b"], [0.0, 0.1, 0.2], points, np.eye(3, 2) < 1)
+        with pytest.raises(errors.ScoringError, match="`markers of a frame`"):
+            motion.Performance.from_markers(gap)
+
+
+class TestValidation:
+    motions, amounts = performances(16)
+    scores = 8.0 - 3.0 * amounts
+
+    def test_predictions_leave_one_out(self) -> None:
+        found = motion.validate(self.motions, self.scores, n_resamples=500)
+        for i in (0, 7, 15):
+            rest = [m for k, m in enumerate(self.motions) if k != i]
+            model = motion.ScoringModel(rest, np.delete(self.scores, i))
+            assert found.predictions[i] == model.score(self.motions[i])
+            assert found.n_components[i] == len(model.coefficients)
+        assert found.rms_error == pytest.approx(np.sqrt(np.mean((found.predictions - self.scores) ** 2)))
+
+    def test_a_judge_is_found_and_beats_the_baselines(self) -> None:
+        found = motion.validate(self.motions, self.scores, n_resamples=2000, features={"bump": -self.amounts})
+        assert found.rms_error < 0.2
+        assert found.pearson.interval[0] > 0.9 and found.spearman.interval[0] > 0.7
+        by_name = {baseline.name: baseline for baseline in found.baselines}
+        assert set(by_name) == {"mean", "duration", "bump"}
+        others = (self.scores.sum() - self.scores) / 15
+        np.testing.assert_allclose(by_name["mean"].predictions, others, rtol=1e-14)
+        assert by_name["bump"].rms_error < 1e-12 < found.rms_error < 0.3 * by_name["mean"].rms_error
+        assert "16 motions" in repr(found) and "in [" in repr(found.pearson)
+
+    def test_intervals_follow_the_seed_and_the_level(self) -> None:
+        first, again, other, wide = (
+            motion.validate(self.motions, self.scores, n_resamples=300, **options).pearson.interval  # type: ignore[arg-type]
+            for options in ({}, {}, {"seed": 5}, {"level": 0.999})
+        )
+        assert first == again != other
+        assert wide[0] < first[0] <= first[1] <= wide[1]
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"level": 1.0}, "level"),
+            ({"level": np.nan}, "level"),
+            ({"n_resamples": 0}, "`resamples` must have at least 1"),
+            ({"n_resamples": 2**62}, "`n_resamples` must be at most"),
+            ({"features": {"a": [1.0]}}, "`features` must have 16 entries, found 1"),
+            ({"features": {"a": [np.inf] * 16}}, "`features` must be finite"),
+        ],
+    )
+    def test_what_cannot_be_validated_is_refused(self, options: dict[str, Any], message: str) -> None:
+        with pytest.raises(errors.InputError, match=message):
+            motion.validate(self.motions, self.scores, **options)
+
+    def test_scores_that_do_not_vary_are_refused(self) -> None:
+        with pytest.raises(errors.ScoringError, match="does not vary"):
+            motion.validate(self.motions, np.full(16, 7.0))
+
+
+def test_correlations_are_scipys() -> None:
+    rng = np.random.default_rng(6)
+    x = rng.integers(0, 8, 40).astype(float)
+    y = x + rng.normal(0.0, 3.0, 40).round()
+    assert motion.pearson(x, y) == pytest.approx(stats.pearsonr(x, y).statistic, abs=1e-14)
+    assert motion.spearman(x, y) == pytest.approx(stats.spearmanr(x, y).statistic, abs=1e-14)
+    with pytest.raises(errors.ScoringError, match="`y` does not vary"):
+        motion.spearman(x, np.ones(40))
+    with pytest.raises(errors.InputError, match=r"`y` must be real numbers of shape \(40,\)"):
+        motion.pearson(x, y[1:])
