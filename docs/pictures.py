@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -132,12 +134,57 @@ def trees() -> None:
     _strip("trees.png", ocp.dive_5174d().solve(), (0.03, 0.18, 0.3, 0.45, 0.75, 0.98))
 
 
+def recorded() -> None:
+    """Scores of synthetic motions by a model that has not seen them."""
+    motion: Any = importlib.import_module("somersault.motion")
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 1.4, 60)
+    performances, scores = [], []
+    for _ in range(40):
+        depth, delay = rng.uniform(-1, 1, 2)
+        fold = np.exp(-(((t - 0.7 - 0.08 * delay) / 0.3) ** 2)) * (1.5 + 0.3 * depth)
+        joints = np.stack([fold, 0.3 * fold + 0.2 * np.sin(4 * t), np.cos(3 * t), 0.4 * t**2], axis=1)
+        joints += rng.uniform(-0.02, 0.02, joints.shape)
+        path = np.stack([t, 0 * t, 3.0 - 4.9 * t**2], axis=1)
+        performances.append(motion.Performance(t, joints, path))
+        scores.append(7.0 + 0.8 * depth - 0.5 * delay + rng.uniform(-0.17, 0.17))
+    worth = motion.validate(performances, scores)
+    ax = _axes("Synthetic motions, each scored by a model that has not seen it")
+    ax.plot(scores, worth.predictions, "C0o", label=f"left out: rms error {worth.rms_error:.2f}")
+    for baseline in worth.baselines[:1]:
+        ax.plot(scores, baseline.predictions, "C7x", label=f"{baseline.name}: {baseline.rms_error:.2f}")
+    ax.axline((7.0, 7.0), slope=1.0, color="k", lw=0.8)
+    ax.set_xlabel("judge")
+    ax.set_ylabel("scored")
+    ax.legend(fontsize=8)
+    _save("recorded.png")
+
+
+def lyapunov() -> None:
+    """Finite-time exponents of the thesis' arm along its optimal motion."""
+    ftla: Any = importlib.import_module("somersault.ftla")
+    flow = ftla.VariationalFlow(ftla.arm())
+    # In the middle of the optimal motion (Table 10.1), where the field is slow.
+    middle = (-0.027597, 3.068603, 0.477425, 0.009792, -0.203408, 0.019078, -0.209560, 0.019651)
+    times = np.linspace(0.1, 5.0, 50)
+    exponents = np.array([found.exponents for found in flow.spectra(middle, times)])
+    ax = _axes("An arm's optimal control: eight rates, two time scales")
+    for k, row in enumerate(exponents.T):
+        ax.plot(times, row, "C3" if abs(exponents[-1, k]) > 2.0 else "C0")
+    ax.set_ylim(-15, 15)
+    ax.set_xlabel("averaging time, s")
+    ax.set_ylabel("finite-time Lyapunov exponent, 1/s")
+    _save("lyapunov.png")
+
+
 ALL: dict[str, Callable[[], None]] = {
     "integrate": integrate,
     "contact": touch,
     "optimise": optimise,
     "dive": dive,
     "trees": trees,
+    "recorded": recorded,
+    "lyapunov": lyapunov,
 }
 
 if __name__ == "__main__":

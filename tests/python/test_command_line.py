@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
@@ -61,6 +62,35 @@ def test_a_dive_is_found_and_judged(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "<html" in page.read_text("utf-8")
 
 
+def test_motions_are_scored_with_what_the_scores_are_worth(tmp_path: Path) -> None:
+    pytest.importorskip("somersault.motion", reason="recorded motions are not there")
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 1.4, 50)
+    lines = ['motions = ["9.csv"]', "[read]", 'unit = "m"']
+    for k in range(10):
+        depth = rng.uniform(-1.0, 1.0)
+        fold = np.exp(-(((t - 0.7) / 0.3) ** 2)) * (1.5 + 0.3 * depth)
+        hip = np.stack([t, 0 * t, 3.0 - 4.9 * t**2], axis=1)
+        knee = hip + 0.4 * np.stack([np.sin(fold), 0 * t, -np.cos(fold)], axis=1)
+        head = hip + 0.6 * np.stack([np.sin(0.4 * fold), 0 * t, np.cos(0.4 * fold)], axis=1)
+        names = ",".join(f"{marker}_{axis}" for marker in ("hip", "knee", "head") for axis in "xyz")
+        rows = np.column_stack([t, hip, knee, head])
+        np.savetxt(tmp_path / f"{k}.csv", rows, delimiter=",", header=f"time,{names}", comments="")
+        if k < 9:
+            lines += ["[[judged]]", f'file = "{k}.csv"', f"score = {7.0 + depth}"]
+    document, scores, summary = (tmp_path / name for name in ("judged.toml", "scores.json", "summary.json"))
+    document.write_text("\n".join(lines))
+    arguments = ["--out", str(scores), "--summary", str(summary), "--save", str(tmp_path / "scorer.json")]
+    assert main(["score", str(document), *arguments]) == 0
+    worth, found = json.loads(summary.read_text()), json.loads(scores.read_text())
+    assert worth["rms_error"] < 0.1 < min(worth["baselines"].values())
+    assert abs(found["predicted"][-1] - (7.0 + depth)) < 0.2 and found["score"][-1] is None
+    again = tmp_path / "again.toml"
+    again.write_text('scorer = "scorer.json"\nmotions = ["9.csv"]\n[read]\nunit = "m"\n')
+    assert main(["score", str(again), "--out", str(scores)]) == 0
+    assert json.loads(scores.read_text())["predicted"] == found["predicted"][-1:]
+
+
 def test_the_bench_times_methods(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "bench.csv"
     assert main(["bench", "rkmk_b", "rkmk8_b", "--repeats", "1", "--target", "1e-4", "--out", str(out)]) == 0
@@ -94,7 +124,7 @@ BODY = "[body]\nmass = 1.0\nbox = [1, 1, 1]\n\n[run]\ninterval = [0, 1]\ndt = 0.
         (BODY.replace("box", "#"), 1, "body: needs exactly one of box, .*; found none"),
         (BODY.replace("box = [1, 1, 1]", "box = [1, 1]"), 3, r"body.box: \[1, 1\] is too short"),
         (BODY.replace("box = [1, 1, 1]", "box = [\n 1,\n 1,\n 'c']"), 6, "body.box.2: must be a number"),
-        (BODY.replace("box = [1, 1, 1]", "inertia = [1, 1, 5]"), 3, "body.inertia: the largest principal moment"),
+        (BODY.replace("box = [1, 1, 1]", "inertia = [1, 1, 5]"), 3, "body.inertia: the largest"),
         (BODY.replace("dt = 0.1", ""), 5, "run: needs one of dt, rtol, atol; found none"),
         (BODY + 'method = "rk5"\n', 8, "run.method: no method is named `rk5`"),
         (BODY.replace("[0, 1]", "[0, nan]"), 5, "run: "),
