@@ -185,8 +185,12 @@ def compare(repetitions: int, program: Path | None = None) -> tuple[list[dict[st
     ) + table(
         ["µs", "somersault", "CasADi, C at -O3", "CasADi, its graph", "ours / C", "ours / graph"],
         [
-            [name, *(f"{t * 1e6:.3g}" for t in (ours, generated, graph))]
-            + [f"{ours / generated:.2f}", f"{ours / graph:.3f}"]
+            [
+                name,
+                *(f"{t * 1e6:.3g}" for t in (ours, generated, graph)),
+                f"{ours / generated:.2f}",
+                f"{ours / graph:.3f}",
+            ],
         ],
     )
     lines = []

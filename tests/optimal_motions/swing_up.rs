@@ -280,7 +280,6 @@ fn others() -> Vec<(&'static str, CartPendulumProblem)> {
         ("soft", CartPendulumProblem { terminal_weights: [1e2; 4], ..base.clone() }),
         ("hard", CartPendulumProblem { terminal_weights: [1e8; 4], ..base.clone() }),
         ("running cost", CartPendulumProblem { running_weights: [10.0; 4], ..base.clone() }),
-        ("cheap force", CartPendulumProblem { force_weight: 1e-4, ..base.clone() }),
     ]
 }
 

@@ -53,7 +53,7 @@ def test_a_solve_goes_on_from_a_report() -> None:
     again = problem.solve(done)
     assert again.success and again.nit <= 1
     np.testing.assert_allclose(again.z, done.z, atol=1e-7)
-    with pytest.raises(errors.InputError, match="constraint_multipliers|parameters"):
+    with pytest.raises(errors.InputError, match="parameters"):
         ocp.CartPendulumProblem.case("E").solve(done)
 
 
