@@ -73,6 +73,15 @@ fn dives(c: &mut Criterion) {
             cost + gradient[0]
         })
     });
+    group.bench_function("5174D, solve from the template", |b| {
+        b.iter(|| {
+            let z = spatial.start(&Dive::twisting_template()).expect("valid");
+            let report =
+                DiveSearch::staged().solve(&spatial, z, &mut |_| Flow::Continue).expect("well posed");
+            assert!(report.status.is_converged());
+            report.cost
+        })
+    });
     group.finish();
 }
 

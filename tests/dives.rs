@@ -9,7 +9,7 @@ use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
     Body, Capsule, Channels, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame, Penalties, Range,
-    momentum_along, nearest_points,
+    nearest_points,
 };
 use somersault_ocp::flight::{
     Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
@@ -462,8 +462,6 @@ fn the_twisting_dive_does_what_is_asked() {
     let report = program.report(&z).unwrap();
     assert!((report.somersaults - 3.5).abs() < 1e-4 && (report.twists - 2.0).abs() < 1e-4, "{report:?}");
     assert!(report.defect < 5e-3, "{report:?}");
-    let finer = Dive { n_steps: 400, ..dive.clone() }.program().unwrap().report(&z).unwrap();
-    assert!(finer.defect < report.defect / 10.0, "{} {}", finer.defect, report.defect);
     assert!(report.entry_angle < 1f64.to_radians(), "{report:?}");
     assert!(report.momentum_drift < 1e-12, "{report:?}");
     assert!(report.least_channel > -1e-12 && report.greatest_sum < 1.0 + 1e-12, "{report:?}");
@@ -518,10 +516,11 @@ fn a_third_posture_changes_little() {
 
 #[test]
 fn the_work_of_the_joints_is_the_change_of_energy() {
-    for (dive, template) in [
-        (Dive::forward_pike().unwrap(), Dive::pike_template()),
-        (Dive::forward_twisting(), Dive::twisting_template()),
-    ] {
+    // without a square-out, where the orientation of a course that is no dive yet starts anew
+    let twisting = Dive { square_out: 1.0, ..Dive::forward_twisting() };
+    for (dive, template) in
+        [(Dive::forward_pike().unwrap(), Dive::pike_template()), (twisting, Dive::twisting_template())]
+    {
         let program = Dive { n_steps: 400, ..dive }.program().unwrap();
         let z = program.start(&template).unwrap();
         let motion = program.motion(&z).unwrap();
@@ -571,11 +570,19 @@ fn explicit_euler_loses_the_momentum_with_order_one() {
     };
     let (coarse, fine) = (drift(400), drift(800));
     assert!(drift(200).abs() > 0.01 && (coarse / fine - 2.0).abs() < 0.1, "{coarse} {fine}");
-    // and the same through the shooting
-    let (mut problem, start) = program.literal(&z, 200).unwrap();
-    problem.transcription_mut().rollout(&start).unwrap();
-    let along = momentum_along(program.path().model(), problem.transcription()).unwrap();
-    assert!((along[200] / along[0] - 1.0).abs() > 0.01);
+    // and the same through the shooting: more in the pike, less at the entry, and a quarter turn too far
+    let literal = program.literal_motion(&z, 200).unwrap();
+    let along = &literal.angular_momentum;
+    let most = along.iter().fold(0.0f64, |most, l| most.max(*l));
+    assert!(along[200] < 0.97 * along[0] && most > 1.08 * along[0] && most < 1.16 * along[0]);
+    let wanted = program.angles(&z).unwrap();
+    let turned = wanted[wanted.len() - 1].somersault - wanted[0].somersault;
+    assert!((literal.somersault[200] - turned) / TAU > 0.2);
+    let solved = program.solve_literal(&z, 200, &mut |_| Flow::Continue).unwrap();
+    assert!(solved.report.unwrap().status.is_converged());
+    assert!((solved.somersault[200] - turned).abs() < 1e-6);
+    assert!(matches!(program.literal_motion(&z, 0), Err(DiveError::Problem(_))));
+    assert!(matches!(program.momentum_in_coordinates(&z, 0), Err(DiveError::OutOfRange { .. })));
 }
 
 #[test]
@@ -601,11 +608,13 @@ fn capsules_have_the_distances_of_closed_form() {
     let parallel = nearest_points(
         &[point(0.0, 0.0, 0.0), point(0.0, 0.0, 1.0)],
         &[point(0.3, 0.0, 0.2), point(0.3, 0.0, 0.9)],
+        0.0,
     );
-    assert!((parallel.distance - 0.3).abs() < 1e-6);
+    assert!((parallel.distance - 0.3).abs() < 1e-12);
     let crossing = nearest_points(
         &[point(-1.0, 0.0, 0.0), point(1.0, 0.0, 0.0)],
         &[point(0.0, -1.0, 0.1), point(0.0, 1.0, 0.1)],
+        0.0,
     );
     assert!((crossing.distance - 0.1).abs() < 1e-12);
 }

@@ -24,7 +24,8 @@ def pike() -> ocp.DiveSolution:
 
 @pytest.fixture(scope="module")
 def twisting() -> ocp.DiveSolution:
-    return ocp.dive_5174d().solve()
+    # half the steps of the dive itself: the same solution, in half the time
+    return ocp.dive_5174d(n_steps=200).solve()
 
 
 class TestForwardPike:
@@ -112,6 +113,48 @@ class TestForwardPike:
         assert starts[1:] == ends[:-1]
         # a late exit, as in 4.2.1
         assert starts[-1] > 0.7 * pike.duration
+
+    def test_joint_forces_do_the_work_and_nothing_pushes_the_root(self, pike: ocp.DiveSolution) -> None:
+        model = pike.dive.diver.model
+        own = np.array(
+            [model.inverse_dynamics(q, v, a) for q, v, a in zip(pike.q, pike.v, pike.a, strict=True)]
+        )
+        size = np.abs(pike.torques).max()
+        np.testing.assert_allclose(own, pike.torques, atol=1e-9 * size)
+        assert not pike.torques[:, :3].any()
+        assert len(pike.peak_torques) == 9
+        largest, when = max(pike.peak_torques.values(), key=lambda peak: abs(peak[0]))
+        assert abs(largest) == size and 0.0 <= when <= pike.duration
+        assert pike.verify().peak_torques == pike.peak_torques
+
+    def test_the_literal_dive_drifts(self, pike: ocp.DiveSolution) -> None:
+        drifts = []
+        for n in (200, 400):
+            literal = pike.literal(n)
+            assert len(literal) == n + 1 and literal.report is None
+            assert literal.angular_momentum[0] == pytest.approx(pike.momentum, rel=1e-12)
+            model = pike.dive.diver.model
+            own = [(model.centroidal_matrix(literal.q[k]) @ literal.v[k])[4] for k in (0, n // 2, n)]
+            np.testing.assert_allclose(literal.angular_momentum[[0, n // 2, n]], own, rtol=1e-12)
+            drifts.append(literal.momentum_change)
+        # order one
+        assert abs(drifts[0]) > 0.01 and drifts[0] / drifts[1] == pytest.approx(2.0, abs=0.2)
+        along = pike.literal_momentum(200)
+        assert along.shape == (201,) and abs(along[-1] / along[0] - 1.0) > 0.01
+
+    def test_the_literal_dive_is_solved(self, pike: ocp.DiveSolution) -> None:
+        literal = pike.literal(optimise=True)
+        assert literal.report is not None and literal.report.success
+        assert abs(literal.momentum_change) > 0.001
+        turned = pike.somersaults[-1] - pike.somersaults[0]
+        assert literal.somersaults[-1] == pytest.approx(turned, abs=1e-6)
+
+    def test_a_literal_dive_is_of_one_kind(self) -> None:
+        found = ocp.dive_107b(duration=(1.6, 1.7)).solve(max_iterations=1)
+        with pytest.raises(errors.OcpInputError, match="literal"):
+            found.literal()
+        with pytest.raises(errors.InputError, match="n_steps"):
+            ocp.dive_107b().solve(max_iterations=1).literal(0)
 
     def test_a_warm_start_is_there_at_once(self, pike: ocp.DiveSolution) -> None:
         again = pike.dive.solve(pike)
@@ -298,7 +341,8 @@ class TestForwardTwisting:
 
     def test_turns_and_twists_into_an_upright_entry(self, twisting: ocp.DiveSolution) -> None:
         assert twisting.dive.n_variables <= 92
-        assert twisting.report.feasibility < 1e-6
+        assert twisting.success, twisting.report
+        assert twisting.report.stationarity < 1e-6 and twisting.report.feasibility < 1e-8
         assert twisting.somersaults[-1] == pytest.approx(3.5, abs=2e-3)
         assert twisting.twists[-1] == pytest.approx(2.0, abs=2e-3)
         assert np.degrees(twisting.entry_angle) < 1.0

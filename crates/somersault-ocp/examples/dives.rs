@@ -5,12 +5,8 @@
 //! ```
 
 use somersault_multibody::models::Posture;
-use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, Range, momentum_along};
-use somersault_ocp::dynamics::Tree;
-use somersault_ocp::problem::MotionProblem;
-use somersault_ocp::shooting::Shooting;
-use somersault_ocp::solver::{Flow, HessianSource, NlpSolver, Report, Sqp, Start};
-use somersault_ocp::transcription::Transcription;
+use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, LiteralDive, Range};
+use somersault_ocp::solver::{Flow, Report};
 use std::error::Error;
 use std::f64::consts::TAU;
 use std::time::Instant;
@@ -111,6 +107,9 @@ fn show(
     if let Some((distance, [a, b])) = report.least_distance {
         println!("  least distance {:.1} mm, {a} to {b}", 1e3 * distance);
     }
+    if let Some(peak) = report.peak_torques.iter().max_by(|a, b| a.torque.abs().total_cmp(&b.torque.abs())) {
+        println!("  largest torque {:.0} N m, {} at {:.2} s", peak.torque, peak.joint, peak.time);
+    }
     println!(
         "  take-off       centre of mass at {:.3?} m, velocity {:.3?} m/s",
         report.take_off.as_slice(),
@@ -140,34 +139,33 @@ fn show(
 /// The same dive by explicit Euler with 200 steps, as the thesis has it: rolled out, and optimised.
 fn show_literal(program: &DiveProgram, z: &[f64]) -> Result<(), Box<dyn Error>> {
     println!("\n107B as in the thesis, explicit Euler with 200 steps on the full dynamics");
-    let (mut problem, start) = program.literal(z, 200)?;
-    let model = program.path().model();
-    let tell = |name: &str,
-                problem: &mut MotionProblem<Shooting<Tree>>,
-                z: &[f64]|
-     -> Result<(), Box<dyn Error>> {
-        problem.transcription_mut().rollout(z)?;
-        let along = momentum_along(model, problem.transcription())?;
-        let (first, last) = (along[0], along[along.len() - 1]);
-        let turned = |k: usize| problem.transcription().node(k).position[2];
+    let tell = |name: &str, literal: &LiteralDive| {
+        let (along, last) = (&literal.angular_momentum, literal.times.len() - 1);
         println!(
-            "  {name}  momentum {first:.2} at take-off, {last:.2} at the entry: {:+.1} %; {:.3} somersaults in the air",
-            100.0 * (last / first - 1.0),
-            (turned(0) - turned(along.len() - 1)) / TAU
+            "  {name}  momentum {:.2} at take-off, {:.2} at the entry: {:+.1} %; {:.3} somersaults in the air",
+            along[0],
+            along[last],
+            100.0 * (along[last] / along[0] - 1.0),
+            literal.somersault[last] / TAU
         );
-        Ok(())
     };
-    tell("that motion rolled out", &mut problem, &start)?;
+    tell("that motion rolled out", &program.literal_motion(z, 200)?);
     for n_steps in [200, 400, 800] {
         let along = program.momentum_in_coordinates(z, n_steps)?;
         let change = 100.0 * (along[along.len() - 1] / along[0] - 1.0);
         println!("  in coordinates, {n_steps} steps: momentum {change:+.1} % at the entry");
     }
-    let solver = Sqp { hessian: HessianSource::QuasiNewton, stationarity_tol: 1e-6, ..Sqp::default() };
     let began = Instant::now();
-    let report = solver.solve(&mut problem, &Start::from(start), &mut |_| Flow::Continue)?;
-    tell("optimised             ", &mut problem, &report.z)?;
-    println!("  {}, {} iterations, {:.2} s", report.status, report.iterations, began.elapsed().as_secs_f64());
+    let solved = program.solve_literal(z, 200, &mut |_| Flow::Continue)?;
+    tell("optimised             ", &solved);
+    if let Some(report) = &solved.report {
+        println!(
+            "  {}, {} iterations, {:.2} s",
+            report.status,
+            report.iterations,
+            began.elapsed().as_secs_f64()
+        );
+    }
     Ok(())
 }
 

@@ -97,11 +97,6 @@ pub fn verify<D: HybridDynamics>(
             defects.push(distance(model, &end, to.position, to.velocity)?);
         }
         let (start, end) = (shooting.node(nodes.start).time, shooting.node(nodes.end - 1).time);
-        // joints whose motion is given are where this phase has them
-        let node = shooting.node(nodes.start);
-        for dof in (0..dofs.n_velocities()).filter(|dof| dofs.active[*dof]) {
-            through.1[dof] = node.velocity[dof];
-        }
         through = leg.integrate(&through.0, &through.1, start, end)?;
     }
     let last = shooting.node(shooting.outline().n_nodes() - 1);
