@@ -379,6 +379,20 @@ fn closed_gaps_are_closed() {
 }
 
 #[test]
+fn a_motion_without_a_value_does_not_spoil_the_next() {
+    for scheme in [Scheme::ExplicitEuler, Scheme::RungeKutta4] {
+        let mut shooting = Case::new(chain(), scheme, 9).shooting(2);
+        let z = scattered(shooting.outline().n_variables(), 3.0);
+        let wild: Vec<f64> = z.iter().map(|z| 1e160 * z).collect();
+        shooting.rollout(&z).unwrap();
+        let defects = shooting.defects().to_vec();
+        assert!(shooting.rollout(&wild).is_err());
+        shooting.rollout(&z).unwrap();
+        assert_eq!(shooting.defects(), defects);
+    }
+}
+
+#[test]
 fn gauss_newton_is_the_sum_of_squared_tangents() {
     // residuals by their own constraints: H = Σ ω_k J_kᵀ J_k of the torques at every node
     let case = Case::new(floating(), Scheme::RungeKutta4, 8);

@@ -1,6 +1,7 @@
 //! Optimal motions: shooting, problems and their gradients.
 
 mod cold_starts;
+mod curvature;
 mod gradients;
 mod optima;
 mod orders;

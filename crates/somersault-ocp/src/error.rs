@@ -30,6 +30,12 @@ pub enum OcpError {
         /// Entries it has.
         found: usize,
     },
+    /// Something has no second derivatives.
+    #[error("{what} has no second derivatives, which an exact Hessian needs")]
+    NoCurvature {
+        /// What has none.
+        what: String,
+    },
     /// A number is NaN or infinite where it must not be.
     #[error("`{argument}` must be finite, found {found}")]
     NonFinite {

@@ -12,7 +12,7 @@
 //! sweep gives the gradient of one number. Forwards, [`Transcription::push_forward`] hands out the tangents of each node
 //! in turn: one sweep gives all derivatives, at the cost of as many columns as there are variables.
 
-use crate::nlp::{Bounds, EvaluationError};
+use crate::nlp::{Bounds, EvaluationError, Pattern};
 use crate::term::{Node, NodeGradient};
 use nalgebra::{DMatrix, DVectorView};
 use std::ops::Range;
@@ -213,6 +213,22 @@ pub trait Transcription: Send {
 
     /// Adds to `gradient`, as long as z, what a gradient by the rollout is for z.
     fn pull_back(&mut self, by: &RolloutGradient, gradient: &mut [f64]) -> Result<(), EvaluationError>;
+
+    /// Whether [`add_curvature`](Self::add_curvature) does what it says.
+    fn has_curvature(&self) -> bool {
+        false
+    }
+
+    /// Adds the second derivatives by z of a number whose gradient by the rollout is constant and is `by`, to the values
+    /// of `pattern`, an upper triangle that holds the variables of each node together.
+    fn add_curvature(
+        &mut self,
+        _by: &RolloutGradient,
+        _pattern: &Pattern,
+        _hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        Ok(())
+    }
 
     /// Hands the tangents of all nodes to `visit`, in their order, and writes the gradient of each defect by its
     /// [`variables_of_defect`](Self::variables_of_defect) to `defects`, one after the other.

@@ -71,6 +71,24 @@ pub trait HybridDynamics: Send {
         partials: &mut [f64],
     ) -> Result<(), EvaluationError>;
 
+    /// Whether [`add_curvature`](Self::add_curvature) does what it says.
+    fn has_curvature(&self) -> bool {
+        false
+    }
+
+    /// Adds Σ w_i ∂²found_i to `out`: second derivatives by q, by v and by what is known, one square matrix of three times
+    /// the degrees of freedom. Only where displacements commute.
+    fn add_curvature(
+        &mut self,
+        _q: &[f64],
+        _v: &[f64],
+        _known: &[f64],
+        _weights: &[f64],
+        _out: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        Ok(())
+    }
+
     /// out ← q ⊕ d.
     fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
         out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);

@@ -4,6 +4,7 @@ use super::{Dofs, HybridDynamics};
 use crate::error::{OcpError, expect_length};
 use crate::nlp::EvaluationError;
 use nalgebra::{Matrix6, Vector3};
+use num_dual::Dual64;
 use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Motion, Split};
 
 /// A tree as [`HybridDynamics`]; joint forces of passive degrees of freedom, viscous friction and gravity are its own.
@@ -17,6 +18,25 @@ pub struct Tree {
     work: DerivativeData,
     acceleration: Vec<f64>,
     torque: Vec<f64>,
+    bent: Option<Box<Bent>>,
+}
+
+/// The tree over dual numbers, made when second derivatives are first asked for.
+#[derive(Debug, Clone)]
+struct Bent {
+    model: Model<Dual64>,
+    work: DerivativeData<Dual64>,
+    /// q, v, known.
+    arguments: [Vec<Dual64>; 3],
+}
+
+impl Bent {
+    fn new(model: &Model) -> Self {
+        let model: Model<Dual64> = model.cast();
+        let zero = vec![Dual64::from_re(0.0); model.n_velocities()];
+        let arguments = [zero.clone(), zero.clone(), zero];
+        Self { work: DerivativeData::new(&model), model, arguments }
+    }
 }
 
 impl Tree {
@@ -48,7 +68,8 @@ impl Tree {
             }
         }
         let (data, work) = (Data::new(&model), DerivativeData::new(&model));
-        Ok(Self { model, split, dofs, joints, data, work, acceleration: vec![0.0; n], torque: vec![0.0; n] })
+        let room = || vec![0.0; n];
+        Ok(Self { model, split, dofs, joints, data, work, acceleration: room(), torque: room(), bent: None })
     }
 
     /// The tree.
@@ -122,6 +143,46 @@ impl HybridDynamics for Tree {
         by_q.copy_from_slice(found.q.as_slice());
         by_v.copy_from_slice(found.v.as_slice());
         by_known.copy_from_slice(found.input.as_slice());
+        Ok(())
+    }
+
+    fn has_curvature(&self) -> bool {
+        self.dofs.groups.is_empty()
+    }
+
+    /// By the analytic partials over dual numbers, one sweep for each position and velocity: what is found is linear in
+    /// what is known.
+    fn add_curvature(
+        &mut self,
+        q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        weights: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let Self { model, split, bent, .. } = self;
+        let Bent { model, work, arguments } = &mut **bent.get_or_insert_with(|| Box::new(Bent::new(model)));
+        let n = known.len();
+        for (dual, real) in arguments.iter_mut().zip([q, v, known]) {
+            dual.iter_mut().zip(real).for_each(|(dual, re)| *dual = Dual64::from_re(*re));
+        }
+        for j in 0..2 * n {
+            arguments[j / n][j % n].eps = 1.0;
+            let [q, v, known] = &*arguments;
+            let partials =
+                model.hybrid_dynamics_partials(work, split, q, v, known, &[]).map_err(undefined)?;
+            for (part, matrix) in [partials.q, partials.v, partials.input].into_iter().enumerate() {
+                for (k, column) in matrix.column_iter().enumerate() {
+                    let i = part * n + k;
+                    let curvature: f64 = column.iter().zip(weights).map(|(d, w)| w * d.eps).sum();
+                    out[j * 3 * n + i] += curvature;
+                    if part == 2 {
+                        out[i * 3 * n + j] += curvature;
+                    }
+                }
+            }
+            arguments[j / n][j % n].eps = 0.0;
+        }
         Ok(())
     }
 

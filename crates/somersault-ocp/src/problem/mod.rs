@@ -7,7 +7,7 @@
 //! Each r is a [`Term`] and Φ, L are a [`Loss`]. A constraint at every node is a path constraint (thesis 2.23). The
 //! problem is an [`Nlp`](crate::nlp::Nlp): its gradient is one adjoint sweep, its Jacobian one sweep for each row or one
 //! forward sweep for all variables, whichever is less, and its Hessian that of Gauss and Newton, which drops the
-//! curvature of the terms and of the constraints.
+//! curvature of the terms and of the constraints, unless the exact one is asked for.
 
 mod jacobian;
 mod loss;
@@ -58,6 +58,7 @@ pub struct MotionProblemBuilder<T> {
     linear_bounds: Bounds,
     variables: Bounds,
     sweep: Option<Sweep>,
+    exact: bool,
 }
 
 /// Costs and constraints over a transcription; an [`Nlp`](crate::nlp::Nlp).
@@ -68,6 +69,7 @@ pub struct MotionProblem<T> {
     linear: Vec<LinearConstraint>,
     structure: Structure,
     sweep: Sweep,
+    exact: bool,
     rows: jacobian::Rows,
     work: Work,
 }
@@ -95,6 +97,7 @@ impl<T: Transcription> MotionProblem<T> {
             linear_bounds: Bounds::default(),
             variables,
             sweep: None,
+            exact: false,
         }
     }
 
@@ -215,9 +218,32 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         self
     }
 
+    /// Asks for the exact Hessian of the Lagrangian in place of that of Gauss and Newton. It takes a transcription with
+    /// second derivatives and terms that are linear in the node.
+    pub fn with_exact_hessian(mut self) -> Self {
+        self.exact = true;
+        self
+    }
+
+    /// Fails where something has no second derivatives.
+    fn expect_curvature(&self) -> Result<(), OcpError> {
+        if !self.transcription.has_curvature() {
+            return Err(OcpError::NoCurvature { what: "the transcription".to_owned() });
+        }
+        let taken = self.costs.iter().map(|c| &c.taken).chain(self.constraints.iter().map(|c| &c.taken));
+        match taken.map(|taken| &taken.term).find(|term| !term.is_linear()) {
+            Some(term) => Err(OcpError::NoCurvature { what: term.name().to_owned() }),
+            None => Ok(()),
+        }
+    }
+
     /// The problem.
     pub fn build(self) -> Result<MotionProblem<T>, OcpError> {
-        let Self { transcription, costs, mut constraints, linear, linear_bounds, variables, sweep } = self;
+        if self.exact {
+            self.expect_curvature()?;
+        }
+        let Self { transcription, costs, mut constraints, linear, linear_bounds, variables, sweep, exact } =
+            self;
         let outline = transcription.outline();
         let mut bounds = outline.defects.clone();
         for constraint in &mut constraints {
@@ -235,12 +261,12 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         }
         let (rows, jacobian) = jacobian::Rows::new(&transcription, &costs, &constraints, &linear);
         let n = outline.n_variables();
-        let curved: Vec<Vec<usize>> = costs
-            .iter()
-            .filter(|cost| cost.loss.is_curved())
-            .flat_map(|cost| &cost.taken.nodes)
-            .map(|k| transcription.variables_of_node(*k))
-            .collect();
+        let curved: Vec<Vec<usize>> = if exact {
+            (0..outline.n_nodes()).map(|k| transcription.variables_of_node(k)).collect()
+        } else {
+            let nodes = costs.iter().filter(|cost| cost.loss.is_curved()).flat_map(|cost| &cost.taken.nodes);
+            nodes.map(|k| transcription.variables_of_node(*k)).collect()
+        };
         let hessian = if curved.iter().any(|variables| variables.len() == n) {
             Pattern::upper_triangle(n)
         } else {
@@ -261,7 +287,7 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         let cheaper = if n_swept < n { Sweep::Adjoint } else { Sweep::Forward };
         let structure = Structure { variables, constraints: bounds, jacobian, hessian };
         let sweep = sweep.unwrap_or(cheaper);
-        Ok(MotionProblem { transcription, costs, constraints, linear, structure, sweep, rows, work })
+        Ok(MotionProblem { transcription, costs, constraints, linear, structure, sweep, exact, rows, work })
     }
 
     fn add_cost(

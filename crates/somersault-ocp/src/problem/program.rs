@@ -58,6 +58,13 @@ impl<T: Transcription> MotionProblem<T> {
 
     /// ∇f by one adjoint sweep.
     fn gradient(&mut self, gradient: &mut [f64]) -> Result<(), EvaluationError> {
+        self.seed_costs(1.0)?;
+        gradient.fill(0.0);
+        self.transcription.pull_back(&self.work.rollout, gradient)
+    }
+
+    /// The gradient of σ f by the rollout.
+    fn seed_costs(&mut self, factor: f64) -> Result<(), EvaluationError> {
         let Self { transcription, costs, work, .. } = self;
         work.rollout.clear();
         for Cost { taken: Taken { term, nodes }, loss, integrated } in costs {
@@ -66,16 +73,35 @@ impl<T: Transcription> MotionProblem<T> {
             for &k in &*nodes {
                 let node = transcription.node(k);
                 term.evaluate(&node, rows)?;
-                let weight = if *integrated { transcription.weight(k) } else { 1.0 };
+                let weight = factor * if *integrated { transcription.weight(k) } else { 1.0 };
                 loss.gradient_into(rows, weight, seed);
                 term.pull_back(&node, seed, &mut work.rollout.nodes[k])?;
                 if *integrated {
-                    work.rollout.weights[k] += loss.value(rows);
+                    work.rollout.weights[k] += factor * loss.value(rows);
                 }
             }
         }
-        gradient.fill(0.0);
-        transcription.pull_back(&work.rollout, gradient)
+        Ok(())
+    }
+
+    /// Adds the gradient of yᵀ c by the rollout; linear constraints on variables have no part in it.
+    fn seed_constraints(&mut self, multipliers: &[f64]) -> Result<(), EvaluationError> {
+        let Self { transcription, constraints, work, .. } = self;
+        let n_defects = work.rollout.defects.len();
+        work.rollout.defects.copy_from_slice(&multipliers[..n_defects]);
+        for Constraint { taken: Taken { term, nodes }, integrated, first_row, .. } in constraints {
+            let n_rows = term.n_rows();
+            for (set, &k) in nodes.iter().enumerate() {
+                let first = *first_row + if *integrated { 0 } else { set * n_rows };
+                let weight = if *integrated { transcription.weight(k) } else { 1.0 };
+                let seed = &mut work.seed[..n_rows];
+                seed.iter_mut().zip(&multipliers[first..]).for_each(|(seed, y)| *seed = weight * y);
+                let node = transcription.node(k);
+                term.evaluate(&node, &mut work.value[..n_rows])?;
+                term.pull_back(&node, seed, &mut work.rollout.nodes[k])?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -113,7 +139,9 @@ impl<T: Transcription> Nlp for MotionProblem<T> {
     }
 
     fn curvature(&self) -> Curvature {
-        if self.costs.iter().any(|cost| cost.loss.is_curved()) {
+        if self.exact {
+            Curvature::Exact
+        } else if self.costs.iter().any(|cost| cost.loss.is_curved()) {
             Curvature::GaussNewton
         } else {
             Curvature::None
@@ -124,9 +152,15 @@ impl<T: Transcription> Nlp for MotionProblem<T> {
         &mut self,
         _z: &[f64],
         cost_factor: f64,
-        _multipliers: &[f64],
+        multipliers: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        self.gauss_newton(cost_factor, hessian)
+        self.gauss_newton(cost_factor, hessian)?;
+        if self.exact {
+            self.seed_costs(cost_factor)?;
+            self.seed_constraints(multipliers)?;
+            self.transcription.add_curvature(&self.work.rollout, &self.structure.hessian, hessian)?;
+        }
+        Ok(())
     }
 }

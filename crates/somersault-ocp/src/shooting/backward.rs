@@ -288,7 +288,7 @@ impl<D: HybridDynamics> Shooting<D> {
         gradient: &mut [f64],
     ) {
         let point = self.point(step, s);
-        let Self { dynamics, stages: motion, phases, layout, drive, driven, backward, .. } = self;
+        let Self { dynamics, stages: motion, phases, layout, drive, driven, backward, curvature, .. } = self;
         let (active, prepared) = (&dynamics.dofs().active, &phases[phase]);
         let Work { stages, slopes, known, found, joints, channels, .. } = backward;
         let i = motion.number(node, s);
@@ -304,6 +304,9 @@ impl<D: HybridDynamics> Shooting<D> {
                 if *active { (acceleration, torque) } else { (torque, acceleration + slopes[s][1][dof]) };
         }
         let n = active.len();
+        if let Some(weights) = curvature.weights.get_mut(i * n..(i + 1) * n) {
+            weights.copy_from_slice(found);
+        }
         for (matrix, out) in motion.partials(i).into_iter().zip([by_position, by_velocity, &mut *known]) {
             for (column, out) in matrix.chunks_exact(n).zip(out.iter_mut()) {
                 *out += column.iter().zip(&*found).map(|(a, b)| a * b).sum::<f64>();

@@ -1,5 +1,6 @@
 //! Tangents of a rollout along all variables on which a segment depends.
 
+use super::curvature::Sum;
 use super::step::Factors;
 use super::table::push_forward;
 use super::trajectory::moves_per_step;
@@ -23,10 +24,10 @@ pub(super) struct Work {
 }
 
 #[derive(Debug)]
-struct Stage {
-    position: DMatrix<f64>,
-    velocity: DMatrix<f64>,
-    known: DMatrix<f64>,
+pub(super) struct Stage {
+    pub(super) position: DMatrix<f64>,
+    pub(super) velocity: DMatrix<f64>,
+    pub(super) known: DMatrix<f64>,
     found: DMatrix<f64>,
 }
 
@@ -169,6 +170,27 @@ impl<D: HybridDynamics> Shooting<D> {
             visit(node, &self.nodes.node(node, &self.stages), self.nodes.weight(node), &work.node)?;
         }
         Ok(())
+    }
+
+    /// Adds the second derivatives of all stages of a segment.
+    pub(super) fn bend_segment(&self, number: usize, work: &mut Work, sum: &mut Sum<'_>) {
+        let segment = &self.segments[number];
+        let prepared = &self.phases[segment.phase];
+        self.push_start(number, work);
+        for step in segment.steps.clone() {
+            self.push_node(segment, step, work);
+            self.push_step(segment, step, work);
+            let first = self.stages.number(prepared.first_node + step, 0);
+            work.stages
+                .iter()
+                .take(self.scheme.n_stages())
+                .enumerate()
+                .for_each(|(s, stage)| sum.add(first + s, stage));
+        }
+        if segment.steps.end == prepared.n_steps {
+            self.push_node(segment, prepared.n_steps, work);
+            sum.add(self.stages.number(prepared.first_node + prepared.n_steps, 0), &work.stages[0]);
+        }
     }
 
     /// The first stage of a step, and with it the node.

@@ -14,6 +14,7 @@
 //! Cost: one evaluation of the hybrid dynamics for each stage, its partials once for all sweeps at the same z.
 
 mod backward;
+mod curvature;
 mod forward;
 mod layout;
 mod phase;
@@ -27,7 +28,7 @@ pub use phase::{Drive, Duration, Phase, Scheme, Start};
 use crate::dynamics::{Carry, HybridDynamics};
 use crate::error::{OcpError, expect_below, expect_length};
 use crate::motion::{EigenpostureBase, SplineMotion};
-use crate::nlp::{Bounds, EvaluationError};
+use crate::nlp::{Bounds, EvaluationError, Pattern};
 use crate::term::Node;
 use crate::transcription::{NodeSizes, Outline, RolloutGradient, Transcription};
 use table::Table;
@@ -54,6 +55,7 @@ pub struct Shooting<D> {
     linearised: bool,
     backward: backward::Work,
     forward: Vec<forward::Work>,
+    curvature: curvature::Work,
 }
 
 /// A phase with its tables.
@@ -176,6 +178,7 @@ impl<D: HybridDynamics> Shooting<D> {
             nodes: trajectory::Nodes::default(),
             backward: backward::Work::default(),
             forward: Vec::new(),
+            curvature: curvature::Work::default(),
             defects: Vec::new(),
             z: vec![0.0; layout.n_variables],
             linearised: false,
@@ -384,6 +387,19 @@ impl<D: HybridDynamics> Transcription for Shooting<D> {
 
     fn pull_back(&mut self, by: &RolloutGradient, gradient: &mut [f64]) -> Result<(), EvaluationError> {
         self.sweep_backward(by, gradient)
+    }
+
+    fn has_curvature(&self) -> bool {
+        self.dynamics.has_curvature() && self.layout.durations.iter().all(Option::is_none)
+    }
+
+    fn add_curvature(
+        &mut self,
+        by: &RolloutGradient,
+        pattern: &Pattern,
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.sweep_curvature(by, pattern, hessian)
     }
 
     fn push_forward(

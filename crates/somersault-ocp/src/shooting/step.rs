@@ -56,6 +56,11 @@ impl Scheme {
     }
 }
 
+/// The stages that a sum takes. The others may hold what an earlier motion without a value left there.
+fn summed(factors: &Factors, scheme: Scheme) -> impl Iterator<Item = usize> + '_ {
+    (0..scheme.n_stages()).filter(|i| factors[*i] != 0.0)
+}
+
 impl Prepared {
     /// Length of a step, s.
     pub(super) fn step(&self) -> f64 {
@@ -171,7 +176,7 @@ impl<D: HybridDynamics> Shooting<D> {
     pub(super) fn displacement(&mut self, first: usize, factors: &Factors, h: f64) {
         let Self { stages, backward, passive, scheme, .. } = self;
         for dof in &*passive {
-            let velocities = (0..scheme.n_stages()).map(|i| factors[i] * stages.velocity(first + i)[*dof]);
+            let velocities = summed(factors, *scheme).map(|i| factors[i] * stages.velocity(first + i)[*dof]);
             backward.delta[*dof] = h * velocities.sum::<f64>();
         }
     }
@@ -181,7 +186,7 @@ impl<D: HybridDynamics> Shooting<D> {
         let Self { stages, backward, passive, scheme, .. } = self;
         backward.velocity.copy_from_slice(stages.velocity(first));
         for dof in &*passive {
-            let accelerations = (0..scheme.n_stages()).map(|i| factors[i] * stages.found(first + i)[*dof]);
+            let accelerations = summed(factors, *scheme).map(|i| factors[i] * stages.found(first + i)[*dof]);
             backward.velocity[*dof] += h * accelerations.sum::<f64>();
         }
     }

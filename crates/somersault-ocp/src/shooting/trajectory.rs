@@ -50,6 +50,11 @@ impl Stages {
         }
     }
 
+    /// Room for so many stages.
+    pub(super) fn count(&self) -> usize {
+        self.known.len() / self.n.max(1)
+    }
+
     /// Number of a stage of the step that starts at a node.
     pub(super) fn number(&self, node: usize, stage: usize) -> usize {
         node * self.per_step + stage

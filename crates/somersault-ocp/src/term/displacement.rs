@@ -46,6 +46,10 @@ impl<D: HybridDynamics> Term for Displacement<D> {
         self.dofs.len()
     }
 
+    fn is_linear(&self) -> bool {
+        self.carry.is_trivial()
+    }
+
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
         self.dynamics.difference(&self.reference, node.position, &mut self.difference)?;
         rows.iter_mut().zip(&self.dofs).for_each(|(row, dof)| *row = self.difference[*dof]);

@@ -103,6 +103,10 @@ impl Term for Entries {
         self.entries.len()
     }
 
+    fn is_linear(&self) -> bool {
+        true
+    }
+
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
         let part = self.part.of(node);
         rows.iter_mut().zip(&self.entries).for_each(|(row, entry)| *row = part[*entry]);

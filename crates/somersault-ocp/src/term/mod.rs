@@ -92,6 +92,11 @@ pub trait Term: Send {
     /// Number of rows.
     fn n_rows(&self) -> usize;
 
+    /// Whether r is linear in the node, so that it has no curvature of its own.
+    fn is_linear(&self) -> bool {
+        false
+    }
+
     /// Writes r.
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError>;
 
@@ -111,6 +116,10 @@ impl<T: Term + ?Sized> Term for Box<T> {
 
     fn n_rows(&self) -> usize {
         (**self).n_rows()
+    }
+
+    fn is_linear(&self) -> bool {
+        (**self).is_linear()
     }
 
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {

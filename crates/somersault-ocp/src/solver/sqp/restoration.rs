@@ -41,10 +41,11 @@ impl Run<'_> {
     /// One step towards feasibility.
     pub(super) fn restore(&mut self, mut restoration: Restoration) -> Result<Advance, Failure> {
         let before = self.program.squared_violation(&self.point.constraints);
-        for _ in 0..REFUSALS {
+        for refusals in 0..REFUSALS {
             if let Some(rest) = self.subproblem.restore(&self.point, restoration.damping) {
                 let promise = before - rest.squared_violation;
-                if promise <= STATIONARY * before && rest.is_settled {
+                // A promise is small as well where much damping had to be added.
+                if refusals == 0 && promise <= STATIONARY * before && rest.is_settled {
                     return Ok(Advance::Ended(Status::Infeasible));
                 }
                 self.step.copy_from_slice(&self.subproblem.p);
