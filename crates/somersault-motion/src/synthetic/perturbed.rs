@@ -148,7 +148,8 @@ impl SyntheticFlight {
         let curve = FoldCurve::try_new(model, times, positions)?;
         let turned = turned(model, positions, &momentum);
         // one that turns by less than this is not aimed by its momentum
-        if !(turned.abs() > 1e-3) {
+        let turns = turned.abs() > 1e-3;
+        if !turns {
             return Err(SyntheticError::NoMomentum);
         }
         let (model, orientation) = (model.clone(), frames[0][turning].to_vec());

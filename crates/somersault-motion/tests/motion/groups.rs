@@ -36,7 +36,7 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
     }
 
     let model = planar();
-    let mut configurations = vec![model.neutral(), model.neutral(), model.neutral()];
+    let mut configurations = [model.neutral(), model.neutral(), model.neutral()];
     (configurations[0][2], configurations[1][2], configurations[2][2]) = (0.5, 0.5 - TAU, 0.5 + 1.5 * TAU);
     let slices: Vec<&[f64]> = configurations.iter().map(Vec::as_slice).collect();
     let turns = turns_about(&model, &slices).unwrap();
