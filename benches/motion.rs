@@ -1,8 +1,8 @@
 //! Recorded motions: models fitted to markers, principal components, a synthetic dive.
 //!
-//! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a somersault, seen by
-//! 20 markers with 5 mm of noise; with a robust loss; with one marker in five missing. `python benches/peers/svd.py` times
-//! NumPy's singular values of the same shape.
+//! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a
+//! somersault, seen by 20 markers with 5 mm of noise; with a robust loss; with one marker in five missing.
+//! `python benches/peers/svd.py` times NumPy's singular values of the same shape.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::DMatrix;

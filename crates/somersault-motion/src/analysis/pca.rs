@@ -3,9 +3,10 @@
 //! ```text
 //! X − 1 x̄ᵀ = U S Vᵀ,    components: columns of V,    scores: (X − 1 x̄ᵀ) V,    variances: S²/(n − 1)
 //! ```
-//! for n samples, the rows of X. By singular values of X itself (faer; of a triangle of its QR factors where one side is
-//! much longer), never of XᵀX: small components keep their digits, all singular values are accurate to a rounding of the
-//! largest. The sign of a component is chosen so that its largest entry is positive, as in scikit-learn.
+//! for n samples, the rows of X. By singular values of X itself (faer; of a triangle of its QR factors where
+//! one side is much longer), never of XᵀX: small components keep their digits, all singular values are accurate
+//! to a rounding of the largest. The sign of a component is chosen so that its largest entry is positive, as in
+//! scikit-learn.
 //!
 //! Source: I. T. Jolliffe, *Principal Component Analysis*, Springer 2002.
 
@@ -35,8 +36,8 @@ pub struct Pca {
 }
 
 impl Pca {
-    /// The first `n_components` of `samples`, a sample in each row. At least one component, at most one less than there are
-    /// samples. Cost O(n p min(n, p)).
+    /// The first `n_components` of `samples`, a sample in each row. At least one component, at most one less
+    /// than there are samples. Cost O(n p min(n, p)).
     pub fn fit(samples: &DMatrix<f64>, n_components: usize) -> Result<Self, AnalysisError> {
         let (n, p) = samples.shape();
         if n < 2 {
