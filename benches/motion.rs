@@ -1,8 +1,8 @@
 //! Recorded motions: models fitted to markers, principal components, a synthetic dive.
 //!
-//! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a somersault, seen by
-//! 20 markers with 5 mm of noise; with a robust loss; with one marker in five missing. `python benches/peers/svd.py` times
-//! NumPy's singular values of the same shape.
+//! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a
+//! somersault, seen by 20 markers with 5 mm of noise; with a robust loss; with one marker in five missing.
+//! `python benches/peers/svd.py` times NumPy's singular values of the same shape.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::DMatrix;
@@ -64,7 +64,10 @@ fn fits(c: &mut Criterion) {
             ("Huber", &whole, Loss::Huber(0.01)),
             ("20 % missing", &gapped, Loss::Squares),
         ] {
-            let options = FitOptions { loss, ..FitOptions::default() };
+            let root = model.positions_of(0).len();
+            let starts =
+                [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("planar")[root..].to_vec());
+            let options = FitOptions { loss, starts: starts.to_vec(), ..FitOptions::default() };
             let fit = MarkerFit::try_new(&model, set.clone(), options).expect("valid");
             group.bench_function(format!("{name}, {variant}"), |b| {
                 b.iter(|| fit.fit(black_box(recording)).expect("common markers").rms())

@@ -6,13 +6,15 @@
 //! monday/dive_01.c3d,7.5,false,1.52
 //! monday/dive_02.c3d,6.0,false,1.47
 //! ```
-//! The list is comma-separated text. Its first line names the columns, in any order: `motion`, a file relative to the
-//! list and below its folder, listed once; `score`, a number; `synthetic`, which may be left out, `true` or `false`: whether motion or
-//! score are made up; all other columns are numbers that serve as single features, as baselines of
-//! [`validate`](crate::scoring::validate). Blank lines and lines that begin with `#` are left aside.
+//! The list is comma-separated text. Its first line names the columns, in any order: `motion`, a file relative
+//! to the list and below its folder, listed once; `score`, a number; `synthetic`, which may be left out, `true`
+//! or `false`: whether motion or score are made up; all other columns are numbers that serve as single
+//! features, as baselines of [`validate`](crate::scoring::validate). Blank lines and lines that begin with `#`
+//! are left aside.
 //!
-//! Files are read by their ending: `.csv`, `.trc` and `.c3d` have markers; of `.bvh`, and of `.json` and `.txt`, which are motions of
-//! DeepMimic, the joint centres are taken for markers. All must have the markers of the first one; others are left aside.
+//! Files are read by their ending: `.csv`, `.trc` and `.c3d` have markers; of `.bvh`, and of `.json` and
+//! `.txt`, which are motions of DeepMimic, the joint centres are taken for markers. All must have the markers
+//! of the first one; others are left aside.
 
 use crate::readers::csv::Rows;
 use crate::readers::{
@@ -331,8 +333,9 @@ impl JudgedSet {
         self.list.motions.iter().zip(&self.recordings).map(performance).collect()
     }
 
-    /// Writes the list as `judged.csv` and its motions into `folder`, under the names that the list has: they end in `.csv`, and
-    /// are markers in m, z up. Files of motions that are made up begin with a comment that says SYNTHETIC.
+    /// Writes the list as `judged.csv` and its motions into `folder`, under the names that the list has: they
+    /// end in `.csv`, and are markers in m, z up. Files of motions that are made up begin with a comment that
+    /// says SYNTHETIC.
     pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), JudgedError> {
         let folder = folder.as_ref();
         let put = |name: &str, content: String| {

@@ -8,11 +8,12 @@
 //! | asymmetry | root mean square of left against right joint angles, rad; 0 in the plane |
 //! | roughness | log dimensionless jerk of the hip's angle θ, ln(T³ ∫ v″² dt / max v²) with v = θ′ |
 //!
-//! The hip's angle is that between the directions from thigh to head and from thigh to shank, at the origins of these bodies;
-//! it is half open in the middle between its least value and π. Derivatives are central differences of equal frames.
+//! The hip's angle is that between the directions from thigh to head and from thigh to shank, at the origins of
+//! these bodies; it is half open in the middle between its least value and π. Derivatives are central
+//! differences of equal frames.
 //!
-//! Source of the last: S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami and E. Burdet, *On the analysis of
-//! movement smoothness*, J. NeuroEng. Rehabil. 12 (2015), 112.
+//! Source of the last: S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami and E. Burdet, *On the analysis
+//! of movement smoothness*, J. NeuroEng. Rehabil. 12 (2015), 112.
 
 use super::{AnalysisError, expect_length, normalize_frames};
 use nalgebra::Vector3;
@@ -39,7 +40,8 @@ const LEAST_FRAMES: usize = 5;
 
 impl DiveFaults {
     /// Of a motion of a diver, planar or spatial: a model whose bodies have the names of
-    /// [`Diver`](somersault_multibody::models::Diver). `positions` has a configuration for each time, one after the other.
+    /// [`Diver`](somersault_multibody::models::Diver). `positions` has a configuration for each time, one after
+    /// the other.
     pub fn of(model: &Model, times: &[f64], positions: &[f64]) -> Result<Self, AnalysisError> {
         if times.len() < LEAST_FRAMES {
             return Err(AnalysisError::TooFew { argument: "times", least: LEAST_FRAMES, found: times.len() });
@@ -125,7 +127,8 @@ fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     a.cross(b).norm().atan2(a.dot(b))
 }
 
-/// The share at which the angle last rises through the middle between its least value and π; 1 where it does not.
+/// The share at which the angle last rises through the middle between its least value and π; 1 where it does
+/// not.
 fn exit_share(times: &[f64], hip: &[f64]) -> f64 {
     let half = 0.5 * (hip.iter().copied().fold(f64::INFINITY, f64::min) + PI);
     let Some(i) = hip.iter().rposition(|angle| *angle < half).filter(|i| i + 1 < hip.len()) else {

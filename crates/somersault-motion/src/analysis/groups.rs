@@ -32,7 +32,8 @@ impl Band {
     }
 }
 
-/// A quantity of all frames, brought to `n_frames` by a cubic spline: motions of any duration become comparable.
+/// A quantity of all frames, brought to `n_frames` by a cubic spline: motions of any duration become
+/// comparable.
 pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Result<Vec<f64>, AnalysisError> {
     expect_length("values", values.len(), times.len())?;
     if n_frames == 0 {
@@ -46,9 +47,10 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
 
 /// Somersaults since the first frame, in turns, forwards positive.
 ///
-/// Of a planar root that is its angle. Of a floating one it is ψ of R = R_z(heading) R_y(ψ) R_x(τ) R_z(φ), counted with its
-/// whole turns ([`Counting`]): about the horizontal axis that was lateral in the first frame, whatever the twist φ. Frames must be
-/// less than a half turn apart, and the tilt τ off ±π/2, as it is not in a sideflip. None for other roots.
+/// Of a planar root that is its angle. Of a floating one it is ψ of R = R_z(heading) R_y(ψ) R_x(τ) R_z(φ),
+/// counted with its whole turns ([`Counting`]): about the horizontal axis that was lateral in the first frame,
+/// whatever the twist φ. Frames must be less than a half turn apart, and the tilt τ off ±π/2, as it is not in a
+/// sideflip. None for other roots.
 pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Option<Vec<f64>> {
     const TURN: f64 = std::f64::consts::TAU;
     let rotation = |q: &&[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
@@ -93,7 +95,8 @@ pub struct GroupComparison {
 }
 
 impl GroupComparison {
-    /// One panel for `groups` of motions fitted by `model`, normalised to `n_frames`. Frames without markers are left out.
+    /// One panel for `groups` of motions fitted by `model`, normalised to `n_frames`. Frames without markers
+    /// are left out.
     pub fn try_new(
         model: &Model,
         groups: &[&[&MotionFit]],
@@ -121,7 +124,7 @@ impl GroupComparison {
                 Panel::Scale => seen().map(|f| f.estimate.scale).collect(),
                 Panel::Rotation => {
                     let all: Vec<&[f64]> = seen().map(|f| f.estimate.q.as_slice()).collect();
-                    turns_about(model, &all).unwrap_or_else(|| vec![0.0; all.len()])
+                    turns_about(model, &all).ok_or(AnalysisError::Held)?
                 }
             };
             normalize_frames(&times, &values, n_frames)

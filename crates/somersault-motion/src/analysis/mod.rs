@@ -1,9 +1,10 @@
 //! Motions described: principal components, projection on a base, groups side by side.
 //!
-//! A motion is a matrix with a row for each frame. [`Pca`] finds the directions in which rows differ most; of the
-//! postures of motions these are eigenpostures, their scores eigenweights ([`eigenpostures`]). [`project`] goes the
-//! other way: from a chosen base to the weights that describe a motion best (thesis 4.2). [`Band`] is what a group of
-//! motions has in common at each frame (Figure 4.1); [`DiveFaults`] what a dive is marked down for.
+//! A motion is a matrix with a row for each frame. [`Pca`] finds the directions in which rows differ most; of
+//! the postures of motions these are eigenpostures, their scores eigenweights ([`eigenpostures`]). [`project`]
+//! goes the other way: from a chosen base to the weights that describe a motion best (thesis 4.2). [`Band`] is
+//! what a group of motions has in common at each frame (Figure 4.1); [`DiveFaults`] what a dive is marked down
+//! for.
 
 pub mod eigenpostures;
 mod faults;
@@ -68,6 +69,9 @@ pub enum AnalysisError {
     /// The decomposition did not converge.
     #[error("the singular value decomposition did not converge")]
     NoConvergence,
+    /// The root neither floats nor moves in a plane.
+    #[error("the root of the model must have a free or a planar joint to turn")]
+    Held,
     /// The model lacks a body, or a configuration is not the model's.
     #[error(transparent)]
     Model(#[from] somersault_multibody::DynamicsError),

@@ -3,9 +3,10 @@
 //! ```text
 //! X − 1 x̄ᵀ = U S Vᵀ,    components: columns of V,    scores: (X − 1 x̄ᵀ) V,    variances: S²/(n − 1)
 //! ```
-//! for n samples, the rows of X. By singular values of X itself (faer; of a triangle of its QR factors where one side is
-//! much longer), never of XᵀX: small components keep their digits, all singular values are accurate to a rounding of the
-//! largest. The sign of a component is chosen so that its largest entry is positive, as in scikit-learn.
+//! for n samples, the rows of X. By singular values of X itself (faer; of a triangle of its QR factors where
+//! one side is much longer), never of XᵀX: small components keep their digits, all singular values are accurate
+//! to a rounding of the largest. The sign of a component is chosen so that its largest entry is positive, as in
+//! scikit-learn.
 //!
 //! Source: I. T. Jolliffe, *Principal Component Analysis*, Springer 2002.
 
@@ -35,8 +36,8 @@ pub struct Pca {
 }
 
 impl Pca {
-    /// The first `n_components` of `samples`, a sample in each row. At least one component, at most one less than there are
-    /// samples. Cost O(n p min(n, p)).
+    /// The first `n_components` of `samples`, a sample in each row. At least one component, at most one less
+    /// than there are samples. Cost O(n p min(n, p)).
     pub fn fit(samples: &DMatrix<f64>, n_components: usize) -> Result<Self, AnalysisError> {
         let (n, p) = samples.shape();
         if n < 2 {
@@ -48,14 +49,10 @@ impl Pca {
         }
         expect_finite("samples", samples)?;
         let mean = samples.row_mean().transpose();
-        let mut centred = samples.clone();
-        for (mut column, mean) in centred.column_iter_mut().zip(&mean) {
-            column.add_scalar_mut(-mean);
-        }
-        let (singular, mut components) = right_singular_vectors(&centred, n_components)?;
+        let (singular, mut components) = right_singular_vectors(samples, &mean, n_components)?;
         let total: f64 = singular.iter().map(|s| s * s).sum();
         // what is left of equal samples after their mean is rounding
-        if total.sqrt() <= 1e-14 * samples.norm() {
+        if total.sqrt() <= 1e-14 * (total + n as f64 * mean.norm_squared()).sqrt() {
             return Err(AnalysisError::NoVariance);
         }
         for mut component in components.column_iter_mut() {
@@ -150,16 +147,27 @@ impl Pca {
     }
 }
 
-/// All singular values, and the first `k` right singular vectors as columns.
+/// All singular values of the centred samples, and the first `k` right singular vectors as columns.
 fn right_singular_vectors(
-    matrix: &DMatrix<f64>,
+    samples: &DMatrix<f64>,
+    mean: &DVector<f64>,
     k: usize,
 ) -> Result<(Vec<f64>, DMatrix<f64>), AnalysisError> {
-    let (n, p) = matrix.shape();
-    let view = MatRef::from_column_major_slice(matrix.as_slice(), n, p);
+    // the long side of the matrix along its columns, which lie together in memory: of long samples the transpose
+    let (n, p) = samples.shape();
+    let mut centred = if p > n { samples.transpose() } else { samples.clone() };
+    if p > n {
+        centred.column_iter_mut().for_each(|mut sample| sample -= mean);
+    } else {
+        centred.column_iter_mut().zip(mean).for_each(|(mut column, mean)| column.add_scalar_mut(-mean));
+    }
+    let view = MatRef::from_column_major_slice(centred.as_slice(), n.max(p), n.min(p));
     let decomposed = view.thin_svd().map_err(|_| AnalysisError::NoConvergence)?;
     let singular = decomposed.S().column_vector();
-    let vectors = decomposed.V();
-    let components = DMatrix::from_fn(p, k, |i, j| vectors[(i, j)]);
+    let vectors = if p > n { decomposed.U() } else { decomposed.V() };
+    let mut components = DMatrix::zeros(p, k);
+    for (mut component, vector) in components.column_iter_mut().zip(vectors.col_iter()) {
+        component.iter_mut().zip(vector.iter()).for_each(|(entry, x)| *entry = *x);
+    }
     Ok(((0..singular.nrows()).map(|i| singular[i]).collect(), components))
 }

@@ -34,9 +34,9 @@ pub struct FrameFit {
     pub cost: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Covariance of the unknowns by linearisation, σ² (Jᵀ W J)⁻¹ on the active constraints: scale, rates of the root
-    /// in its own axes, rates of the joints or weights. Unknowns at a bound have none. Absent where the markers do
-    /// not determine the unknowns, or, if the noise is not known, are not more than they.
+    /// Covariance of the unknowns by linearisation, σ² (Jᵀ W J)⁻¹ on the active constraints: scale, rates of
+    /// the root in its own axes, rates of the joints or weights. Unknowns at a bound have none. Absent where
+    /// the markers do not determine the unknowns, or, if the noise is not known, are not more than they.
     pub covariance: Option<DMatrix<f64>>,
 }
 
@@ -156,7 +156,7 @@ impl<'a> FrameFitter<'a> {
                 // what a small step changes is lost in the rounding of the cost
                 if small || found < cost {
                     let gain = (cost - found) / predicted;
-                    estimate.clone_from(&trial);
+                    std::mem::swap(estimate, &mut trial);
                     cost = self.linearize(targets, estimate)?;
                     if small {
                         return Ok((FitStatus::Converged, iteration, cost));
@@ -245,8 +245,8 @@ impl<'a> FrameFitter<'a> {
 
     /// Residuals, Jacobian, normal matrix and gradient; returns the cost.
     ///
-    /// With x = r + s d the derivative by the scale is d, by rates J_root + s (J_marker − J_root): of the rates of the
-    /// root's place d does not depend.
+    /// With x = r + s d the derivative by the scale is d, by rates J_root + s (J_marker − J_root): of the rates
+    /// of the root's place d does not depend.
     fn linearize(
         &mut self,
         targets: &[Option<Vector3<f64>>],
@@ -303,8 +303,8 @@ impl<'a> FrameFitter<'a> {
         Ok(cost)
     }
 
-    /// The inverse of the normal matrix on what is free, from the last linearisation at the minimum, and how many unknowns
-    /// that are. None where it is singular: a pivot of its factors below 1e-12 of the diagonal.
+    /// The inverse of the normal matrix on what is free, from the last linearisation at the minimum, and how
+    /// many unknowns that are. None where it is singular: a pivot of its factors below 1e-12 of the diagonal.
     fn inverse(&mut self, estimate: &Estimate) -> Option<(DMatrix<f64>, usize)> {
         // the active set of a step without length
         self.step(estimate, DAMPING[0])?;

@@ -1,7 +1,7 @@
 //! Markers as comma-separated values.
 //!
-//! The first line names the columns: `time`, then `_x`, `_y` and `_z` of each marker. Every other line is a frame.
-//! Times are in s and grow; lengths and axes are the caller's to say. A marker with three empty cells is
+//! The first line names the columns: `time`, then `_x`, `_y` and `_z` of each marker. Every other line is a
+//! frame. Times are in s and grow; lengths and axes are the caller's to say. A marker with three empty cells is
 //! missing. Lines that begin with `#` are comments. Cells may be quoted as in RFC 4180.
 //!
 //! ```
@@ -50,7 +50,8 @@ pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, Read
     Ok(MarkerRecording::try_new(names, times, points)?)
 }
 
-/// Rows of cells without what surrounds them, and the lines they begin on. Blank lines and comments are left out.
+/// Rows of cells without what surrounds them, and the lines they begin on. Blank lines and comments are left
+/// out.
 pub(crate) struct Rows<'t> {
     reader: Reader<&'t [u8]>,
     text: &'t str,

@@ -10,9 +10,9 @@
 //! | 4; 1 | right shoulder; right elbow, about the lateral axis |
 //! | 4; 1; 4; 4; 1 | the same joints of the left side |
 //!
-//! **The recordings carry no lengths of segments.** They are those of a [`Diver`] of the caller's size, from the
-//! segment table it cites. The root is the middle between the hips. Ends are the centre of mass of the head, the
-//! wrists and the roots of the toes. Frame i is at the sum of the durations before it.
+//! **The recordings carry no lengths of segments.** They are those of a [`Diver`] of the caller's size, from
+//! the segment table it cites. The root is the middle between the hips. Ends are the centre of mass of the
+//! head, the wrists and the roots of the toes. Frame i is at the sum of the durations before it.
 //!
 //! Quaternions of such files were blended number by number: norms down to 0.81 occur in those that come with
 //! DeepMimic, which brings them to one as this reader does. Norms outside of 0.5 to 2 are refused.

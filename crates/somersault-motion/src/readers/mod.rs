@@ -8,8 +8,8 @@
 //! | TRC | [`trc`] | markers |
 //! | CSV | [`csv`] | markers |
 //!
-//! Readers take text or bytes, [`load`] a path. Files may come from anywhere: what a file declares is held against
-//! what it has before memory is asked for, so that a reader uses a bounded multiple of the file's
+//! Readers take text or bytes, [`load`] a path. Files may come from anywhere: what a file declares is held
+//! against what it has before memory is asked for, so that a reader uses a bounded multiple of the file's
 //! length; nesting costs no stack. Every error has the line or the byte, what was found and what is allowed.
 
 pub mod bvh;

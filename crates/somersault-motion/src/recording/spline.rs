@@ -1,7 +1,7 @@
 //! Cubic splines through points, with the "not a knot" ends of SciPy's `CubicSpline`.
 //!
-//! Twice continuously differentiable; the third derivative is also continuous at the second and the last knot but
-//! one, so that cubics are reproduced exactly. Two points give a line, three a parabola. The error of a
+//! Twice continuously differentiable; the third derivative is also continuous at the second and the last knot
+//! but one, so that cubics are reproduced exactly. Two points give a line, three a parabola. The error of a
 //! smooth curve is O(h⁴).
 //!
 //! Source: C. de Boor, *A Practical Guide to Splines*, Springer 2001, chapter IV.

@@ -3,13 +3,14 @@
 //! ```text
 //! motions ── PCA of all frames ──→ eigenweights of each ──→ motion vector ── second PCA ──→ score = a + bᵀ s
 //! ```
-//! A motion is brought to a number of frames; its postures give eigenweights on one basis for all motions, which
-//! with the path of the body and the duration make its vector ([`VectorOptions`]). The scores s of the vectors in
-//! their principal components are mapped linearly, by least squares. How many components is decided by
-//! leave-one-out cross-validation on the components of all.
+//! A motion is brought to a number of frames; its postures give eigenweights on one basis for all motions,
+//! which with the path of the body and the duration make its vector ([`VectorOptions`]). The scores s of the
+//! vectors in their principal components are mapped linearly, by least squares. How many components is decided
+//! by leave-one-out cross-validation on the components of all.
 //!
-//! How good that is, is told by [`validate`]: every motion is scored by a model that has not seen it, in its bases and its
-//! number of components neither, with the correlation's interval and p-value and simple predictors beside it.
+//! How good that is, is told by [`validate`]: every motion is scored by a model that has not seen it, in its
+//! bases and its number of components neither, with the correlation's interval and p-value and simple
+//! predictors beside it.
 //!
 //! Source: N. F. Troje, *Decomposing biological motion*, J. Vision 2 (2002), 371–387.
 

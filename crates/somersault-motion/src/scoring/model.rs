@@ -55,7 +55,8 @@ pub struct ScoringModel {
 }
 
 impl ScoringModel {
-    /// Learns from motions and their scores. There must be two motions more than components, so that one can be left out.
+    /// Learns from motions and their scores. There must be two motions more than components, so that one can be
+    /// left out.
     pub fn train(
         motions: &[Performance],
         scores: &[f64],

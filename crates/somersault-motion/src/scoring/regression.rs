@@ -1,13 +1,14 @@
 //! Linear regression on principal components, of motions that may count more than once.
 //!
-//! The scores s_k of the motions in their components are orthogonal, Σ_i c_i s_ik s_il = 0 for k ≠ l with c the counts, so each
-//! coefficient is found by itself and does not depend on how many there are:
+//! The scores s_k of the motions in their components are orthogonal, Σ_i c_i s_ik s_il = 0 for k ≠ l with c the
+//! counts, so each coefficient is found by itself and does not depend on how many there are:
 //!
 //! ```text
 //! b_k = Σ_i c_i s_ik (y_i − ȳ) / λ_k,   λ_k = Σ_i c_i s_ik²
 //! ```
-//! For validation the same is had from the Gram matrix of the motions' vectors, n × n, by the eigenvectors of its weighted and
-//! centred part: a model without a motion, or of a resample, then costs O(n³) whatever the length of the vectors.
+//! For validation the same is had from the Gram matrix of the motions' vectors, n × n, by the eigenvectors of
+//! its weighted and centred part: a model without a motion, or of a resample, then costs O(n³) whatever the
+//! length of the vectors.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -50,8 +51,8 @@ impl ComponentScores {
         self.scores.column_iter().zip(&self.squares).map(coefficient).collect()
     }
 
-    /// The number of components with the least squared error of leaving one motion out, by its leverage h: e/(1 − c h). The
-    /// components themselves stay: they know nothing of y.
+    /// The number of components with the least squared error of leaving one motion out, by its leverage h: e/(1
+    /// − c h). The components themselves stay: they know nothing of y.
     pub(super) fn choose(&self, y: &[f64]) -> usize {
         let (mean, coefficients) = (self.mean(y), self.coefficients(y));
         let total: f64 = self.counts.iter().sum();
@@ -87,8 +88,8 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Motion `motion` against the others with their `counts`, in at most `most` components. None where fewer than three
-    /// others count: two have one direction, and no error.
+    /// Motion `motion` against the others with their `counts`, in at most `most` components. None where fewer
+    /// than three others count: two have one direction, and no error.
     pub(super) fn new(gram: &DMatrix<f64>, counts: &[f64], motion: usize, most: usize) -> Option<Self> {
         let others: Vec<usize> = (0..counts.len()).filter(|&i| i != motion && counts[i] > 0.0).collect();
         let n = others.len();
@@ -129,8 +130,8 @@ impl LeftOut {
         Some(Self { others, components, own })
     }
 
-    /// The mean of the others' scores, what the prediction differs by from it, and the components it used: those given, or
-    /// chosen by cross-validation among the others.
+    /// The mean of the others' scores, what the prediction differs by from it, and the components it used:
+    /// those given, or chosen by cross-validation among the others.
     pub(super) fn predict(&self, scores: &[f64], n_components: Option<usize>) -> (f64, f64, usize) {
         let y: Vec<f64> = self.others.iter().map(|&i| scores[i]).collect();
         let n = n_components.unwrap_or_else(|| self.components.choose(&y)).min(self.own.len());

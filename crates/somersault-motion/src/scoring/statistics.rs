@@ -77,9 +77,9 @@ impl Coefficients {
     }
 }
 
-/// The `value`s with percentile intervals over resamples of n motions, given by their counts, and shares of the shuffles,
-/// given by their order, that reach them. Resamples that have no coefficient are left out, shuffles count as 0. Every
-/// draw has a stream of its own, so that threads do not matter.
+/// The `value`s with percentile intervals over resamples of n motions, given by their counts, and shares of the
+/// shuffles, given by their order, that reach them. Resamples that have no coefficient are left out, shuffles
+/// count as 0. Every draw has a stream of its own, so that threads do not matter.
 pub(super) fn resampled(
     value: Coefficients,
     options: &ValidationOptions,

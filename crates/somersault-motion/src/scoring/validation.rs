@@ -55,30 +55,33 @@ pub struct Validation {
     pub synthetic: bool,
 }
 
-/// Leaves out each motion in turn and scores it by a model of the others: bases, number of components and regression
-/// are made anew each time. `features` are single numbers of each motion, by name, for further baselines.
+/// Leaves out each motion in turn and scores it by a model of the others: bases, number of components and
+/// regression are made anew each time. `features` are single numbers of each motion, by name, for further
+/// baselines.
 ///
-/// **What is correlated.** The mean of the others falls where the score left out is high: it is correlated by −1 with any
-/// scores, and so in part are predictions, which contain it. So correlations are of what a prediction differs by from
-/// that mean; of the mean itself only errors are compared.
+/// **What is correlated.** The mean of the others falls where the score left out is high: it is correlated by
+/// −1 with any scores, and so in part are predictions, which contain it. So correlations are of what a
+/// prediction differs by from that mean; of the mean itself only errors are compared.
 ///
-/// **What a correlation is held against.** With scores that mean nothing these correlations still lean to the negative. For a
-/// single standardised feature with correlation z/√n they come to about (z² − 1)/(|z| √n): a slope fitted without a
-/// motion turns away from it, the more visibly the smaller the slope. Neither zero nor a bootstrap of the pairs, which
-/// takes predictions for given, is then a yardstick. Here:
+/// **What a correlation is held against.** With scores that mean nothing these correlations still lean to the
+/// negative. For a single standardised feature with correlation z/√n they come to about (z² − 1)/(|z| √n): a
+/// slope fitted without a motion turns away from it, the more visibly the smaller the slope. Neither zero nor a
+/// bootstrap of the pairs, which takes predictions for given, is then a yardstick. Here:
 ///
-/// - *Intervals* are percentiles over resamples of the motions, each with models of its own: resampled motions are left
-///   out in turn, with all their copies, and scored by the regression on the others. So the interval holds how
-///   much the models themselves depend on which motions there were. On scores that mean nothing it contains 0 at least as often as its level says.
-/// - *p-values* are shares of shuffles of the scores, validated in the same way, that are correlated at least as much: exact for any
-///   number of motions.
+/// - *Intervals* are percentiles over resamples of the motions, each with models of its own: resampled motions
+///   are left out in turn, with all their copies, and scored by the regression on the others. So the interval
+///   holds how much the models themselves depend on which motions there were. On scores that mean nothing it
+///   contains 0 at least as often as its level says.
+/// - *p-values* are shares of shuffles of the scores, validated in the same way, that are correlated at least
+///   as much: exact for any number of motions.
 ///
-/// Eigenpostures know nothing of scores; for resamples and shuffles they stay those of all motions but the one left out.
-/// Cost: O(n⁴) for n motions a resample, O(n²) a shuffle.
+/// Eigenpostures know nothing of scores; for resamples and shuffles they stay those of all motions but the one
+/// left out. Cost: O(n⁴) for n motions a resample, O(n²) a shuffle.
 ///
-/// Sources: P. Golland and B. Fischl, *Permutation tests for classification*, IPMI 2003, 330–341; B. Phipson and G. K.
-/// Smyth, *Permutation p-values should never be zero*, Stat. Appl. Genet. Mol. Biol. 9 (2010), 39; B. J. Parker, S. Günter and
-/// J. Bedo, *Stratification bias in low signal microarray studies*, BMC Bioinformatics 8 (2007), 326, on the lean.
+/// Sources: P. Golland and B. Fischl, *Permutation tests for classification*, IPMI 2003, 330–341; B. Phipson
+/// and G. K. Smyth, *Permutation p-values should never be zero*, Stat. Appl. Genet. Mol. Biol. 9 (2010), 39; B.
+/// J. Parker, S. Günter and J. Bedo, *Stratification bias in low signal microarray studies*, BMC Bioinformatics
+/// 8 (2007), 326, on the lean.
 pub fn validate(
     motions: &[Performance],
     scores: &[f64],
@@ -183,7 +186,8 @@ impl Folds {
         Ok(Self { grams, left_out, n_components: options.n_components, most })
     }
 
-    /// For each motion the mean of the others, what its prediction differs by from that, and the components used.
+    /// For each motion the mean of the others, what its prediction differs by from that, and the components
+    /// used.
     fn leave_out(&self, scores: &[f64]) -> Vec<(f64, f64, usize)> {
         self.left_out.iter().map(|fold| fold.predict(scores, self.n_components)).collect()
     }

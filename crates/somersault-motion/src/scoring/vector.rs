@@ -15,8 +15,8 @@ pub struct Performance {
 }
 
 impl Performance {
-    /// `postures` has a row for each frame, of joint angles or of places against the body; `path` has the three coordinates
-    /// of the body.
+    /// `postures` has a row for each frame, of joint angles or of places against the body; `path` has the three
+    /// coordinates of the body.
     pub fn try_new(
         times: Vec<f64>,
         postures: DMatrix<f64>,
@@ -35,8 +35,8 @@ impl Performance {
         Ok(Self { times, postures, path, synthetic: false })
     }
 
-    /// From markers without gaps: the path is their centre, postures are their places about it. The thesis leaves the
-    /// path in the postures too; there it would be most of what their first components describe.
+    /// From markers without gaps: the path is their centre, postures are their places about it. The thesis
+    /// leaves the path in the postures too; there it would be most of what their first components describe.
     pub fn from_markers(recording: &MarkerRecording) -> Result<Self, ScoringError> {
         let (n, m) = (recording.n_frames(), recording.n_markers());
         let mut postures = DMatrix::zeros(n, 3 * m);

@@ -10,9 +10,11 @@ use rand::Rng;
 /// ```text
 /// 10 − Σ_k p_k max(0, f_k − r_k) + σ ε,    ε standard normal,
 /// ```
-/// within 0 and 10, rounded to half points if he does. r are the faults he takes for none, as those of a reference dive.
+/// within 0 and 10, rounded to half points if he does. r are the faults he takes for none, as those of a
+/// reference dive.
 ///
-/// **No judge was asked.** Faults are of the kinds that the rules of diving name, deductions for them are invented.
+/// **No judge was asked.** Faults are of the kinds that the rules of diving name, deductions for them are
+/// invented.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SyntheticJudge {
     /// r, faults that are none.
@@ -34,8 +36,8 @@ pub struct SyntheticJudge {
 }
 
 impl SyntheticJudge {
-    /// 5 points/rad of entry angle and of the hip's opening, 25 for the exit, 10 points/rad of asymmetry, 0.3 for roughness; noise of 0.25 points,
-    /// not rounded.
+    /// 5 points/rad of entry angle and of the hip's opening, 25 for the exit, 10 points/rad of asymmetry, 0.3
+    /// for roughness; noise of 0.25 points, not rounded.
     pub fn with_reference(reference: DiveFaults) -> Self {
         Self {
             reference,

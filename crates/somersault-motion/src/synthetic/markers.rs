@@ -8,8 +8,8 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use somersault_multibody::{Data, Model};
 
-/// **Synthetic** measurements: where `markers` of `model` are at its configurations, one after the other, each coordinate
-/// with normal noise of standard deviation `noise`, m. The same for the same seed.
+/// **Synthetic** measurements: where `markers` of `model` are at its configurations, one after the other, each
+/// coordinate with normal noise of standard deviation `noise`, m. The same for the same seed.
 pub fn synthetic_markers(
     model: &Model,
     markers: &MarkerSet,
@@ -37,7 +37,8 @@ pub fn synthetic_markers(
     Ok(MarkerRecording::try_new(names, times.to_vec(), points)?)
 }
 
-/// A number from the standard normal distribution, after G. E. P. Box and M. E. Muller, Ann. Math. Statist. 29 (1958), 610.
+/// A number from the standard normal distribution, after G. E. P. Box and M. E. Muller, Ann. Math. Statist. 29
+/// (1958), 610.
 pub(super) fn standard_normal(rng: &mut impl Rng) -> f64 {
     // 1 − u is never zero
     let (u, turn): (f64, f64) = (rng.random(), rng.random());

@@ -1,29 +1,30 @@
 //! **SYNTHETIC** dives with **SYNTHETIC** scores: perturbed optimal dives, a stated judge, marker noise.
 //!
-//! No set of judged dives is public. So that training and scoring can be shown from end to end, this module makes one, and
-//! labels it: types are named synthetic, files say SYNTHETIC, and motions, models and validations made of it carry the
-//! label on ([`Performance::is_synthetic`](crate::scoring::Performance::is_synthetic)). **What is learnt from it says
+//! No set of judged dives is public. So that training and scoring can be shown from end to end, this module
+//! makes one, and labels it: types are named synthetic, files say SYNTHETIC, and motions, models and
+//! validations made of it carry the label on
+//! ([`Performance::is_synthetic`](crate::scoring::Performance::is_synthetic)). **What is learnt from it says
 //! nothing about dives or judges.**
 //!
 //! ```text
 //! flight ── perturbation, seeded ──→ dives ── faults ── judge + noise ──→ scores
 //!                                      └── markers + noise ──→ performances
 //! ```
-//! A flight is any motion of a tree in the air, configuration by configuration: an optimal dive of `somersault-ocp`, or a fitted
-//! recording. Its joint motion s(u), u the share of the duration T, is perturbed in what it departs by from the
-//! straight way between its end postures, its fold F:
+//! A flight is any motion of a tree in the air, configuration by configuration: an optimal dive of
+//! `somersault-ocp`, or a fitted recording. Its joint motion s(u), u the share of the duration T, is perturbed
+//! in what it departs by from the straight way between its end postures, its fold F:
 //!
 //! ```text
 //! s(u) = s₀ + (s₁ − s₀) u + F(u)
 //! s̃(u) = s₀ + (s₁ − s₀) u + (1 − ℓ + A sin(2π f T̃ u + φ)) (1 ± a) F(u − β(u)),    T̃ = (1 + d) T
 //! ```
-//! with looseness ℓ, wobble of amplitude A and frequency f, asymmetry a (plus right, minus left) and a delay β of the exit, that
-//! rises smoothly from the middle of the fold to its whole at the exit, the last time at which ‖F‖ is half its
-//! greatest value, and falls to zero at the end. Postures at both ends stay. The flight is then flown anew: angular momentum is
-//! conserved ([`flight`](somersault_multibody::flight)), and its size is found by which the root turns as far as in the
-//! given flight and by the over-rotation farther. A loose pike thus spins with more momentum, as a diver's would who
-//! corrects at take-off; what is not corrected is the over-rotation. The centre of mass flies from where it began to
-//! where it ended.
+//! with looseness ℓ, wobble of amplitude A and frequency f, asymmetry a (plus right, minus left) and a delay β
+//! of the exit, that rises smoothly from the middle of the fold to its whole at the exit, the last time at
+//! which ‖F‖ is half its greatest value, and falls to zero at the end. Postures at both ends stay. The flight
+//! is then flown anew: angular momentum is conserved ([`flight`](somersault_multibody::flight)), and its size
+//! is found by which the root turns as far as in the given flight and by the over-rotation farther. A loose
+//! pike thus spins with more momentum, as a diver's would who corrects at take-off; what is not corrected is
+//! the over-rotation. The centre of mass flies from where it began to where it ended.
 //!
 //! The judge is [`SyntheticJudge`], with its formula.
 

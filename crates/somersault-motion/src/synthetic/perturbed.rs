@@ -15,7 +15,7 @@ use somersault_multibody::motion::TreeMotion;
 use somersault_multibody::{Data, Joint, Model};
 
 /// What is changed about a flight.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Perturbation {
     /// How much later the fold opens, s; negative earlier.
     pub exit_delay: f64,
@@ -105,8 +105,8 @@ const SECANTS: usize = 30;
 const AIM_TOL: f64 = 1e-9;
 
 impl SyntheticFlight {
-    /// Of configurations at `times`, one after the other, of a `model` with a floating or planar root and other joints of one
-    /// coordinate. At least five frames, less than a half turn apart; the dives have as many.
+    /// Of configurations at `times`, one after the other, of a `model` with a floating or planar root and other
+    /// joints of one coordinate. At least five frames, less than a half turn apart; the dives have as many.
     pub fn try_new(model: &Model, times: &[f64], positions: &[f64]) -> Result<Self, SyntheticError> {
         const LEAST: usize = 5;
         if times.len() < LEAST {
@@ -148,7 +148,8 @@ impl SyntheticFlight {
         let curve = FoldCurve::try_new(model, times, positions)?;
         let turned = turned(model, positions, &momentum);
         // one that turns by less than this is not aimed by its momentum
-        if !(turned.abs() > 1e-3) {
+        let turns = turned.abs() > 1e-3;
+        if !turns {
             return Err(SyntheticError::NoMomentum);
         }
         let (model, orientation) = (model.clone(), frames[0][turning].to_vec());
@@ -242,8 +243,8 @@ impl SyntheticDive {
     }
 }
 
-/// How far the root turns about the direction of the momentum, rad: in the plane its angle, in space the sum of the parts of
-/// the steps along it.
+/// How far the root turns about the direction of the momentum, rad: in the plane its angle, in space the sum of
+/// the parts of the steps along it.
 fn turned(model: &Model, positions: &[f64], momentum: &Vector3<f64>) -> f64 {
     let frames: Vec<&[f64]> = positions.chunks_exact(model.n_positions()).collect();
     if model.joint(0) == Some(&Joint::Planar) {

@@ -20,17 +20,19 @@ pub struct SyntheticOptions {
     pub n_dives: usize,
     /// Of all that is drawn.
     pub seed: u64,
-    /// Least and greatest perturbation: each number is drawn uniformly in between, the phase of the wobble from a turn.
+    /// Least and greatest perturbation: each number is drawn uniformly in between, the phase of the wobble from
+    /// a turn.
     pub perturbations: [Perturbation; 2],
     /// Standard deviation of the noise of markers, m.
     pub marker_noise: f64,
 }
 
 impl SyntheticOptions {
-    /// Exits up to 60 ms late, pikes up to 12 % loose, up to 0.25 rad over, wobbles of up to 4 %, 2 % shorter to 2 % longer, on the right up to 5 %
-    /// more than on the left; 5 mm of marker noise; seed 0.
+    /// Exits up to 60 ms late, pikes up to 12 % loose, up to 0.25 rad over, wobbles of up to 4 %, 2 % shorter
+    /// to 2 % longer, on the right up to 5 % more than on the left; 5 mm of marker noise; seed 0.
     ///
-    /// Faults are on one side, since a linear model of scores cannot see that both too far and too short are bad.
+    /// Faults are on one side, since a linear model of scores cannot see that both too far and too short are
+    /// bad.
     pub fn of(n_dives: usize) -> Self {
         let least = Perturbation { duration: -0.02, ..Perturbation::none() };
         let greatest = Perturbation {
@@ -114,7 +116,8 @@ impl SyntheticSet {
         Ok(set)
     }
 
-    /// The set as one of files and scores, to be saved and read again: every line, every file and every name says SYNTHETIC.
+    /// The set as one of files and scores, to be saved and read again: every line, every file and every name
+    /// says SYNTHETIC.
     pub fn judged_set(&self) -> JudgedSet {
         let line = |(k, score): (usize, &f64)| JudgedMotion {
             file: format!("SYNTHETIC_{:04}.csv", k + 1),

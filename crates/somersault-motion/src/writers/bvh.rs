@@ -1,8 +1,8 @@
 //! Skeletons as BVH: the format of [`readers::bvh`](crate::readers::bvh).
 //!
-//! Rotations have the channels Z, X, Y. Ends that neither turn nor move, have no children and are named after their parent with
-//! `_end` are end sites; other joints that stay have no channels. Joints come in the order of the tree, each with all that hangs
-//! on it; the first frame is at t = 0 for whoever reads the file.
+//! Rotations have the channels Z, X, Y. Ends that neither turn nor move, have no children and are named after
+//! their parent with `_end` are end sites; other joints that stay have no channels. Joints come in the order of
+//! the tree, each with all that hangs on it; the first frame is at t = 0 for whoever reads the file.
 
 use super::{WriteError, expect_name, time_step};
 use crate::recording::{Convention, SkeletonJoint, SkeletonRecording};
@@ -86,7 +86,8 @@ fn head(
     text.push_str(&format!("{indent}\tCHANNELS {n}{moves}{turns}\n"));
 }
 
-/// a, b and c of R = R_z(a) R_x(b) R_y(c). c is taken from what a leaves, so that the product is right at b = ±π/2 too.
+/// a, b and c of R = R_z(a) R_x(b) R_y(c). c is taken from what a leaves, so that the product is right at b =
+/// ±π/2 too.
 fn angles(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
     let r = rotation.to_rotation_matrix();
     let a = (-r[(0, 1)]).atan2(r[(1, 1)]);

@@ -1,7 +1,8 @@
 //! Markers as C3D: the format of [`readers::c3d`](crate::readers::c3d).
 //!
 //! Point data as floats for processors of Intel, without analog channels. Coordinates and the rate have single
-//! precision; the first frame is at t = 0 for whoever reads the file. Gaps have a residual of −1, other points of 0.
+//! precision; the first frame is at t = 0 for whoever reads the file. Gaps have a residual of −1, other points
+//! of 0.
 
 use super::{WriteError, expect_name, time_step};
 use crate::recording::{Convention, MarkerRecording};

@@ -21,8 +21,8 @@ const JOINTS: [&str; 13] = [
     "left_elbow",
 ];
 
-/// `recording`, of a skeleton with the joints of the format, as JSON. Knees and elbows must turn about the lateral axis
-/// alone. Lengths are not written; the last frame lasts as long as the one before.
+/// `recording`, of a skeleton with the joints of the format, as JSON. Knees and elbows must turn about the
+/// lateral axis alone. Lengths are not written; the last frame lasts as long as the one before.
 pub fn write(recording: &SkeletonRecording) -> Result<String, WriteError> {
     let turning: Vec<&str> =
         recording.skeleton().joints().iter().filter(|j| j.turns).map(|j| j.name.as_str()).collect();

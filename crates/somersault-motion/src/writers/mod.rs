@@ -8,8 +8,8 @@
 //! | BVH | [`bvh`] | skeletons | rotations as angles, to rounding |
 //! | motions of DeepMimic (JSON) | [`joint_motion`] | skeletons of that format | to rounding |
 //!
-//! Lengths are written in the unit and the axes of a [`Convention`](crate::recording::Convention); those in m with z up keep
-//! all their digits.
+//! Lengths are written in the unit and the axes of a [`Convention`](crate::recording::Convention); those in m
+//! with z up keep all their digits.
 
 pub mod bvh;
 pub mod c3d;

@@ -4,8 +4,8 @@ use super::csv::rows;
 use super::{WriteError, expect_name};
 use crate::recording::{Convention, MarkerRecording};
 
-/// `recording` as text. OpenSim wants y up and x forward. Times stand in every row and may be uneven; the rate in the head is their
-/// mean. `file` is the name that the head repeats.
+/// `recording` as text. OpenSim wants y up and x forward. Times stand in every row and may be uneven; the rate
+/// in the head is their mean. `file` is the name that the head repeats.
 pub fn write(recording: &MarkerRecording, file: &str, convention: &Convention) -> Result<String, WriteError> {
     expect_name(file, &['\t'], "names without tab, line break or blanks around them")?;
     let (n_frames, n_markers) = (recording.n_frames(), recording.n_markers());

@@ -36,7 +36,7 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
     }
 
     let model = planar();
-    let mut configurations = vec![model.neutral(), model.neutral(), model.neutral()];
+    let mut configurations = [model.neutral(), model.neutral(), model.neutral()];
     (configurations[0][2], configurations[1][2], configurations[2][2]) = (0.5, 0.5 - TAU, 0.5 + 1.5 * TAU);
     let slices: Vec<&[f64]> = configurations.iter().map(Vec::as_slice).collect();
     let turns = turns_about(&model, &slices).unwrap();
@@ -45,8 +45,8 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
     assert_eq!(turns_about(&held, &[&held.neutral()]), None);
 }
 
-/// A motion of 31 frames whose panels are polynomials of the share u: the weight a u², the error 0.01 u, the scale 1 + a u³, and
-/// 2 a u turns.
+/// A motion of 31 frames whose panels are polynomials of the share u: the weight a u², the error 0.01 u, the
+/// scale 1 + a u³, and 2 a u turns.
 fn made(a: f64, duration: f64) -> MotionFit {
     let times: Vec<f64> = (0..=30).map(|i| duration * f64::from(i) / 30.0).collect();
     let frame = |t: &f64| {
@@ -98,6 +98,9 @@ fn the_four_panels_are_mean_and_spread_in_closed_form() {
     }
     let none = GroupComparison::try_new(&model, &[&first], Panel::Eigenweight(1), 60);
     assert!(matches!(none, Err(AnalysisError::TooFew { argument: "weights", least: 2, found: 1 })));
+    let held = somersault_multibody::models::TwoLinkArm::default().model().unwrap();
+    let none = GroupComparison::try_new(&held, &[&first], Panel::Rotation, 60);
+    assert!(matches!(none, Err(AnalysisError::Held)));
     let empty = GroupComparison::try_new(&model, &[&first, &[]], Panel::Scale, 60).unwrap().bands();
     assert!(matches!(empty, Err(AnalysisError::TooFew { argument: "series", .. })));
 }

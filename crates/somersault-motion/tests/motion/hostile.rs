@@ -1,5 +1,5 @@
-//! Whatever the bytes, the readers return: thousands of changed files, from a fixed seed, and so many times more where
-//! `SOMERSAULT_HOSTILE` has a number.
+//! Whatever the bytes, the readers return: thousands of changed files, from a fixed seed, and so many times
+//! more where `SOMERSAULT_HOSTILE` has a number.
 
 use crate::files::{BVH, Bytes, C3d, CSV, TRC, joint_motion};
 use rand::{Rng, RngExt, SeedableRng};

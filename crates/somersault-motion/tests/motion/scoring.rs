@@ -7,8 +7,8 @@ use somersault_motion::scoring::{
     Performance, ScoringError, ScoringModel, ScoringOptions, StorageError, ValidationOptions, validate,
 };
 
-/// Motions of four joints that differ by two numbers each, how deep and how late the body folds, and by noise; and
-/// a linear judge of these numbers with noise of his own.
+/// Motions of four joints that differ by two numbers each, how deep and how late the body folds, and by noise;
+/// and a linear judge of these numbers with noise of his own.
 fn judged(n: usize, judge_noise: f64, seed: u64) -> (Vec<Performance>, Vec<f64>) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut scores = Vec::new();

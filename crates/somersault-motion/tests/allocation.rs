@@ -1,0 +1,76 @@
+//! No allocation in an iteration: that of a fit does not depend on how many there are.
+
+use somersault_motion::fit::{FitOptions, Loss, MarkerFit, MarkerSet, Shape};
+use somersault_motion::recording::MarkerRecording;
+use somersault_motion::synthetic::synthetic_markers;
+use somersault_multibody::models::{Diver, Posture};
+use somersault_ocp::motion::EigenpostureBase;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+/// Counts the allocations of each thread.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is passed on to the system's allocator; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // while a thread ends the counter may be gone
+        let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Twelve frames of a diver who folds, with noise and one marker in five missing.
+fn recording(diver: &Diver, markers: &MarkerSet) -> MarkerRecording {
+    let model = diver.model().unwrap();
+    let [a, h] = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap());
+    let times: Vec<f64> = (0..12).map(|i| f64::from(i) / 60.0).collect();
+    let frame = |t: &f64| a.iter().zip(&h).map(move |(a, h)| a + 4.0 * t * (h - a)).collect::<Vec<_>>();
+    let positions: Vec<f64> = times.iter().flat_map(frame).collect();
+    let whole = synthetic_markers(&model, markers, &times, &positions, 0.01, 1).unwrap();
+    let points = whole.frames().flatten().enumerate().map(|(k, p)| p.filter(|_| k % 5 != 3));
+    MarkerRecording::try_new(whole.names().to_vec(), times, points.collect()).unwrap()
+}
+
+/// Allocations and iterations of a fit that never says it has converged.
+fn fit(diver: &Diver, shape: &Shape, loss: Loss, max_iterations: usize) -> (u64, usize) {
+    let model = diver.model().unwrap();
+    let bodies = model.links().iter().map(|l| l.name().to_owned()).filter(|n| !n.contains("shoulder_"));
+    let markers = MarkerSet::on_bodies(&model, bodies.map(|b| (b.clone(), b, [0.03, 0.05, -0.02]))).unwrap();
+    let recording = recording(diver, &markers);
+    let options =
+        FitOptions { shape: shape.clone(), loss, max_iterations, step_tol: 1e-300, ..FitOptions::default() };
+    let fit = MarkerFit::try_new(&model, markers, options).unwrap();
+    let before = ALLOCATIONS.get();
+    let found = fit.fit(&recording).unwrap();
+    let allocations = ALLOCATIONS.get() - before;
+    (allocations, found.frames.iter().map(|f| f.iterations).sum())
+}
+
+#[test]
+fn iterations_of_a_fit_do_not_allocate() {
+    for diver in [Diver::planar(), Diver::spatial()] {
+        let root = if diver == Diver::planar() { 3 } else { 7 };
+        let postures = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap()[root..].to_vec());
+        let base = Shape::Eigenpostures(EigenpostureBase::try_new(&postures).unwrap());
+        for shape in [Shape::Joints, base] {
+            for loss in [Loss::Squares, Loss::Huber(0.01), Loss::Cauchy(0.01)] {
+                let (few, many) = (fit(&diver, &shape, loss, 2), fit(&diver, &shape, loss, 12));
+                assert!(many.1 > 2 * few.1, "{few:?}, {many:?}");
+                assert_eq!(few.0, many.0, "{:?}, {loss:?}: {few:?}, {many:?}", diver.dimension);
+            }
+        }
+    }
+}
