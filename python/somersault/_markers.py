@@ -38,7 +38,7 @@ def place_markers(
     MarkerRecording
     """
     model = markers.model
-    poses = np.asarray(model.poses(np.asarray(q, dtype=np.float64)))
+    poses = np.asarray(model.poses(np.atleast_2d(np.asarray(q, dtype=np.float64))))
     bodies = poses[:, [model.body(name) for name in markers.bodies]]
     root = poses[:, :1, :3, 3]
     away = np.einsum("nkij,kj->nki", bodies[..., :3, :3], markers.points) + bodies[..., :3, 3] - root

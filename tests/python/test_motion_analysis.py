@@ -173,6 +173,10 @@ class TestGroups:
         turns = motion.turns_about(spatial.model, somersault)
         assert turns is not None and turns[-1] == pytest.approx(9 / (2 * np.pi), rel=1e-12)
         assert motion.turns_about(multibody.two_link_arm(), [[0.0, 0.0]]) is None
+        still = multibody.Model([multibody.Link("post", "fixed")])
+        assert motion.turns_about(still, np.zeros((2, 0))) is None
+        with pytest.raises(errors.InputError, match="`model` must have joints that move"):
+            motion.SyntheticFlight(still, np.arange(6.0), np.zeros((6, 0)))
 
     def test_what_cannot_be_compared_is_refused(self) -> None:
         with pytest.raises(errors.AnalysisInputError, match="`groups` must have a fitted motion"):

@@ -172,6 +172,18 @@ class TestFits:
         np.testing.assert_array_equal(fit.q[2], fit.q[1])
 
 
+def test_markers_are_placed_about_the_root_at_a_scale() -> None:
+    markers = three_on_each(SPATIAL.model)
+    _, q = tumble(SPATIAL, 4)
+    once, twice = (motion.place_markers(markers, np.arange(4.0), q, scale=s).points for s in (1.0, 2.0))
+    root = np.asarray(SPATIAL.model.poses(q))[:, :1, :3, 3]
+    np.testing.assert_allclose(twice - root, 2.0 * (once - root), atol=1e-14)
+    single = motion.place_markers(markers, [0.0], q[1]).points[0]
+    np.testing.assert_array_equal(single, once[1])
+    with pytest.raises(errors.InputError, match="`q`"):
+        motion.place_markers(markers, [0.0], q[:1, :-1])
+
+
 class TestRefused:
     def test_markers(self) -> None:
         model = PLANAR.model

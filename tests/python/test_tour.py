@@ -225,6 +225,28 @@ def test_the_dives_are_shown_and_told(folder: Path, measurements: tour.Measureme
         assert f'src="{name}.html"' in (folder / "dives.html").read_text(encoding="utf-8")
 
 
+def test_scores_are_labelled_synthetic(folder: Path) -> None:
+    text = (folder / "scores.html").read_text(encoding="utf-8")
+    assert text.count("SYNTHETIC") > 6 and "No judge was asked" in text
+    assert "the interval contains 0" in text
+
+
+def test_known_dives_are_fitted_within_the_error_predicted(folder: Path) -> None:
+    text = (folder / "motions.html").read_text(encoding="utf-8")
+    rows = re.findall(r"<td[^>]*>(?:107B|5174D), \w+</td>(.*?)</tr>", text)
+    assert len(rows) == 2
+    for row in rows:
+        cells = re.findall(r"<td[^>]*>(.*?)</td>", row)
+        assert "×10⁻" in cells[1]
+        assert abs(float(cells[3].replace("−", "-"))) < 0.15
+        assert float(cells[4]) == pytest.approx(1.0, abs=0.15)
+
+
+def test_recordings_are_shown_or_said_to_be_absent(folder: Path) -> None:
+    text = (folder / "recordings.html").read_text(encoding="utf-8")
+    assert ("names no folder" in text) != ("backflip.html" in text)
+
+
 def test_table_a_1_reproduces_but_for_cases_c_and_f(folder: Path) -> None:
     text = (folder / "swing_up.html").read_text(encoding="utf-8")
     rows = re.findall(r'<td class="text">([A-G])</td>.*?<td class="(same|off)">([\d.]+)</td>', text)

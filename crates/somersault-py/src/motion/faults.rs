@@ -106,8 +106,11 @@ pub(super) fn configurations(
     q: &Bound<'_, PyAny>,
 ) -> Result<Vec<f64>, Error> {
     let q = matrix("q", q)?;
-    if q.ncols() != model.n_positions() {
-        let n = model.n_positions();
+    let n = model.n_positions();
+    if n == 0 {
+        return Err(Error::input("`model` must have joints that move, found none"));
+    }
+    if q.ncols() != n {
         return Err(Error::input(format!("`q` must have {n} columns, found {}", q.ncols())));
     }
     Ok(q.transpose().as_slice().to_vec())

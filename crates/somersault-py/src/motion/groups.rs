@@ -224,6 +224,9 @@ pub(crate) fn turns_about<'py>(
     if let Some(at) = q.iter().position(|x| !x.is_finite()) {
         return Err(Error::input(format!("`q` must be finite, but is not in row {}", at % q.nrows())));
     }
+    if n == 0 {
+        return Ok(None);
+    }
     let rows = q.transpose();
     let rows: Vec<&[f64]> = rows.as_slice().chunks_exact(n).collect();
     Ok(analysis::turns_about(model, &rows).map(|turns| numbers_array(py, &turns)))

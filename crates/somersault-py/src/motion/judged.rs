@@ -3,6 +3,7 @@
 use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix::numbers_array;
+use super::readers::place_of;
 use super::scoring::Performance;
 use super::worker::attended;
 use crate::error::Error;
@@ -11,7 +12,7 @@ use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use somersault::motion::judged::{self, JudgedError, JudgedOptions};
-use somersault::motion::readers::{LoadError, Place, ReadError};
+use somersault::motion::readers::{LoadError, Place};
 use somersault::multibody::models;
 use std::path::PathBuf;
 
@@ -30,13 +31,8 @@ fn raised(error: JudgedError) -> Error {
         JudgedError::Io { .. } | JudgedError::List(LoadError::Io { .. }) => {
             return Error::Raised(PyOSError::new_err(message));
         }
-        JudgedError::List(LoadError::Read { source, .. }) => match source {
-            ReadError::Unexpected { place, .. }
-            | ReadError::Truncated { place, .. }
-            | ReadError::NonFinite { place, .. } => match place {
-                Place::Line(line) => Some(line),
-                Place::Byte(_) => None,
-            },
+        JudgedError::List(LoadError::Read { source, .. }) => match place_of(&source) {
+            Some(Place::Line(line)) => Some(line),
             _ => None,
         },
         JudgedError::Motion { line, .. }

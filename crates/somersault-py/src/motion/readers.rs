@@ -30,6 +30,19 @@ fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Erro
     Ok((path.call_method0("read_bytes")?.extract()?, Some(name)))
 }
 
+/// Where a file is not what it should be.
+pub(super) fn place_of(error: &ReadError) -> Option<Place> {
+    match error {
+        ReadError::Unexpected { place, .. }
+        | ReadError::Truncated { place, .. }
+        | ReadError::Misdeclared { place, .. }
+        | ReadError::NonFinite { place, .. }
+        | ReadError::NoFrames { place }
+        | ReadError::Encoding { place } => Some(*place),
+        _ => None,
+    }
+}
+
 /// A read that failed, with line or byte as attributes of the exception.
 struct Failed {
     error: ReadError,
@@ -40,15 +53,7 @@ impl From<Failed> for Error {
     fn from(Failed { error, name }: Failed) -> Self {
         let prefix = name.map_or(String::new(), |name| format!("{name}: "));
         let reason = error.source().map_or(String::new(), |source| format!(": {source}"));
-        let place = match &error {
-            ReadError::Unexpected { place, .. }
-            | ReadError::Truncated { place, .. }
-            | ReadError::Misdeclared { place, .. }
-            | ReadError::NonFinite { place, .. }
-            | ReadError::NoFrames { place }
-            | ReadError::Encoding { place } => Some(*place),
-            _ => None,
-        };
+        let place = place_of(&error);
         let raised: PyErr = Self::read(format!("{prefix}{error}{reason}")).into();
         Python::attach(|py| {
             let value = raised.value(py);

@@ -10,6 +10,8 @@ from somersault.tour.page import Page, number, words
 TITLE = "Deviations"
 
 _READINGS = (
+    ("4.1", "a PCA of each dive", "one basis for all dives; the other under a name of its own"),
+    ("Figure 4.1 (d)", "scaling factor", "rotation, in turns"),
     ("(5.12)", "f(t, y)", "f(t, y, ẏ), as in (5.10)"),
     ("(5.14)", "exponent ω_n", "ω̄_n of (5.16)"),
     ("(5.18)", "R₊ = Ω R", "R₊ = R Ωᵀ, with R from body to world"),
