@@ -25,6 +25,7 @@ MODULES = [
             "errors",
             "exact",
             "forces",
+            "ftla",
             "integrators",
             "multibody",
             "plotting",
