@@ -255,7 +255,7 @@ def test_an_interrupt_ends_a_run_within_a_second(call: str) -> None:
 
 def test_other_threads_run_meanwhile() -> None:
     flow = ftla.VariationalFlow(ftla.arm(), rtol=1e-13)
-    points = np.tile([-1.5, 0.05, 0.0, 0.0, -0.2, 0.0, -1.3, -0.1], (100, 1))
+    points = np.tile([-1.5, 0.05, 0.0, 0.0, -0.2, 0.0, -1.3, -0.1], (40, 1))
     worker = threading.Thread(target=flow.transitions, args=(points, 2.0))
     worker.start()
     turns = 0

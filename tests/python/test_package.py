@@ -26,6 +26,7 @@ MODULES = [
             "errors",
             "exact",
             "forces",
+            "ftla",
             "integrators",
             "motion",
             "multibody",

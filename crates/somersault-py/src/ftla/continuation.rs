@@ -155,7 +155,7 @@ fn through<const N: usize>(
 /// >>> stages = [([0.0], [0.0]), ([1.0], [1.5])]
 /// >>> found = ftla.continue_through(ftla.cubic_regulator(), stages, 40.0, fractions)
 /// >>> found.success, round(found.extremal.cost(), 6)
-/// (True, 3.591505)
+/// (True, 3.362057)
 #[pyfunction]
 #[pyo3(signature = (
     system, stages, horizon, fractions, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1,

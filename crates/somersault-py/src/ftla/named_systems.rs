@@ -30,7 +30,7 @@ use somersault::multibody::models::TwoLinkArm;
 /// --------
 /// >>> from somersault import ftla
 /// >>> ftla.arm().field([0.0, 3.0, 0.5, 0.0, -0.2, 0.0, -0.2, 0.02])[:4].round(4)
-/// array([ 0.5   ,  0.    , -0.0181, -0.0094])
+/// array([ 0.5   ,  0.    , -0.5628, -5.9769])
 #[pyfunction]
 #[pyo3(signature = (
     *, masses=[0.5, 0.5], lengths=[2.0, 0.5], damping=[0.2, 0.0], weights=[1.0, 0.5], torque_limits=None

@@ -342,7 +342,7 @@ fn solve<const N: usize>(
 /// >>> times = ftla.graded_times(10.0, 0.2, 2.0)
 /// >>> found = ftla.shoot(ftla.linear_regulator(), [1.0], [1.5], times, np.zeros((len(times), 2)))
 /// >>> found.status, round(found.cost(), 6)
-/// ('converged', 2.923301)
+/// ('converged', 2.923094)
 #[pyfunction]
 #[pyo3(signature = (
     system, initial_state, final_state, times, nodes, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15
