@@ -135,8 +135,6 @@ impl Passes {
         let (h, n_stages) = (self.step, self.scheme.n_stages());
         let runs = self.has_running_weights();
         let mut quadrant = Quadrant::of(angle);
-        // Euler's h θ̇: the next angle then waits for one sum, not for a product before it
-        let (mut advance, per_step) = (h * rate, 1.0 / h);
         let mut cost = 0.0;
         for k in steps.start..steps.end + usize::from(steps.end == self.n_steps) {
             let first = self.stage(self.place(k), angle, rate, &mut quadrant);
@@ -150,9 +148,8 @@ impl Passes {
                 break;
             }
             if n_stages == 1 {
-                angle += advance;
-                advance += h * h * first.acceleration;
-                rate = advance * per_step;
+                angle += h * rate;
+                rate += h * first.acceleration;
                 continue;
             }
             let mut before = first;
