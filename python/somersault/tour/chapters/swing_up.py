@@ -211,8 +211,8 @@ def _table(page: Page, cases: list[Case]) -> None:
         f" {_SEED}). The state of the pendulum at five nodes and the error at T are variables as well, tied"
         " by constraints: in the spline's parameters alone the penalty bends a valley that takes hundreds of"
         " steps to follow. Steps and time are for the solve from straight lines. Then the pendulum is"
-        " integrated accurately under the motion of the cart that was found: its cost, and how far it ends from where"
-        " explicit Euler saw it, rad or rad/s. Optimised accurately: the cost for the same splines"
+        " integrated accurately under the motion of the cart that was found: its cost, and how far it ends"
+        " from where explicit Euler saw it, rad or rad/s. Optimised accurately: the cost for the same splines"
         f" with {_FINE} Runge–Kutta steps, from straight lines.",
     )  # fmt: skip
 
