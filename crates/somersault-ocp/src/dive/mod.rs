@@ -17,7 +17,7 @@
 //! straightened ([`OrientationPath::with_restart`](crate::flight::OrientationPath::with_restart)), and the tilt left is
 //! the defect that the constraints remove.
 //!
-//! The search is Newton's: quasi-Newton steps creep along the valley of nearly equal twisting dives. The Hessian of the
+//! In space the search is Newton's: quasi-Newton steps creep along the valley of nearly equal twisting dives. The Hessian of the
 //! Lagrangian is made convex without a change of the steps that constraints allow.
 //!
 //! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,

@@ -8,7 +8,7 @@
 
 use super::{Dive, DiveError, DiveProgram, KeyFrame};
 use crate::nlp::Nlp;
-use crate::solver::{Flow, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
+use crate::solver::{Flow, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
 use rayon::prelude::*;
 
 /// How a dive is searched for.
@@ -37,9 +37,10 @@ pub enum DiveSearchError {
 }
 
 impl DiveSearch {
-    /// For dives in the plane: no soft stages.
+    /// For dives in the plane: no soft stages, and quasi-Newton steps. With a posture that the optimum leaves out Newton's
+    /// may stall short of the tolerance.
     pub fn direct() -> Self {
-        let hard = Sqp { stationarity_tol: 1e-6, ..Sqp::default() };
+        let hard = Sqp { hessian: HessianSource::QuasiNewton, stationarity_tol: 1e-6, ..Sqp::default() };
         Self { soft_weights: Vec::new(), soft: Sqp::default(), hard, coarse_steps: None }
     }
 

@@ -291,9 +291,10 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         rows,
         "A third posture changes little, as 3.1 says. Joints of their own save momentum, at many times the"
         " work; for"
-        " them the penalty counts rates over the distance from A to H. Explicit Euler (2.8) on the full dynamics, as"
-        " the thesis has it, does not keep the momentum: it rises while the diver folds and falls when he opens, so"
-        " that the same weight turns too far, and what is optimal there lives off its steps.",
+        " them the penalty counts rates over the distance from A to H. Explicit Euler (2.8) on the full"
+        " dynamics, as the thesis has it, does not keep the momentum: it rises while the diver folds and"
+        " falls when he opens, so that the same weight turns too far, and what is optimal there lives off"
+        " its steps.",
     )
 
 
@@ -306,8 +307,8 @@ def _torques(page: Page, dive: ocp.DiveSolution) -> None:
             [words(name.replace("_", " ")), number(torque, 0), number(time, 2)]
             for name, (torque, time) in peaks
         ],
-        "What the joints must give, by hybrid dynamics along the motion: the cost asks for smooth weights, not for"
-        " torques that a diver has.",
+        "What the joints must give, by hybrid dynamics along the motion: the cost asks for smooth weights,"
+        " not for torques that a diver has.",
     )
 
 

@@ -83,7 +83,7 @@ impl DiveProgram {
         let Some(base) = decomposed.u else { return };
         let rank = decomposed.singular_values.iter().filter(|s| **s > RANK).count();
         let base = base.columns(0, rank);
-        let normal_part = &base * base.transpose();
+        let normal_part = base * base.transpose();
         let tangent = DMatrix::identity(n, n) - &normal_part;
         let reduced = &tangent * full * &tangent;
         let size = reduced.amax();
