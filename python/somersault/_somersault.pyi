@@ -31,7 +31,7 @@ _Part: TypeAlias = Literal[
     "time", "velocity", "acceleration", "torque", "channel", "channel_rate", "channel_second_rate"
 ]
 _At: TypeAlias = Literal["path", "start", "finish", "node"]
-_Solver: TypeAlias = Literal["sqp", "sqp_bfgs", "lbfgs", "gradient_descent"]
+_Solver: TypeAlias = Literal["sqp", "sqp_filter", "sqp_bfgs", "lbfgs", "gradient_descent"]
 _SolveStatus: TypeAlias = Literal[
     "converged",
     "stalled",
@@ -1037,6 +1037,7 @@ class MotionProblem:
         free_velocities: Sequence[bool] | None = None,
         lower: ArrayLike | None = None,
         upper: ArrayLike | None = None,
+        exact_hessian: bool = False,
     ) -> MotionProblem: ...
     @property
     def n_variables(self) -> int: ...

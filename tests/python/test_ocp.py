@@ -261,7 +261,7 @@ class TestMotionProblem:
         )
         assert len(constrained.constraint_names) == 4
 
-    @pytest.mark.parametrize("solver", ["sqp", "sqp_bfgs", "lbfgs"])
+    @pytest.mark.parametrize("solver", ["sqp", "sqp_filter", "sqp_bfgs", "lbfgs"])
     def test_solves(self, solver: str) -> None:
         posed = problem()
         report = posed.solve(np.full(posed.n_variables, 0.1), solver=solver, tol=1e-6)  # type: ignore[arg-type]
@@ -276,6 +276,25 @@ class TestMotionProblem:
         start = np.full(posed.n_variables, 0.1)
         costs = [posed.solve(start, solver=name).cost for name in ("sqp", "sqp_bfgs")]
         assert costs[0] == pytest.approx(costs[1], rel=1e-6)
+
+    def test_an_exact_hessian_leads_to_the_same_minimum(self) -> None:
+        costs = [
+            posed.solve(np.zeros(posed.n_variables), solver="sqp_filter").cost
+            for posed in (problem(), problem(exact_hessian=True))
+        ]
+        assert costs[1] == pytest.approx(costs[0], rel=1e-8)
+
+    def test_a_free_horizon_has_no_exact_hessian(self) -> None:
+        motion = ocp.SplineMotion(1, 10, AT_REST)  # type: ignore[arg-type]
+        with pytest.raises(errors.OcpInputError, match="no second derivatives"):
+            ocp.MotionProblem(
+                multibody.cart_pendulum(),
+                [0.0, np.pi],
+                [0.0, 0.0],
+                [ocp.Phase(motion, (0.5, 1.5), 40)],
+                active=["cart"],
+                exact_hessian=True,
+            )
 
     def test_constraints_hold(self) -> None:
         hard = problem(

@@ -192,6 +192,9 @@ impl Constraint {
 ///     Degrees of freedom whose start is a variable.
 /// lower, upper : array_like, shape (n_variables,), optional
 ///     Bounds on z beside those of free durations.
+/// exact_hessian : bool, optional
+///     The exact Hessian of the Lagrangian in place of that of Gauss and Newton: where joints are hinges or
+///     sliders, durations fixed, and terms entries or displacements.
 ///
 /// Raises
 /// ------
@@ -212,7 +215,7 @@ impl MotionProblem {
     #[new]
     #[pyo3(signature = (
         model, q, v, phases, *, active, drive="motion", scheme="rk4", costs=vec![], constraints=vec![],
-        free_positions=None, free_velocities=None, lower=None, upper=None
+        free_positions=None, free_velocities=None, lower=None, upper=None, exact_hessian=false
     ))]
     fn new(
         py: Python<'_>,
@@ -229,6 +232,7 @@ impl MotionProblem {
         free_velocities: Option<Vec<bool>>,
         lower: Option<&Bound<'_, PyAny>>,
         upper: Option<&Bound<'_, PyAny>>,
+        exact_hessian: bool,
     ) -> Result<Self, Error> {
         let tree = &model.get().model;
         let n = tree.n_velocities();
@@ -295,6 +299,9 @@ impl MotionProblem {
         let upper = bounds("upper", upper, f64::INFINITY)?;
         for (variable, (lower, upper)) in lower.into_iter().zip(upper).enumerate() {
             builder = builder.bound_variable(variable, lower, upper)?;
+        }
+        if exact_hessian {
+            builder = builder.with_exact_hessian();
         }
         let problem = builder.build()?;
         Ok(Self {
@@ -409,9 +416,10 @@ impl MotionProblem {
     /// ----------
     /// z : array_like, shape (n_variables,), or Report
     ///     Start; a report of an earlier solve gives its multipliers as well.
-    /// solver : {'sqp', 'sqp_bfgs', 'lbfgs', 'gradient_descent'}, optional
-    ///     Sequential quadratic programming with the Gauss–Newton or a quasi-Newton Hessian; the last two for problems
-    ///     without constraints.
+    /// solver : {'sqp', 'sqp_filter', 'sqp_bfgs', 'lbfgs', 'gradient_descent'}, optional
+    ///     Sequential quadratic programming with the Hessian of the problem, steps judged by a merit function, which is
+    ///     cautious under strong penalties, or by a filter, which takes full steps along curved constraints; with a
+    ///     quasi-Newton Hessian; the last two for problems without constraints.
     /// tol : float, optional
     ///     Of the residuals of the conditions of Karush, Kuhn and Tucker, scaled.
     /// max_iterations : int, optional

@@ -6,7 +6,8 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::solver::{
-    self, Flow, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, NlpSolver, SolverError, Sqp, Start,
+    self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, NlpSolver,
+    SolverError, Sqp, Start,
 };
 use std::time::{Duration, Instant};
 
@@ -146,10 +147,11 @@ pub(crate) fn duration(max_time: Option<f64>) -> Result<Option<Duration>, Error>
 impl SolverArguments<'_, '_> {
     fn solver(&self) -> Result<Box<dyn NlpSolver + Send + Sync>, Error> {
         let max_time = duration(self.max_time)?;
-        let sqp = |hessian| {
+        let sqp = |hessian, globalisation| {
             let default = Sqp::default();
             Box::new(Sqp {
                 hessian,
+                globalisation,
                 stationarity_tol: self.tol.unwrap_or(default.stationarity_tol),
                 feasibility_tol: self.tol.unwrap_or(default.feasibility_tol),
                 complementarity_tol: self.tol.unwrap_or(default.complementarity_tol),
@@ -166,13 +168,14 @@ impl SolverArguments<'_, '_> {
             ..default
         };
         Ok(match self.solver {
-            "sqp" => sqp(HessianSource::Offered),
-            "sqp_bfgs" => sqp(HessianSource::QuasiNewton),
+            "sqp" => sqp(HessianSource::Offered, Globalisation::Merit),
+            "sqp_filter" => sqp(HessianSource::Offered, Globalisation::Filter),
+            "sqp_bfgs" => sqp(HessianSource::QuasiNewton, Globalisation::Merit),
             "lbfgs" => Box::new(Lbfgs { limits, ..Lbfgs::default() }),
             "gradient_descent" => Box::new(GradientDescent { limits }),
             other => {
                 return Err(Error::input(format!(
-                    "`solver` must be 'sqp', 'sqp_bfgs', 'lbfgs' or 'gradient_descent', found '{other}'"
+                    "`solver` must be 'sqp', 'sqp_filter', 'sqp_bfgs', 'lbfgs' or 'gradient_descent', found '{other}'"
                 )));
             }
         })
