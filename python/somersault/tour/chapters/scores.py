@@ -203,9 +203,9 @@ def _figure(page: Page, made: motion.SyntheticSet, dive: ocp.DiveSolution, marke
         f" {_folded(generated):.3f} for 107B; it falls below one half at {100 * late['best']:.1f} %,"
         f" {100 * late['worst']:.1f} % and {100 * _exit(generated):.1f} % of the flight. Looseness"
         " and delay were put in,"
-        " and can be read off markers with noise. Marker errors and scales do not tell the groups"
-        " apart: neither"
-        " was put in. The thesis finds a higher weight of its generated dive too (4.2.1), among real dives."
+        " and can be read off markers with noise. Nothing was put in that would change marker"
+        " errors or scales."
+        " The thesis finds a higher weight of its generated dive too (4.2.1), among real dives."
     )
 
 
