@@ -261,6 +261,16 @@ def test_the_arm_names_its_false_convergence(folder: Path) -> None:
     assert cells.count("false convergence") == 1 and cells.count("converged") == 7
 
 
+def test_part_three_splits_matches_and_polishes(folder: Path) -> None:
+    assert read(folder / "timescales.html").cells.count("2/4/2") == 4
+    assert read(folder / "matching.html").cells.count("matched") == 2
+    cells = read(folder / "extremals.html").cells
+    assert cells.count("converged") == 7 and cells.index("0.315093600") < cells.index("0.321777232")
+    figures = {path.stem for path in (folder / "figures").glob("*.png")}
+    assert {"strategy", "arm-drawing", "arm-stages", "arm-projections", "exponents", "subspaces"} < figures
+    assert {"arm-placed", "arm-followed", "arm-matched", "arm-errors", "extremals-paths"} < figures
+
+
 def test_located_events_keep_the_orders_of_the_top(measurements: tour.Measurements) -> None:
     located, switched = measurements.top_orders[True], measurements.top_orders[False]
     for name, stated in {"sie": 1, "sv": 1, "mp": 2, "heun": 2, "rk4": 2, "rkmk": 4, "rkmk5": 5}.items():
