@@ -106,6 +106,7 @@ __all__ = [
     "EnergyStudy",
     "Event",
     "Extremal",
+    "Following",
     "Force",
     "ForceModel",
     "FreeBody",
@@ -2153,6 +2154,7 @@ _Direction: TypeAlias = Literal["forward", "backward"]
 _Dims: TypeAlias = tuple[int, int, int]
 _EndStates: TypeAlias = Sequence[float | None] | _Floats
 _Pair: TypeAlias = tuple[float, float] | Sequence[float]
+_PlacedStatus: TypeAlias = Literal["placed", "stalled", "max_iterations", "singular_costates", "flow"]
 _OfPoint: TypeAlias = Callable[[_Floats], ArrayLike]
 
 @final
@@ -2313,13 +2315,29 @@ class Placement:
     @property
     def max_iterations(self) -> int: ...
     def place(self, flow: VariationalFlow, p: ArrayLike, direction: _Direction = "forward") -> Placed: ...
+    def following(
+        self, flow: VariationalFlow, optimum: Extremal, error: ArrayLike, sizes: ArrayLike, bound: float
+    ) -> list[Following]: ...
+
+@final
+class Following:
+    @property
+    def size(self) -> float: ...
+    @property
+    def without_placement(self) -> float: ...
+    @property
+    def with_placement(self) -> float: ...
+    @property
+    def status(self) -> _PlacedStatus: ...
+    @property
+    def left(self) -> float: ...
 
 @final
 class Placed:
     @property
     def p(self) -> _Floats: ...
     @property
-    def status(self) -> Literal["placed", "stalled", "max_iterations", "singular_costates", "flow"]: ...
+    def status(self) -> _PlacedStatus: ...
     @property
     def message(self) -> str: ...
     @property

@@ -92,6 +92,23 @@ def test_the_thesis_motion_is_not_the_cheapest() -> None:
     assert ranked[0].cost == pytest.approx(ranked[0].extremal.cost(), rel=1e-12)
 
 
+def test_placed_motions_follow_the_optimum_for_longer(found: ftla.Continued) -> None:
+    placement = ftla.Placement((2, 4, 2), [0, 2], np.arange(0.25, 3.6, 0.25))
+    flow = ftla.VariationalFlow(ftla.arm(), rtol=1e-10, max_steps=2000)
+    error = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0]
+    followed = placement.following(flow, found.extremal, error, [1e-4, 1e-6], 0.2)
+    assert [each.size for each in followed] == [1e-4, 1e-6]
+    assert all(each.status == "placed" and each.left < 1e-5 for each in followed)
+    assert all(each.with_placement > each.without_placement + 1.0 for each in followed)
+    assert followed[1].without_placement > followed[0].without_placement
+    with pytest.raises(errors.FtlaInputError, match="bound"):
+        placement.following(flow, found.extremal, error, [1e-4], 0.0)
+    with pytest.raises(errors.FtlaInputError, match="dimension 2"):
+        placement.following(
+            ftla.VariationalFlow(ftla.cubic_regulator()), found.extremal, [0.0, 1.0], [1e-4], 0.1
+        )
+
+
 def test_a_least_squares_match_polishes_to_rounding(matching: ftla.Matching, found: ftla.Continued) -> None:
     matched = matching.least_squares([0])
     assert matched.status == "matched" and matched.success and matched.mismatch < 2e-3

@@ -58,10 +58,10 @@ mod _somersault {
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]
     use crate::ftla::{
-        Chain, Continued, Diagnosis, Extremal, Matched, Matching, Placed, Placement, Spectrum, Splitting,
-        Subspace, System, Transition, VariationalFlow, arm, continue_through, cubic_regulator, diagnose,
-        linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot, slow_subspace, travel_arm,
-        tree,
+        Chain, Continued, Diagnosis, Extremal, Following, Matched, Matching, Placed, Placement, Spectrum,
+        Splitting, Subspace, System, Transition, VariationalFlow, arm, continue_through, cubic_regulator,
+        diagnose, linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot, slow_subspace,
+        travel_arm, tree,
     };
     #[pymodule_export]
     use crate::integrate::integrate;

@@ -235,31 +235,37 @@ pub(crate) struct Placed {
     n_flow_evaluations: usize,
 }
 
+/// What Python calls a status.
+pub(crate) fn status_of(status: &PlacementStatus) -> &'static str {
+    match status {
+        PlacementStatus::Placed => "placed",
+        PlacementStatus::Stalled => "stalled",
+        PlacementStatus::MaxIterations => "max_iterations",
+        PlacementStatus::SingularCostates => "singular_costates",
+        PlacementStatus::Flow(_) => "flow",
+    }
+}
+
 impl Placed {
     fn of<const N: usize>(placed: placement::Placed<N>) -> Self {
-        let (status, message) = match placed.status {
-            PlacementStatus::Placed => {
-                ("placed", "the angle is within the tolerance at the last averaging time".to_owned())
-            }
+        let message = match &placed.status {
+            PlacementStatus::Placed => "the angle is within the tolerance at the last averaging time",
             PlacementStatus::Stalled => {
-                let what = "no step lowers the angle: the point is out of reach of this averaging time";
-                ("stalled", what.to_owned())
+                "no step lowers the angle: the point is out of reach of this averaging time"
             }
-            PlacementStatus::MaxIterations => {
-                ("max_iterations", "the iterations for one averaging time are used up".to_owned())
-            }
+            PlacementStatus::MaxIterations => "the iterations for one averaging time are used up",
             PlacementStatus::SingularCostates => {
-                let what =
-                    "the costates solved for do not move the field along the fast directions: hold others";
-                ("singular_costates", what.to_owned())
+                "the costates solved for do not move the field along the fast directions: hold others"
             }
-            PlacementStatus::Flow(error) => {
-                ("flow", format!("the motion cannot be followed for the averaging time: {error}"))
-            }
+            PlacementStatus::Flow(_) => "the motion cannot be followed for the averaging time",
+        };
+        let message = match &placed.status {
+            PlacementStatus::Flow(error) => format!("{message}: {error}"),
+            _ => message.to_owned(),
         };
         Self {
             p: placed.p.as_slice().to_vec(),
-            status,
+            status: status_of(&placed.status),
             message,
             angle: placed.angle,
             time: placed.time,

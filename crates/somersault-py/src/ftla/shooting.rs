@@ -73,7 +73,8 @@ pub(crate) struct Extremal {
 }
 
 impl Extremal {
-    fn typed<const N: usize>(&self) -> shooting::Extremal<N> {
+    /// The same in the dimension N.
+    pub(crate) fn typed<const N: usize>(&self) -> shooting::Extremal<N> {
         let nodes = &self.nodes;
         shooting::Extremal {
             times: nodes.times.clone(),
@@ -89,6 +90,14 @@ impl Extremal {
 
     fn dimension(&self) -> usize {
         self.system.get().dimension
+    }
+
+    /// Fails unless its system has this dimension.
+    pub(crate) fn expect_dimension(&self, expected: usize) -> Result<(), Error> {
+        if self.dimension() == expected {
+            return Ok(());
+        }
+        Err(input(format!("the extremal must be of dimension {expected}, found {}", self.dimension())))
     }
 
     /// Times of the nodes as fractions of the horizon, and the nodes one after the other.
