@@ -141,3 +141,17 @@ def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="array of object"):
         somersault.save(tmp_path / "a", np.array([None]))
     assert not list(tmp_path.iterdir())
+
+
+def test_fitted_scorers_and_recordings_come_back_as_they_were(tmp_path: Path) -> None:
+    motion = pytest.importorskip("somersault.motion")
+    rng = np.random.default_rng(0)
+    t = np.linspace(0.0, 1.0, 30)
+    path = np.stack([t, 0 * t, 3.0 - 4.9 * t**2], axis=1)
+    motions = [motion.Performance(t, rng.normal(size=(30, 4)), path) for _ in range(8)]
+    scorer = motion.ScoringModel(motions, rng.normal(size=8))
+    recording = motion.MarkerRecording(["a"], t, rng.normal(size=(30, 1, 3)))
+    somersault.save(tmp_path / "both", [scorer, recording])
+    learnt, recorded = somersault.load(tmp_path / "both")
+    assert [learnt.score(m) for m in motions] == [scorer.score(m) for m in motions]
+    assert (recorded.points == recording.points).all()
