@@ -24,7 +24,7 @@ test: lint test-rust test-python
 lint: $(VENV)/.extension-dev
 	cargo fmt --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	$(BIN)/ruff check python tests/python benches/peers
+	$(BIN)/ruff check docs python tests/python benches/peers
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 

@@ -25,9 +25,8 @@ try:
 except ImportError as _error:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'") from _error
 
-from somersault._motion_plots import motion_groups
-
 from somersault._ftla_figures import compare_motions, exponents, projections, subspace_angles
+from somersault._motion_plots import motion_groups
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
