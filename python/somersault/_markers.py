@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from somersault._somersault import MarkerRecording, MarkerSet
 from somersault.errors import InputError
@@ -71,6 +70,9 @@ def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> Ma
     InputError
         If frames are not at equal distances, or `cutoff` or `order` are not allowed.
     """
+    # the largest part of the time that importing the package would take
+    from scipy import signal
+
     times = np.asarray(recording.times)
     steps = np.diff(times)
     if len(steps) == 0 or np.ptp(steps) > _UNIFORM * steps.mean():

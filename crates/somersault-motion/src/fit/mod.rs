@@ -13,7 +13,7 @@
 //! Method: Levenberg–Marquardt with the Jacobians of the tree, on the group of each joint; every step minimises the
 //! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
 //! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
-//! laid over the markers.
+//! laid over the markers. Frames whose residuals are 1.3 times the median are then tried from their successors.
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 

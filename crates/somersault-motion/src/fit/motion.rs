@@ -75,6 +75,9 @@ impl MotionFit {
     }
 }
 
+/// Residuals this many times their median may come from a wrong minimum.
+const UNUSUAL: f64 = 1.3;
+
 /// Rounds of the search for a common scale, at most.
 const MAX_ROUNDS: usize = 50;
 
@@ -109,11 +112,36 @@ impl MarkerFit {
             estimate.clone_from(&found.estimate);
             frames.push(found);
         }
+        self.go_back(&mut fitter, &targets, &mut frames)?;
         let mut motion = MotionFit { times: recording.times().to_vec(), frames, scale_converged: true };
         if let Scale::Common { lower, upper } = self.options.scale {
             self.share_scale(&targets, &mut motion, [lower, upper])?;
         }
         Ok(motion)
+    }
+
+    /// Fits frames with unusual residuals again, from the last to the first, each from its successor, and keeps the better.
+    ///
+    /// Where two axes of a joint come near each other its angles have two branches, and noise may lead frames onto the one
+    /// that ends at a limit. What comes after is on the right one again.
+    fn go_back(
+        &self,
+        fitter: &mut FrameFitter,
+        targets: &[Targets],
+        frames: &mut [FrameFit],
+    ) -> Result<(), FitError> {
+        let mut sizes: Vec<f64> = frames.iter().filter_map(|f| f.rms).collect();
+        sizes.sort_by(f64::total_cmp);
+        let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(()) };
+        for i in (0..frames.len().saturating_sub(1)).rev() {
+            if frames[i].rms.is_some_and(|rms| rms > UNUSUAL * median) {
+                let again = fitter.fit(&targets[i], &frames[i + 1].estimate)?;
+                if again.cost < frames[i].cost {
+                    frames[i] = again;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// For each frame a target for each marker of the model.
