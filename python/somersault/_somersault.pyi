@@ -1389,7 +1389,7 @@ class CartPendulumProblem:
         self,
         z: ArrayLike | Report | None = None,
         *,
-        solver: Literal["sqp", "sqp_bfgs", "lbfgs", "gradient_descent"] = "sqp",
+        solver: Literal["sqp", "sqp_filter", "sqp_bfgs", "lbfgs", "gradient_descent"] = "sqp",
         tol: float | None = None,
         max_iterations: int | None = None,
         max_time: float | None = None,

@@ -288,7 +288,7 @@ fn recording(
 
 /// The list as text that [`read`] reads; lines that are made up are labelled SYNTHETIC, and so is the list.
 pub fn write(list: &JudgedList) -> Result<String, WriteError> {
-    const ALLOWED: &str = "names without comma, quote, line break or blanks around them";
+    const ALLOWED: &str = "names without comma, quote, number sign, line break or blanks around them";
     let mut out = String::new();
     if list.motions.iter().any(|m| m.synthetic) {
         out.push_str("# SYNTHETIC: motions or scores are made up\n");
@@ -301,7 +301,7 @@ pub fn write(list: &JudgedList) -> Result<String, WriteError> {
     }
     out.push('\n');
     for motion in &list.motions {
-        writers::expect_name(&motion.file, &[',', '"'], ALLOWED)?;
+        writers::expect_name(&motion.file, &[',', '"', '#'], ALLOWED)?;
         out.push_str(&format!("{},{},{}", motion.file, motion.score, motion.synthetic));
         motion.features.iter().for_each(|x| out.push_str(&format!(",{x}")));
         out.push('\n');

@@ -296,8 +296,10 @@ def _compute(
         executor = ThreadPoolExecutor(n_workers, thread_name_prefix="somersault-sweep")
     else:
         # Not pure: a pure task of equal arguments would come from what the cluster remembers.
-        executor = client.get_executor(pure=False)
-        n_workers = max(1, sum(client.ncores().values()))
+        # distributed annotates neither of the two
+        cluster: Any = client
+        executor = cluster.get_executor(pure=False)
+        n_workers = max(1, sum(cluster.ncores().values()))
     size = min(_TASK_POINTS, max(1, len(todo) // (4 * n_workers)))
     alone: deque[tuple[int, Any]] = deque()
     running: dict[Future[list[bytes]], list[tuple[int, Any]]] = {}

@@ -84,6 +84,9 @@ impl LeastSquares {
             if (branches[0].meeting - branches[1].meeting).norm() <= self.tolerance {
                 break MatchStatus::Matched;
             }
+            if unknowns == 0 {
+                break MatchStatus::Exhausted;
+            }
             if counts.rounds == self.max_rounds {
                 break MatchStatus::MaxRounds;
             }

@@ -287,12 +287,16 @@ impl Placement {
 }
 
 /// Every choice of costates to hold, best first, with the smallest singular value of the fast directions' components along
-/// the costates solved for: near zero where these cannot move the field out of the fast directions (10.1).
+/// the costates solved for: near zero where these cannot move the field out of the fast directions (10.1). Without fast
+/// directions all are held, and nothing limits them.
 pub fn rank_held_costates<const N: usize>(slow: &Subspace<N>) -> Vec<(Vec<usize>, f64)> {
     let (n, fast) = (N / 2, slow.complement());
     let basis: Vec<_> = fast.basis().collect();
     if basis.len() > n {
         return Vec::new();
+    }
+    if basis.is_empty() {
+        return vec![((0..n).collect(), f64::INFINITY)];
     }
     let choices = (0u32..1 << n).filter(|bits| bits.count_ones() as usize == basis.len());
     let mut ranked: Vec<(Vec<usize>, f64)> = choices

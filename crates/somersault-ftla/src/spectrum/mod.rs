@@ -163,7 +163,7 @@ impl SplittingDims {
     /// Fails unless the three add up to `N`.
     pub fn check<const N: usize>(self) -> Result<Self, SpectrumError> {
         let Self { stable, center, unstable } = self;
-        if stable + center + unstable == N {
+        if stable.saturating_add(center).saturating_add(unstable) == N {
             Ok(self)
         } else {
             Err(SpectrumError::Dimensions { stable, center, unstable, expected: N })

@@ -37,6 +37,10 @@ pub(super) fn decompose<const N: usize>(links: &[Transition<N>]) -> (SVector<f64
         let mut rows = SMatrix::<f64, N, N>::zeros();
         for i in 0..N {
             for k in i..N {
+                // a direction that is decoupled stays so, however large the ratio of sizes
+                if r[(i, k)] == 0.0 {
+                    continue;
+                }
                 let factor = r[(i, k)] * (before[k] - before[i]).exp();
                 for j in k..N {
                     rows[(i, j)] += factor * u[(k, j)];

@@ -90,6 +90,8 @@ pub fn validate(
     features: &[(&str, &[f64])],
 ) -> Result<Validation, ScoringError> {
     options.check(motions.len(), scores, 3)?;
+    // with four only the resample that has all of them can be validated, and the interval would be a point
+    expect_least("motions", motions.len(), 5)?;
     expect_least("resamples", validation.n_resamples, 1)?;
     if !(validation.level > 0.0 && validation.level < 1.0) {
         return Err(ScoringError::NonFinite { argument: "level, between 0 and 1" });

@@ -180,8 +180,10 @@ impl Dive {
         expect_positive("duration", self.duration.lower)?;
         for range in &self.windows {
             let Range { lower, upper } = *range;
-            if lower.is_nan() || upper.is_nan() || lower > upper {
-                return Err(DiveError::Range { argument: "windows", lower, upper });
+            if !(0.0 <= lower && lower < upper && upper <= 1.0) {
+                let found = if (0.0..1.0).contains(&lower) { upper } else { lower };
+                let allowed = "shares with 0 ≤ lower < upper ≤ 1";
+                return Err(DiveError::OutOfRange { argument: "windows", allowed, found });
             }
         }
         if !(self.square_out > 0.0 && self.square_out <= 1.0) {
@@ -210,7 +212,7 @@ impl Dive {
             }
         }
         if let Some(clearance) = self.clearance {
-            expect_finite("clearance.distance", clearance.distance)?;
+            expect_not_negative("clearance.distance", clearance.distance)?;
         }
         Ok(())
     }

@@ -320,8 +320,9 @@ pub(crate) fn py_follow(
         return Err(input(format!("`family` must have systems of dimension {n} as `start` has")));
     }
     let (fractions, nodes) = start.fractions();
-    let last = given(1.0)?.0;
     let way =
         attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))??;
-    way.into_python(py, last, &polish)
+    // the nodes are those of the member that was reached
+    let reached = given(way.s)?.0;
+    way.into_python(py, reached, &polish)
 }

@@ -317,7 +317,7 @@ impl Matched {
     /// ndarray, shape (m, dimension)
     fn nodes<'py>(&self, py: Python<'py>, times: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let times = real_numbers("times", times)?;
-        let Some(matching) = &self.matching else {
+        let Some(matching) = self.matching.as_ref().filter(|_| self.status != "no_start") else {
             return Err(input("this match has no motion".to_owned()));
         };
         let matching = matching.get();

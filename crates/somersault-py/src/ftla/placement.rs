@@ -145,7 +145,8 @@ impl Placement {
         };
         positive("tol", tol)?;
         let placement = Self { dims, held, schedule, method, tol, max_iterations };
-        for_dimension!(dims.stable + dims.center + dims.unstable, check(&placement))?;
+        let dimension = dims.stable.saturating_add(dims.center).saturating_add(dims.unstable);
+        for_dimension!(dimension, check(&placement))?;
         Ok(placement)
     }
 

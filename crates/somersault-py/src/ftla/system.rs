@@ -12,6 +12,9 @@ use somersault::ftla::system::{ArmMinimumTorque, HamiltonianSystem, OptimalContr
 use std::any::Any;
 use std::sync::Arc;
 
+/// Controls that a user's system may have: what is asked for beyond is a slip, and no memory is there for it.
+const MOST_CONTROLS: usize = 1000;
+
 /// The state–costate system of an optimal control problem, dp/dt = h(p) with p = (x, λ), as a user's own callables.
 ///
 /// `arm`, `tree`, `linear_regulator` and `cubic_regulator` make those of the library, which need no Python code.
@@ -167,6 +170,11 @@ impl System {
     ) -> Result<Self, Error> {
         if !DIMENSIONS.contains(&dimension) {
             return Err(no_such("dimension", dimension));
+        }
+        if !(1..=MOST_CONTROLS).contains(&n_controls) {
+            return Err(input(format!(
+                "`n_controls` must be between 1 and {MOST_CONTROLS}, found {n_controls}"
+            )));
         }
         let callable = |name: &str, value: &Bound<'_, PyAny>| {
             check_callable(name, "of p", value).map(|()| value.clone().unbind())
