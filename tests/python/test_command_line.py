@@ -238,7 +238,7 @@ def test_exit_codes(
     ball = str(EXAMPLES / "ball.toml")
     assert main(["integrate", str(tmp_path / "none.toml")]) == 2
     assert main(["integrate", ball, "--out", str(tmp_path / "a.xlsx")]) == 2
-    assert main(["integrate", ball, "--out", str(tmp_path / "none" / "a.csv")]) == 1
+    assert main(["integrate", ball, "--out", str(tmp_path / "none" / "a.csv")]) == 2
     assert main(["bench", "rk5"]) == 2
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["integrate", ball, "--out", str(tmp_path / "a.parquet")]) == 3
@@ -246,6 +246,30 @@ def test_exit_codes(
     with pytest.raises(SystemExit) as ended:
         main(["integrate"])
     assert ended.value.code == 2
+
+
+def test_outputs_are_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def worked(*_: object, **__: object) -> None:
+        raise AssertionError("the dive was sought")
+
+    monkeypatch.setattr("somersault.cli.dive._posed", worked)
+    example = str(EXAMPLES / "dive.toml")
+    assert main(["dive", example, "--out", str(tmp_path / "a.xyz")]) == 2
+    assert "must end in .parquet, .csv, .json" in capsys.readouterr().err
+    for option in ("--out", "--html"):
+        assert main(["dive", example, option, str(tmp_path / "none" / "a.csv")]) == 2
+        assert "there is no folder" in capsys.readouterr().err
+
+
+def test_a_name_that_occurs_twice_in_json_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "twice.json"
+    path.write_text('{"run": {"dt": 0.1, "dt": 0.2}}')
+    assert main(["integrate", str(path)]) == 2
+    assert "`dt` occurs twice" in capsys.readouterr().err
 
 
 def test_a_reader_may_stop_reading() -> None:

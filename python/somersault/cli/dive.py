@@ -20,6 +20,7 @@ _DIVES = {"107b": (ocp.dive_107b, multibody.diver_planar), "5174d": (ocp.dive_51
 def dive(arguments: argparse.Namespace) -> int:
     """Optimises, integrates what was found by other means, and writes the curves and a summary."""
     document = read(arguments.file, "dive")
+    _check_outputs(arguments)
     posed = _posed(document)
     solving = dict(document.values.get("solve", {}))
     n_starts = solving.pop("n_starts", None)
@@ -41,6 +42,13 @@ def dive(arguments: argparse.Namespace) -> int:
         scene.add(best.dive.diver.model, best.t, best.q).water(0.0).write(arguments.html)
     print(json.dumps(_summary(best), indent=2))
     return 0 if best.success else 1
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    if arguments.out:
+        tables.check(arguments.out, arguments.format)
+    if arguments.html:
+        tables.check(arguments.html, "csv")
 
 
 def _posed(document: Document) -> ocp.Dive:

@@ -90,8 +90,16 @@ def _parse_json(text: str, path: Path) -> Any:
     def constant(name: str) -> float:
         raise DocumentError(f"{path}: {name} is not a number of JSON")
 
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        values = dict(pairs)
+        if len(values) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise DocumentError(f"{path}: `{twice}` occurs twice in one table")
+        return values
+
     try:
-        return json.loads(text, parse_constant=constant)
+        return json.loads(text, parse_constant=constant, object_pairs_hook=once)
     except json.JSONDecodeError as fault:
         raise DocumentError(f"{path}:{fault.lineno}: {fault.msg[0].lower()}{fault.msg[1:]}") from None
 

@@ -34,6 +34,9 @@ _FRICTION = {
 def integrate(arguments: argparse.Namespace) -> int:
     """Integrates and writes the curves; what a run that failed had recorded is written too."""
     document = read(arguments.file, "integrate")
+    tables.check(arguments.out, arguments.format)
+    if arguments.events:
+        tables.check(arguments.events)
     run = _body_motion if "body" in document.values else _tree_motion
     status = 0
     motion: Any

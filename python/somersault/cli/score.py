@@ -27,6 +27,7 @@ def score(arguments: argparse.Namespace) -> int:
     # Imported here, since it needs a good part of SciPy.
     motion: Any = importlib.import_module("somersault.motion")
     document = read(arguments.file, "score")
+    tables.check(arguments.out, arguments.format)
     judged = document.values.get("judged", [])
     summary: dict[str, Any] = {}
     rows: list[tuple[str, float, float]] = []

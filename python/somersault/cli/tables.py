@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from somersault.errors import InputError
 
-__all__ = ["FORMATS", "Columns", "Missing", "curves", "write"]
+__all__ = ["FORMATS", "Columns", "Missing", "check", "curves", "write"]
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -45,14 +45,35 @@ def curves(**named: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return columns
 
 
+def check(path: Path | None, kind: str | None = None) -> None:
+    """Refuses, before the work is done, what `write` would refuse after it."""
+    if _format(path, kind) == "parquet":
+        _parquet()
+    if path is not None and not path.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {path.parent}")
+
+
+def _format(path: Path | None, kind: str | None) -> str:
+    kind = kind or (path.suffix.lower().lstrip(".") if path else "csv")
+    if kind not in FORMATS:
+        raise InputError(f"{path}: the name must end in .{', .'.join(FORMATS)}, or --format must be given")
+    return kind
+
+
+def _parquet() -> Any:
+    try:
+        import pyarrow.parquet
+    except ModuleNotFoundError as fault:
+        raise Missing("Parquet needs pyarrow: pip install 'somersault[parquet]'") from fault
+    return pyarrow
+
+
 def write(columns: Columns, path: Path | None, kind: str | None = None) -> None:
     """Writes columns to a file, in the format of its name, or to the standard output as CSV.
 
     JSON is an object of lists. CSV has one line of names; an empty cell or a null is a value there is not.
     """
-    kind = kind or (path.suffix.lower().lstrip(".") if path else "csv")
-    if kind not in FORMATS:
-        raise InputError(f"{path}: the name must end in .{', .'.join(FORMATS)}, or --format must be given")
+    kind = _format(path, kind)
     if kind == "parquet":
         _write_parquet(columns, path)
         return
@@ -61,11 +82,7 @@ def write(columns: Columns, path: Path | None, kind: str | None = None) -> None:
 
 
 def _write_parquet(columns: Columns, path: Path | None) -> None:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ModuleNotFoundError as fault:
-        raise Missing("Parquet needs pyarrow: pip install 'somersault[parquet]'") from fault
+    pyarrow = _parquet()
     table = pyarrow.table({name: pyarrow.array(list(values)) for name, values in columns.items()})
     pyarrow.parquet.write_table(table, path or sys.stdout.buffer)
 
