@@ -67,7 +67,8 @@ fn iterations_of_a_fit_do_not_allocate() {
         let base = Shape::Eigenpostures(EigenpostureBase::try_new(&postures).unwrap());
         for shape in [Shape::Joints, base] {
             for loss in [Loss::Squares, Loss::Huber(0.01), Loss::Cauchy(0.01)] {
-                let (few, many) = (fit(&diver, &shape, loss, 2), fit(&diver, &shape, loss, 12));
+                // enough for both to try the same frames again
+                let (few, many) = (fit(&diver, &shape, loss, 20), fit(&diver, &shape, loss, 60));
                 assert!(many.1 > 2 * few.1, "{few:?}, {many:?}");
                 assert_eq!(few.0, many.0, "{:?}, {loss:?}: {few:?}, {many:?}", diver.dimension);
             }
