@@ -77,6 +77,8 @@ impl MotionFit {
 
 /// Residuals this many times their median may come from a wrong minimum.
 const UNUSUAL: f64 = 1.3;
+/// Residuals below it are rounding, m.
+const ROUNDING: f64 = 1e-9;
 
 /// Rounds of the search for a common scale, at most.
 const MAX_ROUNDS: usize = 50;
@@ -134,11 +136,16 @@ impl MarkerFit {
         sizes.sort_by(f64::total_cmp);
         let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(()) };
         for i in (0..frames.len().saturating_sub(1)).rev() {
-            if frames[i].rms.is_some_and(|rms| rms > UNUSUAL * median) {
+            if frames[i].rms.is_some_and(|rms| rms > UNUSUAL * median + ROUNDING) {
                 let again = fitter.fit(&targets[i], &frames[i + 1].estimate)?;
                 if again.cost < frames[i].cost {
                     frames[i] = again;
                 }
+            }
+        }
+        for i in 1..frames.len() {
+            if frames[i].status == FitStatus::NoMarkers {
+                frames[i].estimate = frames[i - 1].estimate.clone();
             }
         }
         Ok(())
