@@ -7,6 +7,7 @@ half widths. Two equal rows one after the other make an edge.
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,7 +69,7 @@ def rgb(name: str, value: str) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Shape:
+class Shape(ABC):
     """A solid, in a color `#rrggbb`; that of the motion unless given. Checkers show how it spins."""
 
     color: str | None = None
@@ -79,18 +80,19 @@ class Shape:
             rgb("color", self.color)
 
     @property
+    @abstractmethod
     def position(self) -> Array:
         """Where the solid's own axes are, in the body."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def rotation(self) -> Rotation:
         """From the solid's own axes to the body's."""
-        raise NotImplementedError
 
     @property
     def rings(self) -> Array:
         """The skin of a round solid in its own axes: rows (z, x, y, a, b)."""
+        # a box is not round, and is drawn without them
         raise NotImplementedError
 
     @property
