@@ -5,7 +5,10 @@ use libfuzzer_sys::fuzz_target;
 use somersault_motion::readers::c3d;
 
 fuzz_target!(|file: &[u8]| {
-    let Ok(recording) = c3d::read(file, &c3d::Options::default()) else { return };
-    assert_eq!(recording.frames().len(), recording.times().len());
-    let _ = recording.fill_gaps(0.1);
+    for nan_is_gap in [false, true] {
+        let options = c3d::Options { nan_is_gap, ..c3d::Options::default() };
+        let Ok(recording) = c3d::read(file, &options) else { continue };
+        assert_eq!(recording.frames().len(), recording.times().len());
+        let _ = recording.fill_gaps(0.1);
+    }
 });

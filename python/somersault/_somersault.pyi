@@ -1610,7 +1610,12 @@ class SkeletonRecording:
 
 def read_bvh(source: _Source, *, unit: str, up: str = "y", forward: str = "z") -> SkeletonRecording: ...
 def read_c3d(
-    source: _Source, *, unit: str = "mm", up: str = "z", forward: str = "x"
+    source: _Source,
+    *,
+    unit: str = "mm",
+    up: str = "z",
+    forward: str = "x",
+    nan_is_gap: bool = False,
 ) -> MarkerRecording: ...
 def read_trc(
     source: _Source, *, up: str = "y", forward: str = "x", nan_is_gap: bool = False

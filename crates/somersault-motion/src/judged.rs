@@ -21,12 +21,15 @@ use crate::readers::{
     LoadError, MarkerOptions, Place, ReadError, bvh, c3d, csv, joint_motion, load, number, text, trc,
     unexpected,
 };
-use crate::recording::{Convention, LengthUnit, MarkerRecording, RecordingError};
+use crate::recording::{Convention, LengthUnit, MarkerRecording, RecordingError, SkeletonRecording};
 use crate::scoring::{Performance, ScoringError};
 use crate::writers::{self, WriteError};
 use ::csv::StringRecord;
 use somersault_multibody::models::Diver;
 use std::path::{Component, Path, PathBuf};
+
+/// The name of the list in a folder that [`JudgedSet::save`] writes.
+const LIST: &str = "judged.csv";
 
 /// A line of the list.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +60,7 @@ pub struct JudgedList {
 pub struct JudgedOptions {
     /// Axes, and the unit where a file has none.
     pub convention: Convention,
-    /// Whether NaN in text files of markers is a gap.
+    /// Whether NaN in files of markers is a gap.
     pub nan_is_gap: bool,
     /// The longest gap that is filled, s. Gaps that are left are errors.
     pub longest_gap: f64,
@@ -100,6 +103,14 @@ pub enum JudgedError {
     /// A file has no known ending.
     #[error("line {line} of the list: `{file}` must end in .csv, .trc, .c3d, .bvh, .json or .txt")]
     UnknownFormat {
+        /// Line in the list, from 1.
+        line: usize,
+        /// The file.
+        file: String,
+    },
+    /// A motion cannot be saved under its name.
+    #[error("line {line} of the list: `{file}` must end in .csv to be saved")]
+    NotCsv {
         /// Line in the list, from 1.
         line: usize,
         /// The file.
@@ -275,20 +286,32 @@ fn recording(
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let JudgedOptions { convention, nan_is_gap, diver, .. } = *options;
     let markers = MarkerOptions { convention, nan_is_gap };
+    let centres = |read: Result<SkeletonRecording, LoadError>| {
+        let unread = |source| JudgedError::Motion { line: motion.line, source };
+        read.map_err(unread)?.joint_centres().map_err(|source| JudgedError::Recording {
+            line: motion.line,
+            file: motion.file.clone(),
+            source,
+        })
+    };
     let found = match ending.as_str() {
         "csv" => load(path, |bytes| csv::read(text(bytes)?, &markers)),
         "trc" => load(path, |bytes| trc::read(text(bytes)?, &markers)),
-        "c3d" => load(path, |bytes| c3d::read(bytes, &c3d::Options { convention })),
-        "bvh" => load(path, |bytes| Ok(bvh::read(text(bytes)?, &convention)?.joint_centres()?)),
-        "json" | "txt" => load(path, |bytes| Ok(joint_motion::read(text(bytes)?, &diver)?.joint_centres()?)),
+        "c3d" => load(path, |bytes| c3d::read(bytes, &c3d::Options { convention, nan_is_gap })),
+        "bvh" => return centres(load(path, |bytes| bvh::read(text(bytes)?, &convention))),
+        "json" | "txt" => return centres(load(path, |bytes| joint_motion::read(text(bytes)?, &diver))),
         _ => return Err(JudgedError::UnknownFormat { line: motion.line, file: motion.file.clone() }),
     };
     found.map_err(|source| JudgedError::Motion { line: motion.line, source })
 }
 
 /// The list as text that [`read`] reads; lines that are made up are labelled SYNTHETIC, and so is the list.
+///
+/// Fails where `read` would: a file that is listed twice or is not below the folder, a score or feature that
+/// is not finite, another number of features than names.
 pub fn write(list: &JudgedList) -> Result<String, WriteError> {
     const ALLOWED: &str = "names without comma, quote, number sign, line break or blanks around them";
+    expect_list(list)?;
     let mut out = String::new();
     if list.motions.iter().any(|m| m.synthetic) {
         out.push_str("# SYNTHETIC: motions or scores are made up\n");
@@ -307,6 +330,30 @@ pub fn write(list: &JudgedList) -> Result<String, WriteError> {
         out.push('\n');
     }
     Ok(out)
+}
+
+fn expect_list(list: &JudgedList) -> Result<(), WriteError> {
+    let name = |name: &String, allowed| Err(WriteError::Name { name: name.clone(), allowed });
+    let mut seen = std::collections::HashSet::new();
+    for column in &list.feature_names {
+        if ["motion", "score", "synthetic"].contains(&column.as_str()) || !seen.insert(column) {
+            return name(column, "features other than motion, score and synthetic, each once");
+        }
+    }
+    let mut seen = std::collections::HashSet::new();
+    for (k, motion) in list.motions.iter().enumerate() {
+        if file(Place::Line(motion.line), &motion.file).is_err() || !seen.insert(&motion.file) {
+            return name(&motion.file, "files below the folder of the list, each once");
+        }
+        let (expected, found) = (list.feature_names.len(), motion.features.len());
+        if found != expected {
+            return Err(WriteError::Features { motion: k, expected, found });
+        }
+        if let Some(&found) = [motion.score].iter().chain(&motion.features).find(|x| !x.is_finite()) {
+            return Err(WriteError::NonFinite { motion: k, found });
+        }
+    }
+    Ok(())
 }
 
 impl JudgedSet {
@@ -335,7 +382,7 @@ impl JudgedSet {
 
     /// Writes the list as `judged.csv` and its motions into `folder`, under the names that the list has: they
     /// end in `.csv`, and are markers in m, z up. Files of motions that are made up begin with a comment that
-    /// says SYNTHETIC.
+    /// says SYNTHETIC. Nothing is written where the list or a motion cannot be.
     pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), JudgedError> {
         let folder = folder.as_ref();
         let put = |name: &str, content: String| {
@@ -345,14 +392,26 @@ impl JudgedSet {
             written.map_err(|error| JudgedError::Io { path, reason: error.to_string() })
         };
         let metres = Convention::z_up(LengthUnit::Metre);
+        let (expected, found) = (self.list.motions.len(), self.recordings.len());
+        if found != expected {
+            return Err(WriteError::Recordings { expected, found }.into());
+        }
+        let list = write(&self.list)?;
+        let mut files = Vec::with_capacity(found);
         for (motion, recording) in self.list.motions.iter().zip(&self.recordings) {
             if !motion.file.ends_with(".csv") {
-                return Err(JudgedError::UnknownFormat { line: motion.line, file: motion.file.clone() });
+                return Err(JudgedError::NotCsv { line: motion.line, file: motion.file.clone() });
+            }
+            // some file systems do not know case
+            if motion.file.eq_ignore_ascii_case(LIST) {
+                let allowed = "names other than judged.csv, which is that of the list";
+                return Err(WriteError::Name { name: motion.file.clone(), allowed }.into());
             }
             let label =
                 if motion.synthetic { "# SYNTHETIC: this motion or its score is made up\n" } else { "" };
-            put(&motion.file, label.to_owned() + &writers::csv::write(recording, &metres)?)?;
+            files.push((&motion.file, label.to_owned() + &writers::csv::write(recording, &metres)?));
         }
-        put("judged.csv", write(&self.list)?)
+        files.into_iter().try_for_each(|(name, content)| put(name, content))?;
+        put(LIST, list)
     }
 }

@@ -2,8 +2,8 @@
 //!
 //! Any hierarchy and any order of channels. The rotations of a joint are about its own turned axes, in the order of
 //! the channels: for `Zrotation Xrotation Yrotation` R = R_z R_x R_y. Position channels of a joint stand for
-//! the components of its offset. An `End Site` is a joint that does not turn, named after its parent with `_end`.
-//! Joints keep their names, which must differ. Angles are in degrees; the format has no unit of length and no axes.
+//! the components of its offset. An `End Site` is a joint that does not turn, named after its parent with `_end`,
+//! further ones of the same parent with `_end2`, `_end3`, …. Joints keep their names, which must differ. Angles are in degrees; the format has no unit of length and no axes.
 //!
 //! ```text
 //! HIERARCHY
@@ -18,8 +18,12 @@
 //! Source: M. Meredith and S. Maddock, *Motion capture file formats explained*, University of Sheffield, CS-01-11, 2001.
 
 use super::{Place, ReadError, number, unexpected};
-use crate::recording::{Convention, Skeleton, SkeletonJoint, SkeletonRecording};
+use crate::recording::{Convention, RecordingError, Skeleton, SkeletonJoint, SkeletonRecording};
 use nalgebra::{UnitQuaternion, Vector3};
+use std::collections::HashSet;
+
+/// The greatest angle, degrees: beyond, rounding alone turns a joint.
+const MOST_DEGREES: f64 = 1e9;
 
 /// A channel: what its number is to the joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +56,10 @@ struct BvhJoint {
     parent: Option<usize>,
     offset: Vector3<f64>,
     channels: Vec<Channel>,
+    /// End sites read so far.
+    n_ends: usize,
+    /// Where its name stands, or that of an end site its keyword.
+    place: Place,
 }
 
 /// Words with their lines.
@@ -138,6 +146,11 @@ impl<'a> Words<'a> {
 pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, ReadError> {
     let mut words = Words::new(text);
     let joints = hierarchy(&mut words)?;
+    let mut seen = HashSet::new();
+    if let Some(twice) = joints.iter().find(|joint| !seen.insert(joint.name.as_str())) {
+        let source = RecordingError::DuplicateName { name: twice.name.clone() };
+        return Err(ReadError::Recording { place: twice.place, source });
+    }
     words.expect("Frames:")?;
     let declared_at = words.place();
     let n_frames = words.count("a number of frames")?;
@@ -157,12 +170,14 @@ pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, Re
         return Err(unexpected(declared_at, "no channel", "at least one channel in the hierarchy"));
     }
     let (mut times, mut rotations, mut places) = (Vec::new(), Vec::new(), Vec::new());
+    let mut frames_at = Vec::new();
     for i in 0..n_frames {
         if !words.fill() {
             let found = i as u64;
             let (place, declared) = (declared_at, n_frames as u64);
             return Err(ReadError::Misdeclared { place, quantity: "frames", declared, found });
         }
+        frames_at.push(words.place());
         times.push(i as f64 * step);
         for joint in &joints {
             let (place, rotation) = pose(joint, &mut words)?;
@@ -184,8 +199,14 @@ pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, Re
         moves: moves(&joint),
         name: joint.name,
     });
-    let skeleton = Skeleton::try_new(joints.collect())?;
-    Ok(SkeletonRecording::try_new(skeleton, times, rotations, places)?)
+    let skeleton = Skeleton::try_new(joints.collect())
+        .map_err(|source| ReadError::Recording { place: Place::Line(1), source })?;
+    SkeletonRecording::try_new(skeleton, times, rotations, places).map_err(|error| match error {
+        source @ RecordingError::NonFinite { argument: "times", .. } => {
+            ReadError::Recording { place: step_at, source }
+        }
+        error => ReadError::recording(error, step_at, |frame| frames_at.get(frame).copied()),
+    })
 }
 
 fn turns(joint: &BvhJoint) -> bool {
@@ -203,6 +224,9 @@ fn pose(joint: &BvhJoint, words: &mut Words) -> Result<(Vector3<f64>, UnitQuater
         let value = words.number("the value of a channel")?;
         match *channel {
             Channel::Position(axis) => place[axis] = value,
+            Channel::Rotation(_) if value.abs() > MOST_DEGREES => {
+                return Err(unexpected(words.place(), &value.to_string(), "an angle of at most 1e9 degrees"));
+            }
             Channel::Rotation(axis) => {
                 let mut turn = Vector3::zeros();
                 turn[axis] = value.to_radians();
@@ -232,6 +256,7 @@ fn hierarchy(words: &mut Words) -> Result<Vec<BvhJoint>, ReadError> {
                 joint(words, &mut joints, &mut open, true)?;
                 words.expect("}")?;
                 open.pop();
+                joints[parent].n_ends += 1;
             }
             "CHANNELS" if joints[parent].channels.is_empty() => {
                 let n = words.count("a number of channels")?;
@@ -258,13 +283,17 @@ fn joint(
 ) -> Result<(), ReadError> {
     let parent = open.last().copied();
     let name = match parent {
-        Some(parent) if end => format!("{}_end", joints[parent].name),
+        Some(parent) if end => match joints[parent].n_ends {
+            0 => format!("{}_end", joints[parent].name),
+            before => format!("{}_end{}", joints[parent].name, before + 1),
+        },
         _ => words.name()?.to_owned(),
     };
+    let place = words.place();
     words.expect("{")?;
     words.expect("OFFSET")?;
     let offset = words.vector("a coordinate of an offset")?;
     open.push(joints.len());
-    joints.push(BvhJoint { name, parent, offset, channels: Vec::new() });
+    joints.push(BvhJoint { name, parent, offset, channels: Vec::new(), n_ends: 0, place });
     Ok(())
 }

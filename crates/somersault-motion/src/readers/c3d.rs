@@ -26,12 +26,15 @@ const BLOCK: usize = 512;
 pub struct Options {
     /// Axes; the unit is used where POINT:UNITS is missing.
     pub convention: Convention,
+    /// Whether a point with all three coordinates NaN is missing rather than an error. Those with a negative
+    /// residual always are.
+    pub nan_is_gap: bool,
 }
 
 impl Default for Options {
-    /// z up and x forward; mm where the file has no unit.
+    /// z up and x forward; mm where the file has no unit; NaN is an error.
     fn default() -> Self {
-        Self { convention: Convention::z_up(LengthUnit::Millimetre) }
+        Self { convention: Convention::z_up(LengthUnit::Millimetre), nan_is_gap: false }
     }
 }
 
@@ -80,11 +83,15 @@ pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError
     for i in 0..layout.n_frames {
         for k in 0..layout.n_points {
             let at = layout.start + i * layout.stride + k * width;
-            points.push(point(file, at, &layout, processor)?.map(|x| convention.position(&x)));
+            points.push(
+                point(file, at, &layout, processor, options.nan_is_gap)?.map(|x| convention.position(&x)),
+            );
         }
     }
     let times = (0..layout.n_frames).map(|i| i as f64 / layout.rate).collect();
-    Ok(MarkerRecording::try_new(names, times, points)?)
+    let frame_at = |frame: usize| Some(Place::Byte(layout.start + frame * layout.stride));
+    MarkerRecording::try_new(names, times, points)
+        .map_err(|error| ReadError::recording(error, Place::Byte(0), frame_at))
 }
 
 /// A point in the unit of the file.
@@ -93,6 +100,7 @@ fn point(
     at: usize,
     layout: &Layout,
     processor: Processor,
+    nan_is_gap: bool,
 ) -> Result<Option<Vector3<f64>>, ReadError> {
     let allowed = "a point";
     if layout.scale > 0.0 {
@@ -109,6 +117,9 @@ fn point(
         return Ok(None);
     }
     let x = Vector3::from_fn(|k, _| f64::from(value(k)));
+    if nan_is_gap && x.iter().all(|x| x.is_nan()) {
+        return Ok(None);
+    }
     match (0..3).find(|&k| !x[k].is_finite()) {
         Some(k) => Err(ReadError::NonFinite {
             place: Place::Byte(at + 4 * k),
@@ -187,7 +198,8 @@ fn declared_frames(parameters: &Parameters, first: usize, last: usize) -> (Place
     }
 }
 
-/// A name for each point: labels that are blank or repeat others are replaced by numbers.
+/// A name for each point: labels that are blank or repeat others are replaced by numbers, with primes where a
+/// label looks like one.
 fn names(parameters: &Parameters, n_points: usize) -> Vec<String> {
     let mut labels = parameters.texts("POINT", "LABELS", n_points);
     for k in 2.. {
@@ -201,7 +213,13 @@ fn names(parameters: &Parameters, n_points: usize) -> Vec<String> {
     (0..n_points)
         .map(|k| match labels.get(k) {
             Some(label) if !label.is_empty() && seen.insert(label.clone()) => label.clone(),
-            _ => format!("point {}", k + 1),
+            _ => {
+                let mut name = format!("point {}", k + 1);
+                while !seen.insert(name.clone()) {
+                    name.push('\'');
+                }
+                name
+            }
         })
         .collect()
 }

@@ -24,20 +24,21 @@ use ::csv::{Reader, ReaderBuilder, StringRecord, Trim};
 pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, ReadError> {
     let mut rows = Rows::new(text);
     let mut record = StringRecord::new();
-    let Some(place) = rows.next(&mut record) else {
+    let Some(head) = rows.next(&mut record) else {
         return Err(ReadError::Truncated {
             place: Place::Line(1),
             allowed: "the names of columns".to_owned(),
         });
     };
-    let names = names(place, &record)?;
-    let (mut times, mut points) = (Vec::new(), Vec::new());
+    let names = names(head, &record)?;
+    let (mut places, mut times, mut points) = (Vec::new(), Vec::new(), Vec::new());
     let expected = 1 + 3 * names.len();
     while let Some(place) = rows.next(&mut record) {
         if record.len() != expected {
             let found = format!("{} cells", record.len());
             return Err(unexpected(place, &found, format!("{expected} cells, as many as names")));
         }
+        places.push(place);
         times.push(number(place, &record[0], "a time")?);
         for k in 0..names.len() {
             let cells = [1, 2, 3].map(|i| &record[3 * k + i]);
@@ -45,9 +46,10 @@ pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, Read
         }
     }
     if times.is_empty() {
-        return Err(ReadError::NoFrames { place });
+        return Err(ReadError::NoFrames { place: head });
     }
-    Ok(MarkerRecording::try_new(names, times, points)?)
+    MarkerRecording::try_new(names, times, points)
+        .map_err(|error| ReadError::recording(error, head, |frame| places.get(frame).copied()))
 }
 
 /// Rows of cells without what surrounds them, and the lines they begin on. Blank lines and comments are left

@@ -19,12 +19,17 @@
 //!
 //! Source: X. B. Peng, P. Abbeel, S. Levine and M. van de Panne, *DeepMimic*, ACM Trans. Graph. 37 (2018), 143.
 
-use super::{Place, ReadError, unexpected};
-use crate::recording::{Convention, LengthUnit, RecordingError, Skeleton, SkeletonJoint, SkeletonRecording};
+use super::{Place, ReadError, shorten};
+use crate::recording::{Convention, LengthUnit, Skeleton, SkeletonJoint, SkeletonRecording};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+use serde::de::{Deserialize, DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
+use somersault_multibody::ModelError;
 use somersault_multibody::models::{Dimension, Diver};
 
+/// The greatest angle: beyond, rounding alone turns a joint.
+const MOST_RADIANS: f64 = 1e7;
+/// Characters of a message of the parser that are kept.
+const LONGEST_MESSAGE: usize = 120;
 /// Numbers in a frame.
 pub(crate) const WIDTH: usize = 44;
 /// Where quaternions begin, in the order of the joints that turn, and where single angles stand.
@@ -53,47 +58,94 @@ pub(crate) enum Turn {
 #[derive(serde::Deserialize)]
 struct File {
     #[serde(rename = "Frames")]
-    frames: Vec<Frame>,
+    frames: Frames,
 }
 
-/// The numbers of a frame, checked where the parser knows its line.
-struct Frame([f64; WIDTH]);
+/// Frames and their times, s.
+struct Frames(Vec<(f64, [f64; WIDTH])>);
 
-impl<'de> Deserialize<'de> for Frame {
+impl<'de> Deserialize<'de> for Frames {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Numbers;
-        impl<'de> Visitor<'de> for Numbers {
-            type Value = Frame;
+        struct All;
+        impl<'de> Visitor<'de> for All {
+            type Value = Frames;
 
             fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                write!(f, "a frame of {WIDTH} numbers")
+                f.write_str("an array of frames")
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Frame, A::Error> {
-                let mut numbers = [0.0; WIDTH];
-                for (i, number) in numbers.iter_mut().enumerate() {
-                    *number = sequence.next_element()?.ok_or_else(|| A::Error::invalid_length(i, &self))?;
+            fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Frames, A::Error> {
+                let mut frames: Vec<(f64, [f64; WIDTH])> = Vec::new();
+                let mut next = Frame { time: 0.0, before: None };
+                while let Some(numbers) = sequence.next_element_seed(next)? {
+                    frames.push((next.time, numbers));
+                    next = Frame { time: next.time + numbers[0], before: Some(next.time) };
                 }
-                if sequence.next_element::<f64>()?.is_some() {
-                    return Err(A::Error::custom(format!("more numbers than a frame of {WIDTH}")));
-                }
-                if numbers[0] < 0.0 {
-                    return Err(A::Error::custom(format!("duration {} s, allowed is 0 or more", numbers[0])));
-                }
-                for turn in TURNS {
-                    if let Turn::Quaternion(at) = turn {
-                        let norm = numbers[at..at + 4].iter().fold(0.0_f64, |norm, x| norm.hypot(*x));
-                        if !(0.5..=2.0).contains(&norm) {
-                            let message =
-                                format!("quaternion at number {at} of norm {norm}, allowed is 0.5 to 2");
-                            return Err(A::Error::custom(message));
-                        }
-                    }
-                }
-                Ok(Frame(numbers))
+                Ok(Frames(frames))
             }
         }
-        deserializer.deserialize_seq(Numbers)
+        deserializer.deserialize_seq(All)
+    }
+}
+
+/// The frame at a time, and that before it. Its numbers are checked where the parser knows their line.
+#[derive(Clone, Copy)]
+struct Frame {
+    time: f64,
+    before: Option<f64>,
+}
+
+impl<'de> DeserializeSeed<'de> for Frame {
+    type Value = [f64; WIDTH];
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+        deserializer.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Frame {
+    type Value = [f64; WIDTH];
+
+    fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "a frame of {WIDTH} numbers")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Self::Value, A::Error> {
+        let mut numbers = [0.0; WIDTH];
+        for (i, number) in numbers.iter_mut().enumerate() {
+            *number = sequence.next_element()?.ok_or_else(|| A::Error::invalid_length(i, &self))?;
+        }
+        if sequence.next_element::<f64>()?.is_some() {
+            return Err(A::Error::custom(format!("more numbers than a frame of {WIDTH}")));
+        }
+        match self.fault(&numbers) {
+            Some(fault) => Err(A::Error::custom(fault)),
+            None => Ok(numbers),
+        }
+    }
+}
+
+impl Frame {
+    fn fault(self, numbers: &[f64; WIDTH]) -> Option<String> {
+        if numbers[0] < 0.0 {
+            return Some(format!("duration {} s, allowed is 0 or more", numbers[0]));
+        }
+        let grows = |before| self.time > before && self.time.is_finite();
+        if let Some(before) = self.before.filter(|before| !grows(*before)) {
+            return Some(format!("a frame at {} s after one at {before} s, times must grow", self.time));
+        }
+        TURNS.iter().find_map(|turn| match *turn {
+            Turn::Quaternion(at) => {
+                let norm = numbers[at..at + 4].iter().fold(0.0_f64, |norm, x| norm.hypot(*x));
+                let message = || format!("quaternion at number {at} of norm {norm}, allowed is 0.5 to 2");
+                (!(0.5..=2.0).contains(&norm)).then(message)
+            }
+            Turn::Angle(at) => {
+                let angle = numbers[at];
+                let message = || format!("angle at number {at} of {angle} rad, allowed is at most 1e7");
+                (angle.abs() > MOST_RADIANS).then(message)
+            }
+        })
     }
 }
 
@@ -104,18 +156,19 @@ pub fn read(text: &str, diver: &Diver) -> Result<SkeletonRecording, ReadError> {
         let allowed = format!("an object with Frames of {WIDTH} numbers each");
         match error.classify() {
             serde_json::error::Category::Eof => ReadError::Truncated { place, allowed },
-            _ => unexpected(place, &error.to_string(), allowed),
+            _ => {
+                ReadError::Unexpected { place, found: shorten(&error.to_string(), LONGEST_MESSAGE), allowed }
+            }
         }
     })?;
-    if file.frames.is_empty() {
+    let Frames(frames) = file.frames;
+    if frames.is_empty() {
         return Err(ReadError::NoFrames { place: Place::Line(1) });
     }
     let convention = Convention::y_up_x_forward(LengthUnit::Metre);
     let (mut times, mut rotations, mut places) = (Vec::new(), Vec::new(), Vec::new());
-    let mut time = 0.0;
-    for Frame(numbers) in &file.frames {
-        times.push(time);
-        time += numbers[0];
+    for (time, numbers) in &frames {
+        times.push(*time);
         places.push(convention.position(&Vector3::new(numbers[1], numbers[2], numbers[3])));
         rotations.extend(TURNS.map(|turn| {
             let rotation = match turn {
@@ -130,12 +183,13 @@ pub fn read(text: &str, diver: &Diver) -> Result<SkeletonRecording, ReadError> {
             convention.rotation(&rotation)
         }));
     }
-    let skeleton = skeleton(diver)?;
-    Ok(SkeletonRecording::try_new(skeleton, times, rotations, places)?)
+    let nowhere = |error| ReadError::recording(error, Place::Line(1), |_| None);
+    let skeleton = Skeleton::try_new(joints(diver)?).map_err(nowhere)?;
+    SkeletonRecording::try_new(skeleton, times, rotations, places).map_err(nowhere)
 }
 
 /// The joints of the format with the lengths of a diver, whose axes are those of the world.
-fn skeleton(diver: &Diver) -> Result<Skeleton, RecordingError> {
+fn joints(diver: &Diver) -> Result<Vec<SkeletonJoint>, ModelError> {
     let model = Diver { dimension: Dimension::Spatial, ..*diver }.model()?;
     let link = |name: &str| model.links().iter().find(|link| link.name() == name);
     let origin = |name: &str| link(name).map_or(Vector3::zeros(), |link| *link.origin());
@@ -163,5 +217,5 @@ fn skeleton(diver: &Diver) -> Result<Skeleton, RecordingError> {
         let elbow = add(name("elbow"), Some(shoulder), of("forearm"), true);
         add(name("wrist"), Some(elbow), of("hand"), false);
     }
-    Skeleton::try_new(joints)
+    Ok(joints)
 }

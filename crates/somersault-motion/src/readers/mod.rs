@@ -19,6 +19,7 @@ pub mod joint_motion;
 pub mod trc;
 
 use crate::recording::{Convention, RecordingError};
+use somersault_multibody::ModelError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -97,8 +98,38 @@ pub enum ReadError {
         place: Place,
     },
     /// The numbers can be read, but are no recording.
-    #[error("the file holds no recording")]
-    Recording(#[from] RecordingError),
+    #[error("{place}: {source}")]
+    Recording {
+        /// The frame, or else where what is wrong is declared.
+        place: Place,
+        /// Why.
+        source: RecordingError,
+    },
+    /// The body whose lengths a motion takes is none.
+    #[error("`diver`: {0}")]
+    Diver(#[from] ModelError),
+}
+
+impl ReadError {
+    /// Where in the file; nowhere if the fault is not the file's.
+    pub fn place(&self) -> Option<Place> {
+        match self {
+            Self::Unexpected { place, .. }
+            | Self::Truncated { place, .. }
+            | Self::Misdeclared { place, .. }
+            | Self::NonFinite { place, .. }
+            | Self::NoFrames { place }
+            | Self::Encoding { place }
+            | Self::Recording { place, .. } => Some(*place),
+            Self::Diver(_) => None,
+        }
+    }
+
+    /// An error of a recording, at its frame or, where it is in none, at the `head` of the file.
+    fn recording(source: RecordingError, head: Place, place_of: impl FnOnce(usize) -> Option<Place>) -> Self {
+        let place = source.frame().and_then(place_of).unwrap_or(head);
+        Self::Recording { place, source }
+    }
 }
 
 /// Why a path has no recording.
@@ -167,24 +198,26 @@ impl Default for MarkerOptions {
     }
 }
 
-/// What was found, for a message.
-fn shorten(found: &str) -> String {
-    const LONGEST: usize = 40;
-    match found.char_indices().nth(LONGEST) {
+/// What was found, for a message: its end is marked by … where it is cut.
+fn shorten(found: &str, longest: usize) -> String {
+    match found.char_indices().nth(longest) {
         Some((end, _)) => format!("{}…", &found[..end]),
         None => found.to_owned(),
     }
 }
 
+/// Characters of a word that a message repeats.
+const LONGEST: usize = 40;
+
 pub(crate) fn unexpected(place: Place, found: &str, allowed: impl Into<String>) -> ReadError {
-    ReadError::Unexpected { place, found: shorten(found), allowed: allowed.into() }
+    ReadError::Unexpected { place, found: shorten(found, LONGEST), allowed: allowed.into() }
 }
 
 /// A finite number.
 pub(crate) fn number(place: Place, text: &str, quantity: &'static str) -> Result<f64, ReadError> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() => Ok(x),
-        Ok(_) => Err(ReadError::NonFinite { place, quantity, found: shorten(text) }),
+        Ok(_) => Err(ReadError::NonFinite { place, quantity, found: shorten(text, LONGEST) }),
         Err(_) => Err(unexpected(place, text, format!("{quantity}, a number"))),
     }
 }

@@ -83,13 +83,13 @@ pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, Read
     }
     need("the row of coordinates")?;
 
-    let (mut times, mut points) = (Vec::new(), Vec::new());
+    let (mut places, mut times, mut points) = (Vec::new(), Vec::new(), Vec::new());
     for (row, line) in lines {
         if line.trim().is_empty() {
             continue;
         }
-        let place = Place::Line(row);
-        frame(place, line, names.len(), &options, &mut times, &mut points)?;
+        places.push(Place::Line(row));
+        frame(Place::Line(row), line, names.len(), &options, &mut times, &mut points)?;
     }
     if times.is_empty() {
         return Err(ReadError::NoFrames { place: end });
@@ -98,7 +98,8 @@ pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, Read
         let (quantity, found) = ("frames", times.len() as u64);
         return Err(ReadError::Misdeclared { place: Header::PLACE, quantity, declared: n_frames, found });
     }
-    Ok(MarkerRecording::try_new(names, times, points)?)
+    MarkerRecording::try_new(names, times, points)
+        .map_err(|error| ReadError::recording(error, place, |frame| places.get(frame).copied()))
 }
 
 /// One row of coordinates.

@@ -113,6 +113,18 @@ pub enum RecordingError {
     Model(#[from] ModelError),
 }
 
+impl RecordingError {
+    /// The frame that is wrong, if it is one, from 0.
+    pub(crate) fn frame(&self) -> Option<usize> {
+        match self {
+            Self::NonFinite { frame, .. }
+            | Self::TimesNotGrowing { frame, .. }
+            | Self::NotARotation { frame, .. } => Some(*frame),
+            _ => None,
+        }
+    }
+}
+
 pub(crate) fn expect_length(
     argument: &'static str,
     found: usize,

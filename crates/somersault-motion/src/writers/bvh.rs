@@ -1,16 +1,20 @@
 //! Skeletons as BVH: the format of [`readers::bvh`](crate::readers::bvh).
 //!
-//! Rotations have the channels Z, X, Y. Ends that neither turn nor move, have no children and are named after
+//! Rotations have the channels Z, X, Y. A skeleton of which no joint turns or moves has no channels, and so no
+//! frames that the format could hold: that is refused. Ends that neither turn nor move, have no children and are named after
 //! their parent with `_end` are end sites; other joints that stay have no channels. Joints come in the order of
 //! the tree, each with all that hangs on it; the first frame is at t = 0 for whoever reads the file.
 
-use super::{WriteError, expect_name, time_step};
+use super::{WriteError, expect_name, file_position, time_step};
 use crate::recording::{Convention, SkeletonJoint, SkeletonRecording};
 use nalgebra::UnitQuaternion;
 
 /// `recording` as text.
 pub fn write(recording: &SkeletonRecording, convention: &Convention) -> Result<String, WriteError> {
     let joints = recording.skeleton().joints();
+    if !joints.iter().any(|joint| joint.turns || joint.moves) {
+        return Err(WriteError::NoChannels);
+    }
     for joint in joints {
         expect_name(&joint.name, &['{', '}'], "names without brace, line break or blanks around them")?;
     }
@@ -31,7 +35,7 @@ pub fn write(recording: &SkeletonRecording, convention: &Convention) -> Result<S
             continue;
         };
         order.push(k);
-        head(&mut text, joints, k, children[k].is_empty(), depth, convention);
+        head(&mut text, joints, k, children[k].is_empty(), depth, convention)?;
         open.push((None, depth));
         open.extend(children[k].iter().rev().map(|&i| (Some(i), depth + 1)));
     }
@@ -42,7 +46,7 @@ pub fn write(recording: &SkeletonRecording, convention: &Convention) -> Result<S
         for &k in &order {
             let (place, rotation) = &poses[k];
             if joints[k].moves {
-                numbers.extend_from_slice(convention.file_position(place).as_slice());
+                numbers.extend_from_slice(file_position(convention, "a place", place, i)?.as_slice());
             }
             if joints[k].turns {
                 numbers.extend(angles(&convention.file_rotation(rotation)).map(f64::to_degrees));
@@ -63,7 +67,7 @@ fn head(
     is_leaf: bool,
     depth: usize,
     convention: &Convention,
-) {
+) -> Result<(), WriteError> {
     let joint = &joints[k];
     let is_end = match joint.parent {
         Some(p) => !joint.turns && !joint.moves && is_leaf && joint.name == format!("{}_end", joints[p].name),
@@ -74,16 +78,18 @@ fn head(
         (None, _) => format!("ROOT {}", joint.name),
         _ => format!("JOINT {}", joint.name),
     };
-    let (indent, offset) = ("\t".repeat(depth), convention.file_position(&joint.offset));
+    let indent = "\t".repeat(depth);
+    let offset = file_position(convention, "an offset", &joint.offset, 0)?;
     let [x, y, z] = [offset.x, offset.y, offset.z];
     text.push_str(&format!("{indent}{name}\n{indent}{{\n{indent}\tOFFSET {x} {y} {z}\n"));
     if is_end {
-        return;
+        return Ok(());
     }
     let n = 3 * (usize::from(joint.moves) + usize::from(joint.turns));
     let moves = if joint.moves { " Xposition Yposition Zposition" } else { "" };
     let turns = if joint.turns { " Zrotation Xrotation Yrotation" } else { "" };
     text.push_str(&format!("{indent}\tCHANNELS {n}{moves}{turns}\n"));
+    Ok(())
 }
 
 /// a, b and c of R = R_z(a) R_x(b) R_y(c). c is taken from what a leaves, so that the product is right at b =

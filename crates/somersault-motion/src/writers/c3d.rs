@@ -6,6 +6,7 @@
 
 use super::{WriteError, expect_name, time_step};
 use crate::recording::{Convention, MarkerRecording};
+use nalgebra::Vector3;
 
 /// Bytes in a block.
 const BLOCK: usize = 512;
@@ -25,7 +26,11 @@ pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Vec
     if n_frames > u32::MAX as usize {
         return Err(WriteError::TooMany { quantity: "frames", found: n_frames, most: u32::MAX as usize });
     }
-    let rate = (1.0 / time_step(recording.times())?) as f32;
+    let step = time_step(recording.times())?;
+    let rate = (1.0 / step) as f32;
+    if !(rate > 0.0 && rate.is_finite()) {
+        return Err(WriteError::OutOfRange { quantity: "the time between frames", found: step, frame: 1 });
+    }
     let mut section = parameters(recording, convention, rate)?;
     let n_blocks = section.len() / BLOCK;
     let Ok(counted) = u8::try_from(n_blocks) else {
@@ -44,17 +49,28 @@ pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Vec
     file.extend(rate.to_le_bytes());
     file.resize(BLOCK, 0);
     file.append(&mut section);
-    for point in recording.frames().flatten() {
-        let [x, y, z, residual] = match point.map(|p| convention.file_position(&p)) {
-            Some(p) => [p.x as f32, p.y as f32, p.z as f32, 0.0],
-            None => [0.0, 0.0, 0.0, -1.0],
-        };
-        for number in [x, y, z, residual] {
-            file.extend(number.to_le_bytes());
+    for (frame, points) in recording.frames().enumerate() {
+        for point in points {
+            let [x, y, z, residual] = match point {
+                Some(p) => single(convention, p, frame)?,
+                None => [0.0, 0.0, 0.0, -1.0],
+            };
+            for number in [x, y, z, residual] {
+                file.extend(number.to_le_bytes());
+            }
         }
     }
     file.resize(file.len().next_multiple_of(BLOCK), 0);
     Ok(file)
+}
+
+/// A point that is not missing, in single precision.
+fn single(convention: &Convention, x: &Vector3<f64>, frame: usize) -> Result<[f32; 4], WriteError> {
+    let inside = convention.file_position(x).map(|x| x as f32);
+    match inside.iter().all(|x| x.is_finite()) {
+        true => Ok([inside.x, inside.y, inside.z, 0.0]),
+        false => Err(WriteError::OutOfRange { quantity: "a coordinate", found: x.amax(), frame }),
+    }
 }
 
 /// The parameter section, whole blocks; how many is left to the caller.

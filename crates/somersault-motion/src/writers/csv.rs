@@ -1,6 +1,6 @@
 //! Markers as comma-separated values: the format of [`readers::csv`](crate::readers::csv).
 
-use super::{WriteError, expect_name};
+use super::{WriteError, expect_name, file_position};
 use crate::recording::{Convention, MarkerRecording};
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Str
         text.push_str(&format!(",{name}_x,{name}_y,{name}_z"));
     }
     text.push('\n');
-    rows(&mut text, recording, convention, ",", |_, time| time.to_string());
+    rows(&mut text, recording, convention, ",", |_, time| time.to_string())?;
     Ok(text)
 }
 
@@ -23,11 +23,11 @@ pub(super) fn rows(
     convention: &Convention,
     separator: &str,
     head: impl Fn(usize, f64) -> String,
-) {
+) -> Result<(), WriteError> {
     for (i, (time, frame)) in recording.times().iter().zip(recording.frames()).enumerate() {
         text.push_str(&head(i, *time));
         for point in frame {
-            let cells = point.map(|p| convention.file_position(&p));
+            let cells = point.map(|p| file_position(convention, "a coordinate", &p, i)).transpose()?;
             for axis in 0..3 {
                 text.push_str(separator);
                 if let Some(cells) = cells {
@@ -38,4 +38,5 @@ pub(super) fn rows(
         }
         text.push('\n');
     }
+    Ok(())
 }

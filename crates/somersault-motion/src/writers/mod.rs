@@ -8,14 +8,19 @@
 //! | BVH | [`bvh`] | skeletons | rotations as angles, to rounding |
 //! | motions of DeepMimic (JSON) | [`joint_motion`] | skeletons of that format | to rounding |
 //!
-//! Lengths are written in the unit and the axes of a [`Convention`](crate::recording::Convention); those in m
-//! with z up keep all their digits.
+//! Lengths are written in the unit and the axes of a [`Convention`]; those in m with z up keep all their digits.
+//!
+//! C3D, BVH and motions of DeepMimic have no time of their first frame: who reads them finds it at t = 0, and all
+//! times earlier by that of the recording's first frame. CSV and TRC keep times as they are.
 
 pub mod bvh;
 pub mod c3d;
 pub mod csv;
 pub mod joint_motion;
 pub mod trc;
+
+use crate::recording::Convention;
+use nalgebra::Vector3;
 
 /// Why a recording cannot be written in a format.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -51,6 +56,47 @@ pub enum WriteError {
         /// The greatest number.
         most: usize,
     },
+    /// A number that the format cannot hold in its unit and precision.
+    #[error(
+        "{quantity} {found} in frame {frame} is outside of the range of the format's numbers in its unit"
+    )]
+    OutOfRange {
+        /// What the number is.
+        quantity: &'static str,
+        /// The number, m or s.
+        found: f64,
+        /// Frame, from 0.
+        frame: usize,
+    },
+    /// A line of a list of judged motions has another number of features than the list has names.
+    #[error("motion {motion} must have {expected} features, as many as names, found {found}")]
+    Features {
+        /// Number of the motion, from 0.
+        motion: usize,
+        /// Number of names.
+        expected: usize,
+        /// Number of features.
+        found: usize,
+    },
+    /// A score or a feature is NaN or infinite.
+    #[error("score and features must be finite, found {found} in motion {motion}")]
+    NonFinite {
+        /// Number of the motion, from 0.
+        motion: usize,
+        /// The number.
+        found: f64,
+    },
+    /// A set of judged motions has another number of recordings than of lines.
+    #[error("a list of {expected} motions needs as many recordings, found {found}")]
+    Recordings {
+        /// Number of lines.
+        expected: usize,
+        /// Number of recordings.
+        found: usize,
+    },
+    /// A skeleton stands still, and the format has nothing to say of it in a frame.
+    #[error("at least one joint must turn or move in this format, but none does")]
+    NoChannels,
     /// The skeleton is not that of the format.
     #[error("joint {joint} of this format is `{expected}`, found `{found}`")]
     Joint {
@@ -71,10 +117,27 @@ pub enum WriteError {
     },
 }
 
+/// A position in the axes and the unit of the file.
+fn file_position(
+    convention: &Convention,
+    quantity: &'static str,
+    x: &Vector3<f64>,
+    frame: usize,
+) -> Result<Vector3<f64>, WriteError> {
+    let inside = convention.file_position(x);
+    match inside.iter().all(|x| x.is_finite()) {
+        true => Ok(inside),
+        false => Err(WriteError::OutOfRange { quantity, found: x.amax(), frame }),
+    }
+}
+
 /// The time of a frame, s; times must be equally far apart to a billionth of the whole. One frame gets 10 ms.
 fn time_step(times: &[f64]) -> Result<f64, WriteError> {
     let [first, second, ..] = times else { return Ok(0.01) };
     let (step, whole) = (second - first, times[times.len() - 1] - first);
+    if !whole.is_finite() {
+        return Err(WriteError::OutOfRange { quantity: "a time", found: *first, frame: 0 });
+    }
     let expected = |i: usize| first + i as f64 * step;
     match (0..times.len()).find(|&i| (times[i] - expected(i)).abs() > 1e-9 * whole) {
         Some(frame) => Err(WriteError::UnevenTimes { frame, found: times[frame], expected: expected(frame) }),

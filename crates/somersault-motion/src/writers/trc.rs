@@ -12,6 +12,13 @@ pub fn write(recording: &MarkerRecording, file: &str, convention: &Convention) -
     let times = recording.times();
     let whole = times[n_frames - 1] - times[0];
     let rate = if n_frames > 1 { (n_frames - 1) as f64 / whole } else { 100.0 };
+    if !(rate > 0.0 && rate.is_finite()) {
+        return Err(WriteError::OutOfRange {
+            quantity: "a time",
+            found: times[n_frames - 1],
+            frame: n_frames - 1,
+        });
+    }
     let unit = convention.unit().symbol();
     let mut text = format!(
         "PathFileType\t4\t(X/Y/Z)\t{file}\n\
@@ -25,6 +32,6 @@ pub fn write(recording: &MarkerRecording, file: &str, convention: &Convention) -
     text.push_str("\n\t");
     (1..=n_markers).for_each(|k| text.push_str(&format!("\tX{k}\tY{k}\tZ{k}")));
     text.push_str("\n\n");
-    rows(&mut text, recording, convention, "\t", |i, time| format!("{}\t{time}", i + 1));
+    rows(&mut text, recording, convention, "\t", |i, time| format!("{}\t{time}", i + 1))?;
     Ok(text)
 }

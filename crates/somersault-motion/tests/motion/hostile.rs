@@ -78,7 +78,9 @@ fn changed_bvh_files_are_read_or_refused() {
         words(&[b"{", b"}", b"CHANNELS", b"JOINT a", b"End Site", b"MOTION", b"Frames:", b"OFFSET 0 0 0\n"]);
     survives(1, 8000, BVH.as_bytes(), &words, |bytes| {
         let recording = bvh::read(text(bytes)?, &Convention::y_up_z_forward(LengthUnit::Centimetre))?;
-        Ok(recording.joint_centres()?)
+        // large numbers may overflow to an error, but not to a panic
+        let _ = recording.joint_centres();
+        Ok(recording)
     });
 }
 
@@ -117,7 +119,8 @@ fn changed_joint_motions_are_read_or_refused() {
         &words(&[b"[", b"]", b"{", b",", b"\"Frames\":", b"1, 0, 0, 0"]),
         |bytes| {
             let recording = joint_motion::read(text(bytes)?, &Diver::spatial())?;
-            Ok(recording.joint_centres()?)
+            let _ = recording.joint_centres();
+            Ok(recording)
         },
     );
 }

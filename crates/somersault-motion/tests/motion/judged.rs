@@ -2,10 +2,11 @@
 
 use crate::files::{BVH, CSV, TRC};
 use crate::synthetic::judged;
-use somersault_motion::judged::{self as list, JudgedError, JudgedOptions, load_set};
+use somersault_motion::judged::{self as list, JudgedError, JudgedOptions, JudgedSet, load_set};
 use somersault_motion::readers::{LoadError, Place, ReadError};
 use somersault_motion::scoring::{ScoringModel, ScoringOptions};
 use somersault_motion::synthetic::SyntheticOptions;
+use somersault_motion::writers::WriteError;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -137,4 +138,34 @@ fn a_synthetic_set_comes_back_from_its_files_and_trains_the_same_model() {
         );
     assert_eq!(from_files, from_memory);
     assert!(from_files.is_synthetic());
+}
+
+#[test]
+fn a_set_that_could_not_be_read_again_is_not_written() {
+    let folder = Folder::new("unwritten");
+    let (set, _) = judged(&SyntheticOptions::of(4));
+    let good = set.judged_set();
+    let refused = |change: &dyn Fn(&mut JudgedSet)| {
+        let mut set = good.clone();
+        change(&mut set);
+        let error = set.save(&folder.0).expect_err("a set that cannot be written");
+        assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1, "only the folder of the test: {error}");
+        error
+    };
+    for name in ["judged.csv", "Judged.CSV", "../a.csv", "/tmp/a.csv", "SYNTHETIC_0001.csv"] {
+        let error = refused(&|set| set.list.motions[1].file = name.into());
+        let is_named = matches!(&error, JudgedError::Write(WriteError::Name { name: n, .. }) if n == name);
+        assert!(is_named || matches!(error, JudgedError::NotCsv { .. }), "{name}: {error}");
+    }
+    let error = refused(&|set| set.list.motions[2].file = "a.trc".into());
+    assert!(matches!(error, JudgedError::NotCsv { .. }), "{error}");
+    let error = refused(&|set| set.list.motions[2].score = f64::NAN);
+    assert!(matches!(error, JudgedError::Write(WriteError::NonFinite { motion: 2, .. })), "{error}");
+    let error = refused(&|set| set.list.motions[3].features.push(1.0));
+    assert!(matches!(error, JudgedError::Write(WriteError::Features { motion: 3, .. })), "{error}");
+    let error = refused(&|set| set.list.feature_names.push("score".into()));
+    assert!(matches!(error, JudgedError::Write(WriteError::Name { .. })), "{error}");
+    let error = refused(&|set| drop(set.recordings.pop()));
+    assert!(matches!(error, JudgedError::Write(WriteError::Recordings { found: 3, .. })), "{error}");
+    good.save(&folder.0).unwrap();
 }

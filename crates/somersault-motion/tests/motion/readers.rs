@@ -6,6 +6,7 @@ use somersault_motion::readers::{
     MarkerOptions, Place, ReadError, bvh, c3d, csv, joint_motion, load, text, trc,
 };
 use somersault_motion::recording::{Convention, LengthUnit, RecordingError};
+use somersault_motion::writers;
 use somersault_multibody::models::Diver;
 
 fn file_axes() -> Convention {
@@ -126,13 +127,13 @@ fn a_joint_motion_has_the_lengths_of_the_diver() {
 
 /// The line of the first error, if that has a line.
 fn line_of<T: std::fmt::Debug>(found: Result<T, ReadError>) -> Option<usize> {
-    match found.expect_err("a wrong file") {
-        ReadError::Unexpected { place: Place::Line(line), .. }
-        | ReadError::Truncated { place: Place::Line(line), .. }
-        | ReadError::Misdeclared { place: Place::Line(line), .. }
-        | ReadError::NoFrames { place: Place::Line(line) }
-        | ReadError::NonFinite { place: Place::Line(line), .. } => Some(line),
-        _ => None,
+    let error = found.expect_err("a wrong file");
+    match error.place()? {
+        Place::Line(line) => {
+            assert!(error.to_string().starts_with(&format!("line {line}: ")), "{error}");
+            Some(line)
+        }
+        Place::Byte(_) => None,
     }
 }
 
@@ -156,7 +157,15 @@ fn a_wrong_bvh_is_named_with_its_line() {
     assert_eq!(found, Err(ReadError::Misdeclared { place, quantity, declared: 3, found: 2 }));
     assert_eq!(change("Frames: 2", "Frames: 0"), Err(ReadError::NoFrames { place }));
     let found = change("JOINT LeftLeg", "JOINT Hips");
-    assert_eq!(found, Err(RecordingError::DuplicateName { name: "Hips".into() }.into()));
+    let source = RecordingError::DuplicateName { name: "Hips".into() };
+    assert_eq!(found, Err(ReadError::Recording { place: Place::Line(10), source }));
+    assert_eq!(line_of(change("-10.125", "1e300")), Some(30));
+    assert_eq!(line_of(change("-10.125", "-1.1e9")), Some(30));
+    let slow = BVH.replace("Frame Time: .0083333", "Frame Time: 1e308");
+    assert!(bvh::read(&slow, &file_axes()).is_ok());
+    let third = BVH.lines().last().unwrap();
+    let late = slow.replace("Frames: 2", "Frames: 4") + &format!("{third}\n{third}\n");
+    assert_eq!(line_of(bvh::read(&late, &file_axes())), Some(28));
     for (i, _) in BVH.char_indices().filter(|(i, _)| *i < BVH.len() - 3) {
         assert!(bvh::read(&BVH[..i], &file_axes()).is_err(), "cut after {i} bytes");
     }
@@ -187,7 +196,10 @@ fn a_wrong_trc_is_named_with_its_line() {
     let found = trc::read(&header, &MarkerOptions::default());
     assert_eq!(found, Err(ReadError::NoFrames { place: Place::Line(6) }));
     let found = change("0.020", "0.010");
-    assert!(matches!(found, Err(ReadError::Recording(RecordingError::TimesNotGrowing { frame: 2, .. }))));
+    let source = RecordingError::TimesNotGrowing { frame: 2, found: 0.01, before: 0.01 };
+    assert_eq!(found, Err(ReadError::Recording { place: Place::Line(9), source }));
+    assert_eq!(line_of(change("knee", "hip")), Some(4));
+    assert_eq!(line_of(change("Time\thip\t\t\tknee", "Time\t\t\t\t")), Some(3));
 }
 
 #[test]
@@ -206,7 +218,54 @@ fn a_wrong_csv_is_named_with_its_line() {
     assert_eq!(line_of(csv::read("", &MarkerOptions::default())), Some(1));
     assert_eq!(line_of(csv::read("time,a_x,a_y,a_z\n", &MarkerOptions::default())), Some(1));
     let found = csv::read("time\n0\n", &MarkerOptions::default());
-    assert_eq!(found, Err(RecordingError::Empty { argument: "markers" }.into()));
+    let source = RecordingError::Empty { argument: "markers" };
+    assert_eq!(found, Err(ReadError::Recording { place: Place::Line(1), source }));
+    assert_eq!(line_of(change("\n0.02,", "\n0.01,")), Some(5));
+    assert_eq!(line_of(change("\n0.02,", "\n-1e300,")), Some(5));
+    assert_eq!(line_of(change("knee_x,knee_y,knee_z", "hip_x,hip_y,hip_z")), Some(2));
+}
+
+#[test]
+fn a_joint_of_a_bvh_may_have_several_ends() {
+    let two = BVH.replace("\t\t\tEnd Site", "\t\t\tEnd Site\n{ OFFSET 1 2 3 }\n\t\t\tEnd Site");
+    let recording = bvh::read(&two, &file_axes()).unwrap();
+    let joints = recording.skeleton().joints();
+    let ends: Vec<_> = joints.iter().filter(|j| j.parent == Some(2)).collect();
+    assert_eq!(ends.iter().map(|j| j.name.as_str()).collect::<Vec<_>>(), ["LeftLeg_end", "LeftLeg_end2"]);
+    assert_eq!(ends[0].offset, Vector3::new(1.0, 2.0, 3.0));
+    assert_eq!(ends[1].offset, Vector3::new(2.5, -7.1, 0.0));
+    let again = bvh::read(&writers::bvh::write(&recording, &file_axes()).unwrap(), &file_axes()).unwrap();
+    assert_eq!(again.skeleton(), recording.skeleton());
+}
+
+#[test]
+fn points_of_a_c3d_have_names_of_their_own() {
+    let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 1 }.write();
+    let labels = file.windows(6).position(|w| w == b"LHIP  ").unwrap();
+    file[labels..labels + 18].copy_from_slice(b"pointspointspoints");
+    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+    assert_eq!(read(&file).names(), ["points", "point 2", "point 3"]);
+    // seven characters for each label: the first is what the second would be called
+    let dimensions = labels - 2;
+    file[dimensions..dimensions + 2].copy_from_slice(&[7, 2]);
+    file[labels..labels + 14].copy_from_slice(b"point 2       ");
+    assert_eq!(read(&file).names(), ["point 2", "point 2'", "point 3"]);
+}
+
+#[test]
+fn nan_in_a_c3d_is_a_gap_if_asked_for() {
+    let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 2 }.write();
+    let nan = |file: &mut [u8], k: usize| file[1536 + 4 * k..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let lenient = c3d::Options { nan_is_gap: true, ..c3d::Options::default() };
+    nan(&mut file, 0);
+    // a single coordinate is a fault
+    let found = c3d::read(&file, &lenient);
+    assert!(matches!(found, Err(ReadError::NonFinite { place: Place::Byte(1536), .. })), "{found:?}");
+    nan(&mut file, 1);
+    nan(&mut file, 2);
+    let found = c3d::read(&file, &lenient).unwrap();
+    assert_eq!(found.frame(0).iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true]);
+    assert!(c3d::read(&file, &c3d::Options::default()).is_err());
 }
 
 #[test]
@@ -255,6 +314,17 @@ fn a_wrong_joint_motion_is_named_with_its_line() {
     assert_eq!(line_of(change("0.25", "1e999")), Some(5));
     assert_eq!(line_of(change("1, 0, 0", "2, 1, 0")), Some(5));
     assert_eq!(line_of(change("0.05", "-0.05")), Some(5));
+    assert_eq!(line_of(change("0.25", "1e300")), Some(5));
+    // the second frame is at the time of the first, or too far from it
+    assert_eq!(line_of(change("0.05", "0")), Some(6));
+    assert_eq!(line_of(joint_motion::read(&whole.replace("0.05", "1e308"), &diver)), Some(7));
+    let Err(ReadError::Unexpected { found, .. }) = change("1, 0, 0", "0.1, 0, 0") else { panic!() };
+    assert!(found.contains("norm 0.1, allowed is 0.5 to 2 at line 5"), "{found}");
+    let long = format!("{{\"Frames\": \"{}\"}}", "x".repeat(1000));
+    let Err(ReadError::Unexpected { found, .. }) = joint_motion::read(&long, &diver) else { panic!() };
+    assert!(found.chars().count() == 121 && found.ends_with('…'), "{found}");
+    let nobody = Diver { height: -1.0, ..diver };
+    assert!(matches!(joint_motion::read(&whole, &nobody), Err(ReadError::Diver(_))));
     assert_eq!(line_of(joint_motion::read("{\"Frames\": []}", &diver)), Some(1));
     let deep = format!("{{\"Frames\": {}", "[".repeat(100_000));
     assert_eq!(line_of(joint_motion::read(&deep, &diver)), Some(1));

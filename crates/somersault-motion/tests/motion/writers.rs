@@ -180,3 +180,56 @@ fn what_a_format_cannot_hold_is_refused() {
     let expected = WriteError::Joint { joint: 0, expected: "root", found: "Hips".into() };
     assert_eq!(found, Err(expected));
 }
+
+#[test]
+fn numbers_that_a_format_cannot_hold_are_refused() {
+    let (millimetres, metres) =
+        (Convention::z_up(LengthUnit::Millimetre), Convention::z_up(LengthUnit::Metre));
+    let at = |x: f64, times: Vec<f64>| {
+        let points = times.iter().map(|_| Some(Vector3::new(0.0, -x, 0.0))).collect();
+        MarkerRecording::try_new(vec!["a".into()], times, points).unwrap()
+    };
+    let beyond = |x: f64| Err(WriteError::OutOfRange { quantity: "a coordinate", found: x, frame: 0 });
+    // 1e40 mm is beyond single precision, 1e309 mm beyond double
+    assert_eq!(writers::c3d::write(&at(1e37, vec![0.0]), &millimetres), beyond(1e37).map(|()| vec![]));
+    assert!(writers::c3d::write(&at(1e37, vec![0.0]), &metres).is_ok());
+    let text = |x: f64| beyond(x).map(|()| String::new());
+    assert_eq!(writers::csv::write(&at(1e306, vec![0.0]), &millimetres), text(1e306));
+    assert_eq!(writers::trc::write(&at(1e306, vec![0.0]), "a", &millimetres), text(1e306));
+    assert!(writers::csv::write(&at(1e306, vec![0.0]), &metres).is_ok());
+    for times in [vec![0.0, 1e-320], vec![-1e308, 1e308]] {
+        let c3d = writers::c3d::write(&at(1.0, times.clone()), &metres);
+        assert!(matches!(c3d, Err(WriteError::OutOfRange { .. })), "{times:?}: {c3d:?}");
+        let trc = writers::trc::write(&at(1.0, times.clone()), "a", &metres);
+        assert!(matches!(trc, Err(WriteError::OutOfRange { .. })), "{times:?}: {trc:?}");
+    }
+    let joint = |turns| SkeletonJoint {
+        name: "a".into(),
+        parent: None,
+        offset: Vector3::new(1e306, 0.0, 0.0),
+        turns,
+        moves: false,
+    };
+    let skeleton = |turns: bool| {
+        let rotations = vec![UnitQuaternion::identity(); usize::from(turns)];
+        let skeleton = Skeleton::try_new(vec![joint(turns)]).unwrap();
+        SkeletonRecording::try_new(skeleton, vec![0.0], rotations, vec![]).unwrap()
+    };
+    let found = writers::bvh::write(&skeleton(true), &millimetres);
+    assert!(matches!(found, Err(WriteError::OutOfRange { quantity: "an offset", .. })), "{found:?}");
+    assert!(writers::bvh::write(&skeleton(true), &metres).is_ok());
+    assert_eq!(writers::bvh::write(&skeleton(false), &metres), Err(WriteError::NoChannels));
+}
+
+#[test]
+fn formats_without_a_first_time_begin_at_zero() {
+    let metres = Convention::z_up(LengthUnit::Metre);
+    let shifted =
+        MarkerRecording::try_new(vec!["a".into()], vec![2.0, 2.5, 3.0], vec![Some(Vector3::zeros()); 3])
+            .unwrap();
+    let c3d = writers::c3d::write(&shifted, &metres).unwrap();
+    let again = readers::c3d::read(&c3d, &readers::c3d::Options::default()).unwrap();
+    assert_eq!(again.times(), [0.0, 0.5, 1.0]);
+    let trc = writers::trc::write(&shifted, "a", &metres).unwrap();
+    assert_eq!(readers::trc::read(&trc, &MarkerOptions::default()).unwrap().times(), shifted.times());
+}

@@ -3,7 +3,6 @@
 use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix::numbers_array;
-use super::readers::place_of;
 use super::scoring::Performance;
 use super::worker::attended;
 use crate::error::Error;
@@ -31,12 +30,13 @@ fn raised(error: JudgedError) -> Error {
         JudgedError::Io { .. } | JudgedError::List(LoadError::Io { .. }) => {
             return Error::Raised(PyOSError::new_err(message));
         }
-        JudgedError::List(LoadError::Read { source, .. }) => match place_of(&source) {
+        JudgedError::List(LoadError::Read { source, .. }) => match source.place() {
             Some(Place::Line(line)) => Some(line),
             _ => None,
         },
         JudgedError::Motion { line, .. }
         | JudgedError::UnknownFormat { line, .. }
+        | JudgedError::NotCsv { line, .. }
         | JudgedError::Recording { line, .. }
         | JudgedError::Gap { line, .. } => Some(line),
         _ => None,
@@ -102,6 +102,8 @@ impl JudgedSet {
     /// ------
     /// ReadError
     ///     If a file of the list does not end in ``.csv``.
+    /// WriteError
+    ///     If a file has the name of the list.
     /// OSError
     ///     If the folder cannot be written to.
     fn save(&self, folder: PathBuf) -> Result<(), Error> {
@@ -133,7 +135,7 @@ impl JudgedSet {
 /// unit, up, forward : str, optional
 ///     Axes of all files, and the unit where a file has none.
 /// nan_is_gap : bool, optional
-///     Whether NaN in text files of markers is a gap.
+///     Whether NaN in files of markers is a gap.
 /// longest_gap : float, optional
 ///     The longest gap that is filled, s. Gaps that are left are errors.
 /// diver : Diver, optional

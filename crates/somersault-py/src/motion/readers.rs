@@ -10,7 +10,6 @@ use crate::named_models::Diver;
 use pyo3::prelude::*;
 use somersault::motion::readers::{self, MarkerOptions, Place, ReadError, bvh, c3d, joint_motion, trc};
 use somersault::multibody::models;
-use std::error::Error as _;
 
 /// The bytes of a file, and its name for messages. A path is opened by Python, whose exceptions say why one cannot be.
 fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Error> {
@@ -30,19 +29,6 @@ fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Erro
     Ok((path.call_method0("read_bytes")?.extract()?, Some(name)))
 }
 
-/// Where a file is not what it should be.
-pub(super) fn place_of(error: &ReadError) -> Option<Place> {
-    match error {
-        ReadError::Unexpected { place, .. }
-        | ReadError::Truncated { place, .. }
-        | ReadError::Misdeclared { place, .. }
-        | ReadError::NonFinite { place, .. }
-        | ReadError::NoFrames { place }
-        | ReadError::Encoding { place } => Some(*place),
-        _ => None,
-    }
-}
-
 /// A read that failed, with line or byte as attributes of the exception.
 struct Failed {
     error: ReadError,
@@ -52,9 +38,8 @@ struct Failed {
 impl From<Failed> for Error {
     fn from(Failed { error, name }: Failed) -> Self {
         let prefix = name.map_or(String::new(), |name| format!("{name}: "));
-        let reason = error.source().map_or(String::new(), |source| format!(": {source}"));
-        let place = place_of(&error);
-        let raised: PyErr = Self::read(format!("{prefix}{error}{reason}")).into();
+        let place = error.place();
+        let raised: PyErr = Self::read(format!("{prefix}{error}")).into();
         Python::attach(|py| {
             let value = raised.value(py);
             match place {
@@ -79,7 +64,7 @@ fn read<T: Send + 'static>(
 /// Reads a BVH file: a tree of joints and how they turned.
 ///
 /// Any hierarchy and any order of channels. The first frame is at t = 0. An `End Site` is a joint that does not turn,
-/// named after its parent with ``_end``.
+/// named after its parent with ``_end``, further ones of the same parent with ``_end2``, ``_end3``, ….
 ///
 /// Parameters
 /// ----------
@@ -124,6 +109,8 @@ pub(crate) fn read_bvh(
 ///     Unit of length where the file does not say.
 /// up, forward : str, optional
 ///     Axes of the file that point up and forward, such as ``'z'`` or ``'-y'``.
+/// nan_is_gap : bool, optional
+///     Whether a point with three times NaN is missing rather than an error.
 ///
 /// Returns
 /// -------
@@ -136,14 +123,15 @@ pub(crate) fn read_bvh(
 /// OSError
 ///     If the file cannot be opened.
 #[pyfunction]
-#[pyo3(signature = (source, *, unit="mm", up="z", forward="x"))]
+#[pyo3(signature = (source, *, unit="mm", up="z", forward="x", nan_is_gap=false))]
 pub(crate) fn read_c3d(
     source: &Bound<'_, PyAny>,
     unit: &str,
     up: &str,
     forward: &str,
+    nan_is_gap: bool,
 ) -> Result<MarkerRecording, Error> {
-    let options = c3d::Options { convention: convention(unit, up, forward)? };
+    let options = c3d::Options { convention: convention(unit, up, forward)?, nan_is_gap };
     Ok(MarkerRecording { recording: read(source, move |bytes| c3d::read(bytes, &options))? })
 }
 

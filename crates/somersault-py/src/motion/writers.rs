@@ -28,7 +28,7 @@ fn put(path: &Bound<'_, PyAny>, bytes: &[u8]) -> Result<(), Error> {
 /// Raises
 /// ------
 /// WriteError
-///     If a name cannot stand in the format.
+///     If a name cannot stand in the format, or a length in this unit is beyond the greatest number.
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit="m", up="z", forward="x"))]
 pub(crate) fn write_csv(
@@ -54,7 +54,7 @@ pub(crate) fn write_csv(
 /// Raises
 /// ------
 /// WriteError
-///     If a name cannot stand in the format.
+///     If a name cannot stand in the format, or a length in this unit is beyond the greatest number.
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit="mm", up="y", forward="x"))]
 pub(crate) fn write_trc(
@@ -72,6 +72,8 @@ pub(crate) fn write_trc(
 
 /// Writes markers as C3D, in single precision.
 ///
+/// The format has no time of the first frame: who reads the file finds it at t = 0.
+///
 /// Parameters
 /// ----------
 /// path : path
@@ -83,7 +85,8 @@ pub(crate) fn write_trc(
 /// Raises
 /// ------
 /// WriteError
-///     If frames are not at equal times, or there is more than the format can count.
+///     If frames are not at equal times, there is more than the format can count, or a length in this unit is beyond
+///     single precision.
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit="mm", up="z", forward="x"))]
 pub(crate) fn write_c3d(
@@ -99,6 +102,8 @@ pub(crate) fn write_c3d(
 
 /// Writes a skeleton and its motion as BVH.
 ///
+/// The format has no time of the first frame: who reads the file finds it at t = 0.
+///
 /// Parameters
 /// ----------
 /// path : path
@@ -112,7 +117,8 @@ pub(crate) fn write_c3d(
 /// Raises
 /// ------
 /// WriteError
-///     If frames are not at equal times, or a name cannot stand in the format.
+///     If frames are not at equal times, a name cannot stand in the format, or no joint turns or moves: such a
+///     skeleton has no channels.
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit, up="y", forward="z"))]
 pub(crate) fn write_bvh(
@@ -127,6 +133,8 @@ pub(crate) fn write_bvh(
 }
 
 /// Writes a motion in the format of DeepMimic, without lengths.
+///
+/// The format has durations of frames: who reads the file finds the first frame at t = 0.
 ///
 /// Parameters
 /// ----------
