@@ -32,7 +32,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Two frames of a diver who folds, with noise and one marker in five missing: of more, some would be tried again.
+/// Two frames of a diver who folds, with noise and one marker in five missing: of more, some would be begun anew.
 fn recording(diver: &Diver, markers: &MarkerSet) -> MarkerRecording {
     let model = diver.model().unwrap();
     let [a, h] = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap());

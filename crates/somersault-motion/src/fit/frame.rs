@@ -119,7 +119,7 @@ impl<'a> FrameFitter<'a> {
         start: &Estimate,
     ) -> Result<FrameFit, FitError> {
         let mut estimate = start.clone();
-        let (status, iterations, cost) = self.minimize(targets, &mut estimate)?;
+        let (status, iterations, cost) = self.minimize(targets, &mut estimate, usize::MAX)?;
         let residuals = self.distances(targets, &estimate)?;
         let present: Vec<f64> = residuals.iter().flatten().map(|r| r * r).collect();
         let rms = (!present.is_empty()).then(|| (present.iter().sum::<f64>() / present.len() as f64).sqrt());
@@ -127,11 +127,13 @@ impl<'a> FrameFitter<'a> {
         Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, covariance })
     }
 
-    /// `estimate` ← the minimum. Returns how, after how many iterations, and the cost.
+    /// `estimate` ← the minimum, in `at_most` so many iterations and no more than the options allow. Returns how, after how
+    /// many iterations, and the cost.
     pub(super) fn minimize(
         &mut self,
         targets: &[Option<Vector3<f64>>],
         estimate: &mut Estimate,
+        at_most: usize,
     ) -> Result<(FitStatus, usize, f64), DynamicsError> {
         if targets.iter().all(Option::is_none) {
             return Ok((FitStatus::NoMarkers, 0, 0.0));
@@ -139,7 +141,8 @@ impl<'a> FrameFitter<'a> {
         let mut trial = estimate.clone();
         let mut damping = DAMPING[0];
         let mut cost = self.linearize(targets, estimate)?;
-        for iteration in 1..=self.options.max_iterations {
+        let max_iterations = self.options.max_iterations.min(at_most);
+        for iteration in 1..=max_iterations {
             loop {
                 let predicted = self.step(estimate, damping);
                 let Some(predicted) = predicted else {
@@ -177,7 +180,7 @@ impl<'a> FrameFitter<'a> {
                 }
             }
         }
-        Ok((FitStatus::IterationLimit, self.options.max_iterations, cost))
+        Ok((FitStatus::IterationLimit, max_iterations, cost))
     }
 
     /// Solves for a step and returns by how much the quadratic model falls; none where that has no minimum.

@@ -13,7 +13,8 @@
 //! Method: Levenberg–Marquardt with the Jacobians of the tree, on the group of each joint; every step minimises the
 //! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
 //! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
-//! laid over the markers. Frames whose residuals are 1.3 times the median are then tried from their successors.
+//! laid over the markers. Every eighth frame is then begun from these postures too: what is better leads the frames on
+//! both sides of it as far as they get better, so that a motion does not stay in a wrong minimum.
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 
@@ -24,6 +25,7 @@ mod markers;
 mod motion;
 mod options;
 pub mod quadratic;
+mod starts;
 
 pub use estimate::Estimate;
 pub use frame::{FitStatus, FrameFit};

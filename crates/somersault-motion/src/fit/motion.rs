@@ -1,7 +1,7 @@
 //! A whole motion: frame after frame, or with one scale for all.
 
-use super::estimate::Estimate;
 use super::frame::{FitStatus, FrameFit, FrameFitter};
+use super::starts::{Starts, is_better};
 use super::{FitError, FitOptions, MarkerSet, Scale};
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
@@ -75,10 +75,8 @@ impl MotionFit {
     }
 }
 
-/// Residuals this many times their median may come from a wrong minimum.
-const UNUSUAL: f64 = 1.3;
-/// Residuals below it are rounding, m.
-const ROUNDING: f64 = 1e-9;
+/// Frames between those that are begun anew.
+const STRIDE: usize = 8;
 
 /// Rounds of the search for a common scale, at most.
 const MAX_ROUNDS: usize = 50;
@@ -107,14 +105,25 @@ impl MarkerFit {
     pub fn fit(&self, recording: &MarkerRecording) -> Result<MotionFit, FitError> {
         let targets = self.targets(recording)?;
         let mut fitter = FrameFitter::new(&self.model, &self.markers, &self.options);
-        let mut estimate = self.first(&mut fitter, &targets)?;
+        let starts = Starts::new(&self.model, &self.options, &fitter.unknowns);
+        let first = match targets.iter().find(|t| t.iter().any(Option::is_some)) {
+            Some(first) => starts.best(&mut fitter, first)?,
+            None => None,
+        };
+        let neutral = || fitter.unknowns.start(&self.model, None);
+        let mut estimate = first.map_or_else(neutral, |(_, estimate)| estimate);
         let mut frames = Vec::with_capacity(targets.len());
         for frame in &targets {
             let found = fitter.fit(frame, &estimate)?;
             estimate.clone_from(&found.estimate);
             frames.push(found);
         }
-        self.go_back(&mut fitter, &targets, &mut frames)?;
+        self.leave_wrong_minima(&mut fitter, &starts, &targets, &mut frames)?;
+        for i in 1..frames.len() {
+            if frames[i].status == FitStatus::NoMarkers {
+                frames[i].estimate = frames[i - 1].estimate.clone();
+            }
+        }
         let mut motion = MotionFit { times: recording.times().to_vec(), frames, scale_converged: true };
         if let Scale::Common { lower, upper } = self.options.scale {
             self.share_scale(&targets, &mut motion, [lower, upper])?;
@@ -122,31 +131,49 @@ impl MarkerFit {
         Ok(motion)
     }
 
-    /// Fits frames with unusual residuals again, from the last to the first, each from its successor, and keeps the better.
-    ///
-    /// Where two axes of a joint come near each other its angles have two branches, and noise may lead frames onto the one
-    /// that ends at a limit. What comes after is on the right one again.
-    fn go_back(
+    /// Leaves wrong minima that frames were led into: every frame of number [`STRIDE`], 2 [`STRIDE`], … and the last are begun from the
+    /// starts too, and what is better leads its neighbours, on both sides, as far as they get better by it.
+    fn leave_wrong_minima(
+        &self,
+        fitter: &mut FrameFitter,
+        starts: &Starts,
+        targets: &[Targets],
+        frames: &mut [FrameFit],
+    ) -> Result<(), FitError> {
+        let last = frames.len() - 1;
+        let far = (last % STRIDE > STRIDE / 2).then_some(last);
+        for i in (STRIDE..=last).step_by(STRIDE).chain(far) {
+            // nothing is better than no residual, or no marker
+            if !is_better(0.0, frames[i].cost) {
+                continue;
+            }
+            let Some((cost, estimate)) = starts.best(fitter, &targets[i])? else { continue };
+            if !is_better(cost, frames[i].cost) {
+                continue;
+            }
+            frames[i] = fitter.fit(&targets[i], &estimate)?;
+            self.lead(fitter, targets, frames, i, (i + 1)..=last)?;
+            self.lead(fitter, targets, frames, i, (0..=i - 1).rev())?;
+        }
+        Ok(())
+    }
+
+    /// Begins the frames in turn from the one before, the first from `leader`, until that is no better.
+    fn lead(
         &self,
         fitter: &mut FrameFitter,
         targets: &[Targets],
         frames: &mut [FrameFit],
+        leader: usize,
+        led: impl Iterator<Item = usize>,
     ) -> Result<(), FitError> {
-        let mut sizes: Vec<f64> = frames.iter().filter_map(|f| f.rms).collect();
-        sizes.sort_by(f64::total_cmp);
-        let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Ok(()) };
-        for i in (0..frames.len().saturating_sub(1)).rev() {
-            if frames[i].rms.is_some_and(|rms| rms > UNUSUAL * median + ROUNDING) {
-                let again = fitter.fit(&targets[i], &frames[i + 1].estimate)?;
-                if again.cost < frames[i].cost {
-                    frames[i] = again;
-                }
+        let mut estimate = frames[leader].estimate.clone();
+        for i in led.filter(|&i| targets[i].iter().any(Option::is_some)) {
+            let cost = fitter.minimize(&targets[i], &mut estimate, usize::MAX)?.2;
+            if !is_better(cost, frames[i].cost) {
+                break;
             }
-        }
-        for i in 1..frames.len() {
-            if frames[i].status == FitStatus::NoMarkers {
-                frames[i].estimate = frames[i - 1].estimate.clone();
-            }
+            frames[i] = fitter.fit(&targets[i], &estimate)?;
         }
         Ok(())
     }
@@ -162,33 +189,6 @@ impl MarkerFit {
         }
         let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
         Ok(recording.frames().map(frame).collect())
-    }
-
-    /// Where to begin: the best minimum of the first frame with markers, from all the starts.
-    fn first(&self, fitter: &mut FrameFitter, targets: &[Targets]) -> Result<Estimate, FitError> {
-        let neutral = fitter.unknowns.start(&self.model, None);
-        let Some(frame) = targets.iter().find(|t| t.iter().any(Option::is_some)) else {
-            return Ok(neutral);
-        };
-        let mut starts: Vec<Estimate> =
-            self.options.starts.iter().map(|s| fitter.unknowns.start(&self.model, Some(s))).collect();
-        if starts.is_empty() {
-            for k in 0..neutral.weights.len() {
-                let mut weights = vec![0.0; neutral.weights.len()];
-                weights[k] = 1.0;
-                starts.push(fitter.unknowns.start(&self.model, Some(&weights)));
-            }
-            starts.push(neutral.clone());
-        }
-        let mut best: Option<(f64, Estimate)> = None;
-        for mut start in starts {
-            fitter.align(frame, &mut start)?;
-            let (_, _, cost) = fitter.minimize(frame, &mut start)?;
-            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, start));
-            }
-        }
-        Ok(best.map_or(neutral, |(_, estimate)| estimate))
     }
 
     /// Makes the scale of all frames one: Newton's method on the sum of the frames' minima, a function of the scale

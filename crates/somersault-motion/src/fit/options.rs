@@ -82,8 +82,8 @@ pub struct FitOptions {
     pub scale: Scale,
     /// How distances count.
     pub loss: Loss,
-    /// Postures to begin the first frame with: coordinates of the joints beside the root's, or weights. Where there is
-    /// none: the neutral posture, or each posture of the base.
+    /// Postures to begin the first frame and every eighth with: coordinates of the joints beside the root's, or
+    /// weights. Where there is none: the neutral posture and each of the base, or points throughout the joints' ranges.
     pub starts: Vec<Vec<f64>>,
     /// Iterations in a frame, at most.
     pub max_iterations: usize,

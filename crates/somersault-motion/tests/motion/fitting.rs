@@ -328,3 +328,54 @@ fn what_cannot_be_fitted_is_refused() {
     let unknown = MarkerSet::on_bodies(&model, [("a", "wing", [0.0; 3])]);
     assert!(matches!(unknown, Err(FitError::Model(_))));
 }
+
+/// The frame of a recording alone, begun as `options` say.
+fn alone(model: &Model, set: &MarkerSet, recording: &MarkerRecording, i: usize, options: FitOptions) -> f64 {
+    let (names, points) = (recording.names().to_vec(), recording.frame(i).to_vec());
+    let one = MarkerRecording::try_new(names, vec![0.0], points).unwrap();
+    MarkerFit::try_new(model, set.clone(), options).unwrap().fit(&one).unwrap().rms().unwrap()
+}
+
+#[test]
+fn postures_of_the_tables_are_found_without_starts() {
+    for (diver, postures) in [(Diver::planar(), &Posture::PLANAR[..]), (Diver::spatial(), &Posture::ALL[..])]
+    {
+        let model = diver.model().unwrap();
+        for set in [markers(&model), MarkerSet::joint_centres(&model).unwrap()] {
+            for posture in postures {
+                let q = diver.configuration(*posture).unwrap();
+                let recording = record(&model, &set, &[q], 1.0, 0.0, 1);
+                let rms = alone(&model, &set, &recording, 0, FitOptions::default());
+                let n = set.markers().len();
+                assert!(rms < 1e-8, "{:?}, {posture:?}, {n} markers: {rms:e} m", diver.dimension);
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_of_1_cm_leads_no_frame_into_a_wrong_minimum() {
+    for diver in divers() {
+        let (model, motion) = (diver.model().unwrap(), motion(&diver, 60));
+        let (set, root) = (markers(&model), model.positions_of(0).len());
+        for seed in 1..=6 {
+            let recording = record(&model, &set, &motion, 1.0, 0.01, seed);
+            let from_truth = |(i, q): (usize, &Vec<f64>)| {
+                let starts = vec![q[root..].to_vec()];
+                alone(&model, &set, &recording, i, FitOptions { starts, ..FitOptions::default() })
+            };
+            let from_truth: Vec<f64> = motion.iter().enumerate().map(from_truth).collect();
+            for options in [begun(&diver), FitOptions::default()] {
+                let fit = MarkerFit::try_new(&model, set.clone(), options).unwrap().fit(&recording).unwrap();
+                for (i, (frame, truth)) in fit.frames.iter().zip(&from_truth).enumerate() {
+                    let rms = frame.rms.unwrap();
+                    assert!(
+                        rms < 1.02 * truth,
+                        "{:?}, seed {seed}, frame {i}: {rms}, {truth} m",
+                        diver.dimension
+                    );
+                }
+            }
+        }
+    }
+}

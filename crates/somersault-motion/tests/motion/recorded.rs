@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 use somersault_motion::analysis::{WeightBounds, eigenpostures, project};
 use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet, MotionFit, Scale, Shape};
 use somersault_motion::readers::{joint_motion, load, text};
-use somersault_motion::recording::SkeletonRecording;
+use somersault_motion::recording::{MarkerRecording, SkeletonRecording};
 use somersault_multibody::Model;
 use somersault_multibody::models::{Diver, Posture};
 use somersault_ocp::motion::EigenpostureBase;
@@ -89,6 +89,17 @@ fn recorded_motions_are_fitted_by_the_spatial_diver() {
         assert!(fit.converged(), "{name}");
         // what is left is what the diver's hinges cannot do, such as legs apart
         assert!(fit.rms().unwrap() < 0.15, "{name}");
+        // no frame stays in a minimum that is worse than what it finds alone
+        let centres = recording.joint_centres().unwrap();
+        for i in (0..centres.n_frames()).step_by(5) {
+            let (names, points) = (centres.names().to_vec(), centres.frame(i).to_vec());
+            let options =
+                FitOptions { scale: Scale::Fixed(1.0), max_iterations: 1000, ..FitOptions::default() };
+            let one = MarkerRecording::try_new(names, vec![0.0], points).unwrap();
+            let alone = MarkerFit::try_new(&model, markers(&model), options).unwrap().fit(&one).unwrap();
+            let (tracked, alone) = (fit.frames[i].rms.unwrap(), alone.rms().unwrap());
+            assert!(tracked < 1.2 * alone, "{name}: {tracked} m in frame {i}, {alone} m alone");
+        }
     }
 }
 
