@@ -3,6 +3,7 @@
 //! The crate is generic over the dimension, which Python knows only at run time: classes here hold plain numbers, and
 //! [`for_dimension`](dimension::for_dimension) enters the code of theirs.
 
+mod argument;
 mod chain;
 mod continuation;
 mod dimension;
@@ -21,7 +22,7 @@ mod system;
 mod watched;
 
 pub(crate) use chain::{Chain, Transition};
-pub(crate) use continuation::{Continued, continue_through, py_follow, travel_arm};
+pub(crate) use continuation::{Continued, cold_start, continue_through, py_follow, travel_arm};
 pub(crate) use flow::VariationalFlow;
 pub(crate) use following::Following;
 pub(crate) use matching::{Matched, Matching};

@@ -74,11 +74,18 @@ impl<const N: usize> Watched<N> {
             return f64::NAN;
         };
         let value = self.call(name, callable, p, &[]).map_or(f64::NAN, |numbers| numbers[0]);
-        if !value.is_finite() && !self.run.is_stopped() {
+        if !value.is_finite() {
+            self.no_value(name, value);
+        }
+        value
+    }
+
+    /// Ends the run because of what a callable returned, unless it has ended.
+    fn no_value(&self, name: &str, value: f64) {
+        if !self.run.is_stopped() {
             let message = format!("`{name}` returned {value}");
             self.run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
         }
-        value
     }
 }
 
@@ -165,7 +172,16 @@ impl<const N: usize> VectorField<N> for Watched<N> {
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         match &self.source {
             Source::Compiled(system) => system.fault(p),
-            Source::Callables(_) => Some(SystemError::NonFinite),
+            Source::Callables(_) => {
+                let quantity = if !self.field(p).sum().is_finite() {
+                    "field"
+                } else if !self.jacobian(p).sum().is_finite() {
+                    "jacobian"
+                } else {
+                    return None;
+                };
+                Some(SystemError::NoValue { quantity })
+            }
         }
     }
 }
@@ -198,7 +214,11 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
                         None
                     }
                 };
-                u.copy_from_slice(&found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]));
+                let found = found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]);
+                if let Some(value) = found.iter().find(|x| !x.is_finite()) {
+                    self.no_value("control", *value);
+                }
+                u.copy_from_slice(&found);
                 Ok(())
             }
         }
