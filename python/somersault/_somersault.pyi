@@ -226,6 +226,7 @@ __all__ = [
     "shoot",
     "sliding_block",
     "slow_subspace",
+    "state_costate",
     "spearman",
     "spectral_radii",
     "spinning_top",
@@ -2467,6 +2468,17 @@ def arm(
 ) -> System: ...
 def linear_regulator() -> System: ...
 def cubic_regulator() -> System: ...
+def state_costate(
+    dynamics: Callable[[_Floats, _Floats], ArrayLike],
+    running_cost: Callable[[_Floats, _Floats], float],
+    n_states: int,
+    n_controls: int,
+    *,
+    jacobian: Callable[[_Floats, _Floats], ArrayLike],
+    gradient: Callable[[_Floats, _Floats], ArrayLike],
+    hessian: Callable[[_Floats, _Floats, _Floats], ArrayLike],
+    control_bounds: ArrayLike | None = None,
+) -> System: ...
 def tree(
     model: Model,
     weights: ArrayLike | None = None,

@@ -49,6 +49,7 @@ from somersault._somersault import (
     rank_held_costates,
     shoot,
     slow_subspace,
+    state_costate,
     tree,
 )
 
@@ -82,5 +83,6 @@ __all__ = [
     "shoot",
     "slow_subspace",
     "solve_arm",
+    "state_costate",
     "tree",
 ]

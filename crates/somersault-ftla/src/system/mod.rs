@@ -17,7 +17,7 @@ mod tree;
 pub use arm::ArmMinimumTorque;
 pub use piece::{Piece, Side};
 pub use scalar::{CubicRegulator, LinearRegulator};
-pub use state_costate::{ControlProblem, StateCostate};
+pub use state_costate::{ControlProblem, DifferentiatedProblem, ProblemDerivatives, StateCostate};
 pub use tree::TreeMinimumTorque;
 
 use nalgebra::{SMatrix, SVector};

@@ -6,6 +6,7 @@
 mod argument;
 mod chain;
 mod continuation;
+mod control_problem;
 mod dimension;
 mod error;
 mod flow;
@@ -23,6 +24,7 @@ mod watched;
 
 pub(crate) use chain::{Chain, Transition};
 pub(crate) use continuation::{Continued, cold_start, continue_through, py_follow, travel_arm};
+pub(crate) use control_problem::state_costate;
 pub(crate) use flow::VariationalFlow;
 pub(crate) use following::Following;
 pub(crate) use matching::{Matched, Matching};

@@ -1,6 +1,7 @@
 //! State–costate systems, compiled or users' own.
 
 use super::argument::whole;
+use super::control_problem::{Problem, state_costate};
 use super::dimension::{DIMENSIONS, by_rows, for_dimension, no_such, vector};
 use super::error::input;
 use super::named_systems::{arm, cubic_regulator, linear_regulator, tree};
@@ -64,9 +65,13 @@ pub(crate) struct System {
     origin: Origin,
 }
 
+/// Makes a compiled system for a run.
+pub(super) type Maker<const N: usize> = Box<dyn Fn(&Arc<Run>) -> Result<Compiled<N>, Error> + Send + Sync>;
+
 /// What a system is made from, to be made again.
 pub(super) enum Origin {
     Callables(Arc<Callables>),
+    Problem(Arc<Problem>),
     Arm(ArmMinimumTorque),
     Regulator(&'static str),
     Tree { model: Py<Model>, weights: Vec<f64>, limits: Vec<f64>, passive: Vec<usize> },
@@ -89,8 +94,21 @@ impl System {
         Self { dimension: N, n_controls, description, source, origin }
     }
 
+    /// One that is made anew for each run.
+    pub(super) fn made<const N: usize>(
+        make: Maker<N>,
+        description: String,
+        n_controls: usize,
+        origin: Origin,
+    ) -> Self {
+        Self { dimension: N, n_controls, description, source: Box::new(make), origin }
+    }
+
     /// The system for one run, where the dimension is N.
     pub(crate) fn watched<const N: usize>(&self, run: &Arc<Run>) -> Result<Watched<N>, Error> {
+        if let Some(make) = self.source.downcast_ref::<Maker<N>>() {
+            return Ok(Source::Compiled(make(run)?).watched(run));
+        }
         match self.source.downcast_ref::<Source<N>>() {
             Some(source) => Ok(source.watched(run)),
             None => Err(input(format!("`system` must be of dimension {N}, found {}", self.dimension))),
@@ -302,6 +320,13 @@ impl System {
                 let given = (field, jacobian, own.dimension, hamiltonian, control, running_cost, n_controls);
                 tuple(given.into_pyobject(py)?, "callables")?
             }
+            Origin::Problem(problem) => {
+                let Problem { callables: [dynamics, cost, jacobian, gradient, hessian], n_states, .. } =
+                    &**problem;
+                let bounds = problem.bounds.chunks(own.n_controls).collect::<Vec<_>>();
+                let code = (dynamics, cost, jacobian, gradient, hessian);
+                tuple((code, n_states, own.n_controls, bounds).into_pyobject(py)?, "problem")?
+            }
             Origin::Arm(arm) => {
                 let TwoLinkArm { masses, lengths, damping } = *arm.arm();
                 let given = (masses, lengths, damping, arm.weights(), arm.torque_limits());
@@ -332,6 +357,17 @@ impl System {
                 let [hamiltonian, control, running_cost] =
                     [&hamiltonian, &control, &running_cost].map(Option::as_ref);
                 Self::new(&field, &jacobian, dimension, hamiltonian, control, running_cost, n_controls)
+            }
+            "problem" => {
+                type Code<'py> = Bound<'py, PyAny>;
+                let ([dynamics, cost, jacobian, gradient, hessian], n_states, n_controls, bounds): (
+                    [Code<'_>; 5],
+                    usize,
+                    usize,
+                    Code<'_>,
+                ) = arguments.extract()?;
+                let bounds = Some(&bounds);
+                state_costate(&dynamics, &cost, n_states, n_controls, &jacobian, &gradient, &hessian, bounds)
             }
             "arm" => {
                 let (masses, lengths, damping, weights, limits) = arguments.extract()?;

@@ -6,6 +6,7 @@ use super::run::{Run, caused};
 use crate::convert::with_shape;
 use crate::error::Error;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use somersault::ftla::nalgebra::{SMatrix, SVector};
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, Piece, SystemError, VectorField};
 use std::sync::Arc;
@@ -37,6 +38,38 @@ pub(crate) struct Watched<const N: usize> {
     run: Arc<Run>,
 }
 
+/// What a callable makes of vectors: numbers of a shape; none once anything has been raised.
+pub(super) fn call(
+    run: &Run,
+    name: &str,
+    arguments: &str,
+    callable: &Py<PyAny>,
+    vectors: &[&[f64]],
+    shape: &[usize],
+) -> Option<Vec<f64>> {
+    if run.is_stopped() {
+        return None;
+    }
+    Python::attach(|py| {
+        let given = vectors.iter().map(|vector| numpy::PyArray1::from_slice(py, vector));
+        let returned = PyTuple::new(py, given)
+            .and_then(|given| callable.call1(py, given).map_err(|error| caused(py, name, error)));
+        let numbers = returned.and_then(|value| {
+            with_shape(&format!("{name}({arguments})"), shape, value.bind(py))
+                .map_err(|error| PyErr::from(input_of(error)))
+        });
+        numbers.map_err(|error| run.stop(error)).ok()
+    })
+}
+
+/// Ends a run because of what a callable returned, unless it has ended.
+pub(super) fn no_value(run: &Run, name: &str, value: f64) {
+    if !run.is_stopped() {
+        let message = format!("`{name}` returned {value}");
+        run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
+    }
+}
+
 impl<const N: usize> Source<N> {
     /// The system for one run.
     pub(crate) fn watched(&self, run: &Arc<Run>) -> Watched<N> {
@@ -53,18 +86,7 @@ impl<const N: usize> Watched<N> {
         p: &SVector<f64, N>,
         shape: &[usize],
     ) -> Option<Vec<f64>> {
-        if self.run.is_stopped() {
-            return None;
-        }
-        Python::attach(|py| {
-            let argument = numpy::PyArray1::from_slice(py, p.as_slice());
-            let returned = callable.call1(py, (argument,)).map_err(|error| caused(py, name, error));
-            let numbers = returned.and_then(|value| {
-                with_shape(&format!("{name}(p)"), shape, value.bind(py))
-                    .map_err(|error| PyErr::from(input_of(error)))
-            });
-            numbers.map_err(|error| self.run.stop(error)).ok()
-        })
+        call(&self.run, name, "p", callable, &[p.as_slice()], shape)
     }
 
     /// A number that a callable makes of p; NaN once anything has been raised, and an error where it is no number.
@@ -75,17 +97,9 @@ impl<const N: usize> Watched<N> {
         };
         let value = self.call(name, callable, p, &[]).map_or(f64::NAN, |numbers| numbers[0]);
         if !value.is_finite() {
-            self.no_value(name, value);
+            no_value(&self.run, name, value);
         }
         value
-    }
-
-    /// Ends the run because of what a callable returned, unless it has ended.
-    fn no_value(&self, name: &str, value: f64) {
-        if !self.run.is_stopped() {
-            let message = format!("`{name}` returned {value}");
-            self.run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
-        }
     }
 }
 
@@ -216,7 +230,7 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
                 };
                 let found = found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]);
                 if let Some(value) = found.iter().find(|x| !x.is_finite()) {
-                    self.no_value("control", *value);
+                    no_value(&self.run, "control", *value);
                 }
                 u.copy_from_slice(&found);
                 Ok(())
