@@ -56,7 +56,7 @@ fn cold_start(c: &mut Criterion) {
     group.sample_size(20);
     group.bench_function("arm, 10 s", |b| {
         b.iter(|| {
-            let found = black_box(&thesis).solve(&Continuation::default()).expect("well posed");
+            let found = black_box(&thesis).solve(&Continuation::default()).expect("well posed").continued;
             assert_eq!(found.extremal.status, Status::Converged);
             found.extremal.residual
         })

@@ -22,6 +22,9 @@ from somersault.errors import FtlaInputError
 
 __all__ = ["ArmExtremal", "arm_extremals", "solve_arm"]
 
+#: Longest horizon, s: beyond it are millions of nodes.
+_LONGEST = 1e4
+
 
 @dataclass(frozen=True)
 class ArmExtremal:
@@ -68,12 +71,11 @@ def solve_arm(
     -------
     Continued
     """
-    initial, final = _state("initial_state", initial_state), _state("final_state", final_state)
-    if not (np.isfinite(horizon) and horizon > 0.0):
-        raise FtlaInputError(f"`horizon` must be positive and finite, found {horizon}")
-    if not np.isfinite(fold):
-        raise FtlaInputError(f"`fold` must be finite, found {fold}")
-    system = system or arm()
+    initial, final = _numbers("initial_state", initial_state, 4), _numbers("final_state", final_state, 4)
+    horizon, fold = float(_numbers("horizon", horizon)), float(_numbers("fold", fold))
+    if not 0.0 < horizon <= _LONGEST:
+        raise FtlaInputError(f"`horizon` must be positive and at most {_LONGEST:g} s, found {horizon}")
+    system = arm() if system is None else system
     if not (initial[2:].any() or final[2:].any()):
         return travel_arm(system, initial[:2].tolist(), final[:2].tolist(), horizon, fold, **options)
     middle = 0.5 * (initial[0] + final[0])
@@ -115,20 +117,30 @@ def arm_extremals(
     list of ArmExtremal
         Those that were found; a fold and a number of turns that lead nowhere are left out.
     """
-    final = _state("final_state", final_state)
+    final = _numbers("final_state", final_state, 4)
+    ways = _numbers("folds", folds, None)
+    whole = _numbers("turns", turns, None)
+    if (whole != np.round(whole)).any():
+        raise FtlaInputError(f"`turns` must be whole numbers, found {turns!r}")
     found = []
-    for fold in folds:
-        for turn in turns:
+    for fold in ways:
+        for turn in whole:
             last = final + np.array([0.0, 2.0 * np.pi * turn, 0.0, 0.0])
-            continued = solve_arm(initial_state, last, horizon, fold=fold, system=system, **options)
+            continued = solve_arm(initial_state, last, horizon, fold=float(fold), system=system, **options)
             if continued.success:
                 extremal = continued.extremal
                 found.append(ArmExtremal(float(fold), int(turn), extremal.cost(), extremal))
     return sorted(found, key=lambda each: each.cost)
 
 
-def _state(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    state = np.asarray(value, dtype=float)
-    if state.shape != (4,) or not np.isfinite(state).all():
-        raise FtlaInputError(f"`{name}` must be four finite numbers, found {value!r}")
-    return state
+def _numbers(name: str, value: Any, *shape: int | None) -> NDArray[np.float64]:
+    """Finite numbers, of a length unless that is None."""
+    what = "a finite number" if not shape else f"{shape[0] or 'a sequence of'} finite numbers"
+    try:
+        numbers = np.asarray(value)
+    except ValueError:
+        numbers = np.asarray(None)
+    fits = numbers.ndim == len(shape) and shape in ((), (None,), numbers.shape)
+    if numbers.dtype.kind not in "fiu" or not fits or not np.isfinite(numbers).all() or numbers.size == 0:
+        raise FtlaInputError(f"`{name}` must be {what}, found {value!r}")
+    return numbers.astype(float)

@@ -7,8 +7,8 @@ tangent space, and an optimum starts near the centre-stable manifold and ends ne
 In the order of work: a `System` poses; a `VariationalFlow` integrates it with its transition matrix and gives
 a `Spectrum` of exponents and vectors; `diagnose` says whether the problem is hyper-sensitive, `Splitting`
 holds the subspaces; a `Placement` puts points on the slow manifolds, a `Matching` joins two ends, and `shoot`
-polishes to rounding. `continue_through` starts from nothing but boundary states, `follow` changes a
-parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
+polishes to rounding. `cold_start` and `continue_through` start from nothing but boundary states, `follow`
+changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
 
 >>> import numpy as np
 >>> from somersault import ftla
@@ -39,6 +39,7 @@ from somersault._somersault import (
     Transition,
     VariationalFlow,
     arm,
+    cold_start,
     continue_through,
     cubic_regulator,
     diagnose,
@@ -48,6 +49,7 @@ from somersault._somersault import (
     rank_held_costates,
     shoot,
     slow_subspace,
+    state_costate,
     tree,
 )
 
@@ -70,6 +72,7 @@ __all__ = [
     "VariationalFlow",
     "arm",
     "arm_extremals",
+    "cold_start",
     "continue_through",
     "cubic_regulator",
     "diagnose",
@@ -80,5 +83,6 @@ __all__ = [
     "shoot",
     "slow_subspace",
     "solve_arm",
+    "state_costate",
     "tree",
 ]

@@ -247,7 +247,7 @@ def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:
         ("weights", lambda: ftla.tree(multibody.two_link_arm(), [1.0, 2.0, 3.0])),
         ("weights", lambda: ftla.tree(multibody.two_link_arm(), -1.0)),
         ("torque_limits", lambda: ftla.tree(multibody.two_link_arm(), torque_limits=0.0)),
-        ("joint", lambda: ftla.tree(multibody.two_link_arm(), passive=[2])),
+        ("passive", lambda: ftla.tree(multibody.two_link_arm(), passive=[2])),
         ("model", lambda: ftla.tree(multibody.diver_planar().model)),
         ("rtol", lambda: ftla.VariationalFlow(ftla.arm(), rtol=0.0)),
         ("atol", lambda: ftla.VariationalFlow(ftla.arm(), atol=np.nan)),
@@ -267,7 +267,7 @@ def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:
             ftla.VariationalFlow(ftla.arm()), START)),
         ("add up to 8", lambda: ftla.Placement((1, 0, 1), [], [1.0]).place(
             ftla.VariationalFlow(ftla.arm()), START)),
-        ("dimension", lambda: ftla.Placement((2, 4, 3), [0, 2], [1.0])),
+        ("dims", lambda: ftla.Placement((2, 4, 3), [0, 2], [1.0])),
         ("held", lambda: ftla.Placement((2, 4, 2), [0, 4], [1.0])),
         ("held", lambda: ftla.Placement((2, 4, 2), [0], [1.0])),
         ("times", lambda: ftla.Placement((2, 4, 2), [0, 2], [2.0, 1.0])),

@@ -176,11 +176,13 @@ def test_systems_that_cannot_be_made_are_refused() -> None:
         ftla.System(1.0, jacobian, 2)  # type: ignore[arg-type]
     with pytest.raises(errors.InputError, match="`control` must be a callable"):
         ftla.System(field, jacobian, 2, control=3)  # type: ignore[arg-type]
-    with pytest.raises(errors.FtlaInputError, match=r"`dimension` must be one of \[2, 4, 6, 8, 10, 12, 16\]"):
+    with pytest.raises(
+        errors.FtlaInputError, match=r"`dimension` must be one of \[2, 4, 6, 8, 10, 12, 16, 20, 24\]"
+    ):
         ftla.System(field, jacobian, 3)
 
 
-@pytest.mark.parametrize("dimension", [2, 4, 6, 8, 10, 12, 16])
+@pytest.mark.parametrize("dimension", [2, 4, 6, 8, 10, 12, 16, 20, 24])
 def test_every_dimension_is_there(dimension: int) -> None:
     n = dimension // 2
     rates = np.kron(RATES, np.eye(n)) * np.tile(np.arange(1.0, n + 1.0), 2)[:, None]
@@ -227,6 +229,10 @@ def wait(system):
     ftla.VariationalFlow(system, rtol=1e-13, max_steps=10**12).state([1.0, 0.0], 1e9)
 def cloud():
     ftla.VariationalFlow(ftla.arm(), rtol=1e-13).transitions(points, 2.0)
+def far():
+    ftla.solve_arm([0.0, 0.05, 0.0, 0.0], [1.0, 0.05, 0.0, 0.0], 1e4)
+def many():
+    ftla.VariationalFlow(ftla.arm()).spectra([0.0, 3.0, 0.4, 0.0, -0.2, 0.0, -0.2, 0.0], np.arange(1, 20_001) * 2e-4)
 print("ready", flush=True)
 try:
     {call}
@@ -237,7 +243,7 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
-@pytest.mark.parametrize("call", ["wait(own)", "cloud()"])
+@pytest.mark.parametrize("call", ["wait(own)", "cloud()", "far()", "many()"])
 def test_an_interrupt_ends_a_run_within_a_second(call: str) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", SCRIPT.format(call=call)], stdout=subprocess.PIPE, text=True

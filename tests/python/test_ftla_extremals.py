@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from somersault import errors, ftla
+from somersault import errors, ftla, multibody
 
 INITIAL, FINAL = [-np.pi / 2, 0.05, 0.0, 0.0], [np.pi / 2, 0.05, 0.0, 0.0]
 
@@ -157,6 +157,160 @@ def test_regulators_are_their_closed_forms(ends: tuple[float, float], horizon: f
         costates = [-(a**3) + a * np.sqrt(1.0 + a**4), -(b**3) - b * np.sqrt(1.0 + b**4)]
         expected = [value(a) - a**4 / 4 + value(b) + b**4 / 4, *costates]
         np.testing.assert_allclose(solved(ftla.cubic_regulator()), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("horizon", [10.0, 40.0, 1e4])
+@pytest.mark.parametrize(("a", "b"), [(1.0, 1.5), (1.5, 1.0)])
+def test_regulators_start_cold_from_their_ends(a: float, b: float, horizon: float) -> None:
+    found = ftla.cold_start(ftla.linear_regulator(), [a], [b], horizon)
+    coth, decay = 1.0 / np.tanh(ROOT * horizon), np.exp(-ROOT * horizon)
+    csch = 2.0 * decay / (1.0 - decay**2)
+    costates = [-a + ROOT * (a * coth - b * csch), -b - ROOT * (b * coth - a * csch)]
+    assert found.success
+    np.testing.assert_allclose(found.extremal.nodes[[0, -1], 1], costates, atol=1e-10)
+    found = ftla.cold_start(ftla.cubic_regulator(), [a], [b], horizon)
+    assert found.success
+    if horizon >= 40.0:
+        costates = [-(a**3) + a * np.sqrt(1.0 + a**4), -(b**3) - b * np.sqrt(1.0 + b**4)]
+        np.testing.assert_allclose(found.extremal.nodes[[0, -1], 1], costates, atol=1e-10)
+
+
+def pendulum(n: int) -> multibody.Model:
+    """Rods of a metre in a row, hanging from a hinge."""
+    rods = [
+        multibody.Link(
+            f"rod {i}", "revolute", parent=f"rod {i - 1}" if i else None, axis=(0.0, 1.0, 0.0), mass=1.0,
+            center=(0.0, 0.0, -0.5), inertia=(1 / 12, 1 / 12, 1e-3), origin=(0.0, 0.0, -1.0 if i else 0.0),
+            damping=0.1,
+        )
+        for i in range(n)
+    ]  # fmt: skip
+    return multibody.Model(rods)
+
+
+@pytest.mark.parametrize(
+    ("system", "initial", "final", "horizon"),
+    [
+        # held up sideways at both ends, which takes torque: no rest to begin with
+        (ftla.tree(pendulum(1)), [0.5, 0.0], [1.5, 0.0], 4.0),
+        (ftla.tree(pendulum(1)), [0.0, 0.0], [np.pi, 0.0], 6.0),
+        (ftla.tree(pendulum(3)), [0.0] * 6, [0.6, -0.4, 0.3, 0.0, 0.0, 0.0], 3.0),
+        (ftla.tree(multibody.cart_pendulum(), passive=[1]), [0.0] * 4, [1.0, 0.0, 0.0, 0.0], 4.0),
+    ],
+)
+def test_trees_start_cold_from_their_ends(
+    system: ftla.System, initial: list[float], final: list[float], horizon: float
+) -> None:
+    found = ftla.cold_start(system, initial, final, horizon)
+    extremal = found.extremal
+    assert found.success and extremal.residual < 1e-10
+    n = len(initial)
+    np.testing.assert_allclose(extremal.nodes[[0, -1], :n], [initial, final], atol=1e-12)
+    low, high = extremal.hamiltonian_range()
+    assert high - low < 1e-8 * (1.0 + abs(high))
+    # a segment by an integrator that is not ours
+    k = len(extremal.times) // 2
+    end = solve_ivp(
+        lambda t, p: system.field(p),
+        extremal.times[k : k + 2],
+        extremal.nodes[k],
+        method="DOP853",
+        rtol=1e-11,
+    ).y[:, -1]
+    np.testing.assert_allclose(end, extremal.nodes[k + 1], rtol=1e-7, atol=1e-8)
+
+
+def test_a_body_on_a_ball_joint_is_turned_at_least_effort() -> None:
+    # free of gravity and equal about all axes it turns about one, x = a (3s² − 2s³), u = I ẍ
+    body = multibody.Link("ball", "spherical", mass=1.0, center=(0.0, 0.0, 0.0), inertia=(0.4, 0.4, 0.4))
+    system = ftla.tree(multibody.Model([body], gravity=(0.0, 0.0, 0.0)))
+    turn = np.array([0.3, -0.8, 0.5])
+    found = ftla.cold_start(system, [0.0] * 6, [*turn, 0.0, 0.0, 0.0], 2.0)
+    assert found.success and found.extremal.cost() == pytest.approx(
+        6.0 * 0.16 * (turn @ turn) / 8.0, rel=1e-9
+    )
+    np.testing.assert_allclose(found.extremal(1.0)[:3], turn / 2, atol=1e-9)
+
+
+def regulator(quartic: float, bounds: Any = None) -> ftla.System:
+    """dx/dt = −x³ + u with cost ½(x² + u²) + c u⁴/4."""
+    return ftla.state_costate(
+        lambda x, u: -(x**3) + u,
+        lambda x, u: float(0.5 * (x @ x + u @ u) + 0.25 * quartic * (u**4).sum()),
+        1,
+        1,
+        jacobian=lambda x, u: [[-3.0 * x[0] ** 2, 1.0]],
+        gradient=lambda x, u: [x[0], u[0] + quartic * u[0] ** 3],
+        hessian=lambda x, u, costate: np.diag(
+            [1.0 - 6.0 * x[0] * costate[0], 1.0 + 3.0 * quartic * u[0] ** 2]
+        ),
+        control_bounds=bounds,
+    )
+
+
+def test_a_problem_of_ones_own_is_the_compiled_one() -> None:
+    own, compiled = regulator(0.0), ftla.cubic_regulator()
+    p = np.array([[1.0, 0.4], [-0.3, 0.9]])
+    for name in ("field", "jacobian", "hamiltonian", "control", "running_cost"):
+        np.testing.assert_allclose(getattr(own, name)(p), getattr(compiled, name)(p), rtol=1e-14, atol=1e-15)
+    assert own.n_controls == 1 and own.dimension == 2
+
+
+def test_a_convex_cost_of_ones_own_is_minimised() -> None:
+    system = regulator(2.0)
+    u = system.control([0.5, -1.2])
+    assert u + 2.0 * u**3 == pytest.approx(1.2, abs=1e-13)
+    p, step = np.array([0.5, -1.2]), 1e-5
+    slope = [
+        (system.hamiltonian(p + step * e) - system.hamiltonian(p - step * e)) / (2.0 * step)
+        for e in np.eye(2)
+    ]
+    np.testing.assert_allclose(system.field(p), [slope[1], -slope[0]], atol=1e-9)
+    found = ftla.cold_start(system, [1.0], [0.5], 3.0, tol=1e-9, rtol=1e-10, atol=1e-12)
+    low, high = found.extremal.hamiltonian_range()
+    assert found.success and high - low < 1e-8
+
+
+def test_bounds_of_ones_own_are_met_and_located() -> None:
+    free = ftla.cold_start(regulator(0.0), [1.0], [1.2], 3.0, tol=1e-9, rtol=1e-10, atol=1e-12)
+    assert free.extremal.control([0.0, 3.0]).max() > 2.0
+    system = regulator(0.0, [[-np.inf], [2.5]])
+
+    def family(s: float) -> Any:
+        return regulator(0.0, [[-np.inf], [4.0 - 1.5 * s]]), [1.0], [1.2], 3.0
+
+    found = ftla.follow(family, free.extremal, tol=1e-9, rtol=1e-10, atol=1e-12)
+    assert found.success and found.extremal.cost() >= free.extremal.cost()
+    assert found.extremal.control(np.linspace(0.0, 3.0, 301)).max() <= 2.5
+    switches = ftla.VariationalFlow(system, rtol=1e-10).switches(found.extremal(2.0), 0.999)
+    assert [sides for _, sides in switches] == [["upper"]]
+
+
+def test_callables_of_a_problem_are_named_in_errors() -> None:
+    def broken(x: Any, u: Any) -> Any:
+        raise RuntimeError("out of order")
+
+    good: dict[str, Any] = {
+        "dynamics": lambda x, u: -x + u, "running_cost": lambda x, u: float(0.5 * (x @ x + u @ u)),
+        "n_states": 1, "n_controls": 1, "jacobian": lambda x, u: [[-1.0, 1.0]], "gradient": lambda x, u: [x[0], u[0]],
+        "hessian": lambda x, u, costate: np.eye(2),
+    }  # fmt: skip
+    for name in ("dynamics", "running_cost", "jacobian", "gradient"):
+        with pytest.raises(errors.FieldError, match=f"`{name}` raised"):
+            ftla.state_costate(**(good | {name: broken})).jacobian([1.0, 0.4])
+        with pytest.raises(errors.FieldError, match=f"`{name}` returned NaN"):
+            nowhere = {"dynamics": [np.nan], "running_cost": np.nan}.get(name, np.full(2, np.nan))
+            shaped = [nowhere] if name == "jacobian" else nowhere
+            ftla.state_costate(**(good | {name: lambda x, u, shaped=shaped: shaped})).jacobian([1.0, 0.4])
+    with pytest.raises(errors.FieldError, match="control Hessian"):
+        ftla.state_costate(**(good | {"hessian": lambda x, u, costate: np.diag([1.0, 0.0])})).field(
+            [1.0, 0.4]
+        )
+    with pytest.raises(errors.FtlaInputError, match="hessian"):
+        ftla.state_costate(**(good | {"hessian": lambda x, u, costate: np.eye(3)})).field([1.0, 0.4])
+    for bounds in ([[1.0], [1.0]], [[np.nan], [1.0]], [1.0, 2.0]):
+        with pytest.raises(errors.InputError, match="control_bounds"):
+            ftla.state_costate(**good, control_bounds=bounds)
 
 
 def test_a_free_end_has_a_costate_of_zero() -> None:

@@ -23,7 +23,7 @@ fn cost(found: &Continued<8>, system: &ArmMinimumTorque) -> Result<f64, Box<dyn 
 }
 
 fn solve(travel: &ArmTravel) -> Result<Continued<8>, Box<dyn Error>> {
-    let found = travel.solve(&Continuation::default())?;
+    let found = travel.solve(&Continuation::default())?.continued;
     if found.s == 1.0 && found.extremal.status == Status::Converged {
         Ok(found)
     } else {

@@ -36,7 +36,7 @@ fn solve(travel: &Travel) -> Result<Value, Box<dyn Error>> {
     let Travel { fold, horizon, .. } = *travel;
     let problem = ArmTravel { system, initial: [-half, 0.05], last: [half, 0.05], fold, horizon };
     let began = Instant::now();
-    let found = problem.solve(&Continuation::default())?;
+    let found = problem.solve(&Continuation::default())?.continued;
     let seconds = began.elapsed().as_secs_f64();
     let extremal = &found.extremal;
     let arrived = found.s == 1.0 && extremal.status == Status::Converged;

@@ -25,7 +25,7 @@ pub struct Member<S, const N: usize> {
 pub struct Continued<const N: usize> {
     /// The last solution; its status tells whether it was polished where `s` = 1.
     pub extremal: Extremal<N>,
-    /// The parameter of that solution: one if the continuation arrived.
+    /// How far that solution is on the way, over all stages: one if the continuation arrived.
     pub s: f64,
     /// Members solved, and tried in vain.
     pub steps: [usize; 2],
@@ -83,13 +83,19 @@ impl Continuation {
         horizon: f64,
         fractions: &[f64],
     ) -> Result<Continued<N>, ShootingError> {
-        let Some([rest, _]) = stages.first() else {
-            return Err(ShootingError::Length { argument: "stages", expected: 2, found: 0 });
-        };
-        for end in stages.iter().flatten() {
-            End::<N>::try_state(end)?;
+        if stages.len() < 2 {
+            return Err(ShootingError::Length { argument: "stages", expected: 2, found: stages.len() });
         }
-        let at_rest = SVector::from_fn(|i, _| if i < N / 2 { rest[i] } else { 0.0 });
+        for end in stages.iter().flatten() {
+            if end.len() != N / 2 {
+                let (expected, found) = (N / 2, end.len());
+                return Err(ShootingError::Length { argument: "stages", expected, found });
+            }
+            if let Some(&found) = end.iter().find(|x| !x.is_finite()) {
+                return Err(ShootingError::Argument { argument: "stages", allowed: "finite", found });
+            }
+        }
+        let at_rest = rest_of(system, &stages[0])?;
         let mut nodes = vec![at_rest; fractions.len()];
         let mut total: Option<Continued<N>> = None;
         for (k, pair) in stages.windows(2).enumerate() {
@@ -104,10 +110,16 @@ impl Continuation {
             let stage = Self { polish: if last { self.polish } else { self.on_the_way }, ..*self };
             let family = |s: f64| Member { system: system.clone(), ends: ends(s), horizon };
             let mut found = stage.follow(family, fractions, &nodes)?;
+            let arrived = found.s == 1.0 && found.extremal.status == Status::Converged;
+            if !last {
+                found.extremal.mark_on_the_way();
+            }
+            if !(last && arrived) {
+                found.s = (k as f64 + found.s) / (stages.len() - 1) as f64;
+            }
             if let Some(before) = &total {
                 found = found.after(before);
             }
-            let arrived = found.s == 1.0 && found.extremal.status == Status::Converged;
             nodes.clone_from(&found.extremal.nodes);
             total = Some(found);
             if !arrived {
@@ -171,7 +183,23 @@ impl Continuation {
             best = solve(&self.polish, 1.0, &best.nodes)?;
             iterations += best.iterations;
             work += best.work;
+        } else {
+            best.mark_on_the_way();
         }
         Ok(Continued { extremal: best, s, steps, iterations, work })
     }
+}
+
+/// How fast a rest may move, in units of the state per second: what a rounded angle leaves.
+const STILL: f64 = 1e-6;
+
+/// The node of a rest, with λ = 0.
+fn rest_of<S: VectorField<N>, const N: usize>(
+    system: &S,
+    [initial, last]: &[Vec<f64>; 2],
+) -> Result<SVector<f64, N>, ShootingError> {
+    let at_rest = SVector::from_fn(|i, _| if i < N / 2 { initial[i] } else { 0.0 });
+    let rate = if initial == last { system.field(&at_rest).amax() } else { f64::INFINITY };
+    // a field without a value is told by the first motion
+    if rate > STILL { Err(ShootingError::NoRest { rate }) } else { Ok(at_rest) }
 }

@@ -231,7 +231,7 @@ fn continuation_from_a_rest_leads_to_the_same_extremal() {
 
 /// Solved, and confirmed by segments integrated anew a hundred times as accurately.
 fn assert_solved(travel: &ArmTravel) -> Extremal<8> {
-    let found = travel.solve(&Continuation::default()).expect("well posed");
+    let found = travel.solve(&Continuation::default()).expect("well posed").continued;
     assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged), "{travel:?}");
     let extremal = found.extremal;
     let tight = Tolerances { relative: 1e-15, absolute: 1e-17 };

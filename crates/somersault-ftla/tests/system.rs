@@ -175,6 +175,61 @@ fn a_tree_with_a_passive_joint_is_hamiltonian_and_drives_the_others_only() {
     assert!(one(tree).and_then(|t| t.try_with_passive(2)).is_err());
 }
 
+/// Two bodies under gravity, the first on `joint`, the second on a hinge askew if there is one.
+fn rooted(random: &mut testkit::Random, joint: Joint, hinge: bool) -> Model {
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("one", joint, random.body()).with_damping(0.2)).expect("a root");
+    if hinge {
+        let axis = Joint::Revolute { axis: random.vector(1.0) };
+        builder.add(Link::child("two", "one", axis, random.body()).at(random.vector(1.0))).expect("a child");
+    }
+    builder.build().expect("a tree")
+}
+
+/// A tree in coordinates of its own: Hamiltonian, D by differences, v the velocity of its configuration, and v̇ that of
+/// forward dynamics. `place` makes a configuration of coordinates.
+fn assert_charted<const N: usize>(
+    random: &mut testkit::Random,
+    model: &Model,
+    place: impl Fn(&[f64]) -> Vec<f64>,
+) {
+    let n = N / 4;
+    let tree = TreeMinimumTorque::<N>::try_new(model, &vec![0.7; n]).expect("fits");
+    // small rotations go by series, large ones by the closed form
+    for (case, size) in [0.0, 0.3, 0.9, 1.3].into_iter().enumerate() {
+        let mut p = SVector::<f64, N>::from_column_slice(&random.numbers(N, 0.5));
+        (0..n).for_each(|i| p[i] *= 2.0 * size);
+        let (h, d) = tree.linearize(&p);
+        assert!((h - field_of_hamiltonian(&tree, &p)).amax() < 1e-8 * h.amax(), "{case}: ∇H");
+        assert!(matrix_gap(&d, &differences(&tree, &p)) < 1e-8 * d.amax(), "{case}: differences");
+        let (c, v) = (&p.as_slice()[..n], &p.as_slice()[n..2 * n]);
+        let moved = |step: f64| place(&(0..n).map(|i| c[i] + step * h[i]).collect::<Vec<_>>());
+        let mut along = vec![0.0; n];
+        model.difference(&moved(-1e-4), &moved(1e-4), &mut along).expect("lengths fit");
+        assert!((0..n).all(|i| (along[i] / 2e-4 - v[i]).abs() < 1e-6), "{case}: {along:?} along {v:?}");
+        let mut u = vec![0.0; n];
+        tree.control_into(&p, &mut u).expect("n controls");
+        let mut data = Data::new(model);
+        let a = model.forward_dynamics(&mut data, &place(c), v, &u, &[]).expect("regular");
+        assert!((0..n).all(|i| (a[i] - h[n + i]).abs() < 1e-11 * h.amax()), "{case}: forward dynamics");
+    }
+}
+
+#[test]
+fn ball_planar_and_free_joints_are_hamiltonian_in_their_charts() {
+    let mut random = testkit::Random::new(14);
+    let turned = |phi: &[f64]| {
+        let q = nalgebra::UnitQuaternion::from_scaled_axis(nalgebra::Vector3::from_column_slice(phi));
+        q.coords.as_slice().to_vec()
+    };
+    let ball = rooted(&mut random, Joint::Spherical, true);
+    assert_charted::<16>(&mut random, &ball, |c| [turned(&c[..3]), vec![c[3]]].concat());
+    let planar = rooted(&mut random, Joint::Planar, true);
+    assert_charted::<16>(&mut random, &planar, <[f64]>::to_vec);
+    let free = rooted(&mut random, Joint::Free, false);
+    assert_charted::<24>(&mut random, &free, |c| [c[..3].to_vec(), turned(&c[3..])].concat());
+}
+
 /// The third row of D at the thesis' parameters, as appendix F prints it, (F.54)–(F.61).
 fn appendix_f(p: &SVector<f64, 8>) -> [f64; 8] {
     let (th, w1, w2, l3, l4) = (p[1], p[2], p[3], p[6], p[7]);

@@ -59,9 +59,9 @@ mod _somersault {
     #[pymodule_export]
     use crate::ftla::{
         Chain, Continued, Diagnosis, Extremal, Following, Matched, Matching, Placed, Placement, Spectrum,
-        Splitting, Subspace, System, Transition, VariationalFlow, arm, continue_through, cubic_regulator,
-        diagnose, linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot, slow_subspace,
-        travel_arm, tree,
+        Splitting, Subspace, System, Transition, VariationalFlow, arm, cold_start, continue_through,
+        cubic_regulator, diagnose, linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot,
+        slow_subspace, state_costate, travel_arm, tree,
     };
     #[pymodule_export]
     use crate::integrate::integrate;

@@ -72,6 +72,7 @@ impl<const Q: usize> Spline<Q> {
         weights: &[f64; Q],
         torque: impl Fn(&Motion<Q>) -> Torque<Q>,
         max_steps: usize,
+        goes_on: impl Fn() -> bool,
     ) -> usize {
         let block = 3 * Q;
         let size = self.knots.len() * block;
@@ -88,6 +89,9 @@ impl<const Q: usize> Spline<Q> {
         let mut damping = 1e-3;
         let mut band = Band::new(size, 2 * block);
         for step in 0..max_steps {
+            if !goes_on() {
+                return step;
+            }
             band.clear();
             let mut gradient = vec![0.0; size];
             for (k, s, w) in self.points() {

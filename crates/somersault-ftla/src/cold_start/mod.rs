@@ -1,4 +1,7 @@
-//! The extremals of the two-link arm from boundary states, horizon and fold alone.
+//! Extremals from boundary states and horizon alone: of any system by [`cold_start`], of the two-link arm from the way it
+//! folds by [`ArmTravel`].
+//!
+//! For the arm:
 //!
 //! 1. A spline that folds at the start and unfolds at the end goes down to least effort, by least squares: the torques of a
 //!    driven arm follow from its motion (`least_effort`).
@@ -9,13 +12,15 @@
 //! arm is led from a rest instead: folded, to travel folded, to unfold at the ends.
 
 mod least_effort;
+mod linearised;
 
 use crate::continuation::{Continuation, Continued, Member};
 use crate::flow::Work;
 use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
-use crate::system::{ArmMinimumTorque, OptimalControlSystem};
+use crate::system::{ArmMinimumTorque, OptimalControlSystem, VectorField};
 use least_effort::Spline;
 pub(crate) use least_effort::{Motion, Torque};
+pub use linearised::cold_start;
 use nalgebra::{SVector, Vector2};
 use std::f64::consts::PI;
 
@@ -47,6 +52,18 @@ impl Default for ArmTravel {
     }
 }
 
+/// The way to an [`ArmTravel`], and how far it was gone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Travelled {
+    /// The extremal with the counts of all attempts, the steps of the descents among its iterations.
+    pub continued: Continued<8>,
+    /// The arm whose motion that is: with the limits reached, where the continuation to the limits broke off.
+    pub system: ArmMinimumTorque,
+}
+
+/// The longest horizon, s: beyond it are millions of nodes.
+const LONGEST: f64 = 1e4;
+
 /// Newton steps allowed from the spline.
 const DIRECT: usize = 40;
 
@@ -68,27 +85,45 @@ struct Spent {
 
 impl ArmTravel {
     /// Solves with the settings of `continuation`. What comes back has arrived if its `s` is one and its extremal has
-    /// converged. Its counts are of all attempts, the steps of the descents among its iterations.
-    pub fn solve(&self, continuation: &Continuation) -> Result<Continued<8>, ShootingError> {
-        if !self.horizon.is_finite() || self.horizon <= 0.0 {
-            let allowed = "positive and finite";
+    /// converged.
+    pub fn solve(&self, continuation: &Continuation) -> Result<Travelled, ShootingError> {
+        self.solve_as(continuation, |arm| arm)
+    }
+
+    /// The same with every arm as `watch` returns it: a system that equals the arm until it is to stop, from when on its
+    /// field is NaN. Whatever runs then ends.
+    pub fn solve_as<W: VectorField<8> + Sync + Clone>(
+        &self,
+        continuation: &Continuation,
+        watch: impl Fn(ArmMinimumTorque) -> W,
+    ) -> Result<Travelled, ShootingError> {
+        if self.horizon.is_nan() || self.horizon <= 0.0 || self.horizon > LONGEST {
+            let allowed = "positive and at most 10 000 s";
             return Err(ShootingError::Argument { argument: "horizon", allowed, found: self.horizon });
         }
         if !self.fold.is_finite() {
             return Err(ShootingError::Argument { argument: "fold", allowed: "finite", found: self.fold });
         }
+        for (argument, angles) in [("initial", self.initial), ("last", self.last)] {
+            if let Some(&found) = angles.iter().find(|angle| !angle.is_finite()) {
+                return Err(ShootingError::Argument { argument, allowed: "finite", found });
+            }
+        }
         let [initial, last] = [self.initial, self.last].map(|[one, two]| vec![one, two, 0.0, 0.0]);
         let ends = [End::try_state(&initial)?, End::try_state(&last)?];
         let limits = self.system.torque_limits();
         let free = self.system.without_torque_limits();
+        let watched = watch(free);
+        let goes_on = || watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
+        let mut reached = free;
         let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
         let mut spent = Spent::default();
         let mut direct = None;
         for (longest, folding) in ATTEMPTS {
             let times = graded_times(self.horizon, 0.25 * longest, longest)?;
-            let (nodes, descents) = self.guess(&times, folding);
+            let (nodes, descents) = self.guess(&times, folding, goes_on);
             spent.iterations += descents;
-            let Ok(extremal) = shooting.solve(&free, &ends, &times, &nodes) else { continue };
+            let Ok(extremal) = shooting.solve(&watched, &ends, &times, &nodes) else { continue };
             spent.iterations += extremal.iterations;
             spent.work += extremal.work;
             if extremal.status == Status::Converged {
@@ -101,7 +136,7 @@ impl ArmTravel {
             Some(extremal) => {
                 Continued { extremal, s: 1.0, steps: [1, 0], iterations: 0, work: Work::default() }
             }
-            None => self.by_continuation(continuation, &free, [initial, last])?,
+            None => self.by_continuation(continuation, &watched, [initial, last])?,
         };
         found.steps[1] += spent.failures;
         found.iterations += spent.iterations;
@@ -114,23 +149,21 @@ impl ArmTravel {
                 let _ = free.control_into(p, &mut u);
                 peaks = [peaks[0].max(u[0].abs()), peaks[1].max(u[1].abs())];
             }
-            let family = |s: f64| Member {
-                system: free.limited_towards(limits, peaks, s),
-                ends,
-                horizon: self.horizon,
-            };
+            let limited = |s: f64| free.limited_towards(limits, peaks, s);
+            let family = |s: f64| Member { system: watch(limited(s)), ends, horizon: self.horizon };
             let fractions: Vec<f64> = found.extremal.times.iter().map(|t| t / self.horizon).collect();
-            let limited = continuation.follow(family, &fractions, &found.extremal.nodes)?;
-            found = limited.after(&found);
+            let along = continuation.follow(family, &fractions, &found.extremal.nodes)?;
+            reached = if along.s == 1.0 { self.system } else { limited(along.s) };
+            found = along.after(&found);
         }
-        Ok(found)
+        Ok(Travelled { continued: found, system: reached })
     }
 
     /// By way of travelling folded.
-    fn by_continuation(
+    fn by_continuation<S: VectorField<8> + Sync + Clone>(
         &self,
         continuation: &Continuation,
-        system: &ArmMinimumTorque,
+        system: &S,
         ends: [Vec<f64>; 2],
     ) -> Result<Continued<8>, ShootingError> {
         let rest = |angle: f64| vec![angle, self.fold, 0.0, 0.0];
@@ -142,10 +175,15 @@ impl ArmTravel {
     }
 
     /// Nodes from the motion of least effort, and the steps that it took.
-    fn guess(&self, times: &[f64], folding: f64) -> (Vec<SVector<f64, 8>>, usize) {
+    fn guess(
+        &self,
+        times: &[f64],
+        folding: f64,
+        goes_on: impl Fn() -> bool,
+    ) -> (Vec<SVector<f64, 8>>, usize) {
         let knots = times.iter().map(|&t| self.folded(t, folding)).collect();
         let mut spline = Spline { times: times.to_vec(), knots };
-        let steps = spline.descend(&self.system.weights(), |m| self.system.inverse_dynamics(m), 100);
+        let steps = spline.descend(&self.system.weights(), |m| self.system.inverse_dynamics(m), 100, goes_on);
         let costate = |motion: &Motion<2>| self.system.node_on(motion).fixed_rows::<2>(6).into_owned();
         let intervals = times.len() - 1;
         let node = |k: usize| {

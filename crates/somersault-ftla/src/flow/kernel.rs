@@ -157,7 +157,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 self.h
             };
             if h.abs() <= 8.0 * f64::EPSILON * self.t.abs() || h.abs() < f64::MIN_POSITIVE {
-                return Err(if self.work.rejected > 0 && self.states.iter().any(|k| !k.sum().is_finite()) {
+                return Err(if self.work.rejected > 0 && !self.stages_are_finite() {
                     self.non_finite()
                 } else {
                     FlowError::StepUnderflow { t: self.t, state: self.state.as_slice().to_vec() }
@@ -386,9 +386,18 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         if rate > 0.0 { 2.0 * relative.powf(0.125) / rate } else { f64::MAX }
     }
 
+    fn fields_are_finite(&self) -> bool {
+        self.states.iter().all(|k| k.sum().is_finite())
+    }
+
+    fn stages_are_finite(&self) -> bool {
+        self.fields_are_finite() && (!MATRIX || self.matrices.iter().all(|k| k.sum().is_finite()))
+    }
+
     fn non_finite(&self) -> FlowError {
+        let quantity = if self.fields_are_finite() { "Jacobian" } else { "field" };
         let source = self.system.fault(&self.state);
-        FlowError::NonFinite { t: self.t, state: self.state.as_slice().to_vec(), source }
+        FlowError::NonFinite { quantity, t: self.t, state: self.state.as_slice().to_vec(), source }
     }
 }
 

@@ -48,9 +48,11 @@ pub enum FlowError {
         /// Its value.
         found: f64,
     },
-    /// The field has no value at the state reached.
-    #[error("the field is not finite near t = {t}")]
+    /// The field or its Jacobian has no value near the state reached.
+    #[error("the {quantity} is not finite near t = {t}")]
     NonFinite {
+        /// Which of the two: `field` or `Jacobian`.
+        quantity: &'static str,
         /// Time since the start of the run.
         t: f64,
         /// Last state with a value.
@@ -260,6 +262,9 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
             });
         };
         let ordered = |pair: &[f64]| (pair[1] - pair[0]) * last > 0.0;
+        if let Some(&found) = times.iter().find(|t| !t.is_finite()) {
+            return Err(FlowError::Argument { argument: "times", allowed: "finite", found });
+        }
         if !(times[0] * last > 0.0 && times.windows(2).all(ordered)) {
             let allowed = "monotonic, away from zero, and of one sign";
             return Err(FlowError::Argument { argument: "times", allowed, found: times[0] });

@@ -30,6 +30,7 @@ impl GridSearch {
         &self,
         matching: &Matching<'_, S, N>,
     ) -> Result<Matched<N>, MatchingError> {
+        Matching::<S, N>::check_search(self.tolerance, self.max_rounds)?;
         let held = matching.held().to_vec();
         for spacing in &self.spacing {
             if spacing.len() != held.len() {

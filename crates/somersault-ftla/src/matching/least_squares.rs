@@ -37,6 +37,7 @@ impl LeastSquares {
         &self,
         matching: &Matching<'_, S, N>,
     ) -> Result<Matched<N>, MatchingError> {
+        Matching::<S, N>::check_search(self.tolerance, self.max_rounds)?;
         let held = matching.held();
         if let Some(&found) = self.conserved.iter().find(|c| !held.contains(c)) {
             let allowed = "among the held costates";

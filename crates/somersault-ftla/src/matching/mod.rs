@@ -105,7 +105,8 @@ pub struct Matched<const N: usize> {
     pub branches: usize,
     /// Spectra and segments computed for them.
     pub flow_evaluations: usize,
-    courses: [Vec<(f64, SVector<f64, N>)>; 2],
+    /// Times and points of each end and after each of its corrections, from the end to t_m; empty without a start.
+    pub courses: [Vec<(f64, SVector<f64, N>)>; 2],
 }
 
 impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
@@ -170,6 +171,18 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         Ok(Self { match_time, corrections: [early, late.into_iter().rev().collect()], ..self })
     }
 
+    /// A search must have a round at least, and a tolerance.
+    fn check_search(tolerance: f64, max_rounds: usize) -> Result<(), MatchingError> {
+        if !tolerance.is_finite() || tolerance <= 0.0 {
+            let allowed = "positive and finite";
+            return Err(MatchingError::Argument { argument: "tolerance", allowed, found: tolerance });
+        }
+        if max_rounds == 0 {
+            return Err(MatchingError::Argument { argument: "max_rounds", allowed: "positive", found: 0.0 });
+        }
+        Ok(())
+    }
+
     fn held(&self) -> &[usize] {
         self.placements[0].held()
     }
@@ -216,6 +229,22 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         Ok(Branch { end, course, meeting })
     }
 
+    /// The motion of two courses at `times`, as [`Matched::nodes`] has it.
+    pub fn nodes(
+        &self,
+        courses: &[Vec<(f64, SVector<f64, N>)>; 2],
+        times: &[f64],
+    ) -> Result<Vec<SVector<f64, N>>, FlowError> {
+        let at = |&t: &f64| {
+            let late = t > self.match_time;
+            let course = courses[usize::from(late)].iter().rev();
+            let reached = course.copied().find(|(from, _)| if late { *from >= t } else { *from <= t });
+            let (from, p) = reached.unwrap_or((t, self.ends[0]));
+            self.flow.state(&p, t - from)
+        };
+        times.iter().map(at).collect()
+    }
+
     fn report(&self, branches: [&Branch<N>; 2], status: MatchStatus, counts: Counts) -> Matched<N> {
         let meeting = branches.map(|branch| branch.meeting);
         Matched {
@@ -259,15 +288,6 @@ impl<const N: usize> Matched<N> {
         matching: &Matching<'_, S, N>,
         times: &[f64],
     ) -> Result<Vec<SVector<f64, N>>, FlowError> {
-        let at = |&t: &f64| {
-            let course = &self.courses[usize::from(t > matching.match_time)];
-            let reached = course
-                .iter()
-                .rev()
-                .find(|(from, _)| if t > matching.match_time { *from >= t } else { *from <= t });
-            let (from, p) = reached.copied().unwrap_or((t, self.ends[0]));
-            matching.flow.state(&p, t - from)
-        };
-        times.iter().map(at).collect()
+        matching.nodes(&self.courses, times)
     }
 }

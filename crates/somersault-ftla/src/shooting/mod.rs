@@ -40,6 +40,15 @@ pub enum ShootingError {
         /// Its value.
         found: f64,
     },
+    /// A continuation begins at no rest.
+    #[error(
+        "`stages` must begin with a rest, the same state at both ends at which nothing moves without control, found a \
+         field of {rate:e} there"
+    )]
+    NoRest {
+        /// The largest entry of the field at the first state with λ = 0; infinite where the two ends differ.
+        rate: f64,
+    },
     /// A segment of the guess cannot be propagated.
     #[error("segment {segment} of the guess: {source}")]
     Guess {
@@ -111,6 +120,8 @@ pub enum Status {
     MaxIterations,
     /// The end conditions do not determine a correction.
     Singular,
+    /// A continuation broke off: the nodes solve a member on the way to the one asked for.
+    OnTheWay,
 }
 
 /// A motion by its nodes, with how well it satisfies the conditions.
@@ -139,6 +150,13 @@ impl<const N: usize> Extremal<N> {
     pub fn range_of(&self, f: impl Fn(&SVector<f64, N>) -> f64) -> [f64; 2] {
         let points = self.nodes.iter().chain(self.links.iter().map(|link| &link.end));
         points.map(f).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
+    }
+
+    /// Says of what solves a member on the way that it is no solution of the problem asked for.
+    pub(crate) fn mark_on_the_way(&mut self) {
+        if self.status == Status::Converged {
+            self.status = Status::OnTheWay;
+        }
     }
 
     /// ∫ ℓ dt over the segments.
@@ -317,7 +335,10 @@ impl Shooting {
                 found: nodes.len(),
             });
         }
-        if let Some(pair) = times.windows(2).find(|t| t[1].is_nan() || t[0].is_nan() || t[1] <= t[0]) {
+        if let Some(&found) = times.iter().find(|t| !t.is_finite()) {
+            return argument("times", "finite", found);
+        }
+        if let Some(pair) = times.windows(2).find(|t| t[1] <= t[0]) {
             return argument("times", "ascending", pair[1]);
         }
         match nodes.iter().flat_map(|p| p.iter()).find(|x| !x.is_finite()) {

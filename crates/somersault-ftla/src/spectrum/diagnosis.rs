@@ -51,32 +51,51 @@ impl fmt::Display for Diagnosis {
             return write!(
                 f,
                 "not hyper-sensitive: no rates that are fast against the horizon of {horizon} s stand apart (largest gap \
-                 {:.3} 1/s at T = {time} s)",
-                gaps[0].min(gaps[1])
+                 {} 1/s at T = {time} s)",
+                Digits(gaps[0].min(gaps[1]))
             );
         };
         write!(
             f,
-            "{kind}: {} stable, {} centre and {} unstable directions; fast rates from {:.3} and {:.3} 1/s against {:.3} \
-             1/s in the centre, gaps {:.3} and {:.3} 1/s, {:.1} time constants at T = {time} s; over the horizon of \
+            "{kind}: {} stable, {} centre and {} unstable directions; fast rates from {} and {} 1/s against {} \
+             1/s in the centre, gaps {} and {} 1/s, {:.1} time constants at T = {time} s; over the horizon of \
              {horizon} s single shooting amplifies errors by 1e{:.0}",
             dims.stable,
             dims.center,
             dims.unstable,
-            fast_rates[0],
-            fast_rates[1],
-            center_rate,
-            gaps[0],
-            gaps[1],
+            Digits(fast_rates[0]),
+            Digits(fast_rates[1]),
+            Digits(*center_rate),
+            Digits(gaps[0]),
+            Digits(gaps[1]),
             time_constants,
             fast_rates[1] * horizon / std::f64::consts::LN_10
         )
     }
 }
 
+/// A rate in a sentence: four digits, however small it is.
+struct Digits(f64);
+
+impl fmt::Display for Digits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(x) = *self;
+        if x == 0.0 || (0.1..1e4).contains(&x.abs()) { write!(f, "{x:.3}") } else { write!(f, "{x:.3e}") }
+    }
+}
+
 /// Chooses (n^s, n^c, n^u) from spectra at one point: the widest gap above and the widest below zero at the averaging time
-/// where the smaller of the two times T is largest. A gap of less than three time constants is none.
+/// where the smaller of the two times T is largest. A gap of less than three time constants is none. Averaging times ascend.
 pub fn diagnose<const N: usize>(spectra: &[Spectrum<N>], horizon: f64) -> Result<Diagnosis, SpectrumError> {
+    if !horizon.is_finite() || horizon <= 0.0 {
+        return Err(SpectrumError::Horizon { found: horizon });
+    }
+    for pair in spectra.windows(2) {
+        let (before, after) = (pair[0].time, pair[1].time);
+        if pair[0].direction != pair[1].direction || before.is_nan() || after.is_nan() || before >= after {
+            return Err(SpectrumError::Order { before, after });
+        }
+    }
     let views: Vec<Diagnosis> = spectra.iter().map(|s| view(s, horizon)).collect();
     let best = views.iter().copied().reduce(|a, b| if b.time_constants > a.time_constants { b } else { a });
     let mut best = best.ok_or(SpectrumError::Empty)?;

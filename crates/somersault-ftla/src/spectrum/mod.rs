@@ -103,7 +103,15 @@ pub fn spectra<S: VectorField<N>, const N: usize>(
     }
     let mut chain = Chain::new();
     flow.chain_into(p, &signed, GROWTH, &mut chain)?;
-    Ok((0..times.len()).map(|mark| Spectrum::of_factors(chain.until(mark))).collect())
+    let of_mark = |mark: usize| {
+        // a system that has lost its values has been stopped: the products end with the motion
+        if flow.system().field(p).iter().all(|h| h.is_finite()) {
+            return Ok(Spectrum::of_factors(chain.until(mark)));
+        }
+        let (quantity, state) = ("field", p.as_slice().to_vec());
+        Err(FlowError::NonFinite { quantity, t: 0.0, state, source: flow.system().fault(p) })
+    };
+    (0..times.len()).map(of_mark).collect()
 }
 
 /// The spectrum at `p` for one averaging time.
@@ -146,6 +154,20 @@ pub enum SpectrumError {
     /// There is nothing to diagnose.
     #[error("`spectra` must have at least one entry")]
     Empty,
+    /// Averaging times do not ascend, or directions differ.
+    #[error("`spectra` must be of one direction and for ascending times, found {before} s before {after} s")]
+    Order {
+        /// Averaging time of a spectrum.
+        before: f64,
+        /// Averaging time of the one after it.
+        after: f64,
+    },
+    /// The horizon is no length of time.
+    #[error("`horizon` must be positive and finite, found {found}")]
+    Horizon {
+        /// Its value.
+        found: f64,
+    },
 }
 
 /// (n^s, n^c, n^u).

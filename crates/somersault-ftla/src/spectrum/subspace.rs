@@ -14,6 +14,13 @@ pub struct Subspace<const N: usize> {
 /// Columns shorter than this after the removal of those before them count as dependent.
 const DEPENDENT: f64 = 1e-10;
 
+/// With its largest entry one, so that no square over- or underflows; zero and what is not finite stay.
+fn scaled<const N: usize>(v: &SVector<f64, N>) -> SVector<f64, N> {
+    let largest = v.amax();
+    // the quotient, since the inverse of a subnormal number is infinite
+    if largest > 0.0 && largest.is_finite() { v / largest } else { *v }
+}
+
 impl<const N: usize> Subspace<N> {
     /// Spanned by some columns of an orthogonal matrix.
     pub(super) fn of_columns(orthogonal: &SMatrix<f64, N, N>, columns: Range<usize>) -> Self {
@@ -35,6 +42,7 @@ impl<const N: usize> Subspace<N> {
             if found == N {
                 break;
             }
+            let vector = scaled(&vector);
             let size = vector.norm();
             let mut rest = vector;
             for _ in 0..2 {
@@ -84,7 +92,8 @@ impl<const N: usize> Subspace<N> {
 
     /// The angle between `v` and the subspace, rad: asin(‖Wᵀv‖/‖v‖) with W a basis of the complement.
     pub fn angle_to(&self, v: &SVector<f64, N>) -> f64 {
-        self.complement().project(v).norm().atan2(self.project(v).norm())
+        let v = scaled(v);
+        self.complement().project(&v).norm().atan2(self.project(&v).norm())
     }
 
     /// The principal angles with `other`, rad, ascending, as many as the smaller dimension. Small ones keep their digits.

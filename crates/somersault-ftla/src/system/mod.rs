@@ -8,6 +8,7 @@
 //! for p = (x, λ). The running cost carries its ½ (thesis (8.7) and appendix H; the Hamiltonian printed in 8.3 lacks it).
 
 mod arm;
+mod chart;
 mod piece;
 mod scalar;
 mod state_costate;
@@ -16,7 +17,7 @@ mod tree;
 pub use arm::ArmMinimumTorque;
 pub use piece::{Piece, Side};
 pub use scalar::{CubicRegulator, LinearRegulator};
-pub use state_costate::{ControlProblem, StateCostate};
+pub use state_costate::{ControlProblem, DifferentiatedProblem, ProblemDerivatives, StateCostate};
 pub use tree::TreeMinimumTorque;
 
 use nalgebra::{SMatrix, SVector};
@@ -67,11 +68,11 @@ pub enum SystemError {
     /// Dynamics or cost are NaN or infinite at a finite point.
     #[error("dynamics or running cost are not finite at this point")]
     NonFinite,
-    /// A joint of the tree is not of one degree of freedom with its angle or length as coordinate.
-    #[error("joint `{joint}` must have one coordinate and one degree of freedom")]
-    Joint {
-        /// Name of the body that the joint carries.
-        joint: String,
+    /// One of the functions that a user wrote has no value at a finite point.
+    #[error("`{quantity}` is not finite at this point")]
+    NoValue {
+        /// Its name.
+        quantity: &'static str,
     },
     /// The model cannot be built.
     #[error(transparent)]

@@ -38,7 +38,152 @@ pub trait ControlProblem<const NX: usize, const NU: usize> {
     }
 }
 
-/// The state–costate system of a [`ControlProblem`], p = (x, λ) of `N` = 2 `NX` numbers.
+/// A problem with the derivatives that its state–costate system needs, K = λᵀf + ℓ. Every [`ControlProblem`] is one, by
+/// hyper-dual numbers; to be implemented where derivatives come from elsewhere.
+pub trait DifferentiatedProblem<const NX: usize, const NU: usize> {
+    /// f(x, u).
+    fn rate(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> SVector<f64, NX>;
+
+    /// ℓ(x, u).
+    fn cost(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> f64;
+
+    /// K, K_u and K_uu.
+    fn by_control(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        u: &SVector<f64, NU>,
+    ) -> (f64, SVector<f64, NU>, SMatrix<f64, NU, NU>);
+
+    /// K_x.
+    fn by_state(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        u: &SVector<f64, NU>,
+    ) -> SVector<f64, NX>;
+
+    /// First derivatives of f and second ones of K.
+    fn derivatives(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        u: &SVector<f64, NU>,
+    ) -> ProblemDerivatives<NX, NU>;
+
+    /// Number of controls; those beyond it, if any, fill up.
+    fn n_controls(&self) -> usize {
+        NU
+    }
+
+    /// Lower and upper bounds of the controls.
+    fn control_bounds(&self) -> [SVector<f64, NU>; 2];
+}
+
+/// First derivatives of f and second ones of K, by (x, u).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProblemDerivatives<const NX: usize, const NU: usize> {
+    /// f_x.
+    pub f_x: SMatrix<f64, NX, NX>,
+    /// f_u.
+    pub f_u: SMatrix<f64, NX, NU>,
+    /// K_xx.
+    pub k_xx: SMatrix<f64, NX, NX>,
+    /// K_xu.
+    pub k_xu: SMatrix<f64, NX, NU>,
+}
+
+impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize> DifferentiatedProblem<NX, NU> for P {
+    fn rate(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> SVector<f64, NX> {
+        self.dynamics(x, u)
+    }
+
+    fn cost(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> f64 {
+        self.running_cost(x, u)
+    }
+
+    fn by_control(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        u: &SVector<f64, NU>,
+    ) -> (f64, SVector<f64, NU>, SMatrix<f64, NU, NU>) {
+        let (x, costate) = (x.map(HyperDual64::from_re), costate.map(HyperDual64::from_re));
+        let (mut gradient, mut hessian) = (SVector::<f64, NU>::zeros(), SMatrix::<f64, NU, NU>::zeros());
+        let mut value = 0.0;
+        for i in 0..NU {
+            for j in 0..=i {
+                let mut seeded = u.map(HyperDual64::from_re);
+                seeded[i].eps1 = 1.0;
+                seeded[j].eps2 = 1.0;
+                let k = self.dynamics(&x, &seeded).dot(&costate) + self.running_cost(&x, &seeded);
+                value = k.re;
+                gradient[i] = k.eps1;
+                hessian[(i, j)] = k.eps1eps2;
+                hessian[(j, i)] = k.eps1eps2;
+            }
+        }
+        (value, gradient, hessian)
+    }
+
+    fn by_state(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        u: &SVector<f64, NU>,
+    ) -> SVector<f64, NX> {
+        let (x, costate, u) = (x.map(Dual64::from_re), costate.map(Dual64::from_re), u.map(Dual64::from_re));
+        SVector::from_fn(|i, _| {
+            let mut seeded = x;
+            seeded[i].eps = 1.0;
+            (self.dynamics(&seeded, &u).dot(&costate) + self.running_cost(&seeded, &u)).eps
+        })
+    }
+
+    fn derivatives(
+        &self,
+        x: &SVector<f64, NX>,
+        costate: &SVector<f64, NX>,
+        u: &SVector<f64, NU>,
+    ) -> ProblemDerivatives<NX, NU> {
+        let mut d = ProblemDerivatives::<NX, NU> {
+            f_x: SMatrix::zeros(),
+            f_u: SMatrix::zeros(),
+            k_xx: SMatrix::zeros(),
+            k_xu: SMatrix::zeros(),
+        };
+        let (x, u) = (x.map(HyperDual64::from_re), u.map(HyperDual64::from_re));
+        for i in 0..NX {
+            for j in 0..=i {
+                let mut seeded = x;
+                seeded[i].eps1 = 1.0;
+                seeded[j].eps2 = 1.0;
+                let f = self.dynamics(&seeded, &u);
+                let cost = self.running_cost(&seeded, &u);
+                let second = (0..NX).map(|r| costate[r] * f[r].eps1eps2).sum::<f64>() + cost.eps1eps2;
+                d.k_xx[(i, j)] = second;
+                d.k_xx[(j, i)] = second;
+                d.f_x.set_column(i, &f.map(|f| f.eps1));
+            }
+            for j in 0..NU {
+                let (mut seeded, mut control) = (x, u);
+                seeded[i].eps1 = 1.0;
+                control[j].eps2 = 1.0;
+                let f = self.dynamics(&seeded, &control);
+                let cost = self.running_cost(&seeded, &control);
+                d.k_xu[(i, j)] = (0..NX).map(|r| costate[r] * f[r].eps1eps2).sum::<f64>() + cost.eps1eps2;
+                d.f_u.set_column(j, &f.map(|f| f.eps2));
+            }
+        }
+        d
+    }
+
+    fn control_bounds(&self) -> [SVector<f64, NU>; 2] {
+        self.bounds()
+    }
+}
+
+/// The state–costate system of a [`ControlProblem`], or of a [`DifferentiatedProblem`], p = (x, λ) of `N` = 2 `NX` numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StateCostate<P, const NX: usize, const NU: usize, const N: usize> {
     problem: P,
@@ -58,21 +203,15 @@ struct Control<const NU: usize> {
 /// Iterations of the minimisation over the controls.
 const MAX_ITERATIONS: usize = 60;
 
-/// First and second derivatives of K, and first ones of f, by (x, u).
-struct Derivatives<const NX: usize, const NU: usize> {
-    f_x: SMatrix<f64, NX, NX>,
-    f_u: SMatrix<f64, NX, NU>,
-    k_xx: SMatrix<f64, NX, NX>,
-    k_xu: SMatrix<f64, NX, NU>,
-}
-
-impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> StateCostate<P, NX, NU, N> {
+impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize>
+    StateCostate<P, NX, NU, N>
+{
     const DIMENSIONS: () = assert!(N == 2 * NX && NU <= N, "N must be 2 NX, and NU not larger");
 
     /// Fails if a lower bound is NaN or not below its upper bound.
     pub fn try_new(problem: P) -> Result<Self, SystemError> {
         const { Self::DIMENSIONS };
-        let [lower, upper] = problem.bounds();
+        let [lower, upper] = problem.control_bounds();
         for i in 0..NU {
             if lower[i].is_nan() || upper[i].is_nan() || lower[i] >= upper[i] {
                 let allowed = "below the upper bound";
@@ -98,8 +237,8 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
         (SVector::from_fn(|i, _| p[i]), SVector::from_fn(|i, _| p[NX + i]))
     }
 
-    fn k<T: Scalar>(&self, x: &SVector<T, NX>, costate: &SVector<T, NX>, u: &SVector<T, NU>) -> T {
-        self.problem.dynamics(x, u).dot(costate) + self.problem.running_cost(x, u)
+    fn k(&self, x: &SVector<f64, NX>, costate: &SVector<f64, NX>, u: &SVector<f64, NU>) -> f64 {
+        self.problem.rate(x, u).dot(costate) + self.problem.cost(x, u)
     }
 
     fn bounds(&self, i: usize) -> Bounds {
@@ -119,24 +258,10 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
         };
         let lower = SVector::<f64, NU>::from_fn(|i, _| limit(i, self.lower[i], f64::NEG_INFINITY));
         let upper = SVector::<f64, NU>::from_fn(|i, _| limit(i, self.upper[i], f64::INFINITY));
-        let (x2, costate2) = (x.map(HyperDual64::from_re), costate.map(HyperDual64::from_re));
         let mut u = SVector::<f64, NU>::zeros().sup(&lower).inf(&upper);
         let mut size = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
-            let (mut gradient, mut hessian) = (SVector::<f64, NU>::zeros(), SMatrix::<f64, NU, NU>::zeros());
-            let mut value = 0.0;
-            for i in 0..NU {
-                for j in 0..=i {
-                    let mut seeded = u.map(HyperDual64::from_re);
-                    seeded[i].eps1 = 1.0;
-                    seeded[j].eps2 = 1.0;
-                    let k = self.k(&x2, &costate2, &seeded);
-                    value = k.re;
-                    gradient[i] = k.eps1;
-                    hessian[(i, j)] = k.eps1eps2;
-                    hessian[(j, i)] = k.eps1eps2;
-                }
-            }
+            let (value, gradient, hessian) = self.problem.by_control(x, costate, &u);
             if !(gradient.iter().chain(hessian.iter()).all(|g| g.is_finite())) {
                 return Err(SystemError::NonFinite);
             }
@@ -166,44 +291,6 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
         Err(SystemError::ControlNotConverged { gradient: size, iterations: MAX_ITERATIONS })
     }
 
-    fn derivatives(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> Derivatives<NX, NU> {
-        let mut d = Derivatives::<NX, NU> {
-            f_x: SMatrix::zeros(),
-            f_u: SMatrix::zeros(),
-            k_xx: SMatrix::zeros(),
-            k_xu: SMatrix::zeros(),
-        };
-        let (x, u) = (x.map(HyperDual64::from_re), u.map(HyperDual64::from_re));
-        for i in 0..NX {
-            for j in 0..=i {
-                let mut seeded = x;
-                seeded[i].eps1 = 1.0;
-                seeded[j].eps2 = 1.0;
-                let f = self.problem.dynamics(&seeded, &u);
-                let cost = self.problem.running_cost(&seeded, &u);
-                let second = (0..NX).map(|r| costate[r] * f[r].eps1eps2).sum::<f64>() + cost.eps1eps2;
-                d.k_xx[(i, j)] = second;
-                d.k_xx[(j, i)] = second;
-                d.f_x.set_column(i, &f.map(|f| f.eps1));
-            }
-            for j in 0..NU {
-                let (mut seeded, mut control) = (x, u);
-                seeded[i].eps1 = 1.0;
-                control[j].eps2 = 1.0;
-                let f = self.problem.dynamics(&seeded, &control);
-                let cost = self.problem.running_cost(&seeded, &control);
-                d.k_xu[(i, j)] = (0..NX).map(|r| costate[r] * f[r].eps1eps2).sum::<f64>() + cost.eps1eps2;
-                d.f_u.set_column(j, &f.map(|f| f.eps2));
-            }
-        }
-        d
-    }
-
     fn try_field(
         &self,
         p: &SVector<f64, N>,
@@ -211,16 +298,8 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
     ) -> Result<SVector<f64, N>, SystemError> {
         let (x, costate) = Self::halves(p);
         let u = self.minimise(&x, &costate, piece)?.u;
-        let f = self.problem.dynamics(&x, &u);
-        let (x, costate, u) = (x.map(Dual64::from_re), costate.map(Dual64::from_re), u.map(Dual64::from_re));
-        let mut field = SVector::zeros();
-        for i in 0..NX {
-            let mut seeded = x;
-            seeded[i].eps = 1.0;
-            field[i] = f[i];
-            field[NX + i] = -self.k(&seeded, &costate, &u).eps;
-        }
-        Ok(field)
+        let (f, slope) = (self.problem.rate(&x, &u), self.problem.by_state(&x, &costate, &u));
+        Ok(SVector::from_fn(|i, _| if i < NX { f[i] } else { -slope[i - NX] }))
     }
 
     fn try_jacobian(
@@ -230,7 +309,7 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
     ) -> Result<SMatrix<f64, N, N>, SystemError> {
         let (x, costate) = Self::halves(p);
         let Control { u, inverse, .. } = self.minimise(&x, &costate, piece)?;
-        let d = self.derivatives(&x, &costate, &u);
+        let d = self.problem.derivatives(&x, &costate, &u);
         let u_x = -(inverse * d.k_xu.transpose());
         let u_costate = -(inverse * d.f_u.transpose());
         let blocks = [
@@ -272,7 +351,7 @@ fn invert_free<const M: usize>(
     Ok(inverse)
 }
 
-impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> VectorField<N>
+impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> VectorField<N>
     for StateCostate<P, NX, NU, N>
 {
     fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
@@ -332,7 +411,7 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
     }
 }
 
-impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> HamiltonianSystem<N>
+impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> HamiltonianSystem<N>
     for StateCostate<P, NX, NU, N>
 {
     fn hamiltonian(&self, p: &SVector<f64, N>) -> f64 {
@@ -341,27 +420,28 @@ impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize
     }
 }
 
-impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> OptimalControlSystem<N>
-    for StateCostate<P, NX, NU, N>
+impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize>
+    OptimalControlSystem<N> for StateCostate<P, NX, NU, N>
 {
     fn n_controls(&self) -> usize {
-        NU
+        self.problem.n_controls()
     }
 
     fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError> {
-        expect_controls(u, NU)?;
-        u.copy_from_slice(self.control(p)?.as_slice());
+        let count = self.problem.n_controls();
+        expect_controls(u, count)?;
+        u.copy_from_slice(&self.control(p)?.as_slice()[..count]);
         Ok(())
     }
 
     fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
         let (x, costate) = Self::halves(p);
-        self.minimise(&x, &costate, None).map_or(f64::NAN, |c| self.problem.running_cost(&x, &c.u))
+        self.minimise(&x, &costate, None).map_or(f64::NAN, |c| self.problem.cost(&x, &c.u))
     }
 
     fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
         let (x, costate) = Self::halves(p);
         let control = self.minimise(&x, &costate, Some(piece));
-        control.map_or(f64::NAN, |c| self.problem.running_cost(&x, &c.u))
+        control.map_or(f64::NAN, |c| self.problem.cost(&x, &c.u))
     }
 }

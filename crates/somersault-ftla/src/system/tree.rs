@@ -1,9 +1,11 @@
-//! Minimum-torque motions of any tree whose joints have one degree of freedom, all driven or some passive.
+//! Minimum-torque motions of any tree, all degrees of freedom driven or some passive.
 //!
-//! x = (q, v), q̇ = v, v̇ = a(q, v, u) by forward dynamics, ℓ = ½ Σ γᵢuᵢ². The partials of `somersault-multibody` give
+//! x = (c, v) with as many coordinates c as velocities (those of joints that turn freely in `chart`), v̇ = a(c, v, u) by
+//! forward dynamics, ℓ = ½ Σ γᵢuᵢ². The partials of `somersault-multibody` give
 //! u* = −Γ⁻¹M⁻¹λ_v, cut off at the limits, and the field; the Jacobian is the same code over dual numbers, one pass for
 //! each entry of p. M⁻¹ is diagonal in nothing, but K is a sum over the controls, so that each is cut off by itself.
 
+use super::chart::{Charts, Scratch};
 use super::piece::{Bounds, expect_limit};
 use super::{
     HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
@@ -14,7 +16,11 @@ use num_dual::Dual64;
 use somersault_multibody::{DerivativeData, DynamicsError, Model, Scalar};
 use std::sync::{Mutex, PoisonError};
 
-/// The state–costate system of a tree of n joints, `N` = 4n.
+/// The state–costate system of a tree of n degrees of freedom, `N` = 4n.
+///
+/// Angles and lengths of joints are their own coordinates. A spherical joint has the vector of its rotation from the home
+/// position, which must stay below a whole turn, a free one its place and that vector, a planar one place and angle; the
+/// velocities of these are in the axes of the child, as everywhere in `somersault-multibody`.
 #[derive(Debug)]
 pub struct TreeMinimumTorque<const N: usize> {
     effort: Effort,
@@ -41,6 +47,7 @@ struct Values<T, const N: usize> {
 #[derive(Debug)]
 struct Kernel<T: Scalar> {
     model: Model<T>,
+    charts: Charts,
     pool: Mutex<Vec<Workspace<T>>>,
 }
 
@@ -48,11 +55,12 @@ struct Kernel<T: Scalar> {
 struct Workspace<T: Scalar> {
     data: DerivativeData<T>,
     torque: Vec<T>,
+    scratch: Scratch<T>,
 }
 
 impl<T: Scalar> Kernel<T> {
-    fn new(model: Model<T>) -> Self {
-        Self { model, pool: Mutex::new(Vec::new()) }
+    fn new(model: Model<T>, charts: Charts) -> Self {
+        Self { model, charts, pool: Mutex::new(Vec::new()) }
     }
 
     /// Torque and field at p in one piece, all of it over the scalar.
@@ -67,6 +75,7 @@ impl<T: Scalar> Kernel<T> {
         let mut work = pooled.unwrap_or_else(|| Workspace {
             data: DerivativeData::new(&self.model),
             torque: vec![T::zero(); n],
+            scratch: Scratch::new(&self.model),
         });
         let result = self.evaluate_with(&mut work, effort, piece, p);
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(work);
@@ -81,9 +90,11 @@ impl<T: Scalar> Kernel<T> {
         p: &SVector<T, N>,
     ) -> Result<Values<T, N>, DynamicsError> {
         let n = N / 4;
-        let Workspace { data, torque } = work;
-        let (q, v) = (&p.as_slice()[..n], &p.as_slice()[n..2 * n]);
+        let Workspace { data, torque, scratch } = work;
+        let (c, v) = (&p.as_slice()[..n], &p.as_slice()[n..2 * n]);
         let (costate_q, costate_v) = (&p.as_slice()[2 * n..3 * n], &p.as_slice()[3 * n..]);
+        self.charts.place(&self.model, c, scratch)?;
+        let q = &scratch.positions;
         // M⁻¹ does not depend on the torque that it is needed for
         torque.fill(T::zero());
         let mut free = SVector::<T, N>::zeros();
@@ -102,21 +113,26 @@ impl<T: Scalar> Kernel<T> {
         torque.copy_from_slice(&control.as_slice()[..n]);
         let partials = self.model.forward_dynamics_partials(data, q, v, torque, &[])?;
         let mut field = SVector::<T, N>::zeros();
+        let (rates, costate_rates) = field.as_mut_slice().split_at_mut(2 * n);
+        let (of_q, of_v) = costate_rates.split_at_mut(n);
+        rates[..n].copy_from_slice(v);
+        rates[n..].copy_from_slice(&partials.value[..n]);
+        of_v.copy_from_slice(costate_q);
         for i in 0..n {
-            field[i] = v[i];
-            field[n + i] = partials.value[i];
-            field[3 * n + i] = -costate_q[i];
-            for j in 0..n {
-                field[2 * n + i] -= partials.q[(j, i)] * costate_v[j];
-                field[3 * n + i] -= partials.v[(j, i)] * costate_v[j];
-            }
+            of_q[i] = (0..n).fold(T::zero(), |sum, j| sum + partials.q[(j, i)] * costate_v[j]);
+        }
+        self.charts.rates(c, q, &mut rates[..n]);
+        self.charts.gradient(c, v, q, of_q, of_v);
+        for i in 0..n {
+            of_q[i] = -of_q[i];
+            of_v[i] = (0..n).fold(-of_v[i], |sum, j| sum - partials.v[(j, i)] * costate_v[j]);
         }
         Ok(Values { field, torque: control, free })
     }
 }
 
 impl<const N: usize> TreeMinimumTorque<N> {
-    /// `weights` has one γ for each joint of `model`; `N` must be four times their number.
+    /// `weights` has one γ for each degree of freedom of `model`; `N` must be four times their number.
     pub fn try_new(model: &Model, weights: &[f64]) -> Result<Self, SystemError> {
         let n = model.n_velocities();
         if 4 * n != N {
@@ -125,15 +141,14 @@ impl<const N: usize> TreeMinimumTorque<N> {
         if weights.len() != n {
             return Err(SystemError::Length { argument: "weights", expected: n, found: weights.len() });
         }
-        for i in 0..model.n_bodies() {
-            if model.positions_of(i).len() != 1 || model.velocities_of(i).len() != 1 {
-                return Err(SystemError::Joint { joint: model.name(i).unwrap_or_default().to_owned() });
-            }
-        }
         weights.iter().try_for_each(|&w| expect_positive("weights", w))?;
         let bounds = vec![Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY }; n];
         let effort = Effort { weights: weights.to_vec(), bounds, driven: vec![true; n] };
-        Ok(Self { effort, values: Kernel::new(model.clone()), duals: Kernel::new(model.cast()) })
+        Ok(Self {
+            effort,
+            values: Kernel::new(model.clone(), Charts::of(model)),
+            duals: Kernel::new(model.cast(), Charts::of(model)),
+        })
     }
 
     /// Bounds |uᵢ| by `limits`, N m or N; infinite for none.
@@ -145,7 +160,7 @@ impl<const N: usize> TreeMinimumTorque<N> {
         Ok(self)
     }
 
-    /// Joint number `joint` is passive: its torque is zero. One joint at least must be driven.
+    /// Degree of freedom `joint` is passive: its torque is zero. One at least must be driven.
     pub fn try_with_passive(mut self, joint: usize) -> Result<Self, SystemError> {
         let others = self.effort.driven.iter().enumerate().any(|(i, driven)| *driven && i != joint);
         if joint >= N / 4 || !others {

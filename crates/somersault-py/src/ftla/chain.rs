@@ -1,16 +1,18 @@
 //! Transition matrices, and chains of them.
 
-use super::dimension::{by_rows, for_dimension, matrix, matrix_array, vector};
+use super::dimension::{DIMENSIONS, by_rows, expect_square, for_dimension, matrix, matrix_array, vector};
+use super::error::input;
 use super::spectrum::Spectrum;
 use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::spectrum;
 
 /// The end of a motion with its transition matrix Φ = ∂p(t + T)/∂p(t).
-#[pyclass(frozen, module = "somersault.ftla")]
+#[pyclass(frozen, from_py_object, module = "somersault.ftla")]
 #[derive(Clone)]
 pub(crate) struct Transition {
     /// float: T, s, negative backward in time.
@@ -66,6 +68,26 @@ impl Transition {
     fn __repr__(&self) -> String {
         let Self { duration, symplecticity_defect, .. } = self;
         format!("<Transition: over {duration} s, symplectic to {symplecticity_defect:.1e}>")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let columns = PyArray1::from_slice(py, &own.matrix);
+        let arguments = (own.duration, own.end(py), columns, own.symplecticity_defect);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled transition.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        duration: f64,
+        end: Vec<f64>,
+        matrix: Vec<f64>,
+        symplecticity_defect: f64,
+    ) -> Result<Self, Error> {
+        expect_square("matrix", &matrix, end.len())?;
+        Ok(Self { duration, end, matrix, symplecticity_defect })
     }
 }
 
@@ -148,6 +170,34 @@ impl Chain {
     fn __repr__(&self) -> String {
         let last = self.times.last().copied().unwrap_or_default();
         format!("<Chain: {} factors, to {last} s>", self.links.len())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let Work { evaluations, steps, rejected, switches } = own.work;
+        let work = (evaluations, steps, rejected, switches);
+        let arguments = (own.links.clone(), own.dimension, own.marks(), own.times(slf.py()), work);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled chain.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        links: Vec<Transition>,
+        dimension: usize,
+        marks: Vec<usize>,
+        times: Vec<f64>,
+        work: (usize, usize, usize, usize),
+    ) -> Result<Self, Error> {
+        let fits = links.iter().all(|link| link.end.len() == dimension)
+            && marks.len() == times.len()
+            && marks.iter().all(|&mark| mark <= links.len());
+        if !fits || !DIMENSIONS.contains(&dimension) {
+            return Err(input("`links`, `dimension`, `marks` and `times` of a chain must fit".to_owned()));
+        }
+        let (evaluations, steps, rejected, switches) = work;
+        Ok(Self { links, dimension, marks, times, work: Work { evaluations, steps, rejected, switches } })
     }
 }
 

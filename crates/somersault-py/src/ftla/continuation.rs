@@ -1,15 +1,20 @@
 //! Extremals from a rest, and families of them.
 
+use super::argument::whole;
 use super::dimension::{for_dimension, vector};
 use super::error::{input, positive};
+use super::matching::entries;
+use super::named_systems::of_arm;
 use super::run::{Run, attend, caused};
 use super::settings::Settings;
 use super::shooting::{EndStates, Extremal, Nodes, end_of, shooting_of};
 use super::system::System;
-use crate::convert::real_numbers;
+use super::watched::Source;
+use crate::convert::{a_type, real_numbers};
 use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::{self, Continuation, Member};
 use somersault::ftla::shooting::Shooting;
@@ -57,6 +62,26 @@ impl Continued {
         format!(
             "<Continued: {how} at s = {s}, {n_steps} members, {n_rejected} in vain, {n_iterations} iterations>"
         )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let counts = (own.n_steps, own.n_rejected, own.n_iterations, own.n_evaluations);
+        let arguments = (own.extremal.bind(slf.py()), own.s, counts, own.arrived);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled continuation.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        extremal: Py<Extremal>,
+        s: f64,
+        counts: (usize, usize, usize, usize),
+        arrived: bool,
+    ) -> Self {
+        let (n_steps, n_rejected, n_iterations, n_evaluations) = counts;
+        Self { extremal, s, n_steps, n_rejected, n_iterations, n_evaluations, arrived }
     }
 }
 
@@ -164,11 +189,11 @@ fn through<const N: usize>(
 pub(crate) fn continue_through(
     py: Python<'_>,
     system: Py<System>,
-    stages: Vec<[Bound<'_, PyAny>; 2]>,
+    stages: Vec<Bound<'_, PyAny>>,
     horizon: f64,
     fractions: &Bound<'_, PyAny>,
     tol: f64,
-    max_iterations: usize,
+    #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
     atol: f64,
     first_step: f64,
@@ -177,8 +202,11 @@ pub(crate) fn continue_through(
     let polish = shooting_of(tol, max_iterations, rtol, atol)?;
     let continuation = continuation_of(polish, first_step, min_step)?;
     let fractions = fractions_of(fractions)?;
-    let pair = |[initial, last]: &[Bound<'_, PyAny>; 2]| {
-        Ok([real_numbers("stages", initial)?, real_numbers("stages", last)?])
+    let pair = |pair: &Bound<'_, PyAny>| {
+        let [initial, last]: [Bound<'_, PyAny>; 2] = pair
+            .extract()
+            .map_err(|_| input(format!("`stages` must be pairs of states, found {}", a_type(pair))))?;
+        Ok([real_numbers("stages", &initial)?, real_numbers("stages", &last)?])
     };
     let stages = stages.iter().map(pair).collect::<Result<Vec<_>, Error>>()?;
     positive("horizon", horizon)?;
@@ -186,6 +214,75 @@ pub(crate) fn continue_through(
     let way = attend(py, |run| {
         for_dimension!(n, through(&continuation, system.get(), run, &stages, horizon, &fractions))
     })??;
+    way.into_python(py, system, &polish)
+}
+
+fn start_cold<const N: usize>(
+    continuation: &Continuation,
+    system: &System,
+    run: &Arc<Run>,
+    [initial, last]: [&[f64]; 2],
+    horizon: f64,
+) -> Result<Way, Error> {
+    let system = system.watched::<N>(run)?;
+    Ok(Way::of(&somersault::ftla::cold_start::cold_start(&system, initial, last, horizon, continuation)?))
+}
+
+/// An extremal of any system from nothing but its boundary states and the horizon.
+///
+/// The problem linearised halfway between the ends, which one Newton step solves, is led to the problem itself; where that
+/// breaks off, the same at the start, and the ends are moved apart afterwards. Of several extremals it finds one.
+///
+/// Parameters
+/// ----------
+/// system : System
+/// initial_state, final_state : array_like, shape (n,)
+/// horizon : float
+///     s.
+/// tol : float, optional
+///     As for `shoot`.
+/// max_iterations : int, optional
+/// rtol, atol : float, optional
+/// first_step, min_step : float, optional
+///     First step of the parameter from 0 to 1, and the one below which a continuation ends.
+///
+/// Returns
+/// -------
+/// Continued
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> found = ftla.cold_start(ftla.cubic_regulator(), [1.0], [1.5], 40.0)
+/// >>> found.success, round(found.extremal.cost(), 6)
+/// (True, 3.362057)
+#[pyfunction]
+#[pyo3(signature = (
+    system, initial_state, final_state, horizon, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15,
+    first_step=0.1, min_step=1e-4
+))]
+pub(crate) fn cold_start(
+    py: Python<'_>,
+    system: Py<System>,
+    initial_state: &Bound<'_, PyAny>,
+    final_state: &Bound<'_, PyAny>,
+    horizon: f64,
+    tol: f64,
+    #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
+    rtol: f64,
+    atol: f64,
+    first_step: f64,
+    min_step: f64,
+) -> Result<Continued, Error> {
+    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let continuation = continuation_of(polish, first_step, min_step)?;
+    positive("horizon", horizon)?;
+    let n = system.get().dimension;
+    let initial = entries("initial_state", n / 2, initial_state)?;
+    let last = entries("final_state", n / 2, final_state)?;
+    let ends: [&[f64]; 2] = [&initial, &last];
+    let way =
+        attend(py, |run| for_dimension!(n, start_cold(&continuation, system.get(), run, ends, horizon)))??;
     way.into_python(py, system, &polish)
 }
 
@@ -221,18 +318,23 @@ pub(crate) fn travel_arm(
     horizon: f64,
     fold: f64,
     tol: f64,
-    max_iterations: usize,
+    #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
     atol: f64,
 ) -> Result<Continued, Error> {
     let polish = shooting_of(tol, max_iterations, rtol, atol)?;
-    let Some(arm) = system.get().arm else {
+    let Some(arm) = system.get().arm() else {
         return Err(input("`system` must be an arm, as `ftla.arm` makes it".to_owned()));
     };
     let travel = ArmTravel { system: arm, initial, last, fold, horizon };
     let continuation = Continuation { polish, ..Continuation::default() };
-    let found = attend(py, |_| travel.solve(&continuation).map(|found| Way::of(&found)))??;
-    found.into_python(py, system, &polish)
+    let found = attend(py, |run| {
+        let watch = |arm| Source::<8>::Compiled(Arc::new(arm)).watched(run);
+        travel.solve_as(&continuation, watch)
+    })??;
+    // with limits that were not reached the motion is one of another arm
+    let reached = if found.system == arm { system } else { Py::new(py, of_arm(found.system))? };
+    Way::of(&found.continued).into_python(py, reached, &polish)
 }
 
 /// A member of a family as a callable gives it.
@@ -247,7 +349,17 @@ fn follow<const N: usize>(
     nodes: &[f64],
 ) -> Result<Way, Error> {
     let member = |(system, initial, last, horizon): &GivenMember| -> Result<Member<_, N>, Error> {
-        positive("horizon", *horizon)?;
+        if !horizon.is_finite() || *horizon <= 0.0 {
+            return Err(input(format!(
+                "`family` must return a positive and finite horizon, found {horizon}"
+            )));
+        }
+        if system.get().dimension != N {
+            let found = system.get().dimension;
+            return Err(input(format!(
+                "`family` must have systems of dimension {N} as `start` has, found {found}"
+            )));
+        }
         let ends = [end_of("initial_state", initial)?, end_of("final_state", last)?];
         Ok(Member { system: system.get().watched::<N>(run)?, ends, horizon: *horizon })
     };
@@ -295,7 +407,7 @@ pub(crate) fn py_follow(
     family: &Bound<'_, PyAny>,
     start: &Extremal,
     tol: f64,
-    max_iterations: usize,
+    #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
     atol: f64,
     first_step: f64,
@@ -316,9 +428,6 @@ pub(crate) fn py_follow(
     };
     let first = given(0.0)?;
     let n = start.system.get().dimension;
-    if first.0.get().dimension != n {
-        return Err(input(format!("`family` must have systems of dimension {n} as `start` has")));
-    }
     let (fractions, nodes) = start.fractions();
     let way =
         attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))??;

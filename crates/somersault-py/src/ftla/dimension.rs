@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use somersault::ftla::nalgebra::{SMatrix, SVector};
 
 /// Numbers of states and costates together.
-pub(crate) const DIMENSIONS: [usize; 7] = [2, 4, 6, 8, 10, 12, 16];
+pub(crate) const DIMENSIONS: [usize; 9] = [2, 4, 6, 8, 10, 12, 16, 20, 24];
 
 /// Calls a function that is generic over the dimension with the one that is known at run time.
 macro_rules! for_dimension {
@@ -20,6 +20,8 @@ macro_rules! for_dimension {
             10 => $function::<10>($($argument),*),
             12 => $function::<12>($($argument),*),
             16 => $function::<16>($($argument),*),
+            20 => $function::<20>($($argument),*),
+            24 => $function::<24>($($argument),*),
             other => Err($crate::ftla::dimension::no_such("dimension", other)),
         }
     };
@@ -29,6 +31,17 @@ pub(crate) use for_dimension;
 /// An argument asks for a dimension that there is none of.
 pub(crate) fn no_such(argument: &str, found: usize) -> Error {
     input(format!("`{argument}` must be one of {DIMENSIONS:?}, found {found}"))
+}
+
+/// Pickled numbers must be those of a square matrix of one of the dimensions.
+pub(crate) fn expect_square(argument: &str, values: &[f64], n: usize) -> Result<(), Error> {
+    if !DIMENSIONS.contains(&n) {
+        return Err(no_such("dimension", n));
+    }
+    if values.len() != n * n {
+        return Err(input(format!("`{argument}` must have {} entries, found {}", n * n, values.len())));
+    }
+    Ok(())
 }
 
 /// A vector of known length; what is missing is zero, which callers have excluded.

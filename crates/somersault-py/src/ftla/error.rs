@@ -33,9 +33,7 @@ impl From<SystemError> for Error {
         match error {
             SystemError::Model(error) => error.into(),
             SystemError::Dynamics(error) => error.into(),
-            SystemError::Parameter { .. } | SystemError::Length { .. } | SystemError::Joint { .. } => {
-                own("FtlaInputError", &error)
-            }
+            SystemError::Parameter { .. } | SystemError::Length { .. } => own("FtlaInputError", &error),
             error => own("FieldError", &error),
         }
     }
@@ -56,7 +54,7 @@ fn with_place(class: &'static str, message: String, t: f64, state: &[f64]) -> Er
 pub(super) fn of_motion(which: &str, error: FlowError) -> Error {
     let message = format!("{which}{error}");
     match error {
-        FlowError::NonFinite { t, state, source } => {
+        FlowError::NonFinite { t, state, source, .. } => {
             let message = source.map_or(message.clone(), |why| format!("{message}: {why}"));
             with_place("FieldError", message, t, &state)
         }

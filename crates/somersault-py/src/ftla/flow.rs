@@ -1,10 +1,11 @@
 //! State and transition matrix together.
 
+use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{for_dimension, rows_array, vector};
 use super::error::{input, of_motion};
 use super::run::{Run, attend};
-use super::settings::{Settings, tolerances_of};
+use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
 use super::system::System;
 use crate::convert::{array, real_numbers};
@@ -12,6 +13,7 @@ use crate::error::Error;
 use crate::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use rayon::prelude::*;
 use somersault::ftla::flow::{self, Tolerances};
 use somersault::ftla::spectrum::TimeDirection;
@@ -161,7 +163,12 @@ impl VariationalFlow {
 impl VariationalFlow {
     #[new]
     #[pyo3(signature = (system, *, rtol=1e-12, atol=1e-14, max_steps=100_000))]
-    fn new(system: Py<System>, rtol: f64, atol: f64, max_steps: usize) -> Result<Self, Error> {
+    fn new(
+        system: Py<System>,
+        rtol: f64,
+        atol: f64,
+        #[pyo3(from_py_with = whole::max_steps)] max_steps: usize,
+    ) -> Result<Self, Error> {
         let tolerances = tolerances_of(rtol, atol)?;
         if max_steps == 0 {
             return Err(input("`max_steps` must be positive, found 0".to_owned()));
@@ -383,5 +390,18 @@ impl VariationalFlow {
     fn __repr__(&self) -> String {
         let Tolerances { relative, absolute } = self.settings.tolerances;
         format!("<VariationalFlow: rtol {relative:e}, atol {absolute:e}>")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let arguments = (own.system.bind(slf.py()), own.settings.plain());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled flow.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, system: Py<System>, settings: Plain) -> Result<Self, Error> {
+        let (rtol, atol, max_steps) = settings;
+        Self::new(system, rtol, atol, max_steps)
     }
 }

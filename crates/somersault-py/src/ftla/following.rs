@@ -3,7 +3,7 @@
 use super::dimension::{for_dimension, vector};
 use super::error::positive;
 use super::flow::VariationalFlow;
-use super::placement::{Placement, status_of};
+use super::placement::{Placement, status_named, status_of};
 use super::run::{Run, attend};
 use super::settings::Settings;
 use super::shooting::Extremal;
@@ -11,6 +11,7 @@ use super::system::System;
 use crate::convert::real_numbers;
 use crate::error::Error;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::spectrum::TimeDirection;
 use std::sync::Arc;
 
@@ -34,6 +35,25 @@ impl Following {
     fn __repr__(&self) -> String {
         let Self { size, without_placement, with_placement, status, .. } = self;
         format!("<Following: error {size:e}, {without_placement} s, {status} {with_placement} s>")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let Self { size, without_placement, with_placement, status, left } = slf.get();
+        let arguments = (size, without_placement, with_placement, status, left);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// What was pickled.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        size: f64,
+        without_placement: f64,
+        with_placement: f64,
+        status: &str,
+        left: f64,
+    ) -> Result<Self, Error> {
+        Ok(Self { size, without_placement, with_placement, status: status_named(status)?, left })
     }
 }
 

@@ -1,6 +1,7 @@
 //! Matching a motion from the start with one from the end.
 
-use super::dimension::{for_dimension, rows_array};
+use super::argument::{whole, wholes};
+use super::dimension::{for_dimension, rows_array, vector};
 use super::error::{input, positive};
 use super::flow::VariationalFlow;
 use super::placement::Placement;
@@ -9,10 +10,10 @@ use super::watched::Watched;
 use crate::convert::{real_numbers, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::flow;
 use somersault::ftla::matching::{self, GridSearch, LeastSquares, MatchStatus};
 use somersault::ftla::spectrum::TimeDirection;
-use std::any::Any;
 use std::sync::Arc;
 
 /// A motion from the start matched with one from the end on the centre manifold (thesis 10.2).
@@ -45,8 +46,19 @@ pub(crate) struct Matching {
     corrections: Vec<f64>,
 }
 
+/// Times and points of an end and after each correction.
+type Course = Vec<(f64, Vec<f64>)>;
+
+/// Statuses with their names.
+const STATUSES: [(MatchStatus, &str); 4] = [
+    (MatchStatus::Matched, "matched"),
+    (MatchStatus::Exhausted, "exhausted"),
+    (MatchStatus::MaxRounds, "max_rounds"),
+    (MatchStatus::NoStart, "no_start"),
+];
+
 /// Finite numbers, so many of them.
-fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let values = with_shape(name, &[n], value)?;
     match values.iter().find(|x| !x.is_finite()) {
         Some(found) => Err(input(format!("`{name}` must be finite, found {found}"))),
@@ -106,19 +118,16 @@ fn search_in<const N: usize>(matching: &Matching, run: &Arc<Run>, search: &Searc
         Search::LeastSquares(search) => search.run(&typed)?,
     };
     Ok(Matched {
-        status: match found.status {
-            MatchStatus::Matched => "matched",
-            MatchStatus::Exhausted => "exhausted",
-            MatchStatus::MaxRounds => "max_rounds",
-            MatchStatus::NoStart => "no_start",
-        },
+        status: STATUSES.iter().find(|(status, _)| *status == found.status).map_or("", |(_, name)| *name),
         ends: found.ends.map(|p| p.as_slice().to_vec()),
         meeting: found.meeting.map(|p| p.as_slice().to_vec()),
         mismatch: found.mismatch,
         n_rounds: found.rounds,
         n_branches: found.branches,
         n_flow_evaluations: found.flow_evaluations,
-        typed: Box::new(found),
+        courses: found
+            .courses
+            .map(|course| course.into_iter().map(|(t, p)| (t, p.as_slice().to_vec())).collect()),
         matching: None,
     })
 }
@@ -132,13 +141,9 @@ fn nodes_in<const N: usize>(
     let flow = matching.flow.get();
     let system = flow.system.get().watched::<N>(run)?;
     let typed = matching.typed(flow.settings.flow(&system)?)?;
-    match matched.typed.downcast_ref::<matching::Matched<N>>() {
-        Some(found) => {
-            let nodes = found.nodes(&typed, times)?;
-            Ok(nodes.iter().map(|p| p.as_slice().to_vec()).collect())
-        }
-        None => Ok(Vec::new()),
-    }
+    let points = |course: &Course| course.iter().map(|(t, p)| (*t, vector::<N>(p))).collect();
+    let nodes = typed.nodes(&matched.courses.each_ref().map(points), times)?;
+    Ok(nodes.iter().map(|p| p.as_slice().to_vec()).collect())
 }
 
 #[pymethods]
@@ -170,7 +175,7 @@ impl Matching {
             flow,
             placement,
             horizon,
-            match_time: match_time.unwrap_or(0.5 * horizon),
+            match_time: match_time.unwrap_or(0.5 * positive("horizon", horizon)?),
             corrections: corrections.map_or(Ok(Vec::new()), |times| real_numbers("corrections", times))?,
         };
         attend(py, |run| for_dimension!(2 * n, search_in(&matching, run, &Search::Check)))??;
@@ -198,7 +203,7 @@ impl Matching {
         spacing: &Bound<'_, PyAny>,
         tol: f64,
         finest: f64,
-        max_rounds: usize,
+        #[pyo3(from_py_with = whole::max_rounds)] max_rounds: usize,
     ) -> Result<Matched, Error> {
         let count = self_.get().placement.get().held_count();
         let numbers = with_shape("spacing", &[2, count], spacing)?;
@@ -229,9 +234,9 @@ impl Matching {
     #[pyo3(signature = (conserved=vec![], *, tol=2e-3, max_rounds=30))]
     fn least_squares(
         self_: &Bound<'_, Self>,
-        conserved: Vec<usize>,
+        #[pyo3(from_py_with = wholes::conserved)] conserved: Vec<usize>,
         tol: f64,
-        max_rounds: usize,
+        #[pyo3(from_py_with = whole::max_rounds)] max_rounds: usize,
     ) -> Result<Matched, Error> {
         let search = LeastSquares { conserved, tolerance: positive("tol", tol)?, max_rounds };
         Self::run(self_, &Search::LeastSquares(search))
@@ -240,6 +245,28 @@ impl Matching {
     fn __repr__(&self) -> String {
         let Self { horizon, match_time, corrections, .. } = self;
         format!("<Matching: {horizon} s, at {match_time} s, corrections at {corrections:?} s>")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let times = (own.horizon, own.match_time, own.corrections.clone());
+        let arguments =
+            (own.flow.bind(py), own.placement.bind(py), own.states.clone(), own.costates.clone(), times);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled problem.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        flow: Py<VariationalFlow>,
+        placement: Py<Placement>,
+        states: [Vec<f64>; 2],
+        costates: [Vec<f64>; 2],
+        times: (f64, f64, Vec<f64>),
+    ) -> Self {
+        let (horizon, match_time, corrections) = times;
+        Self { flow, placement, states, costates, horizon, match_time, corrections }
     }
 }
 
@@ -264,8 +291,7 @@ pub(crate) struct Matched {
     /// int: Spectra and segments computed for them.
     #[pyo3(get)]
     n_flow_evaluations: usize,
-    /// The same in its dimension.
-    typed: Box<dyn Any + Send + Sync>,
+    courses: [Course; 2],
     matching: Option<Py<Matching>>,
 }
 
@@ -279,7 +305,7 @@ impl Default for Matched {
             n_rounds: 0,
             n_branches: 0,
             n_flow_evaluations: 0,
-            typed: Box::new(()),
+            courses: Default::default(),
             matching: None,
         }
     }
@@ -332,5 +358,49 @@ impl Matched {
     fn __repr__(&self) -> String {
         let Self { status, mismatch, n_rounds, n_branches, .. } = self;
         format!("<Matched: {status}, mismatch {mismatch:.2e} after {n_rounds} rounds, {n_branches} branches>")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let counts = (own.n_rounds, own.n_branches, own.n_flow_evaluations);
+        let matching = own.matching.as_ref().map(|matching| matching.bind(py));
+        let arguments = (
+            own.status,
+            own.ends.clone(),
+            own.meeting.clone(),
+            own.mismatch,
+            counts,
+            own.courses.clone(),
+            matching,
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled match.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        status: &str,
+        ends: [Vec<f64>; 2],
+        meeting: [Vec<f64>; 2],
+        mismatch: f64,
+        counts: (usize, usize, usize),
+        courses: [Course; 2],
+        matching: Option<Py<Matching>>,
+    ) -> Result<Self, Error> {
+        let known = STATUSES.into_iter().find(|(_, name)| *name == status);
+        let (_, status) = known.ok_or_else(|| input(format!("`status` is not known: '{status}'")))?;
+        let (n_rounds, n_branches, n_flow_evaluations) = counts;
+        Ok(Self {
+            status,
+            ends,
+            meeting,
+            mismatch,
+            n_rounds,
+            n_branches,
+            n_flow_evaluations,
+            courses,
+            matching,
+        })
     }
 }

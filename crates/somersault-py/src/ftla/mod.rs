@@ -3,8 +3,10 @@
 //! The crate is generic over the dimension, which Python knows only at run time: classes here hold plain numbers, and
 //! [`for_dimension`](dimension::for_dimension) enters the code of theirs.
 
+mod argument;
 mod chain;
 mod continuation;
+mod control_problem;
 mod dimension;
 mod error;
 mod flow;
@@ -21,7 +23,8 @@ mod system;
 mod watched;
 
 pub(crate) use chain::{Chain, Transition};
-pub(crate) use continuation::{Continued, continue_through, py_follow, travel_arm};
+pub(crate) use continuation::{Continued, cold_start, continue_through, py_follow, travel_arm};
+pub(crate) use control_problem::state_costate;
 pub(crate) use flow::VariationalFlow;
 pub(crate) use following::Following;
 pub(crate) use matching::{Matched, Matching};

@@ -1,7 +1,8 @@
 //! The systems of the library.
 
+use super::argument::{pair, pair_or_none, wholes};
 use super::error::input;
-use super::system::System;
+use super::system::{Origin, System};
 use crate::convert::numbers_or_one;
 use crate::error::Error;
 use crate::model::Model;
@@ -36,23 +37,36 @@ use somersault::multibody::models::TwoLinkArm;
     *, masses=[0.5, 0.5], lengths=[2.0, 0.5], damping=[0.2, 0.0], weights=[1.0, 0.5], torque_limits=None
 ))]
 pub(crate) fn arm(
-    masses: [f64; 2],
-    lengths: [f64; 2],
-    damping: [f64; 2],
-    weights: [f64; 2],
-    torque_limits: Option<[f64; 2]>,
+    #[pyo3(from_py_with = pair::masses)] masses: [f64; 2],
+    #[pyo3(from_py_with = pair::lengths)] lengths: [f64; 2],
+    #[pyo3(from_py_with = pair::damping)] damping: [f64; 2],
+    #[pyo3(from_py_with = pair::weights)] weights: [f64; 2],
+    #[pyo3(from_py_with = pair_or_none::torque_limits)] torque_limits: Option<[f64; 2]>,
 ) -> Result<System, Error> {
     let mut arm = ArmMinimumTorque::try_new(TwoLinkArm { masses, lengths, damping }, weights)?;
-    let mut limited = String::new();
     if let Some(limits) = torque_limits {
         check_limits(&limits)?;
         arm = arm.try_with_torque_limits(limits)?;
-        limited = format!(", torque_limits={limits:?}");
     }
+    Ok(of_arm(arm))
+}
+
+/// The system of an arm.
+pub(super) fn of_arm(arm: ArmMinimumTorque) -> System {
+    let TwoLinkArm { masses, lengths, damping } = *arm.arm();
+    let (weights, limited) = (arm.weights(), limits_text(&arm.torque_limits()));
     let description = format!(
         "arm, masses={masses:?}, lengths={lengths:?}, damping={damping:?}, weights={weights:?}{limited}"
     );
-    Ok(System::compiled(arm, description).of_arm(arm))
+    System::compiled(arm, description, Origin::Arm(arm))
+}
+
+fn limits_text(limits: &[f64]) -> String {
+    if limits.iter().any(|limit| limit.is_finite()) {
+        format!(", torque_limits={limits:?}")
+    } else {
+        String::new()
+    }
 }
 
 /// The regulator dx/dt = −x + u with cost ½ ∫ x² + u² dt: linear, with rates ±√2.
@@ -62,7 +76,7 @@ pub(crate) fn arm(
 /// System
 #[pyfunction]
 pub(crate) fn linear_regulator() -> System {
-    System::compiled(LinearRegulator, "linear regulator".to_owned())
+    System::compiled(LinearRegulator, "linear regulator".to_owned(), Origin::Regulator("linear_regulator"))
 }
 
 /// The regulator dx/dt = −x³ + u with cost ½ ∫ x² + u² dt.
@@ -74,7 +88,7 @@ pub(crate) fn linear_regulator() -> System {
 /// System
 #[pyfunction]
 pub(crate) fn cubic_regulator() -> System {
-    System::compiled(CubicRegulator, "cubic regulator".to_owned())
+    System::compiled(CubicRegulator, "cubic regulator".to_owned(), Origin::Regulator("cubic_regulator"))
 }
 
 /// Limits may be infinite.
@@ -85,20 +99,22 @@ fn check_limits(limits: &[f64]) -> Result<(), Error> {
     }
 }
 
-/// Minimum-torque motions of a tree whose joints have one degree of freedom each.
+/// Minimum-torque motions of a tree of any joints.
 ///
-/// p = (q, v, λ), running cost ½ Σ γᵢuᵢ².
+/// p = (q, v, λ), running cost ½ Σ γᵢuᵢ². Angles and lengths are their own coordinates. A ball joint has the vector of its
+/// rotation from the home position, so that it must stay below a whole turn; a free one has its place and that vector, a
+/// planar one place and angle. Velocities v are those of `Model`, in the axes of the child.
 ///
 /// Parameters
 /// ----------
 /// model : Model
-///     The tree, of one to four joints.
+///     The tree, of one to six degrees of freedom. (The Rust library has any number.)
 /// weights : float or array_like, shape (n,), optional
-///     γ.
+///     γ of each degree of freedom.
 /// torque_limits : float or array_like, shape (n,), optional
 ///     Largest |u|, N m or N; infinite unless given.
 /// passive : sequence of int, optional
-///     Joints without torque, by number from 0; one at least must be driven.
+///     Degrees of freedom without torque, by number from 0; one at least must be driven.
 ///
 /// Returns
 /// -------
@@ -109,36 +125,50 @@ pub(crate) fn tree(
     model: &Bound<'_, Model>,
     weights: Option<&Bound<'_, PyAny>>,
     torque_limits: Option<&Bound<'_, PyAny>>,
-    passive: Vec<usize>,
+    #[pyo3(from_py_with = wholes::passive)] passive: Vec<usize>,
 ) -> Result<System, Error> {
     let tree = &model.get().model;
     let n = tree.n_velocities();
+    for (i, joint) in passive.iter().enumerate() {
+        if *joint >= n || passive[..i].contains(joint) {
+            let allowed = format!("different numbers of degrees of freedom below {n}");
+            return Err(input(format!("`passive` must be {allowed}, found {passive:?}")));
+        }
+    }
+    if n > 0 && passive.len() == n {
+        return Err(input("`passive` must leave one degree of freedom driven".to_owned()));
+    }
     let numbers = |name, value: Option<&Bound<'_, PyAny>>, default| {
         value.map_or(Ok(vec![default; n]), |value| numbers_or_one(name, n, value))
     };
     let weights = numbers("weights", weights, 1.0)?;
     let limits = numbers("torque_limits", torque_limits, f64::INFINITY)?;
     check_limits(&limits)?;
-    let limited = if torque_limits.is_some() { format!(", torque_limits={limits:?}") } else { String::new() };
-    let description = format!("tree of {n} joints, weights={weights:?}, passive={passive:?}{limited}");
+    let limited = limits_text(&limits);
+    let description =
+        format!("tree of {n} degrees of freedom, weights={weights:?}, passive={passive:?}{limited}");
     fn of<const N: usize>(
-        tree: &somersault::multibody::Model,
-        weights: &[f64],
-        limits: &[f64],
-        passive: &[usize],
+        model: &Bound<'_, Model>,
+        weights: Vec<f64>,
+        limits: Vec<f64>,
+        passive: Vec<usize>,
         description: String,
     ) -> Result<System, Error> {
-        let mut system = TreeMinimumTorque::<N>::try_new(tree, weights)?.try_with_torque_limits(limits)?;
-        for &joint in passive {
+        let tree = &model.get().model;
+        let mut system = TreeMinimumTorque::<N>::try_new(tree, &weights)?.try_with_torque_limits(&limits)?;
+        for &joint in &passive {
             system = system.try_with_passive(joint)?;
         }
-        Ok(System::compiled(system, description))
+        let origin = Origin::Tree { model: model.clone().unbind(), weights, limits, passive };
+        Ok(System::compiled(system, description, origin))
     }
     match n {
-        1 => of::<4>(tree, &weights, &limits, &passive, description),
-        2 => of::<8>(tree, &weights, &limits, &passive, description),
-        3 => of::<12>(tree, &weights, &limits, &passive, description),
-        4 => of::<16>(tree, &weights, &limits, &passive, description),
-        other => Err(input(format!("`model` must have one to four degrees of freedom, found {other}"))),
+        1 => of::<4>(model, weights, limits, passive, description),
+        2 => of::<8>(model, weights, limits, passive, description),
+        3 => of::<12>(model, weights, limits, passive, description),
+        4 => of::<16>(model, weights, limits, passive, description),
+        5 => of::<20>(model, weights, limits, passive, description),
+        6 => of::<24>(model, weights, limits, passive, description),
+        other => Err(input(format!("`model` must have one to six degrees of freedom, found {other}"))),
     }
 }

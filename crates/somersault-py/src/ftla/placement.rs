@@ -1,6 +1,7 @@
 //! Placing a point on the centre-stable or the centre-unstable manifold.
 
-use super::dimension::{for_dimension, vector};
+use super::argument::{triple, whole, wholes};
+use super::dimension::{DIMENSIONS, for_dimension, vector};
 use super::error::{input, positive};
 use super::flow::VariationalFlow;
 use super::run::{Run, attend};
@@ -12,6 +13,7 @@ use crate::convert::real_numbers;
 use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::placement::{self, Method, PlacementError, PlacementStatus, Schedule};
 use somersault::ftla::spectrum::{SplittingDims, TimeDirection};
 use std::sync::Arc;
@@ -61,13 +63,6 @@ pub(crate) struct Placement {
     max_iterations: usize,
 }
 
-/// Dimensions, or what they are read from.
-#[derive(FromPyObject)]
-enum DimsOrDiagnosis<'py> {
-    Diagnosis(Bound<'py, Diagnosis>),
-    Dims((usize, usize, usize)),
-}
-
 impl Placement {
     /// Number of costates held.
     pub(crate) fn held_count(&self) -> usize {
@@ -115,24 +110,20 @@ impl Placement {
     #[new]
     #[pyo3(signature = (dims, held, times=None, *, method="newton", tol=1e-8, max_iterations=30))]
     fn new(
-        dims: DimsOrDiagnosis<'_>,
-        held: Vec<usize>,
+        dims: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = wholes::held)] held: Vec<usize>,
         times: Option<&Bound<'_, PyAny>>,
         method: &str,
         tol: f64,
-        max_iterations: usize,
+        #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     ) -> Result<Self, Error> {
         let times = times.map(|times| real_numbers("times", times)).transpose()?;
-        let (dims, schedule) = match (dims, times) {
-            (DimsOrDiagnosis::Diagnosis(found), None) => {
-                let diagnosis = &found.get().diagnosis;
-                (diagnosis.dims, Schedule::of_diagnosis(diagnosis)?)
-            }
-            (DimsOrDiagnosis::Diagnosis(found), Some(times)) => {
-                (found.get().diagnosis.dims, Schedule::try_times(times)?)
-            }
-            (DimsOrDiagnosis::Dims(dims), Some(times)) => (dims_of(dims), Schedule::try_times(times)?),
-            (DimsOrDiagnosis::Dims(_), None) => {
+        let diagnosis = dims.cast::<Diagnosis>().ok().map(|found| found.get().diagnosis);
+        let dims = diagnosis.map_or_else(|| triple::dims(dims).map(dims_of), |found| Ok(found.dims))?;
+        let schedule = match (diagnosis, times) {
+            (_, Some(times)) => Schedule::try_times(times)?,
+            (Some(diagnosis), None) => Schedule::of_diagnosis(&diagnosis)?,
+            (None, None) => {
                 return Err(input("`times` must be given where `dims` is no Diagnosis".to_owned()));
             }
         };
@@ -144,8 +135,16 @@ impl Placement {
             }
         };
         positive("tol", tol)?;
+        if max_iterations == 0 {
+            return Err(input("`max_iterations` must be positive, found 0".to_owned()));
+        }
         let placement = Self { dims, held, schedule, method, tol, max_iterations };
         let dimension = dims.stable.saturating_add(dims.center).saturating_add(dims.unstable);
+        if !DIMENSIONS.contains(&dimension) {
+            return Err(input(format!(
+                "`dims` must add up to a dimension of {DIMENSIONS:?}, found {dimension}"
+            )));
+        }
         for_dimension!(dimension, check(&placement))?;
         Ok(placement)
     }
@@ -209,6 +208,27 @@ impl Placement {
             times[times.len() - 1]
         )
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments =
+            (own.dims(), own.held.clone(), own.times(py), own.method(), own.tol, own.max_iterations);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled placement.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        dims: &Bound<'_, PyAny>,
+        held: Vec<usize>,
+        times: &Bound<'_, PyAny>,
+        method: &str,
+        tol: f64,
+        max_iterations: usize,
+    ) -> Result<Self, Error> {
+        Self::new(dims, held, Some(times), method, tol, max_iterations)
+    }
 }
 
 /// A placed point, or the best one found.
@@ -245,6 +265,13 @@ pub(crate) fn status_of(status: &PlacementStatus) -> &'static str {
         PlacementStatus::SingularCostates => "singular_costates",
         PlacementStatus::Flow(_) => "flow",
     }
+}
+
+/// A pickled status.
+pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
+    let known = ["placed", "stalled", "max_iterations", "singular_costates", "flow"];
+    let found = known.into_iter().find(|status| *status == name);
+    found.ok_or_else(|| input(format!("`status` must be one of {known:?}, found '{name}'")))
 }
 
 impl Placed {
@@ -299,5 +326,28 @@ impl Placed {
 
     fn __repr__(&self) -> String {
         format!("<Placed: {}, {:.1e} rad at T = {} s>", self.status, self.angle, self.time)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let how = (own.status, own.message.clone(), own.angle, own.time);
+        let counts = (own.n_iterations, own.n_flow_evaluations);
+        let arguments = (own.p(slf.py()), how, own.spectrum(), counts);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled point.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        p: Vec<f64>,
+        how: (String, String, f64, f64),
+        spectrum: Option<Bound<'_, Spectrum>>,
+        counts: (usize, usize),
+    ) -> Result<Self, Error> {
+        let (status, message, angle, time) = how;
+        let (n_iterations, n_flow_evaluations) = counts;
+        let (status, spectrum) = (status_named(&status)?, spectrum.map(|found| found.get().clone()));
+        Ok(Self { p, status, message, angle, time, spectrum, n_iterations, n_flow_evaluations })
     }
 }

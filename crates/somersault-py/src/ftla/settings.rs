@@ -15,7 +15,20 @@ pub(crate) struct Settings {
     pub(crate) max_steps: usize,
 }
 
+/// Settings as they are pickled: `rtol`, `atol` and `max_steps`.
+pub(crate) type Plain = (f64, f64, usize);
+
 impl Settings {
+    /// What is pickled of them.
+    pub(crate) fn plain(&self) -> Plain {
+        (self.tolerances.relative, self.tolerances.absolute, self.max_steps)
+    }
+
+    /// Pickled settings.
+    pub(crate) fn of_plain((rtol, atol, max_steps): Plain) -> Result<Self, Error> {
+        Ok(Self { tolerances: tolerances_of(rtol, atol)?, max_steps })
+    }
+
     /// Runs of the usual length.
     pub(crate) fn new(tolerances: Tolerances) -> Self {
         Self { tolerances, max_steps: MAX_STEPS }

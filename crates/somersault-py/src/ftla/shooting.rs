@@ -1,20 +1,35 @@
 //! Extremals by multiple shooting.
 
+use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{for_dimension, rows_array, vector};
 use super::error::{input, positive};
 use super::run::{Run, attend};
-use super::settings::{Settings, tolerances_of};
+use super::settings::{Plain, Settings, tolerances_of};
 use super::system::System;
 use crate::convert::{array, real_numbers, times};
 use crate::error::Error;
 use crate::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::shooting::{self, End, Shooting, Status, graded_times};
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem};
 use std::sync::Arc;
+
+/// Statuses with their names and what they mean.
+const STATUSES: [(Status, &str, &str); 5] = [
+    (Status::Converged, "converged", "every defect and end condition is within the tolerance"),
+    (Status::Stalled, "stalled", "no shortened step passes the monotonicity test"),
+    (Status::MaxIterations, "max_iterations", "the iterations are used up"),
+    (Status::Singular, "singular", "the end conditions do not determine a correction"),
+    (
+        Status::OnTheWay,
+        "on_the_way",
+        "a continuation broke off: this solves a member on its way, to the tolerance of those",
+    ),
+];
 
 /// The states at one end, None where one is free.
 pub(crate) type EndStates = Vec<Option<f64>>;
@@ -151,26 +166,17 @@ impl Extremal {
         self.system.clone_ref(py)
     }
 
-    /// str: ``'converged'``, ``'stalled'``, ``'max_iterations'`` or ``'singular'``; the nodes are the best found.
+    /// str: ``'converged'``, ``'stalled'``, ``'max_iterations'``, ``'singular'``, or ``'on_the_way'`` where a continuation broke
+    /// off and the nodes solve a problem before the one asked for; the nodes are the best found.
     #[getter]
     fn status(&self) -> &'static str {
-        match self.nodes.status {
-            Status::Converged => "converged",
-            Status::Stalled => "stalled",
-            Status::MaxIterations => "max_iterations",
-            Status::Singular => "singular",
-        }
+        STATUSES.iter().find(|(status, ..)| *status == self.nodes.status).map_or("", |(_, name, _)| *name)
     }
 
     /// str: The status in a sentence.
     #[getter]
     fn message(&self) -> &'static str {
-        match self.nodes.status {
-            Status::Converged => "every defect and end condition is within the tolerance",
-            Status::Stalled => "no shortened step passes the monotonicity test",
-            Status::MaxIterations => "the iterations are used up",
-            Status::Singular => "the end conditions do not determine a correction",
-        }
+        STATUSES.iter().find(|(status, ..)| *status == self.nodes.status).map_or("", |(.., text)| *text)
     }
 
     /// bool: Whether it converged.
@@ -280,6 +286,47 @@ impl Extremal {
         let last = times.last().copied().unwrap_or_default();
         format!("<Extremal: {}, residual {residual:.1e}, {} nodes to {last} s>", self.status(), times.len())
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let Nodes { links, residual, iterations, flow_evaluations, work, .. } = &own.nodes;
+        let Work { evaluations, steps, rejected, switches } = *work;
+        let how = (own.status(), residual, iterations, flow_evaluations);
+        let work = (evaluations, steps, rejected, switches);
+        let motion = (own.times(py), own.nodes(py)?, links.clone());
+        let arguments = (own.system.bind(py), own.settings.plain(), motion, how, work);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled extremal.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        system: Py<System>,
+        settings: Plain,
+        motion: (Vec<f64>, Vec<Vec<f64>>, Vec<Transition>),
+        how: (String, f64, usize, usize),
+        work: (usize, usize, usize, usize),
+    ) -> Result<Self, Error> {
+        let (times, points, links) = motion;
+        let n = system.get().dimension;
+        let fits = times.len() > 1
+            && times.windows(2).all(|pair| pair[0] < pair[1])
+            && points.len() == times.len()
+            && points.iter().all(|p| p.len() == n)
+            && links.len() + 1 == times.len()
+            && links.iter().all(|link| link.end_values().len() == n);
+        if !fits {
+            return Err(input("times, nodes and links of an extremal must fit".to_owned()));
+        }
+        let (status, residual, iterations, flow_evaluations) = how;
+        let known = STATUSES.into_iter().find(|(_, name, _)| *name == status);
+        let (status, ..) = known.ok_or_else(|| input(format!("`status` is not known: '{status}'")))?;
+        let (evaluations, steps, rejected, switches) = work;
+        let work = Work { evaluations, steps, rejected, switches };
+        let nodes = Nodes { times, points, links, status, residual, iterations, flow_evaluations, work };
+        Ok(Self { system, settings: Settings::of_plain(settings)?, nodes })
+    }
 }
 
 fn finite_times(t: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
@@ -364,7 +411,7 @@ pub(crate) fn shoot(
     times: &Bound<'_, PyAny>,
     nodes: &Bound<'_, PyAny>,
     tol: f64,
-    max_iterations: usize,
+    #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
     atol: f64,
 ) -> Result<Extremal, Error> {

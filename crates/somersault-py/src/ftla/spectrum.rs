@@ -1,10 +1,12 @@
 //! Finite-time Lyapunov exponents and vectors, and what they say of a problem.
 
-use super::dimension::{for_dimension, matrix, matrix_array, vector};
-use super::error::{input, positive};
+use super::dimension::{expect_square, for_dimension, matrix, matrix_array, vector};
+use super::error::input;
+use super::subspace::dims_of;
 use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::placement::Schedule;
 use somersault::ftla::spectrum::{self, SplittingDims, TimeDirection};
 
@@ -101,9 +103,34 @@ impl Spectrum {
     }
 
     fn __repr__(&self) -> String {
-        let exponents: Vec<_> = self.exponents.iter().map(|mu| format!("{mu:.4}")).collect();
+        let exponents: Vec<_> = self.exponents.iter().map(|mu| digits(*mu)).collect();
         format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time, exponents.join(", "))
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let columns = PyArray1::from_slice(py, &own.vectors);
+        let arguments = (own.direction(), own.time, own.exponents(py), columns);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled spectrum.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        direction: &str,
+        time: f64,
+        exponents: Vec<f64>,
+        vectors: Vec<f64>,
+    ) -> Result<Self, Error> {
+        expect_square("vectors", &vectors, exponents.len())?;
+        Ok(Self { direction: direction_of(direction)?, time, exponents, vectors })
+    }
+}
+
+/// A number in a short text: four digits after the point, or four in all where those would not show it.
+fn digits(x: f64) -> String {
+    if x == 0.0 || (1e-2..1e5).contains(&x.abs()) { format!("{x:.4}") } else { format!("{x:.3e}") }
 }
 
 /// What the exponents at a point say about a problem with a given horizon, as `diagnose` finds it.
@@ -194,6 +221,39 @@ impl Diagnosis {
     fn __repr__(&self) -> String {
         format!("<Diagnosis: {}>", self.diagnosis)
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let spectrum::Diagnosis { time, center_rate, time_constants, horizon, .. } = own.diagnosis;
+        let numbers = (time, center_rate, time_constants, horizon);
+        let arguments = (own.dims(), numbers, own.fast_rates(), own.gaps(), own.window());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled diagnosis.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        dims: (usize, usize, usize),
+        numbers: (f64, f64, f64, f64),
+        fast_rates: (f64, f64),
+        gaps: (f64, f64),
+        window: (f64, f64),
+    ) -> Self {
+        let (time, center_rate, time_constants, horizon) = numbers;
+        Self {
+            diagnosis: spectrum::Diagnosis {
+                dims: dims_of(dims),
+                time,
+                fast_rates: fast_rates.into(),
+                center_rate,
+                gaps: gaps.into(),
+                time_constants,
+                window: window.into(),
+                horizon,
+            },
+        }
+    }
 }
 
 /// Chooses (n^s, n^c, n^u) from spectra at one point.
@@ -221,7 +281,6 @@ impl Diagnosis {
 /// ((1, 0, 1), True)
 #[pyfunction]
 pub(crate) fn diagnose(spectra: Vec<Bound<'_, Spectrum>>, horizon: f64) -> Result<Diagnosis, Error> {
-    positive("horizon", horizon)?;
     let n = spectra.first().map_or(2, |s| s.get().dimension());
     if spectra.iter().any(|s| s.get().dimension() != n) {
         return Err(input("`spectra` must be of one dimension".to_owned()));

@@ -1,13 +1,15 @@
 //! Subspaces, the splitting they form, and the costates to hold.
 
-use super::dimension::{for_dimension, vector};
+use super::argument::triple;
+use super::dimension::{DIMENSIONS, for_dimension, vector};
 use super::error::input;
 use super::spectrum::Spectrum;
-use crate::convert::array;
+use crate::convert::{a_type, array};
 use crate::error::Error;
 use crate::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::placement;
 use somersault::ftla::spectrum::{self, SplittingDims};
 
@@ -24,7 +26,7 @@ use somersault::ftla::spectrum::{self, SplittingDims};
 /// >>> plane = ftla.Subspace([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
 /// >>> plane.dim, round(plane.angle_to([1.0, 0.0, 1.0, 0.0]), 4)
 /// (2, 0.7854)
-#[pyclass(frozen, module = "somersault.ftla")]
+#[pyclass(frozen, from_py_object, module = "somersault.ftla")]
 #[derive(Clone)]
 pub(crate) struct Subspace {
     dimension: usize,
@@ -63,10 +65,16 @@ impl Subspace {
 impl Subspace {
     #[new]
     fn new(vectors: &Bound<'_, PyAny>) -> Result<Self, Error> {
-        let shape: Vec<usize> = vectors.py().import("numpy")?.call_method1("shape", (vectors,))?.extract()?;
+        let shape = vectors.py().import("numpy")?.call_method1("shape", (vectors,));
+        let shape: Vec<usize> = shape.and_then(|shape| shape.extract()).map_err(|_| {
+            input(format!("`vectors` must be of shape (m, dimension), found {}", a_type(vectors)))
+        })?;
         let &[_, n] = shape.as_slice() else {
             return Err(input(format!("`vectors` must be of shape (m, dimension), found {shape:?}")));
         };
+        if !DIMENSIONS.contains(&n) {
+            return Err(input(format!("`vectors` must be of a dimension of {DIMENSIONS:?}, found {n}")));
+        }
         let rows = Rows::extract("vectors", &[n], vectors)?;
         fn spanned<const N: usize>(all: &[f64]) -> Result<Subspace, Error> {
             let vectors: Vec<_> = all.chunks_exact(N).map(vector::<N>).collect();
@@ -156,6 +164,25 @@ impl Subspace {
     fn __repr__(&self) -> String {
         format!("<Subspace: {} of {} dimensions>", self.dim(), self.dimension)
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let arguments = (own.dimension, PyArray1::from_slice(slf.py(), &own.basis));
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled subspace.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, dimension: usize, basis: Vec<f64>) -> Result<Self, Error> {
+        let whole = DIMENSIONS.contains(&dimension) && basis.len() % dimension == 0;
+        if !whole || basis.len() > dimension * dimension {
+            let found = basis.len();
+            return Err(input(format!(
+                "`basis` must be vectors of {dimension} entries, found {found} numbers"
+            )));
+        }
+        Ok(Self { dimension, basis })
+    }
 }
 
 /// (n^s, n^c, n^u) as they come from Python.
@@ -182,7 +209,11 @@ pub(crate) struct Splitting {
 #[pymethods]
 impl Splitting {
     #[new]
-    fn new(forward: &Spectrum, backward: &Spectrum, dims: (usize, usize, usize)) -> Result<Self, Error> {
+    fn new(
+        forward: &Spectrum,
+        backward: &Spectrum,
+        #[pyo3(from_py_with = triple::dims)] dims: (usize, usize, usize),
+    ) -> Result<Self, Error> {
         if forward.dimension() != backward.dimension() {
             return Err(input("`forward` and `backward` must be of one dimension".to_owned()));
         }
@@ -239,6 +270,18 @@ impl Splitting {
         let (stable, center, unstable) = self.dims;
         format!("<Splitting: {stable} stable, {center} centre, {unstable} unstable>")
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let arguments = (own.dims, own.parts.to_vec());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled splitting.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, dims: (usize, usize, usize), parts: [Subspace; 5]) -> Self {
+        Self { dims, parts }
+    }
 }
 
 /// The directions that do not expand fast: E^cs of a forward spectrum, E^cu of a backward one.
@@ -253,7 +296,10 @@ impl Splitting {
 /// -------
 /// Subspace
 #[pyfunction]
-pub(crate) fn slow_subspace(spectrum: &Spectrum, dims: (usize, usize, usize)) -> Result<Subspace, Error> {
+pub(crate) fn slow_subspace(
+    spectrum: &Spectrum,
+    #[pyo3(from_py_with = triple::dims)] dims: (usize, usize, usize),
+) -> Result<Subspace, Error> {
     fn slow<const N: usize>(spectrum: &Spectrum, dims: SplittingDims) -> Result<Subspace, Error> {
         Ok(Subspace::of(&somersault::ftla::spectrum::slow_subspace(
             &spectrum.typed::<N>(),

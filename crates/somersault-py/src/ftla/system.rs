@@ -1,14 +1,20 @@
 //! State–costate systems, compiled or users' own.
 
+use super::argument::whole;
+use super::control_problem::{Problem, state_costate};
 use super::dimension::{DIMENSIONS, by_rows, for_dimension, no_such, vector};
 use super::error::input;
+use super::named_systems::{arm, cubic_regulator, linear_regulator, tree};
 use super::run::{Run, attend};
 use super::watched::{Callables, Compiled, Source, Watched};
 use crate::error::Error;
+use crate::model::Model;
 use crate::plan::check_callable;
 use crate::rows::Rows;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::system::{ArmMinimumTorque, HamiltonianSystem, OptimalControlSystem, VectorField};
+use somersault::multibody::models::TwoLinkArm;
 use std::any::Any;
 use std::sync::Arc;
 
@@ -26,7 +32,7 @@ const MOST_CONTROLS: usize = 1000;
 /// jacobian : callable
 ///     ``jacobian(p) -> D``, of shape (dimension, dimension): ∂hᵢ/∂pⱼ.
 /// dimension : int
-///     States and costates together: 2, 4, 6, 8, 10, 12 or 16.
+///     States and costates together: 2, 4, 6, 8, 10, 12, 16, 20 or 24.
 /// hamiltonian : callable, optional
 ///     ``hamiltonian(p) -> float``, for what needs it: a least-squares match, the spread along an extremal.
 /// control : callable, optional
@@ -56,28 +62,53 @@ pub(crate) struct System {
     pub(crate) n_controls: usize,
     description: String,
     source: Box<dyn Any + Send + Sync>,
-    /// The arm that it is of, if it is of one.
-    pub(crate) arm: Option<ArmMinimumTorque>,
+    origin: Origin,
+}
+
+/// Makes a compiled system for a run.
+pub(super) type Maker<const N: usize> = Box<dyn Fn(&Arc<Run>) -> Result<Compiled<N>, Error> + Send + Sync>;
+
+/// What a system is made from, to be made again.
+pub(super) enum Origin {
+    Callables(Arc<Callables>),
+    Problem(Arc<Problem>),
+    Arm(ArmMinimumTorque),
+    Regulator(&'static str),
+    Tree { model: Py<Model>, weights: Vec<f64>, limits: Vec<f64>, passive: Vec<usize> },
 }
 
 impl System {
+    /// The arm that it is of, if it is of one.
+    pub(crate) fn arm(&self) -> Option<ArmMinimumTorque> {
+        if let Origin::Arm(arm) = self.origin { Some(arm) } else { None }
+    }
+
     pub(super) fn compiled<const N: usize>(
         system: impl OptimalControlSystem<N> + Send + Sync + 'static,
         description: String,
+        origin: Origin,
     ) -> Self {
         let n_controls = system.n_controls();
         let shared: Compiled<N> = Arc::new(system);
         let source = Box::new(Source::Compiled(shared));
-        Self { dimension: N, n_controls, description, source, arm: None }
+        Self { dimension: N, n_controls, description, source, origin }
     }
 
-    /// The same, which is of this arm.
-    pub(super) fn of_arm(self, arm: ArmMinimumTorque) -> Self {
-        Self { arm: Some(arm), ..self }
+    /// One that is made anew for each run.
+    pub(super) fn made<const N: usize>(
+        make: Maker<N>,
+        description: String,
+        n_controls: usize,
+        origin: Origin,
+    ) -> Self {
+        Self { dimension: N, n_controls, description, source: Box::new(make), origin }
     }
 
     /// The system for one run, where the dimension is N.
     pub(crate) fn watched<const N: usize>(&self, run: &Arc<Run>) -> Result<Watched<N>, Error> {
+        if let Some(make) = self.source.downcast_ref::<Maker<N>>() {
+            return Ok(Source::Compiled(make(run)?).watched(run));
+        }
         match self.source.downcast_ref::<Source<N>>() {
             Some(source) => Ok(source.watched(run)),
             None => Err(input(format!("`system` must be of dimension {N}, found {}", self.dimension))),
@@ -162,11 +193,11 @@ impl System {
     fn new(
         field: &Bound<'_, PyAny>,
         jacobian: &Bound<'_, PyAny>,
-        dimension: usize,
+        #[pyo3(from_py_with = whole::dimension)] dimension: usize,
         hamiltonian: Option<&Bound<'_, PyAny>>,
         control: Option<&Bound<'_, PyAny>>,
         running_cost: Option<&Bound<'_, PyAny>>,
-        n_controls: usize,
+        #[pyo3(from_py_with = whole::n_controls)] n_controls: usize,
     ) -> Result<Self, Error> {
         if !DIMENSIONS.contains(&dimension) {
             return Err(no_such("dimension", dimension));
@@ -193,9 +224,9 @@ impl System {
         fn boxed<const N: usize>(callables: Arc<Callables>) -> Result<Box<dyn Any + Send + Sync>, Error> {
             Ok(Box::new(Source::<N>::Callables(callables)))
         }
-        let source = for_dimension!(dimension, boxed(callables))?;
+        let source = for_dimension!(dimension, boxed(Arc::clone(&callables)))?;
         let description = format!("callables of dimension {dimension}");
-        Ok(Self { dimension, n_controls, description, source, arm: None })
+        Ok(Self { dimension, n_controls, description, source, origin: Origin::Callables(callables) })
     }
 
     /// int: States and costates together.
@@ -277,5 +308,83 @@ impl System {
 
     fn __repr__(&self) -> String {
         format!("<System: {}>", self.description)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let tuple = |arguments: Bound<'py, PyTuple>, kind: &str| (kind, arguments).into_pyobject(py);
+        let arguments = match &own.origin {
+            Origin::Callables(own_code) => {
+                let Callables { field, jacobian, hamiltonian, control, running_cost, n_controls } =
+                    &**own_code;
+                let given = (field, jacobian, own.dimension, hamiltonian, control, running_cost, n_controls);
+                tuple(given.into_pyobject(py)?, "callables")?
+            }
+            Origin::Problem(problem) => {
+                let Problem { callables: [dynamics, cost, jacobian, gradient, hessian], n_states, .. } =
+                    &**problem;
+                let bounds = problem.bounds.chunks(own.n_controls).collect::<Vec<_>>();
+                let code = (dynamics, cost, jacobian, gradient, hessian);
+                tuple((code, n_states, own.n_controls, bounds).into_pyobject(py)?, "problem")?
+            }
+            Origin::Arm(arm) => {
+                let TwoLinkArm { masses, lengths, damping } = *arm.arm();
+                let given = (masses, lengths, damping, arm.weights(), arm.torque_limits());
+                tuple(given.into_pyobject(py)?, "arm")?
+            }
+            Origin::Regulator(name) => tuple(PyTuple::empty(py), name)?,
+            Origin::Tree { model, weights, limits, passive } => {
+                tuple((model, weights, limits, passive).into_pyobject(py)?, "tree")?
+            }
+        };
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled system; of one's own the callables must be those of a module.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, kind: &str, arguments: &Bound<'_, PyTuple>) -> Result<Self, Error> {
+        match kind {
+            "callables" => {
+                let (field, jacobian, dimension, hamiltonian, control, running_cost, n_controls): (
+                    Bound<'_, PyAny>,
+                    Bound<'_, PyAny>,
+                    usize,
+                    Option<Bound<'_, PyAny>>,
+                    Option<Bound<'_, PyAny>>,
+                    Option<Bound<'_, PyAny>>,
+                    usize,
+                ) = arguments.extract()?;
+                let [hamiltonian, control, running_cost] =
+                    [&hamiltonian, &control, &running_cost].map(Option::as_ref);
+                Self::new(&field, &jacobian, dimension, hamiltonian, control, running_cost, n_controls)
+            }
+            "problem" => {
+                type Code<'py> = Bound<'py, PyAny>;
+                let ([dynamics, cost, jacobian, gradient, hessian], n_states, n_controls, bounds): (
+                    [Code<'_>; 5],
+                    usize,
+                    usize,
+                    Code<'_>,
+                ) = arguments.extract()?;
+                let bounds = Some(&bounds);
+                state_costate(&dynamics, &cost, n_states, n_controls, &jacobian, &gradient, &hessian, bounds)
+            }
+            "arm" => {
+                let (masses, lengths, damping, weights, limits) = arguments.extract()?;
+                arm(masses, lengths, damping, weights, Some(limits))
+            }
+            "linear_regulator" => Ok(linear_regulator()),
+            "cubic_regulator" => Ok(cubic_regulator()),
+            "tree" => {
+                let (model, weights, limits, passive): (
+                    Bound<'_, Model>,
+                    Bound<'_, PyAny>,
+                    Bound<'_, PyAny>,
+                    _,
+                ) = arguments.extract()?;
+                tree(&model, Some(&weights), Some(&limits), passive)
+            }
+            other => Err(input(format!("`kind` of a system is not known: '{other}'"))),
+        }
     }
 }

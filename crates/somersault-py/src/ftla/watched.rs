@@ -6,6 +6,7 @@ use super::run::{Run, caused};
 use crate::convert::with_shape;
 use crate::error::Error;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use somersault::ftla::nalgebra::{SMatrix, SVector};
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, Piece, SystemError, VectorField};
 use std::sync::Arc;
@@ -37,6 +38,38 @@ pub(crate) struct Watched<const N: usize> {
     run: Arc<Run>,
 }
 
+/// What a callable makes of vectors: numbers of a shape; none once anything has been raised.
+pub(super) fn call(
+    run: &Run,
+    name: &str,
+    arguments: &str,
+    callable: &Py<PyAny>,
+    vectors: &[&[f64]],
+    shape: &[usize],
+) -> Option<Vec<f64>> {
+    if run.is_stopped() {
+        return None;
+    }
+    Python::attach(|py| {
+        let given = vectors.iter().map(|vector| numpy::PyArray1::from_slice(py, vector));
+        let returned = PyTuple::new(py, given)
+            .and_then(|given| callable.call1(py, given).map_err(|error| caused(py, name, error)));
+        let numbers = returned.and_then(|value| {
+            with_shape(&format!("{name}({arguments})"), shape, value.bind(py))
+                .map_err(|error| PyErr::from(input_of(error)))
+        });
+        numbers.map_err(|error| run.stop(error)).ok()
+    })
+}
+
+/// Ends a run because of what a callable returned, unless it has ended.
+pub(super) fn no_value(run: &Run, name: &str, value: f64) {
+    if !run.is_stopped() {
+        let message = format!("`{name}` returned {value}");
+        run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
+    }
+}
+
 impl<const N: usize> Source<N> {
     /// The system for one run.
     pub(crate) fn watched(&self, run: &Arc<Run>) -> Watched<N> {
@@ -53,18 +86,7 @@ impl<const N: usize> Watched<N> {
         p: &SVector<f64, N>,
         shape: &[usize],
     ) -> Option<Vec<f64>> {
-        if self.run.is_stopped() {
-            return None;
-        }
-        Python::attach(|py| {
-            let argument = numpy::PyArray1::from_slice(py, p.as_slice());
-            let returned = callable.call1(py, (argument,)).map_err(|error| caused(py, name, error));
-            let numbers = returned.and_then(|value| {
-                with_shape(&format!("{name}(p)"), shape, value.bind(py))
-                    .map_err(|error| PyErr::from(input_of(error)))
-            });
-            numbers.map_err(|error| self.run.stop(error)).ok()
-        })
+        call(&self.run, name, "p", callable, &[p.as_slice()], shape)
     }
 
     /// A number that a callable makes of p; NaN once anything has been raised, and an error where it is no number.
@@ -74,9 +96,8 @@ impl<const N: usize> Watched<N> {
             return f64::NAN;
         };
         let value = self.call(name, callable, p, &[]).map_or(f64::NAN, |numbers| numbers[0]);
-        if !value.is_finite() && !self.run.is_stopped() {
-            let message = format!("`{name}` returned {value}");
-            self.run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
+        if !value.is_finite() {
+            no_value(&self.run, name, value);
         }
         value
     }
@@ -165,7 +186,16 @@ impl<const N: usize> VectorField<N> for Watched<N> {
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         match &self.source {
             Source::Compiled(system) => system.fault(p),
-            Source::Callables(_) => Some(SystemError::NonFinite),
+            Source::Callables(_) => {
+                let quantity = if !self.field(p).sum().is_finite() {
+                    "field"
+                } else if !self.jacobian(p).sum().is_finite() {
+                    "jacobian"
+                } else {
+                    return None;
+                };
+                Some(SystemError::NoValue { quantity })
+            }
         }
     }
 }
@@ -198,7 +228,11 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
                         None
                     }
                 };
-                u.copy_from_slice(&found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]));
+                let found = found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]);
+                if let Some(value) = found.iter().find(|x| !x.is_finite()) {
+                    no_value(&self.run, "control", *value);
+                }
+                u.copy_from_slice(&found);
                 Ok(())
             }
         }

@@ -1,0 +1,64 @@
+//! Arguments that are whole numbers, pairs or lists of them, read under the names that they have in Python.
+
+use super::error::input;
+use crate::convert::a_type;
+use crate::error::Error;
+use pyo3::exceptions::PyOverflowError;
+use pyo3::prelude::*;
+
+/// A whole number that is not negative.
+fn whole_number(argument: &str, value: &Bound<'_, PyAny>) -> Result<usize, Error> {
+    value.extract().map_err(|error: PyErr| {
+        let found = if error.is_instance_of::<PyOverflowError>(value.py()) {
+            value.to_string()
+        } else {
+            a_type(value)
+        };
+        input(format!("`{argument}` must be a whole number that is not negative, found {found}"))
+    })
+}
+
+fn entries<'py>(argument: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Error> {
+    value.extract().map_err(|_| input(format!("`{argument}` must be a sequence, found {}", a_type(value))))
+}
+
+fn whole_numbers(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<usize>, Error> {
+    entries(argument, value)?.iter().map(|entry| whole_number(argument, entry)).collect()
+}
+
+fn three(argument: &str, value: &Bound<'_, PyAny>) -> Result<(usize, usize, usize), Error> {
+    match whole_numbers(argument, value)?[..] {
+        [stable, center, unstable] => Ok((stable, center, unstable)),
+        ref other => Err(input(format!("`{argument}` must have 3 entries, found {}", other.len()))),
+    }
+}
+
+fn two(argument: &str, value: &Bound<'_, PyAny>) -> Result<[f64; 2], Error> {
+    let found = crate::convert::with_shape(argument, &[2], value)?;
+    Ok([found[0], found[1]])
+}
+
+fn two_or_none(argument: &str, value: &Bound<'_, PyAny>) -> Result<Option<[f64; 2]>, Error> {
+    if value.is_none() { Ok(None) } else { two(argument, value).map(Some) }
+}
+
+/// Functions for `from_py_with`, which are told no name.
+macro_rules! named {
+    ($($module:ident: $reader:ident -> $type:ty, [$($name:ident),*];)*) => {$(
+        pub(super) mod $module {
+            $(pub(in crate::ftla) fn $name(
+                value: &pyo3::Bound<'_, pyo3::PyAny>,
+            ) -> pyo3::PyResult<$type> {
+                Ok(super::$reader(stringify!($name), value)?)
+            })*
+        }
+    )*};
+}
+
+named! {
+    whole: whole_number -> usize, [dimension, n_controls, n_states, max_iterations, max_rounds, max_steps];
+    wholes: whole_numbers -> Vec<usize>, [held, passive, conserved];
+    triple: three -> (usize, usize, usize), [dims];
+    pair: two -> [f64; 2], [masses, lengths, damping, weights];
+    pair_or_none: two_or_none -> Option<[f64; 2]>, [torque_limits];
+}
