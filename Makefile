@@ -4,9 +4,11 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# The build script declares them as modules, so cargo's formatter does not come by.
+METHODS := $(wildcard crates/somersault-integrators/src/methods/*.rs)
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint docs pictures bench bench-peers fuzz wheel clean
+.PHONY: help tour test test-rust test-python lint docs pictures bench bench-peers fuzz wheel package clean
 
 # This list.
 help:
@@ -22,7 +24,7 @@ test: lint test-rust test-python
 
 # Formatting, lints and types. The quick part of `test`.
 lint: $(VENV)/.extension-dev
-	cargo fmt --check
+	cargo fmt --check -- $(METHODS)
 	cargo clippy --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check docs python tests/python benches/peers
 	$(BIN)/mypy
@@ -69,6 +71,11 @@ wheel: $(VENV)/.tools
 	rm -rf dist
 	$(BIN)/maturin build --release --strip --out dist
 	$(BIN)/maturin sdist --out dist
+
+# Every published crate, packaged and built from its package.
+package:
+	cargo package --workspace --exclude somersault-benches --exclude somersault-py --exclude somersault-testkit \
+		--exclude somersault-tests
 
 # Removes what was built.
 clean:

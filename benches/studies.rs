@@ -7,23 +7,6 @@ use somersault::integrators::studies::{energy, silent, stability};
 use somersault::prelude::*;
 use std::time::Duration;
 
-/// Table 7.3 of the thesis.
-const THESIS: [Method; 13] = [
-    Method::Euler,
-    Method::Sie,
-    Method::Sv,
-    Method::Mp,
-    Method::Heun,
-    Method::Rk4,
-    Method::Ab2,
-    Method::Siabm2,
-    Method::Aso,
-    Method::Dmv2,
-    Method::Ab4,
-    Method::Siabm4,
-    Method::Rkmk,
-];
-
 fn scan(c: &mut Criterion) {
     let bodies = energy::prisms(100).expect("prisms");
     let setup = energy::EnergySetup::thesis();
@@ -35,9 +18,9 @@ fn scan(c: &mut Criterion) {
             b.iter(|| energy::energy(method, &setup, &bodies, &mut silent));
         });
     }
-    group.throughput(Throughput::Elements(steps * THESIS.len() as u64));
-    group.bench_function("all_thirteen", |b| {
-        b.iter(|| THESIS.map(|method| energy::energy(method, &setup, &bodies, &mut silent)));
+    group.throughput(Throughput::Elements(steps * Method::THESIS.len() as u64));
+    group.bench_function("table_7_3", |b| {
+        b.iter(|| Method::THESIS.map(|method| energy::energy(method, &setup, &bodies, &mut silent)));
     });
     group.finish();
 }

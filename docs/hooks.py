@@ -43,6 +43,8 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 def _inserts(what: str) -> str:
     if what == "methods":
         return _methods()
+    if what == "guarantees":
+        return _guarantees()
     if what.endswith(".md"):
         return _page(what)
     if what == "evaluations":
@@ -66,7 +68,7 @@ def _order(orders: dict[str, int | None], benign: str, general: str) -> str:
 
 
 def _methods() -> str:
-    """The table of methods: what is guaranteed, and what is refused."""
+    """The table of methods."""
     lines = [
         "| Method | | Order on ℝ³ | on SO(3) | Evaluations | Earlier steps | Steps | Takes |",
         "|---|---|---|---|---|---|---|---|",
@@ -81,6 +83,15 @@ def _methods() -> str:
             f" | {info.history} | {steps} | {info.scope} |"
         )
     return "\n".join(lines)
+
+
+def _guarantees() -> str:
+    """What methods keep and what they are not for; those of which the same is true share a row."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for info in somersault.methods():
+        groups.setdefault((info.keeps, info.not_for), []).append(f"`{info.name}`")
+    rows = [f"| {', '.join(names)} | {keeps} | {not_for} |" for (keeps, not_for), names in groups.items()]
+    return "\n".join(["| Methods | Keep | Not for |", "|---|---|---|", *rows])
 
 
 def _evaluations() -> str:

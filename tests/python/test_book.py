@@ -15,6 +15,7 @@ from typing import Any
 import matplotlib as mpl
 import pytest
 
+import somersault
 from somersault.cli import main
 
 ROOT = Path(__file__).parents[2]
@@ -135,6 +136,17 @@ def test_the_book_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_pa
     assert not [
         name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
     ]
+
+
+def test_the_tables_of_the_book_have_every_method_once() -> None:
+    pytest.importorskip("latex2mathml", reason="the extra `docs` is not installed")
+    hooks = script("hooks")
+    for table in ("methods", "guarantees"):
+        rows = [
+            line.split(" | ")[0] for line in hooks.on_page_markdown(f"<!-- insert: {table} -->").splitlines()
+        ]
+        named = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
+        assert sorted(named) == sorted(somersault.methods().names), table
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:

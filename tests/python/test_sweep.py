@@ -240,11 +240,46 @@ def test_bad_points_are_refused() -> None:
         sweep.run(ten_over, [{"x": 1}, 2])  # type: ignore[list-item]
     with pytest.raises(somersault.errors.StorageError, match=r"point 0\['x'\] is a"):
         sweep.run(ten_over, [{"x": object()}])
-    with pytest.raises(SweepInputError, match="workers = 0"):
-        sweep.run(ten_over, [], workers=0)
     with pytest.raises(SweepInputError, match=r"share the names \['x'\]"):
         sweep.run(lambda x: {"x": x}, [{"x": 1}]).table()
     assert len(sweep.run(ten_over, [])) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"function": 3}, "`function` must be a function, found 3"),
+        ({"points": 3}, "`points` must be a list of dictionaries, found 3"),
+        ({"points": "dt"}, "`points` must be a list of dictionaries, found 'dt'"),
+        ({"points": {"x": 1}}, "`points` must be a list of dictionaries, found {'x': 1}"),
+        ({"workers": 0}, "`workers` must be a whole number of at least 1, found 0"),
+        ({"workers": -1}, "`workers` must be"),
+        ({"workers": 1.5}, "`workers` must be"),
+        ({"workers": True}, "`workers` must be"),
+        ({"workers": "2"}, "`workers` must be"),
+        ({"directory": 3}, "`directory` must be a path, found 3"),
+        ({"directory": __file__}, "`directory` must be a directory, found the file"),
+        ({"version": 1}, "`version` must be text, found 1"),
+        ({"client": "tcp://localhost"}, "`client` must be a distributed.Client"),
+    ],
+)
+def test_arguments_of_another_type_are_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(SweepInputError, match=message):
+        sweep.run(**{"function": ten_over, "points": [], **arguments})
+
+
+def test_axes_and_directories_of_another_type_are_refused(tmp_path: Path) -> None:
+    for values in (3, None, "rkmk"):
+        with pytest.raises(SweepInputError, match="`dt` must be a list of values"):
+            sweep.grid(dt=values)  # type: ignore[arg-type]
+    with pytest.raises(SweepInputError, match="`directory` must be a path"):
+        sweep.load(3)  # type: ignore[arg-type]
+    for count in ("-1", '"3"', "null"):
+        (tmp_path / "manifest.json").write_text(
+            f'{{"format": "somersault sweep", "format_version": 1, "n_points": {count}}}'
+        )
+        with pytest.raises(SweepInputError, match="`n_points` is no number of points"):
+            sweep.load(tmp_path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")

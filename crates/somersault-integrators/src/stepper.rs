@@ -87,6 +87,10 @@ pub struct MethodInfo {
     pub embedded: Option<u8>,
     /// Whether each step solves an equation.
     pub implicit: bool,
+    /// What it keeps, and how well.
+    pub keeps: &'static str,
+    /// What it is not for, and what it refuses.
+    pub not_for: &'static str,
 }
 
 impl MethodInfo {
@@ -108,13 +112,25 @@ impl MethodInfo {
             variables: Variables::World,
             embedded: None,
             implicit: false,
+            keeps: "nothing exactly",
+            not_for: "very long runs in which energy must not drift",
         }
     }
 
     /// The same method in the variables of another form.
     pub const fn in_variables(self, name: &'static str, title: &'static str, variables: Variables) -> Self {
-        Self { name, title, variables, scope: Scope::RigidBodies, ..self }
+        let keeps = match variables {
+            Variables::Momentum => Self::MOMENTUM,
+            _ => self.keeps,
+        };
+        Self { name, title, variables, scope: Scope::RigidBodies, keeps, ..self }
     }
+
+    const MOMENTUM: &'static str = "angular momentum without torque to rounding";
+
+    /// What a method [`keeps`](Self::keeps) that adds up torques after a first step of another.
+    pub(crate) const MOMENTUM_ONCE_STARTED: &'static str =
+        "angular momentum without torque to rounding, once started";
 }
 
 /// Why a step failed.

@@ -103,6 +103,18 @@ impl MethodInfo {
         self.0.info().implicit
     }
 
+    /// str: What it keeps, and how well.
+    #[getter]
+    fn keeps(&self) -> &'static str {
+        self.0.info().keeps
+    }
+
+    /// str: What it is not for, and what it refuses.
+    #[getter]
+    fn not_for(&self) -> &'static str {
+        self.0.info().not_for
+    }
+
     fn __repr__(&self) -> String {
         let info = self.0.info();
         format!(

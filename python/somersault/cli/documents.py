@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import re
 import sys
 from collections.abc import Iterator
@@ -44,7 +45,18 @@ class Document:
             raise
         except (InputError, OSError) as fault:
             present = where if where in self._lines else where[:-1]
-            raise self.fault(present, str(fault)) from fault
+            raise self.fault(self.named(present, str(fault)), str(fault)) from fault
+
+    def named(self, where: positions.Path, message: str) -> positions.Path:
+        """The value of a table that a message of the library names first, or else the table."""
+        table: Any = self.values
+        for key in where:
+            table = table[key]
+        if isinstance(table, dict):
+            for word in re.findall(r"\w+", message):
+                if word in table:
+                    return (*where, word)
+        return where
 
 
 def schema(name: str) -> dict[str, Any]:
@@ -68,6 +80,9 @@ def read(path: Path, name: str) -> Document:
         document = Document(path, values, positions.lines(text.replace("\r\n", "\n"), toml))
     except RecursionError:
         raise DocumentError(f"{path}: is nested too deeply") from None
+    except positions.Repeated as twice:
+        raise DocumentError(f"{path}:{twice.line}: `{twice.path[-1]}` occurs twice in one table") from None
+    _check_numbers(document, values, (), infinite=toml)
     _check(document, schema(name))
     return document
 
@@ -84,24 +99,37 @@ def _parse_toml(text: str, path: Path) -> Any:
         found = re.fullmatch(r"(?s)(.*) \(at line (\d+), column (\d+)\)", str(fault))
         line, message = (found[2], found[1]) if found else (text.count("\n") + 1, str(fault))
         raise DocumentError(f"{path}:{line}: {message[0].lower()}{message[1:]}") from None
+    except ValueError:
+        raise _too_long(text, path) from None
 
 
 def _parse_json(text: str, path: Path) -> Any:
-    def constant(name: str) -> float:
-        raise DocumentError(f"{path}: {name} is not a number of JSON")
-
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        values = dict(pairs)
-        if len(values) < len(pairs):
-            names = [name for name, _ in pairs]
-            twice = next(name for name in names if names.count(name) > 1)
-            raise DocumentError(f"{path}: `{twice}` occurs twice in one table")
-        return values
-
     try:
-        return json.loads(text, parse_constant=constant, object_pairs_hook=once)
+        return json.loads(text)
     except json.JSONDecodeError as fault:
         raise DocumentError(f"{path}:{fault.lineno}: {fault.msg[0].lower()}{fault.msg[1:]}") from None
+    except ValueError:
+        raise _too_long(text, path) from None
+
+
+def _too_long(text: str, path: Path) -> DocumentError:
+    """Python reads whole numbers of some thousand digits, and says nothing about the place of longer ones."""
+    digits = max(re.finditer(r"[\d_]+", text), key=lambda match: len(match[0]))
+    line = text.count("\n", 0, digits.start()) + 1
+    return DocumentError(f"{path}:{line}: a number of {len(digits[0])} digits is too long")
+
+
+def _check_numbers(document: Document, value: Any, where: positions.Path, infinite: bool) -> None:
+    """Refuses NaN, whole numbers beyond 64 bits and, in JSON, which has no word for it, infinity."""
+    if isinstance(value, dict | list):
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            _check_numbers(document, inner, (*where, key), infinite)
+    elif isinstance(value, float) and (math.isnan(value) or (math.isinf(value) and not infinite)):
+        raise document.fault(where, f"must be a number, found {value}")
+    elif isinstance(value, int) and abs(value) >= 2**63:
+        raise document.fault(
+            where, f"must be a number below 2^63, found one of {len(str(abs(value)))} digits"
+        )
 
 
 def _check(document: Document, against: dict[str, Any]) -> None:

@@ -181,7 +181,7 @@ def _tree_motion(document: Document, progress: bool) -> multibody.TreeSolution:
 
 
 class _run:
-    """Puts the line of the run, or of its method, before what the library refuses at the start of one."""
+    """Puts the line of the run, or of the value named, before what the library refuses at its start."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -193,8 +193,11 @@ class _run:
         refused = isinstance(fault, somersault.InputError) and getattr(fault, "solution", None) is None
         if not refused:
             return
-        named = "method" if isinstance(fault, somersault.errors.UnknownMethodError) else None
-        where = ("run", named) if named else ("run",)
+        # A name that no method has is not a name of the table.
+        named = "method" if isinstance(fault, somersault.errors.UnknownMethodError) else str(fault)
+        tables = [(name,) for name in ("run", "tree") if name in self.document.values]
+        found = [self.document.named(table, named) for table in tables]
+        where = next((place for place in found if len(place) > 1), ("run",))
         raise self.document.fault(where, str(fault)) from fault
 
 

@@ -21,6 +21,15 @@ _TOKEN = re.compile(
 )
 
 
+class Repeated(Exception):
+    """A name that occurs twice in one table, which the parser of JSON lets pass: where, and on which line."""
+
+    def __init__(self, path: Path, line: int) -> None:
+        super().__init__(path, line)
+        self.path = path
+        self.line = line
+
+
 def lines(text: str, toml: bool) -> dict[Path, int]:
     """The line of each value, counted from 1, by the keys and indices that lead to it."""
     walk = _Walk(text)
@@ -118,6 +127,8 @@ class _Walk:
                 inner = (*path, *self.keys())
                 self.skip_lines()
                 self.at += 1
+                if inner in self.found:
+                    raise Repeated(inner, line)
             self.put(inner, line)
             self.value(inner)
             index += 1

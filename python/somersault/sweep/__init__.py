@@ -68,11 +68,20 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     -------
     list of dict
 
+    Raises
+    ------
+    somersault.errors.SweepInputError
+        If what an argument is given is not several values.
+
     Examples
     --------
     >>> grid(dt=[0.1, 0.2], method=["rkmk"])
     [{'dt': 0.1, 'method': 'rkmk'}, {'dt': 0.2, 'method': 'rkmk'}]
     """
+    for name, values in axes.items():
+        # The letters of a text are not meant.
+        if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+            raise SweepInputError(f"`{name}` must be a list of values, found {values!r:.80}")
     return [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
 
 
@@ -205,18 +214,18 @@ def run(
     Raises
     ------
     somersault.errors.SweepInputError
-        If a point is not a dictionary of what can be written, or the directory belongs to another sweep.
+        If a point is not a dictionary of what can be written, the directory belongs to another sweep, or an
+        argument has another type.
     somersault.errors.SweepError
         If the directory is in use, or the cluster goes away.
     """
-    if workers is not None and workers < 1:
-        raise SweepInputError(f"workers = {workers} must be at least 1")
+    _check(function, points, directory, version, workers, client)
     bare = [_point(i, point) for i, point in enumerate(points)]
     if directory is None:
         records: dict[int, bytes] = {}
         _compute(function, bare, records, lambda i, record: None, workers, client, progress)
         return _collect(bare, records)
-    folder = Folder(Path(directory))
+    folder = Folder(_path(directory))
     with folder.locked(manifest_of(function, version, bare)):
         records = {
             i: record
@@ -245,11 +254,43 @@ def load(directory: str | PathLike[str]) -> Sweep:
     somersault.errors.SweepInputError
         If the directory is not one of a sweep.
     """
-    folder = Folder(Path(directory))
+    folder = Folder(_path(directory))
     n_points = folder.manifest()["n_points"]
     records = dict(folder.records([None] * n_points))
     points = [json.loads(records[i])["point"] if i in records else {} for i in range(n_points)]
     return _collect(points, records)
+
+
+def _check(
+    function: object, points: object, directory: object, version: object, workers: object, client: object
+) -> None:
+    """Refuses arguments of another type, which would fail in a thread or after a part of the work."""
+
+    def must(be: str, name: str, found: object) -> SweepInputError:
+        return SweepInputError(f"`{name}` must be {be}, found {found!r:.80}")
+
+    if not callable(function):
+        raise must("a function", "function", function)
+    if isinstance(points, str | Mapping) or not isinstance(points, Iterable):
+        raise must("a list of dictionaries", "points", points)
+    if directory is not None:
+        _path(directory)
+    if version is not None and not isinstance(version, str):
+        raise must("text", "version", version)
+    whole = isinstance(workers, (int, np.integer)) and not isinstance(workers, bool)
+    if workers is not None and not (whole and int(workers) >= 1):  # type: ignore[call-overload]
+        raise must("a whole number of at least 1", "workers", workers)
+    if client is not None and not hasattr(client, "get_executor"):
+        raise must("a distributed.Client", "client", client)
+
+
+def _path(directory: object) -> Path:
+    if not isinstance(directory, str | PathLike):
+        raise SweepInputError(f"`directory` must be a path, found {directory!r:.80}")
+    path = Path(directory)
+    if path.exists() and not path.is_dir():
+        raise SweepInputError(f"`directory` must be a directory, found the file {path}")
+    return path
 
 
 def _point(index: int, point: Any) -> Any:

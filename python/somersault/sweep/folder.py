@@ -94,6 +94,10 @@ class Folder:
             raise SweepInputError(
                 f"{self.path} is written in format {version}; this version reads {FORMAT_VERSION}"
             )
+        if not isinstance(count := found.get("n_points"), int) or count < 0:
+            raise SweepInputError(
+                f"{self.path / 'manifest.json'} is damaged: `n_points` is no number of points"
+            )
         return found
 
     @contextlib.contextmanager
@@ -130,7 +134,7 @@ class Folder:
                 record = json.loads(content)
             except (FileNotFoundError, ValueError):
                 continue
-            if not isinstance(record, dict) or record.get("index") != index:
+            if not isinstance(record, dict) or record.get("index") != index or "point" not in record:
                 continue
             if ("value" in record or "error" in record) and point in (None, record.get("point")):
                 yield index, content

@@ -9,6 +9,12 @@ use super::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    70 thesis => Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, any;
+    270 => Ab2L: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up },
+        momentum("ab2_l", "Two-step Adams-Bashforth, angular momentum");
+}
+
 /// Two-step Adams-Bashforth method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct AdamsBashforth2 {
@@ -21,6 +27,7 @@ impl Scheme for AdamsBashforth2 {
         orders: Orders::all(2),
         evaluations: 1,
         history: 1,
+        not_for: "large steps, at which it is unstable",
         ..MethodInfo::explicit(
             "ab2",
             "Two-step Adams-Bashforth",

@@ -11,6 +11,12 @@ use super::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    110 thesis => Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, any;
+    280 => Ab4L: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up },
+        momentum("ab4_l", "Four-step Adams-Bashforth, angular momentum");
+}
+
 /// Four-step Adams-Bashforth method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct AdamsBashforth4 {
@@ -23,6 +29,7 @@ impl Scheme for AdamsBashforth4 {
         orders: Orders::split(4, 2),
         evaluations: 1,
         history: 3,
+        not_for: "rotations to an accuracy: order 2 on SO(3)",
         ..MethodInfo::explicit(
             "ab4",
             "Four-step Adams-Bashforth",

@@ -15,6 +15,10 @@ use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
 use somersault_core::so3;
 
+register! {
+    90 thesis => Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
+}
+
 /// Buss's augmented second order method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct AugmentedSecondOrder;
@@ -24,6 +28,7 @@ impl Scheme for AugmentedSecondOrder {
         evaluations: 1,
         history: 1,
         scope: Scope::RigidBodies,
+        keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
         ..MethodInfo::explicit(
             "aso",
             "Buss's augmented second order",

@@ -23,6 +23,10 @@ use super::torque_free::TorqueFreeMemory;
 use crate::stepper::{MethodInfo, Orders, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
+register! {
+    100 thesis => Dmv2: DiscreteMoserVeselov = DiscreteMoserVeselov, world;
+}
+
 /// The discrete Moser–Veselov method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct DiscreteMoserVeselov;
@@ -33,6 +37,8 @@ impl Scheme for DiscreteMoserVeselov {
         evaluations: 1,
         scope: Scope::TorqueFree,
         implicit: true,
+        keeps: "energy and angular momentum of a free body to rounding",
+        not_for: "torque, which is refused; h‖ω‖ beyond about 1, where its equation has no solution: refused",
         ..MethodInfo::explicit(
             "dmv2",
             "Discrete Moser-Veselov",

@@ -24,6 +24,10 @@ use crate::state::Poses;
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
+register! {
+    140 => Dmv2s: SplitMoserVeselov = SplitMoserVeselov, world;
+}
+
 /// The discrete Moser–Veselov method split for bodies under torque.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SplitMoserVeselov;
@@ -33,6 +37,8 @@ impl Scheme for SplitMoserVeselov {
         evaluations: 1,
         scope: Scope::RigidBodies,
         implicit: true,
+        keeps: "energy and angular momentum of a free body to rounding; under a potential the energy error stays bounded",
+        not_for: "h‖ω‖ beyond about 1, where its equation has no solution: refused",
         ..MethodInfo::explicit(
             "dmv2s",
             "Discrete Moser-Veselov, split",

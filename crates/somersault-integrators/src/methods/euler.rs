@@ -8,17 +8,25 @@
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    10 thesis => Euler: Euler = Euler, any;
+    220 => EulerL: Euler = Euler, momentum("euler_l", "Euler's method, angular momentum");
+}
+
 /// Euler's method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Euler;
 
 impl Scheme for Euler {
-    const INFO: MethodInfo = MethodInfo::explicit(
-        "euler",
-        "Euler's method",
-        "L. Euler, Institutionum calculi integralis I (1768); Aguilar Mayans, algorithm 5",
-        1,
-    );
+    const INFO: MethodInfo = MethodInfo {
+        not_for: "anything but comparison",
+        ..MethodInfo::explicit(
+            "euler",
+            "Euler's method",
+            "L. Euler, Institutionum calculi integralis I (1768); Aguilar Mayans, algorithm 5",
+            1,
+        )
+    };
 }
 
 impl<S: System> Stepper<S> for Euler {

@@ -9,6 +9,11 @@ use crate::state::Rate;
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    50 thesis => Heun: Heun = Heun, any;
+    250 => HeunL: Heun = Heun, momentum("heun_l", "Heun's method, angular momentum");
+}
+
 /// Heun's method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Heun;

@@ -22,6 +22,10 @@ use crate::state::{Rate, Tolerances};
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper, weighed_error};
 use crate::system::{RateOf, StateOf, System};
 
+register! {
+    390 => Imid: ImplicitMidpoint = ImplicitMidpoint, any;
+}
+
 /// Implicit midpoint method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ImplicitMidpoint;
@@ -30,6 +34,8 @@ impl Scheme for ImplicitMidpoint {
     const INFO: MethodInfo = MethodInfo {
         evaluations: 1,
         implicit: true,
+        keeps: "symmetry; quadratic invariants on ℝ³",
+        not_for: "stiff forces: the iteration contracts for small steps only",
         ..MethodInfo::explicit(
             "imid",
             "Implicit midpoint method",

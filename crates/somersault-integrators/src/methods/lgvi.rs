@@ -21,6 +21,10 @@ use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 use crate::variational_cayley;
 
+register! {
+    190 => Lgvi: VariationalLieVerlet = VariationalLieVerlet, world;
+}
+
 /// The variational Lie–Verlet method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct VariationalLieVerlet;
@@ -30,6 +34,8 @@ impl Scheme for VariationalLieVerlet {
         evaluations: 1,
         scope: Scope::RigidBodies,
         implicit: true,
+        keeps: "angular momentum without torque to rounding; the energy error stays bounded",
+        not_for: "accuracy at large steps",
         ..MethodInfo::explicit(
             "lgvi",
             "Variational Lie-Verlet",

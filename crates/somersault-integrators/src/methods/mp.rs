@@ -7,6 +7,11 @@
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    40 thesis => Mp: Midpoint = Midpoint, any;
+    240 => MpL: Midpoint = Midpoint, momentum("mp_l", "Midpoint method, angular momentum");
+}
+
 /// Explicit midpoint method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Midpoint;

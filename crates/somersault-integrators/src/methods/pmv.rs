@@ -23,6 +23,13 @@ use crate::preprocessing::Preprocessing;
 use crate::stepper::{MethodInfo, Orders, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
+register! {
+    150 => Pmv4: PreprocessedMoserVeselov<4> = PreprocessedMoserVeselov::<4>, world;
+    160 => Pmv6: PreprocessedMoserVeselov<6> = PreprocessedMoserVeselov::<6>, world;
+    170 => Pmv8: PreprocessedMoserVeselov<8> = PreprocessedMoserVeselov::<8>, world;
+    180 => Pmv10: PreprocessedMoserVeselov<10> = PreprocessedMoserVeselov::<10>, world;
+}
+
 /// The preprocessed discrete Moser–Veselov method of order 4, 6, 8 or 10; a [`Scheme`] for these only.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PreprocessedMoserVeselov<const ORDER: u8>;
@@ -33,6 +40,8 @@ const fn info(order: u8, name: &'static str, title: &'static str) -> MethodInfo 
         evaluations: 1,
         scope: Scope::TorqueFree,
         implicit: true,
+        keeps: "energy and angular momentum of a free body to rounding",
+        not_for: "torque, and steps beyond about h‖ω‖ = 0.5: both are refused",
         ..MethodInfo::explicit(
             name,
             title,

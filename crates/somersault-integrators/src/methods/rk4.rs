@@ -10,6 +10,11 @@ use crate::state::Rate;
 use crate::stepper::{MethodInfo, Orders, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    60 thesis => Rk4: RungeKutta4 = RungeKutta4, any;
+    260 => Rk4L: RungeKutta4 = RungeKutta4, momentum("rk4_l", "Classic fourth order Runge-Kutta, angular momentum");
+}
+
 /// Classic fourth-order Runge–Kutta method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RungeKutta4;
@@ -17,6 +22,7 @@ pub struct RungeKutta4;
 impl Scheme for RungeKutta4 {
     const INFO: MethodInfo = MethodInfo {
         orders: Orders::split(4, 2),
+        not_for: "rotations to an accuracy: order 2 on SO(3)",
         ..MethodInfo::explicit(
             "rk4",
             "Classic fourth order Runge-Kutta",

@@ -32,6 +32,18 @@ use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, StepError, Stepper, we
 use crate::system::{RateOf, StateOf, System};
 use crate::tableau::{self, DenseWeights, ErrorWeights, Tableau};
 
+register! {
+    310 => Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), any, embedded;
+    320 => Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), any, embedded;
+    330 => Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), any, embedded;
+    340 => Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine),
+        body("rkmk3_b", "Runge-Kutta-Munthe-Kaas 3(2), body frame"), embedded;
+    350 => Rkmk5B: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince),
+        body("rkmk5_b", "Runge-Kutta-Munthe-Kaas 5(4), body frame"), embedded;
+    360 => Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
+        body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
+}
+
 /// The coefficients of a Runge–Kutta–Munthe-Kaas method and what is known of it.
 ///
 /// Implement it for a type of your own to make a method of your own tableau.
@@ -63,7 +75,10 @@ macro_rules! built_in {
         pub struct $name;
 
         impl Coefficients for $name {
-            const INFO: MethodInfo = $info;
+            const INFO: MethodInfo = MethodInfo {
+                not_for: "very long runs in which energy must not drift; a turn of 2π or more in a step",
+                ..$info
+            };
             #[inline]
             fn tableau(&self) -> &Tableau {
                 &tableau::$pair.tableau

@@ -9,6 +9,10 @@ use super::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    80 thesis => Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, any;
+}
+
 /// Two-step semi-implicit Adams-Bashforth-Moulton method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SemiImplicitAdams2 {
@@ -21,6 +25,7 @@ impl Scheme for SemiImplicitAdams2 {
         orders: Orders::all(2),
         evaluations: 1,
         history: 1,
+        not_for: "large steps, at which it is unstable",
         ..MethodInfo::explicit(
             "siabm2",
             "Two-step semi-implicit Adams-Bashforth-Moulton",

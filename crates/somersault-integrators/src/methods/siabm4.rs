@@ -14,6 +14,10 @@ use super::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    120 thesis => Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, any;
+}
+
 /// Four-step semi-implicit Adams-Bashforth-Moulton method.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SemiImplicitAdams4 {
@@ -26,6 +30,7 @@ impl Scheme for SemiImplicitAdams4 {
         orders: Orders::split(4, 2),
         evaluations: 1,
         history: 3,
+        not_for: "rotations to an accuracy: order 2 on SO(3)",
         ..MethodInfo::explicit(
             "siabm4",
             "Four-step semi-implicit Adams-Bashforth-Moulton",

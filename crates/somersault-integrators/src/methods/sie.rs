@@ -9,17 +9,26 @@
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
+register! {
+    20 thesis => Sie: SemiImplicitEuler = SemiImplicitEuler, any;
+    230 => SieL: SemiImplicitEuler = SemiImplicitEuler, momentum("sie_l", "Semi-implicit Euler, angular momentum");
+}
+
 /// Semi-implicit Euler.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SemiImplicitEuler;
 
 impl Scheme for SemiImplicitEuler {
-    const INFO: MethodInfo = MethodInfo::explicit(
-        "sie",
-        "Semi-implicit Euler",
-        "J. Niiranen, Proc. 6th Electromechanics Int. Conf. (1999) 71; Aguilar Mayans, algorithm 6",
-        1,
-    );
+    const INFO: MethodInfo = MethodInfo {
+        keeps: "nothing exactly; symplectic on ℝ³ where forces depend on the position only",
+        not_for: "bodies that turn far in a step, whose energy grows: `sieg`",
+        ..MethodInfo::explicit(
+            "sie",
+            "Semi-implicit Euler",
+            "J. Niiranen, Proc. 6th Electromechanics Int. Conf. (1999) 71; Aguilar Mayans, algorithm 6",
+            1,
+        )
+    };
 }
 
 impl<S: System> Stepper<S> for SemiImplicitEuler {

@@ -12,6 +12,10 @@ use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf};
 use somersault_core::so3;
 
+register! {
+    210 => Sieg: SemiImplicitEulerGyroscopic = SemiImplicitEulerGyroscopic, world;
+}
+
 /// Semi-implicit Euler with implicit gyroscopic term.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SemiImplicitEulerGyroscopic;
@@ -19,6 +23,8 @@ pub struct SemiImplicitEulerGyroscopic;
 impl Scheme for SemiImplicitEulerGyroscopic {
     const INFO: MethodInfo = MethodInfo {
         scope: Scope::RigidBodies,
+        keeps: "the energy of a free body never grows",
+        not_for: "accuracy: it damps",
         ..MethodInfo::explicit(
             "sieg",
             "Semi-implicit Euler, implicit gyroscopic term",

@@ -21,6 +21,10 @@ use super::splitting::{Kick, Splitting, SplittingMemory};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
+register! {
+    400 => Split2: ExactSplitting2 = ExactSplitting2, world;
+}
+
 /// Splitting of order 2 with exact free motion.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ExactSplitting2;
@@ -29,6 +33,8 @@ impl Scheme for ExactSplitting2 {
     const INFO: MethodInfo = MethodInfo {
         evaluations: 1,
         scope: Scope::RigidBodies,
+        keeps: "a free body exactly; symplectic under a potential",
+        not_for: "cheap forces and slow spins: elliptic functions in each step",
         ..MethodInfo::explicit(
             "split2",
             "Splitting with exact free motion, order 2",

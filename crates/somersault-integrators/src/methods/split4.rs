@@ -23,6 +23,10 @@ use super::splitting::{Kick, Splitting, SplittingMemory};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
+register! {
+    410 => Split4: ExactSplitting4 = ExactSplitting4, world;
+}
+
 /// Splitting of order 4 with exact free motion.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ExactSplitting4;
@@ -31,6 +35,8 @@ impl Scheme for ExactSplitting4 {
     const INFO: MethodInfo = MethodInfo {
         evaluations: 6,
         scope: Scope::RigidBodies,
+        keeps: "a free body exactly; symplectic under a potential",
+        not_for: "cheap forces and slow spins: elliptic functions in each step",
         ..MethodInfo::explicit(
             "split4",
             "Splitting with exact free motion, order 4",

@@ -17,6 +17,10 @@ use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
 
+register! {
+    30 thesis => Sv: StormerVerlet = StormerVerlet, world;
+}
+
 /// Störmer–Verlet as algorithm 7 has it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StormerVerlet;
@@ -32,6 +36,8 @@ impl Scheme for StormerVerlet {
         evaluations: 1,
         history: 1,
         scope: crate::stepper::Scope::RigidBodies,
+        keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
+        not_for: "forces that depend on the velocity, and torque: order 1",
         ..MethodInfo::explicit(
             "sv",
             "Störmer-Verlet",

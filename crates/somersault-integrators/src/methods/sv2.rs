@@ -11,6 +11,10 @@ use super::sv::VerletMemory;
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
+register! {
+    200 => Sv2: StormerVerlet2 = StormerVerlet2, world;
+}
+
 /// Störmer–Verlet with a two-step Adams–Bashforth velocity update.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StormerVerlet2;
@@ -20,6 +24,7 @@ impl Scheme for StormerVerlet2 {
         evaluations: 1,
         history: 1,
         scope: Scope::RigidBodies,
+        keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
         ..MethodInfo::explicit(
             "sv2",
             "Störmer-Verlet with second order velocity",

@@ -61,7 +61,7 @@ pub trait EmbeddedSystemVisitor<S: System> {
 }
 
 macro_rules! methods {
-    (|$options:ident| $($variant:ident : $stepper:ty = $make:expr, $kind:ident $(($name:literal, $title:literal))? $(, $embedded:ident)?;)*) => {
+    (|$options:ident| $($place:literal $($thesis:ident)? => $variant:ident : $stepper:ty = $make:expr, $kind:ident $(($name:literal, $title:literal))? $(, $embedded:ident)?;)*) => {
         /// A method of the table.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         #[non_exhaustive]
@@ -72,6 +72,10 @@ macro_rules! methods {
         impl Method {
             /// All methods, in the order of the table.
             pub const ALL: [Self; [$(Self::$variant),*].len()] = [$(Self::$variant),*];
+
+            /// Those of Table 7.3 of the thesis, in its order.
+            pub const THESIS: [Self; [$($(stringify!($thesis),)?)*].len()] =
+                [$($(methods!(@$thesis $variant),)?)*];
 
             /// The row of the table.
             pub const fn info(self) -> MethodInfo {
@@ -125,6 +129,7 @@ macro_rules! methods {
             }
         }
     };
+    (@thesis $variant:ident) => { Self::$variant };
     (@scope any) => { "any system" };
     (@scope $kind:ident) => { concat!("rigid bodies in ", stringify!($kind), " variables") };
     (@system $visitor:ident, $make:expr, any $($embedded:ident)?) => { Some($visitor.visit($make)) };
@@ -146,62 +151,7 @@ macro_rules! methods {
     };
 }
 
-// `any` takes every system as it is, `world` rigid bodies as they are, the others their forms.
-methods! { |options|
-    // Table 7.3 of the thesis, in its order.
-    Euler: Euler = Euler, any;
-    Sie: SemiImplicitEuler = SemiImplicitEuler, any;
-    Sv: StormerVerlet = StormerVerlet, world;
-    Mp: Midpoint = Midpoint, any;
-    Heun: Heun = Heun, any;
-    Rk4: RungeKutta4 = RungeKutta4, any;
-    Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, any;
-    Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, any;
-    Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
-    Dmv2: DiscreteMoserVeselov = DiscreteMoserVeselov, world;
-    Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, any;
-    Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, any;
-    Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, any;
-    // Symplectic methods for rigid bodies.
-    Dmv2s: SplitMoserVeselov = SplitMoserVeselov, world;
-    Pmv4: PreprocessedMoserVeselov<4> = PreprocessedMoserVeselov::<4>, world;
-    Pmv6: PreprocessedMoserVeselov<6> = PreprocessedMoserVeselov::<6>, world;
-    Pmv8: PreprocessedMoserVeselov<8> = PreprocessedMoserVeselov::<8>, world;
-    Pmv10: PreprocessedMoserVeselov<10> = PreprocessedMoserVeselov::<10>, world;
-    Lgvi: VariationalLieVerlet = VariationalLieVerlet, world;
-    // Variants the thesis speaks of.
-    Sv2: StormerVerlet2 = StormerVerlet2, world;
-    Sieg: SemiImplicitEulerGyroscopic = SemiImplicitEulerGyroscopic, world;
-    EulerL: Euler = Euler, momentum("euler_l", "Euler's method, angular momentum");
-    SieL: SemiImplicitEuler = SemiImplicitEuler, momentum("sie_l", "Semi-implicit Euler, angular momentum");
-    MpL: Midpoint = Midpoint, momentum("mp_l", "Midpoint method, angular momentum");
-    HeunL: Heun = Heun, momentum("heun_l", "Heun's method, angular momentum");
-    Rk4L: RungeKutta4 = RungeKutta4, momentum("rk4_l", "Classic fourth order Runge-Kutta, angular momentum");
-    Ab2L: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up },
-        momentum("ab2_l", "Two-step Adams-Bashforth, angular momentum");
-    Ab4L: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up },
-        momentum("ab4_l", "Four-step Adams-Bashforth, angular momentum");
-    RkmkL: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4,
-        momentum("rkmk_l", "Runge-Kutta-Munthe-Kaas, angular momentum");
-    // Body-frame twins.
-    RkmkB: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
-    // Runge–Kutta–Munthe-Kaas from a tableau, with step size control.
-    Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), any, embedded;
-    Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), any, embedded;
-    Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), any, embedded;
-    Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine),
-        body("rkmk3_b", "Runge-Kutta-Munthe-Kaas 3(2), body frame"), embedded;
-    Rkmk5B: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince),
-        body("rkmk5_b", "Runge-Kutta-Munthe-Kaas 5(4), body frame"), embedded;
-    Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
-        body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
-    // Other ways to order 2 and 4.
-    Cf4: CommutatorFree4 = CommutatorFree4, any;
-    Cf4B: CommutatorFree4 = CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
-    Imid: ImplicitMidpoint = ImplicitMidpoint, any;
-    Split2: ExactSplitting2 = ExactSplitting2, world;
-    Split4: ExactSplitting4 = ExactSplitting4, world;
-}
+include!(concat!(env!("OUT_DIR"), "/rows.rs"));
 
 impl FromStr for Method {
     type Err = UnknownMethod;
