@@ -41,7 +41,7 @@ pub struct DiveReport {
     /// Greatest sum of channels at 1000 times.
     pub greatest_sum: f64,
     /// Least distance of limbs at 1000 times, m, and the limbs; none in the plane.
-    pub least_distance: Option<(f64, [&'static str; 2])>,
+    pub least_distance: Option<(f64, [String; 2])>,
     /// The largest force of each joint at the nodes.
     pub peak_torques: Vec<PeakTorque>,
     /// Centre of mass at take-off, from the toes' end of the platform at the water's level, m.
@@ -189,7 +189,7 @@ impl DiveProgram {
             full_dynamics_defect,
             least_channel,
             greatest_sum,
-            least_distance,
+            least_distance: least_distance.map(|(distance, limbs)| (distance, limbs.map(str::to_owned))),
             peak_torques: self.motion(z)?.peak_torques(model),
             take_off,
             take_off_velocity,

@@ -111,18 +111,28 @@ impl<S: NlpSolver + Sync> MultiStart<S> {
         starts: &[Start],
         stop: impl Fn() -> bool + Sync,
     ) -> Result<MultiStartReport, SolverError> {
+        self.try_solve(|| Ok(make()), starts, stop)
+    }
+
+    /// The same with programs that need not come into being: an error of `make` ends the search.
+    pub fn try_solve<N: Nlp, E: From<SolverError> + Send>(
+        &self,
+        make: impl Fn() -> Result<N, E> + Sync,
+        starts: &[Start],
+        stop: impl Fn() -> bool + Sync,
+    ) -> Result<MultiStartReport, E> {
         check_positive("distance_tol", self.distance_tol)?;
         let solve = |start: &Start| {
             if stop() {
-                return None;
+                return Ok(None);
             }
-            let outcome = self.solver.solve(&mut make(), start, &mut |_| {
+            let outcome = self.solver.solve(&mut make()?, start, &mut |_| {
                 if stop() { Flow::Stop } else { Flow::Continue }
             });
-            Some(outcome.map(Report::interrupted))
+            Ok::<_, E>(Some(outcome.map(Report::interrupted)))
         };
         // One start to a job: some take a hundred times as long as others.
-        let outcomes: Vec<_> = starts.par_iter().with_max_len(1).map(solve).collect();
+        let outcomes = starts.par_iter().with_max_len(1).map(solve).collect::<Result<Vec<_>, E>>()?;
 
         let mut converged = Vec::new();
         let mut failures = Vec::new();
