@@ -41,6 +41,7 @@ _SolveStatus: TypeAlias = Literal[
     "unbounded",
     "undefined",
     "stopped",
+    "interrupted",
     "failed",
 ]
 _Template: TypeAlias = Sequence[tuple[float, str | int]]
@@ -144,6 +145,7 @@ __all__ = [
     "Scene",
     "ScoringModel",
     "ScoringOptions",
+    "SearchResult",
     "Sensitivities",
     "Skeleton",
     "SkeletonJoint",
@@ -159,7 +161,6 @@ __all__ = [
     "State",
     "Subspace",
     "Surface",
-    "SwingUpSearch",
     "SwingUpVerification",
     "SyntheticDive",
     "SyntheticFlight",
@@ -174,6 +175,7 @@ __all__ = [
     "TreeSolution",
     "Validation",
     "VariationalFlow",
+    "Verification",
     "WorkPrecision",
     "__version__",
     "arm",
@@ -980,7 +982,7 @@ class SplineMotion:
         cls,
         base: EigenpostureBase | int,
         n_coefficients: int,
-        conditions: Sequence[tuple[_End, int, float]] = ...,
+        conditions: Sequence[tuple[_End, int, float]] | None = None,
         *,
         degree: int = 5,
     ) -> SplineMotion: ...
@@ -1009,6 +1011,7 @@ class Cost:
         at: _At = "path",
         node: int | None = None,
         linear: bool = False,
+        phase: int | None = None,
     ) -> Cost: ...
 
 @final
@@ -1021,6 +1024,7 @@ class Constraint:
         *,
         at: _At | Literal["integral"] = "path",
         node: int | None = None,
+        phase: int | None = None,
     ) -> Constraint: ...
 
 @final
@@ -1067,6 +1071,22 @@ class MotionProblem:
         callback: _OnIteration | None = None,
         on_interrupt: Literal["raise", "return"] = "return",
     ) -> Report: ...
+    def search(
+        self,
+        n_starts: int = 16,
+        *,
+        z: ArrayLike | None = None,
+        starts: Sequence[ArrayLike] | _Floats | None = None,
+        seed: int = 0,
+        reach: ArrayLike | None = None,
+        distance_tol: float = 1e-4,
+        solver: _Solver = "sqp",
+        tol: float | None = None,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        on_interrupt: Literal["raise", "return"] = "return",
+    ) -> SearchResult: ...
+    def verify(self, z: ArrayLike) -> Verification: ...
     def motion(self, z: ArrayLike) -> Motion: ...
 
 @final
@@ -1097,6 +1117,10 @@ class Report:
     def message(self) -> str: ...
     @property
     def success(self) -> bool: ...
+    @property
+    def verification(self) -> Verification | DiveVerification | None: ...
+    @property
+    def confirmed(self) -> bool | None: ...
     @property
     def z(self) -> _Floats: ...
     @property
@@ -1167,7 +1191,13 @@ class DiveSolution:
     @property
     def status(self) -> _SolveStatus: ...
     @property
+    def message(self) -> str: ...
+    @property
     def success(self) -> bool: ...
+    @property
+    def confirmed(self) -> bool: ...
+    @property
+    def verification(self) -> DiveVerification: ...
     @property
     def z(self) -> _Floats: ...
     @property
@@ -1223,6 +1253,14 @@ class DiveSolution:
 
 @final
 class DiveVerification:
+    @property
+    def confirmed(self) -> bool: ...
+    @property
+    def allowed(self) -> float: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def defects(self) -> _Floats: ...
     @property
     def somersaults(self) -> float: ...
     @property
@@ -1411,15 +1449,21 @@ class CartPendulumProblem:
         reach: float = 1.0,
         distance_tol: float = 1e-4,
         on_interrupt: Literal["return", "raise"] = "return",
-    ) -> SwingUpSearch: ...
+    ) -> SearchResult: ...
     def carry_over(self, other: CartPendulumProblem, z: ArrayLike) -> _Floats: ...
     def motion(self, z: ArrayLike) -> Motion: ...
     def verify(self, z: ArrayLike) -> SwingUpVerification: ...
 
 @final
-class SwingUpSearch:
+class SearchResult:
+    @property
+    def status(self) -> Literal["converged", "no_minimum", "interrupted", "time_limit"]: ...
+    @property
+    def success(self) -> bool: ...
     @property
     def minima(self) -> list[Report]: ...
+    @property
+    def unfinished(self) -> list[Report]: ...
     @property
     def best(self) -> Report: ...
     @property
@@ -1427,19 +1471,29 @@ class SwingUpSearch:
     @property
     def failures(self) -> list[tuple[int, str]]: ...
 
-@final
-class SwingUpVerification:
+class Verification:
     @property
-    def cost(self) -> float: ...
+    def confirmed(self) -> bool: ...
     @property
-    def cost_error(self) -> float: ...
+    def allowed(self) -> float: ...
     @property
-    def terminal_error(self) -> float: ...
+    def message(self) -> str: ...
     @property
     def defects(self) -> _Floats: ...
     @property
     def max_defect(self) -> float: ...
+    @property
+    def terminal_error(self) -> float: ...
+    @property
+    def momentum_drift(self) -> float: ...
     def sentence(self, allowed: float = 1e-4) -> str: ...
+
+@final
+class SwingUpVerification(Verification):
+    @property
+    def cost(self) -> float: ...
+    @property
+    def cost_error(self) -> float: ...
 
 @final
 class CollocationProblem:
@@ -1460,6 +1514,9 @@ class CollocationProblem:
         control_upper: ArrayLike | None = None,
         state_lower: ArrayLike | None = None,
         state_upper: ArrayLike | None = None,
+        path: ArrayLike | None = None,
+        path_lower: ArrayLike | None = None,
+        path_upper: ArrayLike | None = None,
     ) -> CollocationProblem: ...
     @property
     def model(self) -> Model: ...
@@ -1491,6 +1548,10 @@ class CollocationResult:
     def success(self) -> bool: ...
     @property
     def cost(self) -> float: ...
+    @property
+    def confirmed(self) -> bool: ...
+    @property
+    def verification(self) -> Verification: ...
     @property
     def verified_cost(self) -> float: ...
     @property

@@ -5,6 +5,9 @@ motion. Costs and constraints are made of terms: `entries` of the motion, `displ
 `momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own. A `Dive`
 is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thesis.
 
+`success` says that a program is solved, `confirmed` that an accurate integration agrees with its motion; each result has
+what that found as `verification`. Results and problems are written by `somersault.save`.
+
 `CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
 tolerance; `CartPendulumProblem` and `arm_problem` are the two examples of the thesis.
 
@@ -39,10 +42,11 @@ from somersault._somersault import (
     MotionProblem,
     Phase,
     Report,
+    SearchResult,
     SplineMotion,
-    SwingUpSearch,
     SwingUpVerification,
     Term,
+    Verification,
     axis_direction,
     body_orientation,
     displacement,
@@ -69,10 +73,11 @@ __all__ = [
     "MotionProblem",
     "Phase",
     "Report",
+    "SearchResult",
     "SplineMotion",
-    "SwingUpSearch",
     "SwingUpVerification",
     "Term",
+    "Verification",
     "arm_motion",
     "arm_problem",
     "axis_direction",

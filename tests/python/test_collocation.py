@@ -148,14 +148,14 @@ def test_what_a_callback_raises_comes_out_with_the_result() -> None:
         ({"initial_state": [0.0]}, "initial_state"),
         ({"initial_state": [np.nan, 0.0]}, "initial_state"),
         ({"final_state": [(2.0, 1.0), 0.0]}, "final_state"),
-        ({"duration": -1.0}, "horizon"),
-        ({"duration": (2.0, 1.0)}, "horizon"),
+        ({"duration": -1.0}, "`duration`"),
+        ({"duration": (2.0, 1.0)}, "`duration`"),
         ({"control_weights": -1.0}, "control_weights"),
         ({"control_weights": (1.0, 2.0)}, "control_weights"),
         ({"state_weights": np.nan}, "state_weights"),
         ({"target": np.inf}, "target"),
         ({"time_weight": np.nan}, "time_weight"),
-        ({"control_lower": 1.0, "control_upper": 0.0}, "control_bounds"),
+        ({"control_lower": 1.0, "control_upper": 0.0}, "`control_lower` and `control_upper`"),
         ({"state_lower": 0.5}, "initial_state"),
         ({"actuated": ["nobody"]}, "nobody"),
     ],
@@ -175,8 +175,8 @@ def test_bad_problems_are_named(arguments: dict[str, Any], named: str) -> None:
 def test_bad_arguments_of_a_search_are_named() -> None:
     problem = ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0)
     calls: list[tuple[str, Any]] = [
-        ("tolerance", lambda: problem.solve(tol=0.0)),
-        ("mesh", lambda: problem.solve(n_intervals=0)),
+        ("`tol`", lambda: problem.solve(tol=0.0)),
+        ("`n_intervals`", lambda: problem.solve(n_intervals=0)),
         ("max_meshes", lambda: problem.solve(max_meshes=0)),
         ("max_time", lambda: problem.solve(max_time=-1.0)),
         ("guess", lambda: problem.solve([[0.0, 0.0, 0.0]])),

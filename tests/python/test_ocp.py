@@ -86,7 +86,7 @@ class TestSplineMotion:
         ("arguments", "message"),
         [
             ((1, 5), "coefficients"),
-            ((0, 10), "joint"),
+            ((0, 10), "`base`"),
             ((1, 10, [("middle", 0, 0.0)]), "'start' or 'finish'"),
             ((1, 10, [("start", 0, np.nan)]), "finite"),
             ((1, 10, [("start", 0, 0.0), ("start", 0, 1.0)]), "condition"),
@@ -353,13 +353,13 @@ class TestMotionProblem:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"lower": 1.0, "upper": -1.0}, "`variables` has bounds 1 to -1"),
+            ({"lower": 1.0, "upper": -1.0}, "`lower` and `upper` has bounds 1 to -1"),
             ({"drive": "wind"}, "drive"),
             ({"scheme": "magic"}, "scheme"),
             ({"lower": [0.0, 0.0]}, "lower"),
             (
                 {"constraints": [ocp.Constraint(ocp.entries("velocity"), 1.0, -1.0)]},
-                "`bounds` has bounds 1 to -1",
+                "`lower` and `upper` has bounds 1 to -1",
             ),
             ({"constraints": [ocp.Constraint(ocp.point_position("wing"), 0.0, 1.0)]}, "wing"),
             ({"constraints": [ocp.Constraint(ocp.entries("velocity", [7]), 0.0, 1.0)]}, "7"),
@@ -417,4 +417,4 @@ def test_ctrl_c_gives_the_best_iterate(on: str, ending: str) -> None:
         fields = process.communicate(timeout=60)[0].strip().split("|")
     assert fields[0] == ending
     assert float(fields[1]) - sent < 2.0
-    assert fields[2:] == ["stopped", "True"]
+    assert fields[2:] == ["interrupted", "True"]

@@ -184,7 +184,7 @@ def test_a_callback_ends_a_solve_with_the_best_iterate() -> None:
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ({"n_par": 5}, "5"),
+        ({"n_par": 5}, "`n_par`"),
         ({"start": (np.nan, 0.0, 0.0, 0.0)}, "start"),
         ({"start": (0.0, 0.0)}, "start"),
         ({"target": (0.0, 0.0, 0.0, np.inf)}, "target"),

@@ -41,7 +41,9 @@ def dive(arguments: argparse.Namespace) -> int:
         scene = viewer.Scene(f"Dive {document.values['dive'].upper()}")
         scene.add(best.dive.diver.model, best.t, best.q).water(0.0).write(arguments.html)
     print(json.dumps(_summary(best), indent=2))
-    return 0 if best.success else 1
+    if not best.confirmed:
+        print(f"somersault: {best.verification.message}", file=sys.stderr)
+    return 0 if best.success and best.confirmed else 1
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
@@ -94,10 +96,13 @@ def _columns(found: ocp.DiveSolution) -> dict[str, Any]:
 
 
 def _summary(found: ocp.DiveSolution) -> dict[str, Any]:
-    judged = found.verify()
+    judged = found.verification
     return {
         "status": found.status,
-        "success": found.success,
+        "success": found.success and found.confirmed,
+        "solved": found.success,
+        "confirmed": found.confirmed,
+        "message": found.message,
         "cost": found.report.cost,
         "duration": found.duration,
         "momentum": found.momentum,
@@ -108,7 +113,9 @@ def _summary(found: ocp.DiveSolution) -> dict[str, Any]:
             "somersaults": judged.somersaults,
             "twists": judged.twists,
             "entry_angle": judged.entry_angle,
+            "allowed": judged.allowed,
             "defect": judged.defect,
+            "full_dynamics_defect": judged.full_dynamics_defect,
             "momentum_drift": judged.momentum_drift,
             "take_off_velocity": np.asarray(judged.take_off_velocity).tolist(),
         },

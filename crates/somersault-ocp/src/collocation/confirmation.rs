@@ -61,6 +61,25 @@ impl Confirmation {
         self.largest(|phase| phase.violation)
     }
 
+    /// Whether each defect is within `allowed`.
+    pub fn is_confirmed(&self, allowed: f64) -> bool {
+        self.max_defect() <= allowed
+    }
+
+    /// One sentence: what the motion is worth, given the relative error that its use allows.
+    pub fn sentence(&self, allowed: f64) -> String {
+        let (defect, end) = (self.max_defect(), self.end_to_end_error());
+        if self.is_confirmed(allowed) {
+            format!(
+                "The motion holds when integrated anew: defects ≤ {defect:.1e}, from start to end {end:.1e}."
+            )
+        } else {
+            format!(
+                "The optimum lives off its discretisation: integrated anew it has defects up to {defect:.1e} and ends {end:.1e} away."
+            )
+        }
+    }
+
     /// The largest error of an integration from start to end.
     pub fn end_to_end_error(&self) -> f64 {
         self.largest(|phase| phase.end_to_end_error)

@@ -87,7 +87,7 @@ pub use linkage::{End, Linkage, Place, Quantity};
 pub use mesh::Mesh;
 pub use problem::{Phase, Problem};
 pub use radau::Radau;
-pub use solution::PhaseSolution;
+pub use solution::{PhaseRows, PhaseSolution};
 pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord};
 pub use transcription::Transcription;
 pub use tree::TreeDynamics;

@@ -7,6 +7,7 @@
 use super::error::CollocationError;
 use super::guess::Guess;
 use super::mesh::{Grid, GridInterval, Mesh};
+use super::problem::expect_length;
 use super::transcription::Transcription;
 use crate::nlp::Nlp;
 
@@ -32,7 +33,68 @@ pub struct PhaseSolution {
     pub parameters: Vec<f64>,
 }
 
+/// Rows of a solution as [`PhaseSolution`] has them, to be put on a mesh.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PhaseRows {
+    /// x.
+    pub states: Vec<Vec<f64>>,
+    /// u.
+    pub controls: Vec<Vec<f64>>,
+    /// λ.
+    pub costates: Vec<Vec<f64>>,
+    /// Multipliers of the path constraints.
+    pub path_multipliers: Vec<Vec<f64>>,
+    /// L + λᵀf.
+    pub hamiltonian: Vec<f64>,
+    /// p.
+    pub parameters: Vec<f64>,
+}
+
 impl PhaseSolution {
+    /// A solution from its rows, one that was stored, say.
+    pub fn try_new(mesh: Mesh, horizon: (f64, f64), rows: PhaseRows) -> Result<Self, CollocationError> {
+        let (start, end) = horizon;
+        // a NaN is not below
+        if !(start < end && start.is_finite() && end.is_finite()) {
+            return Err(CollocationError::Horizon { phase: 0, start, end });
+        }
+        let grid = Grid::try_new(mesh)?;
+        let n = grid.n_points();
+        let PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters } = rows;
+        for (argument, table, expected) in [
+            ("states", &states, n + 1),
+            ("controls", &controls, n),
+            ("costates", &costates, n + 1),
+            ("path_multipliers", &path_multipliers, n),
+        ] {
+            expect_length(0, argument, table.len(), expected)?;
+            let width = table.first().map_or(0, Vec::len);
+            for row in table {
+                expect_length(0, argument, row.len(), width)?;
+            }
+        }
+        expect_length(0, "costates", costates[0].len(), states[0].len())?;
+        expect_length(0, "hamiltonian", hamiltonian.len(), n)?;
+        let mut solution = Self {
+            grid,
+            horizon,
+            times: Vec::new(),
+            states,
+            controls,
+            costates,
+            path_multipliers,
+            hamiltonian,
+            parameters,
+        };
+        solution.times = solution.times_of_nodes();
+        Ok(solution)
+    }
+
+    /// Times of the points and of the end.
+    fn times_of_nodes(&self) -> Vec<f64> {
+        self.grid.fractions.iter().chain([&1.0]).map(|&fraction| self.time(fraction)).collect()
+    }
+
     /// t₀ and t_f.
     pub fn horizon(&self) -> (f64, f64) {
         self.horizon
@@ -176,7 +238,7 @@ impl Transcription<'_> {
             hamiltonian,
             parameters: slice(layout.parameters(), sizes.parameters),
         };
-        solution.times = grid.fractions.iter().chain([&1.0]).map(|&s| solution.time(s)).collect();
+        solution.times = solution.times_of_nodes();
         solution
     }
 

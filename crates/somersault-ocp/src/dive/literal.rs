@@ -30,7 +30,7 @@ pub struct LiteralDive {
     pub velocities: Vec<f64>,
     /// About the centre of mass along the lateral axis, kg m²/s.
     pub angular_momentum: Vec<f64>,
-    /// Turned since take-off, rad.
+    /// Somersault angle, rad, counted from the upright as that of [`DiveMotion`](super::DiveMotion): the first is the lean.
     pub somersault: Vec<f64>,
     /// Of the solver; none where a motion was only rolled out.
     pub report: Option<Report>,
@@ -73,13 +73,14 @@ impl DiveProgram {
             somersault: Vec::new(),
             report,
         };
+        let upright = self.counting().axes.euler_angles().1;
         for k in 0..motion.outline().n_nodes() {
             let node = motion.node(k);
             found.times.push(node.time);
             found.positions.extend_from_slice(node.position);
             found.velocities.extend_from_slice(node.velocity);
             // forward turns are negative about the normal of the plane
-            found.somersault.push(motion.node(0).position[2] - node.position[2]);
+            found.somersault.push(upright - node.position[2]);
         }
         Ok(found)
     }

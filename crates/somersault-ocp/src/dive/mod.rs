@@ -43,7 +43,7 @@ pub use error::DiveError;
 pub use literal::{LiteralDive, momentum_along};
 pub use motion::{DiveMotion, PeakTorque};
 pub use program::DiveProgram;
-pub use report::{DiveJudgementError, DiveReport};
+pub use report::{ALLOWED, DiveJudgementError, DiveReport};
 pub use search::{DiveSearch, DiveSearchError};
 pub use template::KeyFrame;
 

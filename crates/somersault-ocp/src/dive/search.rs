@@ -6,9 +6,10 @@
 //! constraints, with the multipliers μ · violation to begin with. All this with few steps of the orientation; the last
 //! stage has those of the dive and begins so near that it takes but a few iterations.
 
-use super::{Dive, DiveError, DiveProgram, KeyFrame};
+use super::{Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame};
 use crate::nlp::Nlp;
 use crate::solver::{Flow, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
+use crate::verification::Verified;
 use rayon::prelude::*;
 
 /// How a dive is searched for.
@@ -78,6 +79,18 @@ impl DiveSearch {
             start = Start { z, constraint_multipliers, hessian: None };
         }
         Ok(self.hard.solve(&mut program.clone(), &start, &mut watch)?)
+    }
+
+    /// Searches from `z`, and judges what was found.
+    pub fn solve_verified(
+        &self,
+        program: &DiveProgram,
+        z: Vec<f64>,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Result<Verified<DiveReport, DiveJudgementError>, DiveSearchError> {
+        let report = self.solve(program, z, on_iteration)?;
+        let verification = program.report(&report.z);
+        Ok(Verified { report, verification })
     }
 
     /// Searches from several templates, in parallel; one report for each.

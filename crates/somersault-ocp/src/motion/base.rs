@@ -35,15 +35,36 @@ impl EigenpostureBase {
         }
         let columns: Vec<_> =
             others.iter().map(|p| DVector::from_column_slice(p.as_ref()) - &fundamental).collect();
-        let directions = DMatrix::from_columns(&columns);
+        Self::of_columns(fundamental, &columns)
+    }
+
+    /// The base of a fundamental posture and of `directions` to others, under the same conditions.
+    pub fn of_directions<P: AsRef<[f64]>>(
+        fundamental: Vec<f64>,
+        directions: &[P],
+    ) -> Result<Self, MotionError> {
         if directions.is_empty() {
-            return Err(MotionError::DependentPostures { rank: 0, expected: others.len() });
+            return Err(MotionError::TooFewPostures { found: 1 });
+        }
+        expect_finite("fundamental", &fundamental)?;
+        for direction in directions {
+            expect_length("directions", direction.as_ref().len(), fundamental.len())?;
+            expect_finite("directions", direction.as_ref())?;
+        }
+        let columns: Vec<_> = directions.iter().map(|d| DVector::from_column_slice(d.as_ref())).collect();
+        Self::of_columns(DVector::from_vec(fundamental), &columns)
+    }
+
+    fn of_columns(fundamental: DVector<f64>, columns: &[DVector<f64>]) -> Result<Self, MotionError> {
+        let directions = DMatrix::from_columns(columns);
+        if directions.is_empty() {
+            return Err(MotionError::DependentPostures { rank: 0, expected: columns.len() });
         }
         let singular = directions.singular_values();
         let largest = singular.max();
         let rank = singular.iter().filter(|s| **s > RANK_TOLERANCE * largest).count();
-        if rank < others.len() {
-            return Err(MotionError::DependentPostures { rank, expected: others.len() });
+        if rank < columns.len() {
+            return Err(MotionError::DependentPostures { rank, expected: columns.len() });
         }
         Ok(Self { fundamental, directions })
     }

@@ -112,3 +112,14 @@ pub trait NlpSolver {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
     ) -> Result<Report, SolverError>;
 }
+
+impl<S: NlpSolver + ?Sized> NlpSolver for Box<S> {
+    fn solve(
+        &self,
+        nlp: &mut dyn Nlp,
+        start: &Start,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Result<Report, SolverError> {
+        (**self).solve(nlp, start, on_iteration)
+    }
+}

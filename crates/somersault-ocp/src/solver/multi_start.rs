@@ -3,9 +3,13 @@
 use super::NlpSolver;
 use super::error::SolverError;
 use super::program::{check_bounds, check_positive, check_vector};
-use super::report::{Flow, Report, Start};
+use super::report::{Flow, Report, Start, Status};
 use crate::nlp::{Bounds, Nlp};
 use rayon::prelude::*;
+use std::cmp::Ordering;
+
+/// Violation up to which unfinished solves are compared by their costs.
+const FEASIBLE: f64 = 1e-6;
 
 /// Solves from many starts.
 ///
@@ -40,7 +44,7 @@ pub struct Failure {
 /// Why a start led to no minimum.
 #[derive(Debug)]
 pub enum FailureCause {
-    /// The status is another than converged.
+    /// The status is another than converged; [`Status::Interrupted`] where all were asked to stop.
     Ended(Report),
     /// A function of the user failed, or the start is no start of this program.
     Error(SolverError),
@@ -55,6 +59,40 @@ pub struct MultiStartReport {
     pub minima: Vec<Minimum>,
     /// All other starts, by index.
     pub failures: Vec<Failure>,
+}
+
+impl MultiStartReport {
+    /// Whether all starts were asked to stop before each had ended.
+    pub fn is_interrupted(&self) -> bool {
+        self.failures.iter().any(|failure| match &failure.cause {
+            FailureCause::Ended(report) => report.status == Status::Interrupted,
+            FailureCause::Error(_) => false,
+            FailureCause::Skipped => true,
+        })
+    }
+
+    /// Solves that ended without a minimum, best first: feasible ones by their costs, then others by their violations.
+    pub fn unfinished(&self) -> Vec<&Report> {
+        let ended = self.failures.iter().filter_map(|failure| match &failure.cause {
+            FailureCause::Ended(report) => Some(report),
+            _ => None,
+        });
+        let mut ended: Vec<&Report> = ended.collect();
+        ended.sort_by(|a, b| better(a, b));
+        ended
+    }
+}
+
+/// The order of unfinished solves. NaN comes last.
+fn better(a: &Report, b: &Report) -> Ordering {
+    let (by_cost, by_violation) =
+        (a.cost.total_cmp(&b.cost), a.residuals.feasibility.total_cmp(&b.residuals.feasibility));
+    match [a, b].map(|report| report.residuals.feasibility <= FEASIBLE) {
+        [true, true] => by_cost,
+        [true, false] => Ordering::Less,
+        [false, true] => Ordering::Greater,
+        [false, false] => by_violation,
+    }
 }
 
 impl<S> MultiStart<S> {
@@ -73,18 +111,28 @@ impl<S: NlpSolver + Sync> MultiStart<S> {
         starts: &[Start],
         stop: impl Fn() -> bool + Sync,
     ) -> Result<MultiStartReport, SolverError> {
+        self.try_solve(|| Ok(make()), starts, stop)
+    }
+
+    /// The same with programs that need not come into being: an error of `make` ends the search.
+    pub fn try_solve<N: Nlp, E: From<SolverError> + Send>(
+        &self,
+        make: impl Fn() -> Result<N, E> + Sync,
+        starts: &[Start],
+        stop: impl Fn() -> bool + Sync,
+    ) -> Result<MultiStartReport, E> {
         check_positive("distance_tol", self.distance_tol)?;
         let solve = |start: &Start| {
             if stop() {
-                return None;
+                return Ok(None);
             }
-            let outcome = self.solver.solve(&mut make(), start, &mut |_| {
+            let outcome = self.solver.solve(&mut make()?, start, &mut |_| {
                 if stop() { Flow::Stop } else { Flow::Continue }
             });
-            Some(outcome)
+            Ok::<_, E>(Some(outcome.map(Report::interrupted)))
         };
         // One start to a job: some take a hundred times as long as others.
-        let outcomes: Vec<_> = starts.par_iter().with_max_len(1).map(solve).collect();
+        let outcomes = starts.par_iter().with_max_len(1).map(solve).collect::<Result<Vec<_>, E>>()?;
 
         let mut converged = Vec::new();
         let mut failures = Vec::new();

@@ -23,6 +23,8 @@ pub enum Status {
     Undefined,
     /// The callback asked to stop.
     Stopped,
+    /// The solve was broken off from outside.
+    Interrupted,
     /// A function of the user failed; its error comes beside the report.
     Failed,
 }
@@ -39,6 +41,7 @@ impl Status {
             Self::Unbounded => "the cost is unbounded below",
             Self::Undefined => "the program has no finite value at the start",
             Self::Stopped => "stopped by the callback",
+            Self::Interrupted => "interrupted; this is the best iterate until then",
             Self::Failed => "a function of the user failed",
         }
     }
@@ -155,6 +158,12 @@ impl Report {
             constraint_multipliers: self.constraint_multipliers.clone(),
             hessian: self.hessian.clone(),
         }
+    }
+
+    /// The same of a solve that was not stopped by a callback's wish but from outside.
+    pub fn interrupted(self) -> Self {
+        let status = if self.status == Status::Stopped { Status::Interrupted } else { self.status };
+        Self { status, ..self }
     }
 }
 

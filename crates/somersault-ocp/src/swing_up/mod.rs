@@ -31,9 +31,11 @@ mod sine;
 mod single;
 mod starts;
 mod tables;
+mod verification;
 
 pub use lifted::SwingUp;
 pub use single::SingleShooting;
+pub use verification::SwingUpVerification;
 
 use crate::dynamics::CartPendulumDynamics;
 use crate::error::{OcpError, expect_finite, expect_length, expect_not_negative, expect_positive};

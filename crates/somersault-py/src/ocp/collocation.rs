@@ -1,19 +1,32 @@
 //! Motions of trees by direct collocation.
 
-use super::solver::{Report, Watcher, duration as limit_of_time, status_name};
-use crate::convert::{array, numbers_or_one, real_numbers, times, with_shape};
+use super::arguments::{count, finite_all, integer, integer_or_none, limit, number_or_range, tolerance};
+use super::solver::{Report, Watcher, duration as limit_of_time, status_name, status_of};
+use super::verification::{Verification, Verifier};
+use crate::convert::{a_type, array, numbers_or_one, real_numbers, times, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::returns_interrupted;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::multibody::{self, Scalar};
 use somersault::ocp::collocation::{
-    Collocation, CollocationReport, CollocationStatus, Ends, Guess, Interval, Mesh, Phase, PhaseSolution,
-    Point, Problem, Terms, TreeDynamics,
+    Collocation, CollocationReport, CollocationStatus, Confirmation, Ends, Guess, Interval, Mesh, MeshRecord,
+    Phase, PhaseConfirmation, PhaseRows, PhaseSolution, Point, Problem, Terms, TreeDynamics,
 };
 use somersault::ocp::nalgebra::convert;
 use somersault::ocp::solver::{Flow, Sqp};
+use somersault::ocp::verification::{self, momentum_drift};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Names that the library has for arguments of these classes.
+const NAMES: [(&str, &str); 4] = [
+    ("control_bounds", "control_lower` and `control_upper"),
+    ("state_bounds", "state_lower` and `state_upper"),
+    ("path_bounds", "path_lower` and `path_upper"),
+    ("tolerance", "tol"),
+];
 
 /// L = ½ Σ γᵢ uᵢ² + ½ Σ wᵢ (xᵢ − x*ᵢ)² + c, Φ = ½ Σ Wᵢ (xᵢ(t_f) − x*ᵢ)².
 #[derive(Clone)]
@@ -23,6 +36,8 @@ struct Quadratic {
     final_weights: Vec<f64>,
     target: Vec<f64>,
     time_weight: f64,
+    /// Rows over (x, u).
+    path: Vec<Vec<f64>>,
 }
 
 fn half_squares<T: Scalar>(weights: &[f64], values: &[T], target: impl Iterator<Item = f64>) -> T {
@@ -33,6 +48,17 @@ fn half_squares<T: Scalar>(weights: &[f64], values: &[T], target: impl Iterator<
 }
 
 impl Terms for Quadratic {
+    fn n_path_constraints(&self) -> usize {
+        self.path.len()
+    }
+
+    fn path_constraints<T: Scalar>(&self, at: &Point<'_, T>, values: &mut [T]) {
+        for (value, row) in values.iter_mut().zip(&self.path) {
+            let numbers = at.state.iter().chain(at.control);
+            *value = row.iter().zip(numbers).fold(T::zero(), |sum, (&a, &x)| sum + x * convert::<f64, T>(a));
+        }
+    }
+
     fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
         half_squares(&self.control_weights, at.control, std::iter::repeat(0.0))
             + half_squares(&self.state_weights, at.state, self.target.iter().copied())
@@ -71,6 +97,10 @@ impl Terms for Quadratic {
 ///     Bounds on u; infinite unless given.
 /// state_lower, state_upper : float or array_like, shape (2 n,), optional
 ///     Bounds on x.
+/// path : array_like, shape (m, 2 n + n_controls), optional
+///     A of path constraints on A (x, u), at all collocation points.
+/// path_lower, path_upper : float or array_like, shape (m,), optional
+///     Their bounds; infinite unless given.
 ///
 /// Raises
 /// ------
@@ -98,30 +128,35 @@ pub(crate) struct CollocationProblem {
     duration: Interval,
     controls: Vec<Interval>,
     states: Vec<Interval>,
+    path: Vec<Interval>,
 }
 
-/// A number, a pair of bounds, or nothing.
-#[derive(FromPyObject, Clone, Copy)]
-enum Entry {
-    Number(f64),
-    Range(f64, f64),
-}
-
-impl From<Entry> for Interval {
-    fn from(entry: Entry) -> Self {
-        match entry {
-            Entry::Number(value) => Self::fixed(value),
-            Entry::Range(lower, upper) => Self::new(lower, upper),
+/// For each entry a number, a pair of bounds, or nothing.
+fn ends(argument: &str, n: usize, entries: &Bound<'_, PyAny>) -> Result<Vec<Interval>, Error> {
+    let refused = |_| {
+        let found = a_type(entries);
+        Error::input(format!("`{argument}` must be a sequence of numbers, pairs or None, found {found}"))
+    };
+    let entry = |entry: PyResult<Bound<'_, PyAny>>| {
+        let entry = entry?;
+        if entry.is_none() {
+            return Ok(Interval::FREE);
         }
+        let (lower, upper) = number_or_range(argument, &entry)?;
+        Ok::<_, Error>(Interval::new(lower, upper))
+    };
+    let found = entries.try_iter().map_err(refused)?.map(entry).collect::<Result<Vec<_>, Error>>()?;
+    match found.len() {
+        found if found != n => {
+            Err(Error::input(format!("`{argument}` must have {n} entries, found {found}")))
+        }
+        _ => Ok(found),
     }
 }
 
-fn ends(argument: &str, n: usize, entries: &[Option<Entry>]) -> Result<Vec<Interval>, Error> {
-    if entries.len() != n {
-        let found = entries.len();
-        return Err(Error::input(format!("`{argument}` must have {n} entries, found {found}")));
-    }
-    Ok(entries.iter().map(|entry| entry.map_or(Interval::FREE, Interval::from)).collect())
+/// Rows of a matrix.
+fn rows_of(values: &[f64], width: usize) -> Vec<Vec<f64>> {
+    values.chunks(width.max(1)).map(<[f64]>::to_vec).collect()
 }
 
 /// One number for each, finite.
@@ -173,25 +208,43 @@ fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -> Result<Gu
         return Ok(result.get().phase().to_guess());
     }
     let (n_states, n_controls) = (problem.states.len(), problem.controls.len());
-    let rows = |values: Vec<f64>, width: usize| values.chunks(width.max(1)).map(<[f64]>::to_vec).collect();
     let at_rest = |n: usize| vec![vec![0.0; n_controls]; n];
     let states = |n: usize, value: &Bound<'_, PyAny>| -> Result<Vec<Vec<f64>>, Error> {
-        Ok(rows(with_shape("states of the guess", &[n, n_states], value)?, n_states))
+        let states = with_shape("states of the guess", &[n, n_states], value)
+            .map_err(|error| error.with_names(&[("states of the guess", "guess")]))?;
+        Ok(rows_of(&finite_all("guess", states)?, n_states))
     };
-    if let Ok((t, x, u)) = value.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>)>()
-        && value.is_instance_of::<pyo3::types::PyTuple>()
+    if let Ok(tuple) = value.cast::<PyTuple>()
+        && tuple.iter().any(|item| item.is_none() || item.len().is_ok_and(|n| n != n_states))
     {
-        let times = real_numbers("times of the guess", &t)?;
+        let Ok((t, x, u)) = value.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>)>() else {
+            return Err(Error::ocp_input(format!(
+                "`guess` must be (times, states, controls or None) or states of length {n_states}, found a tuple of {}",
+                tuple.len()
+            )));
+        };
+        let times = finite_all("guess", real_numbers("guess", &t)?)?;
         let n = times.len();
         let controls = if u.is_none() {
             at_rest(n)
         } else {
-            rows(with_shape("controls of the guess", &[n, n_controls], &u)?, n_controls)
+            let controls = with_shape("controls of the guess", &[n, n_controls], &u)
+                .map_err(|error| error.with_names(&[("controls of the guess", "guess")]))?;
+            rows_of(&finite_all("guess", controls)?, n_controls)
         };
         let controls = if n_controls == 0 { at_rest(n) } else { controls };
         return Ok(Guess { states: states(n, &x)?, times, controls, parameters: Vec::new() });
     }
-    let n = value.len()?;
+    let refused = |_| {
+        let found = a_type(value);
+        Error::ocp_input(format!(
+            "`guess` must be states, (times, states, controls or None) or an earlier result, found {found}"
+        ))
+    };
+    let n = value.len().map_err(refused)?;
+    if n < 2 {
+        return Err(Error::ocp_input(format!("`guess` must have at least 2 rows, found {n}")));
+    }
     let end =
         if problem.duration.upper.is_finite() { problem.duration.upper } else { problem.duration.lower };
     Ok(Guess {
@@ -210,12 +263,22 @@ impl CollocationProblem {
             .final_state(self.final_state.clone())
             .horizon(0.0, self.duration)
             .control_bounds(self.controls.clone())
-            .state_bounds(self.states.clone());
+            .state_bounds(self.states.clone())
+            .path_bounds(self.path.clone());
         if let Some(guess) = guess {
             phase = phase.guess(guess);
         }
-        Ok(Problem::try_new(phase)?)
+        Problem::try_new(phase).map_err(|error| Error::from(error).with_names(&NAMES))
     }
+}
+
+/// Pairs of bounds.
+fn pairs(intervals: &[Interval]) -> Vec<(f64, f64)> {
+    intervals.iter().map(|interval| (interval.lower, interval.upper)).collect()
+}
+
+fn intervals_of(pairs: Vec<(f64, f64)>) -> Vec<Interval> {
+    pairs.into_iter().map(|(lower, upper)| Interval::new(lower, upper)).collect()
 }
 
 #[pymethods]
@@ -224,13 +287,13 @@ impl CollocationProblem {
     #[pyo3(signature = (
         model, initial_state, final_state, duration, *, actuated=None, control_weights=None, state_weights=None,
         final_weights=None, target=None, time_weight=0.0, control_lower=None, control_upper=None,
-        state_lower=None, state_upper=None
+        state_lower=None, state_upper=None, path=None, path_lower=None, path_upper=None
     ))]
     fn new(
         model: &Bound<'_, Model>,
-        initial_state: Vec<Option<Entry>>,
-        final_state: Vec<Option<Entry>>,
-        duration: Entry,
+        initial_state: &Bound<'_, PyAny>,
+        final_state: &Bound<'_, PyAny>,
+        duration: &Bound<'_, PyAny>,
         actuated: Option<&Bound<'_, PyAny>>,
         control_weights: Option<&Bound<'_, PyAny>>,
         state_weights: Option<&Bound<'_, PyAny>>,
@@ -241,6 +304,9 @@ impl CollocationProblem {
         control_upper: Option<&Bound<'_, PyAny>>,
         state_lower: Option<&Bound<'_, PyAny>>,
         state_upper: Option<&Bound<'_, PyAny>>,
+        path: Option<&Bound<'_, PyAny>>,
+        path_lower: Option<&Bound<'_, PyAny>>,
+        path_upper: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
         let tree = &model.get().model;
         let n = tree.n_velocities();
@@ -255,21 +321,50 @@ impl CollocationProblem {
             return Err(Error::ocp_input(format!("`time_weight` must be finite, found {time_weight}")));
         }
         let m = actuated.len();
+        let (lower, upper) = number_or_range("duration", duration)?;
+        // a NaN is not below
+        if !(0.0 <= lower && lower <= upper && upper > 0.0 && lower.is_finite()) {
+            return Err(Error::ocp_input(format!(
+                "`duration` must be positive, or a pair of such numbers in their order, found ({lower}, {upper})"
+            )));
+        }
+        let duration = Interval::new(lower, upper);
+        let width = 2 * n + m;
+        let path = match path {
+            Some(path) => {
+                let n_rows = path.len().map_err(|_| {
+                    Error::input(format!(
+                        "`path` must be a matrix with {width} columns, found {}",
+                        a_type(path)
+                    ))
+                })?;
+                rows_of(&finite_all("path", with_shape("path", &[n_rows, width], path)?)?, width)
+            }
+            None => Vec::new(),
+        };
+        if path.is_empty() && (path_lower.is_some() || path_upper.is_some()) {
+            return Err(Error::input(
+                "`path_lower` and `path_upper` are bounds of `path`, which is not given",
+            ));
+        }
+        let n_path = path.len();
         let terms = Quadratic {
             control_weights: weights("control_weights", m, control_weights, 1.0)?,
             state_weights: weights("state_weights", 2 * n, state_weights, 0.0)?,
             final_weights: weights("final_weights", 2 * n, final_weights, 0.0)?,
             target: finite_numbers("target", 2 * n, target, 0.0)?,
             time_weight,
+            path,
         };
         let posed = Self {
             model: tree.clone(),
             terms,
-            initial_state: ends("initial_state", 2 * n, &initial_state)?,
-            final_state: ends("final_state", 2 * n, &final_state)?,
-            duration: duration.into(),
+            initial_state: ends("initial_state", 2 * n, initial_state)?,
+            final_state: ends("final_state", 2 * n, final_state)?,
+            duration,
             controls: intervals(["control_lower", "control_upper"], m, control_lower, control_upper)?,
             states: intervals(["state_lower", "state_upper"], 2 * n, state_lower, state_upper)?,
+            path: intervals(["path_lower", "path_upper"], n_path, path_lower, path_upper)?,
             actuated,
         };
         posed.problem(None)?;
@@ -329,34 +424,50 @@ impl CollocationProblem {
         py: Python<'_>,
         guess: Option<&Bound<'_, PyAny>>,
         tol: f64,
-        n_intervals: usize,
-        n_points: usize,
-        max_meshes: usize,
-        max_iterations: Option<usize>,
+        #[pyo3(from_py_with = integer)] n_intervals: i64,
+        #[pyo3(from_py_with = integer)] n_points: i64,
+        #[pyo3(from_py_with = integer)] max_meshes: i64,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
     ) -> Result<CollocationResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
         let default = Collocation::default();
+        tolerance("tol", Some(tol))?;
+        let most = limit("max_iterations", max_iterations, 0)?;
+        let (n_intervals, n_points) =
+            (count("n_intervals", n_intervals, 1)?, count("n_points", n_points, 1)?);
         let collocation = Collocation {
             tolerance: tol,
-            max_meshes,
+            max_meshes: count("max_meshes", max_meshes, 1)?,
             solver: Sqp {
-                max_iterations: max_iterations.unwrap_or(default.solver.max_iterations),
+                max_iterations: most.unwrap_or(default.solver.max_iterations),
                 max_time: limit_of_time(max_time)?,
                 ..default.solver
             },
             ..default
         };
+        if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
+            return Err(Error::ocp_input(format!(
+                "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
+            )));
+        }
         let mesh = Mesh::try_uniform(n_intervals, n_points)?;
         let guess = guess.map(|guess| guess_of(self, guess)).transpose()?;
         let mut problem = self.problem(guess)?;
-        let mut watcher = Watcher::new(callback);
+        let mut watcher = Watcher::new(callback)?;
         let found = py.detach(|| {
             collocation.solve(&mut problem, &[mesh], &mut |iteration| -> Flow { watcher.look(iteration) })
         });
-        let result = CollocationResult { report: found? };
+        let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
+        if watcher.is_interrupted(py) {
+            report.program = report.program.interrupted();
+            if let CollocationStatus::NotSolved(status) = &mut report.status {
+                *status = report.program.status;
+            }
+        }
+        let result = CollocationResult::of(report, &self.model, tol)?;
         match watcher.into_raised(py, returned) {
             Some(error) => {
                 // An exception that takes no attributes is still the one to raise.
@@ -367,17 +478,91 @@ impl CollocationProblem {
         }
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let terms = &own.terms;
+        let weights = (
+            terms.control_weights.clone(),
+            terms.state_weights.clone(),
+            terms.final_weights.clone(),
+            terms.target.clone(),
+            terms.time_weight,
+        );
+        let bounds = (
+            pairs(&own.initial_state),
+            pairs(&own.final_state),
+            (own.duration.lower, own.duration.upper),
+            pairs(&own.controls),
+            pairs(&own.states),
+            pairs(&own.path),
+        );
+        let arguments = (own.model(), own.actuated.clone(), weights, bounds, terms.path.clone());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled problem.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        model: &Bound<'_, Model>,
+        actuated: Vec<usize>,
+        weights: Weights,
+        bounds: AllBounds,
+        path: Vec<Vec<f64>>,
+    ) -> Result<Self, Error> {
+        let model = model.get().model.clone();
+        let (control_weights, state_weights, final_weights, target, time_weight) = weights;
+        let (initial_state, final_state, duration, controls, states, path_bounds) = bounds;
+        let (n, m) = (2 * model.n_velocities(), actuated.len());
+        let sizes = [
+            ("control_weights", control_weights.len(), m),
+            ("state_weights", state_weights.len(), n),
+            ("final_weights", final_weights.len(), n),
+            ("target", target.len(), n),
+            ("path", path.iter().map(Vec::len).find(|width| *width != n + m).unwrap_or(n + m), n + m),
+        ];
+        if let Some((argument, found, expected)) = sizes.iter().find(|(_, found, n)| found != n) {
+            return Err(Error::input(format!("`{argument}` must have {expected} entries, found {found}")));
+        }
+        let terms = Quadratic { control_weights, state_weights, final_weights, target, time_weight, path };
+        let posed = Self {
+            model,
+            actuated,
+            terms,
+            initial_state: intervals_of(initial_state),
+            final_state: intervals_of(final_state),
+            duration: Interval::new(duration.0, duration.1),
+            controls: intervals_of(controls),
+            states: intervals_of(states),
+            path: intervals_of(path_bounds),
+        };
+        posed.problem(None)?;
+        Ok(posed)
+    }
+
     fn __repr__(&self) -> String {
         let (n, m) = (self.n_states(), self.n_controls());
         format!("<CollocationProblem: {n} states, {m} controls>")
     }
 }
 
+/// γ, w, W, x* and c.
+type Weights = (Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>, f64);
+type Pairs = Vec<(f64, f64)>;
+/// Of both ends, the duration, controls, states and the path.
+type AllBounds = (Pairs, Pairs, (f64, f64), Pairs, Pairs, Pairs);
+
+/// Collocation points of a first mesh, at most.
+const MOST_POINTS: usize = 100_000;
+
 /// What collocation found. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
 /// last row.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct CollocationResult {
     report: CollocationReport,
+    model: multibody::Model,
+    tol: f64,
+    verifier: Arc<Verifier>,
 }
 
 fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>> {
@@ -385,7 +570,33 @@ fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>>
     Ok(array(py, rows.concat(), &shape)?.into_any())
 }
 
+/// Status, cost, tolerance.
+type Outcome = (String, f64, f64);
+/// Bounds and points of a mesh, ends of the horizon.
+type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
+/// Defects, error and state of one integration from start to end, violation, running cost, cost.
+type Confirmed = (Vec<f64>, f64, Vec<f64>, f64, f64, f64);
+/// Of a mesh: bounds, points, cost, error, status, steps, seconds.
+type Tried = (Vec<f64>, Vec<usize>, f64, f64, String, usize, f64);
+
 impl CollocationResult {
+    fn of(report: CollocationReport, model: &multibody::Model, tol: f64) -> Result<Self, Error> {
+        let (confirmation, states) = (report.confirmation.clone(), report.phases[0].states.clone());
+        let n = model.n_velocities();
+        let of_tree = model.clone();
+        let verifier = Verifier::new(move |py| {
+            let states = states.iter().map(|x| x.split_at(n));
+            let found = verification::Verification {
+                defects: confirmation.phases[0].defects.clone(),
+                terminal_error: confirmation.end_to_end_error(),
+                momentum_drift: momentum_drift(&of_tree, states)?,
+            };
+            let (confirmed, message) = (confirmation.is_confirmed(tol), confirmation.sentence(tol));
+            Ok(Py::new(py, Verification::judged(found, tol, confirmed, message))?.into_any())
+        });
+        Ok(Self { report, model: model.clone(), tol, verifier })
+    }
+
     /// The problem has one phase.
     fn phase(&self) -> &PhaseSolution {
         &self.report.phases[0]
@@ -448,6 +659,18 @@ impl CollocationResult {
     #[getter]
     fn success(&self) -> bool {
         self.report.status == CollocationStatus::Converged
+    }
+
+    /// bool: Whether each interval, integrated anew, ends within the tolerance of where it should.
+    #[getter]
+    fn confirmed(&self) -> bool {
+        self.report.confirmation.is_confirmed(self.tol)
+    }
+
+    /// Verification: The motion integrated anew, interval by interval.
+    #[getter]
+    fn verification(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
+        self.verifier.get(py)
     }
 
     /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`.
@@ -585,15 +808,106 @@ impl CollocationResult {
     /// Report: Of the last program.
     #[getter]
     fn report(&self) -> Report {
-        Report { report: self.report.program.clone() }
+        Report { report: self.report.program.clone(), verifier: Some(self.verifier.clone()) }
     }
 
     fn __repr__(&self) -> String {
         let (cost, meshes) = (self.report.cost, self.report.history.len());
         let defect = self.report.confirmation.max_defect();
+        let confirmed = if self.confirmed() { "confirmed" } else { "NOT confirmed by integration" };
         format!(
-            "<CollocationResult: {}, cost {cost:.8}, {meshes} meshes, largest defect {defect:.1e}>",
+            "<CollocationResult: {}, {confirmed}, cost {cost:.8}, {meshes} meshes, largest defect {defect:.1e}>",
             self.status()
         )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let (report, phase) = (&own.report, own.phase());
+        let confirmed = &report.confirmation.phases[0];
+        let tables = [&phase.states, &phase.controls, &phase.costates, &phase.path_multipliers];
+        let tables = tables.map(|rows| rows.clone());
+        let tried = |record: &MeshRecord| -> Tried {
+            let mesh = &record.meshes[0];
+            let (status, seconds) = (status_name(record.status).to_owned(), record.time.as_secs_f64());
+            let points = mesh.points().to_vec();
+            (mesh.bounds().to_vec(), points, record.cost, record.error, status, record.iterations, seconds)
+        };
+        let on_mesh: OnMesh =
+            (phase.mesh().bounds().to_vec(), phase.mesh().points().to_vec(), phase.horizon());
+        let integrated: Confirmed = (
+            confirmed.defects.clone(),
+            confirmed.end_to_end_error,
+            confirmed.end_to_end_state.clone(),
+            confirmed.violation,
+            confirmed.running_cost,
+            report.confirmation.cost,
+        );
+        let arguments = (
+            Model::of(own.model.clone()),
+            (own.status(), report.cost, own.tol),
+            on_mesh,
+            tables,
+            phase.hamiltonian.clone(),
+            integrated,
+            report.history.iter().map(tried).collect::<Vec<_>>(),
+            Report { report: report.program.clone(), verifier: None },
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled result.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        model: &Bound<'_, Model>,
+        outcome: Outcome,
+        on_mesh: OnMesh,
+        tables: [Vec<Vec<f64>>; 4],
+        hamiltonian: Vec<f64>,
+        integrated: Confirmed,
+        history: Vec<Tried>,
+        program: &Bound<'_, Report>,
+    ) -> Result<Self, Error> {
+        let (status, cost, tol) = outcome;
+        let status = match status.as_str() {
+            "converged" => CollocationStatus::Converged,
+            "false_convergence" => CollocationStatus::FalseConvergence,
+            "mesh_limit" => CollocationStatus::MeshLimit,
+            other => CollocationStatus::NotSolved(status_of(other)?),
+        };
+        let (bounds, points, horizon) = on_mesh;
+        let [states, controls, costates, path_multipliers] = tables;
+        let rows =
+            PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters: Vec::new() };
+        let mesh = Mesh::try_new(bounds, points)?;
+        let (defects, end_to_end_error, end_to_end_state, violation, running_cost, accurate) = integrated;
+        if defects.len() != mesh.n_intervals() {
+            let (n, found) = (mesh.n_intervals(), defects.len());
+            return Err(Error::input(format!("`defects` must have {n} entries, found {found}")));
+        }
+        let phase = PhaseSolution::try_new(mesh, horizon, rows)?;
+        let model = &model.get().model;
+        if phase.states[0].len() != 2 * model.n_velocities() {
+            let (n, found) = (2 * model.n_velocities(), phase.states[0].len());
+            return Err(Error::input(format!("`states` must have {n} columns, found {found}")));
+        }
+        let tried = |(bounds, points, cost, error, status, iterations, seconds): Tried| {
+            let time = Duration::try_from_secs_f64(seconds)
+                .map_err(|_| Error::input(format!("`seconds` must not be negative, found {seconds}")))?;
+            let meshes = vec![Mesh::try_new(bounds, points)?];
+            Ok(MeshRecord { meshes, cost, error, status: status_of(&status)?, iterations, time })
+        };
+        let confirmed =
+            PhaseConfirmation { defects, end_to_end_error, end_to_end_state, violation, running_cost };
+        let report = CollocationReport {
+            status,
+            phases: vec![phase],
+            cost,
+            confirmation: Confirmation { phases: vec![confirmed], cost: accurate },
+            history: history.into_iter().map(tried).collect::<Result<_, Error>>()?,
+            program: program.get().report.clone(),
+        };
+        Self::of(report, model, tol)
     }
 }

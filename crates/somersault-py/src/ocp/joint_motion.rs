@@ -1,8 +1,10 @@
 //! Eigenpostures, and joint motions made of splines.
 
-use crate::convert::{array, real_numbers, times, with_shape};
+use super::arguments::{count, finite_all, index, integer};
+use crate::convert::{a_type, array, real_numbers, times, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::core::spline::UniformBasis;
 use somersault::ocp::motion::{self, Condition, End};
 
@@ -65,7 +67,7 @@ impl EigenpostureBase {
         py: Python<'py>,
         weights: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
-        let weights = with_shape("weights", &[self.base.n_weights()], weights)?;
+        let weights = finite_all("weights", with_shape("weights", &[self.base.n_weights()], weights)?)?;
         let mut positions = vec![0.0; self.base.n_joints()];
         self.base.positions_into(&weights, &mut positions);
         Ok(numpy::PyArray1::from_vec(py, positions).into_any())
@@ -87,9 +89,28 @@ impl EigenpostureBase {
         py: Python<'py>,
         positions: &Bound<'py, PyAny>,
     ) -> Result<(Bound<'py, PyAny>, f64), Error> {
-        let positions = with_shape("positions", &[self.base.n_joints()], positions)?;
+        let positions =
+            finite_all("positions", with_shape("positions", &[self.base.n_joints()], positions)?)?;
         let (weights, distance) = self.base.project(&positions)?;
         Ok((numpy::PyArray1::from_slice(py, weights.as_slice()).into_any(), distance))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let base = &slf.get().base;
+        let directions: Vec<Vec<f64>> =
+            base.directions().column_iter().map(|d| d.iter().copied().collect()).collect();
+        let arguments = (base.fundamental().to_vec(), directions).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled base: directions are kept, not postures, of which rounding would take a part.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        fundamental: Vec<f64>,
+        directions: Vec<Vec<f64>>,
+    ) -> Result<Self, Error> {
+        Ok(Self { base: motion::EigenpostureBase::of_directions(fundamental, &directions)? })
     }
 
     fn __repr__(&self) -> String {
@@ -122,46 +143,95 @@ impl EigenpostureBase {
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SplineMotion {
     pub(crate) motion: motion::SplineMotion,
+    conditions: Vec<Condition>,
+    /// None for joints.
+    base: Option<Py<EigenpostureBase>>,
 }
 
 /// A base, or a number of joints.
-#[derive(FromPyObject)]
-enum BaseOrJoints<'py> {
-    Base(Bound<'py, EigenpostureBase>),
-    Joints(usize),
+fn base_of(
+    value: &Bound<'_, PyAny>,
+) -> Result<(motion::EigenpostureBase, Option<Py<EigenpostureBase>>), Error> {
+    if let Ok(base) = value.cast::<EigenpostureBase>() {
+        return Ok((base.get().base.clone(), Some(base.clone().unbind())));
+    }
+    let refused = |_| {
+        let found = a_type(value);
+        Error::input(format!("`base` must be an EigenpostureBase or a number of joints, found {found}"))
+    };
+    Ok((motion::EigenpostureBase::joints(count("base", integer(value).map_err(refused)?, 1)?), None))
 }
 
-fn condition((end, derivative, value): (String, usize, f64)) -> Result<Condition, Error> {
-    let end = match end.as_str() {
-        "start" => End::Start,
-        "finish" => End::Finish,
-        _ => {
-            return Err(Error::input(format!(
-                "the end of a condition must be 'start' or 'finish', found '{end}'"
-            )));
-        }
+/// `(end, derivative, value)` of each.
+fn conditions_of(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Condition>, Error> {
+    let refused = |found: &Bound<'_, PyAny>| {
+        let found = a_type(found);
+        Error::input(format!("`conditions` must be tuples (end, derivative, value), found {found}"))
     };
-    Ok(Condition { end, derivative, value })
+    let Some(value) = value else { return Ok(Vec::new()) };
+    let mut conditions = Vec::new();
+    for item in value.try_iter().map_err(|_| refused(value))? {
+        let item = item?;
+        let (end, derivative, value): (String, Bound<'_, PyAny>, f64) =
+            item.extract().map_err(|_| refused(&item))?;
+        let end = match end.as_str() {
+            "start" => End::Start,
+            "finish" => End::Finish,
+            _ => {
+                return Err(Error::input(format!(
+                    "the end in `conditions` must be 'start' or 'finish', found '{end}'"
+                )));
+            }
+        };
+        let derivative = integer(&derivative).map_err(|_| refused(&item))?;
+        conditions.push(Condition { end, derivative: count("conditions", derivative, 0)?, value });
+    }
+    Ok(conditions)
 }
 
 #[pymethods]
 impl SplineMotion {
     #[new]
-    #[pyo3(signature = (base, n_coefficients, conditions=vec![], *, degree=5))]
+    #[pyo3(signature = (base, n_coefficients, conditions=None, *, degree=5))]
     fn new(
-        base: BaseOrJoints<'_>,
-        n_coefficients: usize,
-        conditions: Vec<(String, usize, f64)>,
-        degree: usize,
+        base: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = integer)] n_coefficients: i64,
+        conditions: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = integer)] degree: i64,
     ) -> Result<Self, Error> {
-        let base = match base {
-            BaseOrJoints::Base(base) => base.get().base.clone(),
-            BaseOrJoints::Joints(0) => return Err(Error::input("`base` must be at least 1 joint, found 0")),
-            BaseOrJoints::Joints(n) => motion::EigenpostureBase::joints(n),
+        let (library, base) = base_of(base)?;
+        let (degree, n) = (count("degree", degree, 0)?, count("n_coefficients", n_coefficients, 1)?);
+        let basis = UniformBasis::try_new(degree, n).map_err(motion::MotionError::from)?;
+        let conditions = conditions_of(conditions)?;
+        Ok(Self { motion: motion::SplineMotion::try_new(basis, library, &conditions)?, conditions, base })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let named = |condition: &Condition| {
+            let end = if condition.end == End::Start { "start" } else { "finish" };
+            (end, condition.derivative, condition.value)
         };
-        let basis = UniformBasis::try_new(degree, n_coefficients).map_err(motion::MotionError::from)?;
-        let conditions = conditions.into_iter().map(condition).collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { motion: motion::SplineMotion::try_new(basis, base, &conditions)? })
+        let base = match &own.base {
+            Some(base) => base.clone_ref(py).into_any(),
+            None => own.motion.base().n_joints().into_pyobject(py)?.into_any().unbind(),
+        };
+        let conditions: Vec<_> = own.conditions.iter().map(named).collect();
+        let basis = own.motion.basis();
+        let arguments = (base, basis.n_coefficients(), conditions, basis.degree()).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled motion.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        base: &Bound<'_, PyAny>,
+        n_coefficients: i64,
+        conditions: &Bound<'_, PyAny>,
+        degree: i64,
+    ) -> Result<Self, Error> {
+        Self::new(base, n_coefficients, Some(conditions), degree)
     }
 
     /// int: Number of free parameters.
@@ -214,10 +284,12 @@ impl SplineMotion {
         py: Python<'py>,
         parameters: &Bound<'py, PyAny>,
         share: &Bound<'py, PyAny>,
-        derivative: usize,
+        #[pyo3(from_py_with = integer)] derivative: i64,
     ) -> Result<Bound<'py, PyAny>, Error> {
+        let derivative = index("derivative", derivative)?;
         let coefficients = self.coefficients_of(parameters)?;
         let (single, shares) = times("share", share)?;
+        let shares = finite_all("share", shares)?;
         let n = self.motion.n_channels();
         let mut channels = vec![0.0; n * shares.len()];
         for (share, out) in shares.iter().zip(channels.chunks_exact_mut(n)) {
@@ -243,15 +315,15 @@ impl SplineMotion {
         share: &Bound<'py, PyAny>,
         samples: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
-        let shares = real_numbers("share", share)?;
+        let shares = finite_all("share", real_numbers("share", share)?)?;
         let n = self.motion.n_channels();
-        let samples = with_shape("samples", &[shares.len(), n], samples)?;
+        let samples = finite_all("samples", with_shape("samples", &[shares.len(), n], samples)?)?;
         let samples: Vec<&[f64]> = samples.chunks_exact(n).collect();
         Ok(numpy::PyArray1::from_vec(py, self.motion.fit(&shares, &samples)?).into_any())
     }
 
     fn __repr__(&self) -> String {
-        let Self { motion } = self;
+        let Self { motion, .. } = self;
         let (degree, n) = (motion.basis().degree(), motion.basis().n_coefficients());
         format!(
             "<SplineMotion: {} channels of degree {degree} with {n} coefficients, {} parameters>",
@@ -263,7 +335,8 @@ impl SplineMotion {
 
 impl SplineMotion {
     fn coefficients_of(&self, parameters: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
-        let p = with_shape("parameters", &[self.motion.n_parameters()], parameters)?;
+        let p =
+            finite_all("parameters", with_shape("parameters", &[self.motion.n_parameters()], parameters)?)?;
         let mut coefficients = vec![0.0; self.motion.n_coefficients()];
         self.motion.coefficients_into(&p, &mut coefficients);
         Ok(coefficients)

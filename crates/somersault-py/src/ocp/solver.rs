@@ -1,44 +1,69 @@
 //! Solvers of nonlinear programs, what they report, and how Python watches them.
 
+use super::arguments::{limit, tolerance};
+use super::verification::{Verifier, judgement};
 use crate::error::Error;
-use crate::plan::returns_interrupted;
+use crate::plan::{check_callable, returns_interrupted};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::solver::{
     self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, NlpSolver,
-    SolverError, Sqp, Start,
+    SolverError, Sqp, Start, Status,
 };
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How often a solve looks whether it is to stop.
 pub(crate) const ATTENTION: Duration = Duration::from_millis(50);
 
-/// What a solver found: always the best iterate, with the residuals it has.
+/// What a solver found: always the best iterate, with the residuals it has, and what an accurate integration makes of it.
+///
+/// The motion is integrated anew when `verification`, `confirmed`, `message` or the text of the report is first asked for.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Report {
     pub(crate) report: solver::Report,
+    /// None where the program is no motion of its own.
+    pub(crate) verifier: Option<Arc<Verifier>>,
 }
 
 #[pymethods]
 impl Report {
     /// str: How the solve ended: ``'converged'``, ``'stalled'``, ``'iteration_limit'``, ``'time_limit'``,
-    /// ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'`` or ``'failed'``.
+    /// ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'``, ``'interrupted'`` or ``'failed'``.
     #[getter]
     fn status(&self) -> &'static str {
         status_name(self.report.status)
     }
 
-    /// str: The status in a sentence.
+    /// str: The status in a sentence, and another about the verification.
     #[getter]
-    fn message(&self) -> &'static str {
-        self.report.status.message()
+    fn message(&self, py: Python<'_>) -> PyResult<String> {
+        let status = self.report.status.message();
+        Ok(match &self.verifier {
+            Some(verifier) => format!("{status}. {}", verifier.judge(py)?.1),
+            None => status.to_owned(),
+        })
     }
 
-    /// bool: Whether all residuals are within their tolerances.
+    /// bool: Whether all residuals are within their tolerances: the program is solved, whatever it is worth; see `confirmed`.
     #[getter]
     fn success(&self) -> bool {
         self.report.status.is_converged()
+    }
+
+    /// Verification, SwingUpVerification or DiveVerification: The motion integrated anew; None for programs that are no motion of
+    /// their own, as those of a mesh of `CollocationResult`, which has it itself.
+    #[getter]
+    fn verification(&self, py: Python<'_>) -> Result<Option<Py<PyAny>>, Error> {
+        self.verifier.as_ref().map(|verifier| verifier.get(py)).transpose()
+    }
+
+    /// bool or None: Whether the integration agrees with the motion; None where there is no verification.
+    #[getter]
+    fn confirmed(&self, py: Python<'_>) -> PyResult<Option<bool>> {
+        self.verifier.as_ref().map(|verifier| Ok(verifier.judge(py)?.0)).transpose()
     }
 
     /// ndarray, shape (n,): Decision vector.
@@ -101,29 +126,103 @@ impl Report {
         self.report.counts.gradients
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let solver::Report { cost, iterations, residuals, .. } = &self.report;
-        format!(
-            "<Report: {}, cost {cost:.8}, {iterations} iterations, KKT residual {:.1e}>",
+        let confirmed = match &self.verifier {
+            Some(verifier) => format!(", {}", judgement(py, verifier)?),
+            None => String::new(),
+        };
+        Ok(format!(
+            "<Report: {}{confirmed}, cost {cost:.8}, {iterations} iterations, KKT residual {:.1e}>",
             self.status(),
             residuals.max()
-        )
+        ))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, Bound<'py, PyTuple>), Error> {
+        let (py, report) = (slf.py(), &slf.get().report);
+        let numbers = |values: &[f64]| numpy::PyArray1::from_slice(py, values);
+        let residuals =
+            (report.residuals.stationarity, report.residuals.feasibility, report.residuals.complementarity);
+        let counts = [
+            report.counts.evaluations,
+            report.counts.gradients,
+            report.counts.hessians,
+            report.counts.factorisations,
+            report.counts.quadratic_programs,
+        ];
+        // a motion that cannot be integrated is stored without its verification
+        let verification = slf.get().verifier.as_ref().and_then(|verifier| verifier.get(py).ok());
+        let arguments = (
+            slf.get().status(),
+            (numbers(&report.z), numbers(&report.constraint_multipliers), numbers(&report.bound_multipliers)),
+            report.cost,
+            residuals,
+            report.iterations,
+            counts,
+            report.hessian.as_deref().map(numbers),
+            verification,
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled report.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        status: &str,
+        vectors: (Vec<f64>, Vec<f64>, Vec<f64>),
+        cost: f64,
+        residuals: (f64, f64, f64),
+        iterations: usize,
+        counts: [usize; 5],
+        hessian: Option<Vec<f64>>,
+        verification: Option<Py<PyAny>>,
+    ) -> Result<Self, Error> {
+        let (z, constraint_multipliers, bound_multipliers) = vectors;
+        let (stationarity, feasibility, complementarity) = residuals;
+        let [evaluations, gradients, hessians, factorisations, quadratic_programs] = counts;
+        if bound_multipliers.len() != z.len() {
+            let (n, found) = (z.len(), bound_multipliers.len());
+            return Err(Error::input(format!("`bound_multipliers` must have {n} numbers, found {found}")));
+        }
+        let report = solver::Report {
+            status: status_of(status)?,
+            z,
+            constraint_multipliers,
+            bound_multipliers,
+            cost,
+            residuals: solver::KktResiduals { stationarity, feasibility, complementarity },
+            iterations,
+            counts: solver::Counts { evaluations, gradients, hessians, factorisations, quadratic_programs },
+            hessian,
+        };
+        let verifier = verification.map(|found| Verifier::of(cls.py(), found));
+        Ok(Self { report, verifier })
     }
 }
 
-pub(crate) fn status_name(status: solver::Status) -> &'static str {
-    match status {
-        solver::Status::Converged => "converged",
-        solver::Status::Stalled => "stalled",
-        solver::Status::IterationLimit => "iteration_limit",
-        solver::Status::TimeLimit => "time_limit",
-        solver::Status::Infeasible => "infeasible",
-        solver::Status::Unbounded => "unbounded",
-        solver::Status::Undefined => "undefined",
-        solver::Status::Stopped => "stopped",
-        // statuses to come end a solve as well
-        _ => "failed",
-    }
+const STATUSES: [(Status, &str); 10] = [
+    (Status::Converged, "converged"),
+    (Status::Stalled, "stalled"),
+    (Status::IterationLimit, "iteration_limit"),
+    (Status::TimeLimit, "time_limit"),
+    (Status::Infeasible, "infeasible"),
+    (Status::Unbounded, "unbounded"),
+    (Status::Undefined, "undefined"),
+    (Status::Stopped, "stopped"),
+    (Status::Interrupted, "interrupted"),
+    (Status::Failed, "failed"),
+];
+
+pub(crate) fn status_of(name: &str) -> Result<Status, Error> {
+    let found = STATUSES.iter().find(|(_, known)| *known == name).map(|(status, _)| *status);
+    found.ok_or_else(|| Error::input(format!("`status` must be that of a report, found '{name}'")))
+}
+
+pub(crate) fn status_name(status: Status) -> &'static str {
+    // statuses to come end a solve as well
+    STATUSES.iter().find(|(known, _)| *known == status).map_or("failed", |(_, name)| name)
 }
 
 /// What a solver shows its iterations.
@@ -133,37 +232,42 @@ pub(crate) type Watch<'a> = &'a mut dyn FnMut(&Iteration<'_>) -> Flow;
 pub(crate) struct SolverArguments<'a, 'py> {
     pub(crate) solver: &'a str,
     pub(crate) tol: Option<f64>,
-    pub(crate) max_iterations: Option<usize>,
+    pub(crate) max_iterations: Option<i64>,
     pub(crate) max_time: Option<f64>,
     pub(crate) callback: Option<&'a Bound<'py, PyAny>>,
     pub(crate) on_interrupt: &'a str,
 }
 
 pub(crate) fn duration(max_time: Option<f64>) -> Result<Option<Duration>, Error> {
-    let refused = |_| Error::input("`max_time` must be a positive number of seconds");
-    max_time.map(|seconds| Duration::try_from_secs_f64(seconds).map_err(refused)).transpose()
+    let Some(seconds) = max_time else { return Ok(None) };
+    match Duration::try_from_secs_f64(seconds) {
+        Ok(limit) if seconds > 0.0 => Ok(Some(limit)),
+        _ => Err(Error::input(format!("`max_time` must be a positive number of seconds, found {seconds}"))),
+    }
 }
 
 impl SolverArguments<'_, '_> {
-    fn solver(&self) -> Result<Box<dyn NlpSolver + Send + Sync>, Error> {
+    pub(crate) fn solver(&self) -> Result<Box<dyn NlpSolver + Send + Sync>, Error> {
         let max_time = duration(self.max_time)?;
+        let tol = tolerance("tol", self.tol)?;
+        let max_iterations = limit("max_iterations", self.max_iterations, 0)?;
         let sqp = |hessian, globalisation| {
             let default = Sqp::default();
             Box::new(Sqp {
                 hessian,
                 globalisation,
-                stationarity_tol: self.tol.unwrap_or(default.stationarity_tol),
-                feasibility_tol: self.tol.unwrap_or(default.feasibility_tol),
-                complementarity_tol: self.tol.unwrap_or(default.complementarity_tol),
-                max_iterations: self.max_iterations.unwrap_or(default.max_iterations),
+                stationarity_tol: tol.unwrap_or(default.stationarity_tol),
+                feasibility_tol: tol.unwrap_or(default.feasibility_tol),
+                complementarity_tol: tol.unwrap_or(default.complementarity_tol),
+                max_iterations: max_iterations.unwrap_or(default.max_iterations),
                 max_time,
                 ..default
             })
         };
         let default = Limits::default();
         let limits = Limits {
-            stationarity_tol: self.tol.unwrap_or(default.stationarity_tol),
-            max_iterations: self.max_iterations.unwrap_or(default.max_iterations),
+            stationarity_tol: tol.unwrap_or(default.stationarity_tol),
+            max_iterations: max_iterations.unwrap_or(default.max_iterations),
             max_time,
             ..default
         };
@@ -190,8 +294,9 @@ impl SolverArguments<'_, '_> {
         nlp: &mut (dyn Nlp + Send),
         start: &Start,
         calls_python: bool,
+        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
     ) -> Result<Report, Error> {
-        self.solve_by(py, calls_python, |solver, watch| solver.solve(nlp, start, watch))
+        self.solve_by(py, calls_python, |solver, watch| solver.solve(nlp, start, watch), verifier)
     }
 
     /// The same for what solves in its own way with the solver.
@@ -200,30 +305,33 @@ impl SolverArguments<'_, '_> {
         py: Python<'_>,
         calls_python: bool,
         solve: impl FnOnce(&dyn NlpSolver, Watch<'_>) -> Result<solver::Report, SolverError> + Send,
+        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
     ) -> Result<Report, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let solver = self.solver()?;
-        let mut watcher = Watcher::new(self.callback);
+        let mut watcher = Watcher::new(self.callback)?;
         let mut watch = |iteration: &Iteration<'_>| watcher.look(iteration);
         let found = if calls_python {
             solve(&*solver, &mut watch)
         } else {
             py.detach(|| solve(&*solver, &mut watch))
         };
+        let verified = |report: solver::Report| Report { verifier: verifier(&report), report };
         let report = match found {
-            Ok(report) => report,
+            Ok(report) if watcher.is_interrupted(py) => verified(report.interrupted()),
+            Ok(report) => verified(report),
             Err(SolverError::Failed { source, report }) => {
                 let error = match source.downcast::<PyErr>() {
                     Ok(error) => *error,
                     Err(other) => Error::ocp(&other).into(),
                 };
-                return Err(with_report(py, error, *report));
+                return Err(with_report(py, error, verified(*report)));
             }
             Err(error) => return Err(error.into()),
         };
         match watcher.into_raised(py, returned) {
             Some(error) => Err(with_report(py, error, report)),
-            None => Ok(Report { report }),
+            None => Ok(report),
         }
     }
 }
@@ -236,8 +344,17 @@ pub(crate) struct Watcher {
 }
 
 impl Watcher {
-    pub(crate) fn new(callback: Option<&Bound<'_, PyAny>>) -> Self {
-        Self { callback: callback.map(|f| f.clone().unbind()), raised: None, last_look: Instant::now() }
+    pub(crate) fn new(callback: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
+        if let Some(callback) = callback {
+            check_callable("callback", "callback(iteration, z, cost, residual)", callback)?;
+        }
+        let callback = callback.map(|f| f.clone().unbind());
+        Ok(Self { callback, raised: None, last_look: Instant::now() })
+    }
+
+    /// Whether Ctrl-C has ended the solve.
+    pub(crate) fn is_interrupted(&self, py: Python<'_>) -> bool {
+        self.raised.as_ref().is_some_and(|error| error.is_instance_of::<PyKeyboardInterrupt>(py))
     }
 
     /// Whether the solve is to go on.
@@ -267,8 +384,8 @@ impl Watcher {
 }
 
 /// The exception, with the report as its attribute.
-fn with_report(py: Python<'_>, error: PyErr, report: solver::Report) -> Error {
-    if let Ok(report) = Py::new(py, Report { report }) {
+fn with_report(py: Python<'_>, error: PyErr, report: Report) -> Error {
+    if let Ok(report) = Py::new(py, report) {
         // An exception that takes no attributes is still the one to raise.
         let _ = error.value(py).setattr("report", report);
     }

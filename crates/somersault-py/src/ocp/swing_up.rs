@@ -1,23 +1,34 @@
 //! The pendulum on a cart, brought from one state to another.
 
+use super::arguments::{count, integer, integer_or_none, seed_of};
 use super::problem::Motion;
-use super::solver::{ATTENTION, Report, SolverArguments};
+use super::search::{SearchArguments, SearchResult};
+use super::solver::{Report, SolverArguments};
+use super::verification::{SwingUpVerification, Verifier, unverified};
 use crate::convert::{array, finite, numbers_or_one, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::returns_interrupted;
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyTuple, PyType};
 use somersault::multibody::models::CartPendulum;
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::shooting::Scheme;
-use somersault::ocp::solver::{self, FailureCause, Iteration, MultiStart, MultiStartReport, Sqp, Start};
+use somersault::ocp::solver::{self, Iteration, Sqp, Start};
 use somersault::ocp::swing_up::{self, SingleShooting, SwingUp};
 use somersault::ocp::transcription::Transcription;
-use somersault::ocp::verification::{Verification, VerificationError, verify};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::sync::Arc;
+
+/// Names that the library has for arguments of [`CartPendulumProblem`].
+const NAMES: [(&str, &str); 7] = [
+    ("n_coefficients", "n_par"),
+    ("system.cart_mass", "cart_mass"),
+    ("system.mass", "mass"),
+    ("system.length", "length"),
+    ("system.gravity", "gravity"),
+    ("range.lower", "reach"),
+    ("range", "reach"),
+];
 
 /// A pendulum on a cart is brought from one state to another (thesis appendix A).
 ///
@@ -72,10 +83,23 @@ pub(crate) struct CartPendulumProblem {
 
 impl CartPendulumProblem {
     fn of(problem: swing_up::CartPendulumProblem) -> Result<Self, Error> {
-        let (single, lifted) = (problem.single_shooting()?, problem.swing_up()?);
-        // the tree, and the transcription, must exist as well
-        problem.shooting()?;
-        Ok(Self { problem, single, lifted })
+        let make = || -> Result<Self, Error> {
+            let (single, lifted) = (problem.single_shooting()?, problem.swing_up()?);
+            // the tree, and the transcription, must exist as well
+            problem.shooting()?;
+            Ok(Self { single, lifted, problem: problem.clone() })
+        };
+        make().map_err(|error| error.with_names(&NAMES))
+    }
+
+    /// What integrates the motion of a report anew.
+    fn verifier(&self, report: &solver::Report) -> Option<Arc<Verifier>> {
+        let (problem, cost) = (self.problem.clone(), report.cost);
+        let z = report.z[..self.n_variables()].to_vec();
+        Some(Verifier::new(move |py| {
+            let found = py.detach(|| problem.verify(&z)).map_err(unverified)?;
+            Ok(SwingUpVerification::of(py, found, cost)?.into_any())
+        }))
     }
 
     /// A start whose nodes are on the motion of given variables.
@@ -99,6 +123,14 @@ impl CartPendulumProblem {
         let z = with_shape("z", &[self.n_variables()], z)?;
         z.iter().try_for_each(|x| finite("z", *x).map(|_| ()))?;
         Ok(z)
+    }
+}
+
+pub(super) fn scheme_of(name: &str) -> Result<Scheme, Error> {
+    match name {
+        "euler" => Ok(Scheme::ExplicitEuler),
+        "rk4" => Ok(Scheme::RungeKutta4),
+        other => Err(Error::input(format!("`scheme` must be 'euler' or 'rk4', found '{other}'"))),
     }
 }
 
@@ -134,8 +166,8 @@ impl CartPendulumProblem {
         start: Option<&Bound<'_, PyAny>>,
         target: Option<&Bound<'_, PyAny>>,
         duration: f64,
-        n_steps: usize,
-        n_par: usize,
+        #[pyo3(from_py_with = integer)] n_steps: i64,
+        #[pyo3(from_py_with = integer)] n_par: i64,
         scheme: &str,
         terminal_weights: Option<&Bound<'_, PyAny>>,
         force_weight: f64,
@@ -146,19 +178,14 @@ impl CartPendulumProblem {
         gravity: f64,
     ) -> Result<Self, Error> {
         let default = swing_up::CartPendulumProblem::default();
-        let scheme = match scheme {
-            "euler" => Scheme::ExplicitEuler,
-            "rk4" => Scheme::RungeKutta4,
-            other => return Err(Error::input(format!("`scheme` must be 'euler' or 'rk4', found '{other}'"))),
-        };
         Self::of(swing_up::CartPendulumProblem {
             system: CartPendulum { cart_mass, mass, length, gravity },
             start: four("start", start, default.start)?,
             target: four("target", target, default.target)?,
             duration,
-            n_steps,
-            n_coefficients: n_par,
-            scheme,
+            n_steps: count("n_steps", n_steps, 1)?,
+            n_coefficients: count("n_par", n_par, 6)?,
+            scheme: scheme_of(scheme)?,
             terminal_weights: weights("terminal_weights", terminal_weights, default.terminal_weights)?,
             force_weight,
             running_weights: weights("running_weights", running_weights, default.running_weights)?,
@@ -301,7 +328,7 @@ impl CartPendulumProblem {
         z: Option<&Bound<'_, PyAny>>,
         solver: &str,
         tol: Option<f64>,
-        max_iterations: Option<usize>,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
@@ -311,14 +338,16 @@ impl CartPendulumProblem {
         let n = self.n_variables();
         if !solver.starts_with("sqp") {
             start.z.truncate(n);
-            return arguments.solve(py, &mut self.single.clone(), &start.z.into(), false);
+            let mut nlp = self.single.clone();
+            return arguments.solve(py, &mut nlp, &start.z.into(), false, |report| self.verifier(report));
         }
         let mut nlp = self.lifted.clone();
-        arguments.solve_by(py, false, |solver, watch| {
+        let solve = |solver: &dyn solver::NlpSolver, watch: super::solver::Watch<'_>| {
             let mut watch_cart =
                 |iteration: &Iteration<'_>| watch(&Iteration { z: &iteration.z[..n], ..*iteration });
             Ok(of_cart(solver.solve(&mut nlp, &start, &mut watch_cart)?, n))
-        })
+        };
+        arguments.solve_by(py, false, solve, |report| self.verifier(report))
     }
 
     /// Solves from many starts, in parallel, and gathers the distinct minima.
@@ -343,53 +372,35 @@ impl CartPendulumProblem {
     ///
     /// Returns
     /// -------
-    /// SwingUpSearch
+    /// SearchResult
     #[pyo3(signature = (
         n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, on_interrupt="return"
     ))]
     fn search(
         &self,
         py: Python<'_>,
-        n_starts: usize,
+        #[pyo3(from_py_with = integer)] n_starts: i64,
         starts: Option<Vec<Bound<'_, PyAny>>>,
-        seed: u64,
+        #[pyo3(from_py_with = integer)] seed: i64,
         reach: f64,
         distance_tol: f64,
         on_interrupt: &str,
-    ) -> Result<SwingUpSearch, Error> {
+    ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
-        if n_starts == 0 && starts.is_none() {
+        let (n_starts, seed) = (count("n_starts", n_starts, 0)?, seed_of(seed)?);
+        let given = starts.unwrap_or_default();
+        if n_starts == 0 && given.is_empty() {
             return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
         }
-        let mut all =
-            starts.iter().flatten().map(|z| self.start_at(z)).collect::<Result<Vec<Start>, Error>>()?;
-        all.extend(self.lifted.starts(n_starts, reach, seed)?);
-        let many = MultiStart { distance_tol, ..MultiStart::new(Sqp::default()) };
-        let stop = AtomicBool::new(false);
-        let (found, raised) = py.detach(|| {
-            thread::scope(|scope| {
-                let search =
-                    scope.spawn(|| many.solve(|| self.lifted.clone(), &all, || stop.load(Ordering::Relaxed)));
-                let mut raised = None;
-                while !search.is_finished() {
-                    thread::park_timeout(ATTENTION / 10);
-                    if raised.is_none()
-                        && let Err(error) = Python::attach(|py| py.check_signals())
-                    {
-                        stop.store(true, Ordering::Relaxed);
-                        raised = Some(error);
-                    }
-                }
-                (search.join(), raised)
-            })
-        });
-        let found = found.map_err(|_| Error::ocp(&"the search broke off"))??;
-        match raised {
-            Some(error) if !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
-                Err(error.into())
-            }
-            _ => SwingUpSearch::of(py, found, self.n_variables()),
-        }
+        let from =
+            |z: &Bound<'_, PyAny>| self.start_at(z).map_err(|error| error.with_names(&[("z", "starts")]));
+        let mut all = given.iter().map(from).collect::<Result<Vec<Start>, Error>>()?;
+        let cold = self.lifted.starts(n_starts, reach, seed);
+        all.extend(cold.map_err(|error| Error::from(error).with_names(&NAMES))?);
+        let arguments = SearchArguments { solver: Sqp::default(), distance_tol, deadline: None, returned };
+        let n = self.n_variables();
+        let make = || Ok(self.lifted.clone());
+        arguments.run(py, &all, make, |report| of_cart(report, n), |report| self.verifier(report))
     }
 
     /// The decision vector with which this problem has the motion nearest to one of another problem.
@@ -439,20 +450,52 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// SwingUpVerification
-    fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<SwingUpVerification, Error> {
+    fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Py<SwingUpVerification>, Error> {
         let z = self.variables(z)?;
-        let model = self.problem.system.model()?;
-        let mut shooting = self.problem.shooting()?;
-        py.detach(|| {
-            let verification = verify(&mut shooting, &model, &z).map_err(unverified)?;
-            // no fewer steps than ten for each of the thesis'
-            let factor = 2000_usize.div_ceil(self.problem.n_steps);
-            let refined = |factor| {
-                let mut nlp = self.problem.refined(factor).single_shooting()?;
-                nlp.evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))
-            };
-            let (coarse, cost) = (refined(factor)?, refined(2 * factor)?);
-            Ok(SwingUpVerification { verification, cost, cost_error: (cost - coarse).abs() / cost.abs() })
+        let cost = self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))?;
+        let found = py.detach(|| self.problem.verify(&z)).map_err(unverified)?;
+        Ok(SwingUpVerification::of(py, found, cost)?)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, problem) = (slf.py(), &slf.get().problem);
+        let CartPendulum { cart_mass, mass, length, gravity } = problem.system;
+        let scheme = if problem.scheme == Scheme::ExplicitEuler { "euler" } else { "rk4" };
+        let arguments = (
+            (problem.start, problem.target),
+            problem.duration,
+            (problem.n_steps, problem.n_coefficients),
+            scheme,
+            (problem.terminal_weights, problem.force_weight, problem.running_weights),
+            (cart_mass, mass, length, gravity),
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled problem.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        states: ([f64; 4], [f64; 4]),
+        duration: f64,
+        sizes: (i64, i64),
+        scheme: &str,
+        weights: ([f64; 4], f64, [f64; 4]),
+        system: (f64, f64, f64, f64),
+    ) -> Result<Self, Error> {
+        let (terminal_weights, force_weight, running_weights) = weights;
+        let (cart_mass, mass, length, gravity) = system;
+        Self::of(swing_up::CartPendulumProblem {
+            system: CartPendulum { cart_mass, mass, length, gravity },
+            start: states.0,
+            target: states.1,
+            duration,
+            n_steps: count("n_steps", sizes.0, 1)?,
+            n_coefficients: count("n_par", sizes.1, 6)?,
+            scheme: scheme_of(scheme)?,
+            terminal_weights,
+            force_weight,
+            running_weights,
         })
     }
 
@@ -460,133 +503,5 @@ impl CartPendulumProblem {
         let swing_up::CartPendulumProblem { duration, n_steps, n_coefficients, .. } = &self.problem;
         let n = self.n_variables();
         format!("<CartPendulumProblem: {n} variables, n_par {n_coefficients}, {n_steps} steps, {duration} s>")
-    }
-}
-
-/// What came of many starts.
-#[pyclass(frozen, module = "somersault.ocp")]
-pub(crate) struct SwingUpSearch {
-    minima: Vec<Py<Report>>,
-    /// list of list of int: Numbers of the starts that led to each minimum.
-    #[pyo3(get)]
-    starts: Vec<Vec<usize>>,
-    failures: Vec<(usize, String)>,
-}
-
-impl SwingUpSearch {
-    fn of(py: Python<'_>, found: MultiStartReport, n_variables: usize) -> Result<Self, Error> {
-        let mut search = Self { minima: Vec::new(), starts: Vec::new(), failures: Vec::new() };
-        for minimum in found.minima {
-            search.minima.push(Py::new(py, Report { report: of_cart(minimum.report, n_variables) })?);
-            search.starts.push(minimum.starts);
-        }
-        for failure in found.failures {
-            let cause = match failure.cause {
-                FailureCause::Ended(report) => report.status.message().to_owned(),
-                FailureCause::Error(error) => error.to_string(),
-                FailureCause::Skipped => "not begun".to_owned(),
-            };
-            search.failures.push((failure.start, cause));
-        }
-        Ok(search)
-    }
-}
-
-#[pymethods]
-impl SwingUpSearch {
-    /// list of Report: Distinct minima, that of least cost first.
-    #[getter]
-    fn minima(&self, py: Python<'_>) -> Vec<Py<Report>> {
-        self.minima.iter().map(|report| report.clone_ref(py)).collect()
-    }
-
-    /// Report: The minimum of least cost.
-    #[getter]
-    fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
-        match self.minima.first() {
-            Some(report) => Ok(report.clone_ref(py)),
-            None => Err(Error::ocp(&"no start led to a minimum; see `failures`")),
-        }
-    }
-
-    /// list of tuple: Number of each start that led to no minimum, and why.
-    #[getter]
-    fn failures(&self) -> Vec<(usize, String)> {
-        self.failures.clone()
-    }
-
-    fn __repr__(&self) -> String {
-        let converged: usize = self.starts.iter().map(Vec::len).sum();
-        format!(
-            "<SwingUpSearch: {} distinct minima from {converged} of {} starts>",
-            self.minima.len(),
-            converged + self.failures.len()
-        )
-    }
-}
-
-/// A swing-up integrated anew, with the same motion of the cart.
-#[pyclass(frozen, module = "somersault.ocp")]
-pub(crate) struct SwingUpVerification {
-    verification: Verification,
-    /// float: Cost of the motion integrated accurately from start to end.
-    #[pyo3(get)]
-    cost: f64,
-    /// float: Relative change of that cost when its step was last halved.
-    #[pyo3(get)]
-    cost_error: f64,
-}
-
-fn unverified(error: VerificationError) -> Error {
-    match error {
-        VerificationError::Problem(error) => error.into(),
-        VerificationError::Integration(error) => error.into(),
-        VerificationError::Dynamics(error) => error.into(),
-        error => Error::ocp(&error),
-    }
-}
-
-#[pymethods]
-impl SwingUpVerification {
-    /// ndarray, shape (n_steps,): For each step, integrated accurately from the node where it begins, the distance at its
-    /// end: the largest difference of q or v.
-    #[getter]
-    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.verification.defects).into_any()
-    }
-
-    /// float: The largest defect.
-    #[getter]
-    fn max_defect(&self) -> f64 {
-        self.verification.largest_defect()
-    }
-
-    /// float: The distance at T, integrated from the start in one piece.
-    #[getter]
-    fn terminal_error(&self) -> f64 {
-        self.verification.terminal_error
-    }
-
-    /// What the motion is worth, in a sentence.
-    ///
-    /// Parameters
-    /// ----------
-    /// allowed : float, optional
-    ///     Distance that its use allows.
-    ///
-    /// Returns
-    /// -------
-    /// str
-    #[pyo3(signature = (allowed=1e-4))]
-    fn sentence(&self, allowed: f64) -> String {
-        self.verification.sentence(allowed, None)
-    }
-
-    fn __repr__(&self) -> String {
-        let (end, defect) = (self.terminal_error(), self.max_defect());
-        format!(
-            "<SwingUpVerification: cost {:.8}, terminal error {end:.1e}, largest defect {defect:.1e}>",
-            self.cost
-        )
     }
 }

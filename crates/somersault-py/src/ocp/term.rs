@@ -1,10 +1,11 @@
 //! Terms of costs and constraints: what Python says of them, and what the library makes of it.
 
-use crate::convert::{a_type, orientation, vector, with_shape};
+use super::arguments::{count, finite_all, index, integer, integers_or_none};
+use crate::convert::{a_type, components, orientation, real_numbers, vector, with_shape};
 use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
 use somersault::multibody;
 use somersault::ocp::dynamics::{HybridDynamics, Tree};
@@ -71,8 +72,20 @@ fn part_of(name: &str) -> Result<Part, Error> {
 /// Term
 #[pyfunction]
 #[pyo3(signature = (part, indices=None))]
-pub(crate) fn entries(part: &str, indices: Option<Vec<usize>>) -> Result<Term, Error> {
-    Ok(Term(Kind::Entries { part: part_of(part)?, entries: indices }))
+pub(crate) fn entries(
+    part: &str,
+    #[pyo3(from_py_with = integers_or_none)] indices: Option<Vec<i64>>,
+) -> Result<Term, Error> {
+    Ok(Term(Kind::Entries { part: part_of(part)?, entries: numbers_of("indices", indices)? }))
+}
+
+/// Which degrees of freedom or entries; not none of them.
+fn numbers_of(argument: &str, numbers: Option<Vec<i64>>) -> Result<Option<Vec<usize>>, Error> {
+    let Some(numbers) = numbers else { return Ok(None) };
+    if numbers.is_empty() {
+        return Err(Error::ocp_input(format!("`{argument}` must have at least one entry, found none")));
+    }
+    numbers.into_iter().map(|k| index(argument, k)).collect::<Result<Vec<_>, _>>().map(Some)
 }
 
 /// Displacement of the positions from a reference: differences, and rotation vectors where joints rotate freely.
@@ -88,8 +101,12 @@ pub(crate) fn entries(part: &str, indices: Option<Vec<usize>>) -> Result<Term, E
 /// Term
 #[pyfunction]
 #[pyo3(signature = (reference, dofs=None))]
-pub(crate) fn displacement(reference: Vec<f64>, dofs: Option<Vec<usize>>) -> Term {
-    Term(Kind::Displacement { reference, dofs })
+pub(crate) fn displacement(
+    reference: &Bound<'_, PyAny>,
+    #[pyo3(from_py_with = integers_or_none)] dofs: Option<Vec<i64>>,
+) -> Result<Term, Error> {
+    let reference = finite_all("reference", real_numbers("reference", reference)?)?;
+    Ok(Term(Kind::Displacement { reference, dofs: numbers_of("dofs", dofs)? }))
 }
 
 /// Centre of mass or momentum of the whole tree, three numbers in world axes.
@@ -104,18 +121,19 @@ pub(crate) fn displacement(reference: Vec<f64>, dofs: Option<Vec<usize>>) -> Ter
 /// Term
 #[pyfunction]
 pub(crate) fn momentum(part: &str) -> Result<Term, Error> {
-    let part = match part {
-        "angular" => MomentumPart::Angular,
-        "linear" => MomentumPart::Linear,
-        "center_of_mass" => MomentumPart::CenterOfMass,
-        other => {
-            return Err(Error::input(format!(
-                "`part` must be 'angular', 'linear' or 'center_of_mass', found '{other}'"
-            )));
-        }
-    };
-    Ok(Term(Kind::Momentum(part)))
+    match MOMENTA.iter().find(|(name, _)| *name == part) {
+        Some((_, part)) => Ok(Term(Kind::Momentum(*part))),
+        None => Err(Error::input(format!(
+            "`part` must be 'angular', 'linear' or 'center_of_mass', found '{part}'"
+        ))),
+    }
 }
+
+const MOMENTA: [(&str, MomentumPart); 3] = [
+    ("angular", MomentumPart::Angular),
+    ("linear", MomentumPart::Linear),
+    ("center_of_mass", MomentumPart::CenterOfMass),
+];
 
 /// Position of a point of a body in the world, m.
 ///
@@ -148,7 +166,11 @@ pub(crate) fn point_position(body: String, point: Option<&Bound<'_, PyAny>>) -> 
 /// Term
 #[pyfunction]
 pub(crate) fn axis_direction(body: String, axis: &Bound<'_, PyAny>) -> Result<Term, Error> {
-    Ok(Term(Kind::AxisDirection { body, axis: vector("axis", axis)? }))
+    let axis = vector("axis", axis)?;
+    if axis.amax() == 0.0 {
+        return Err(Error::input("`axis` must not be zero"));
+    }
+    Ok(Term(Kind::AxisDirection { body, axis }))
 }
 
 /// Rotation of a body from a wanted orientation, as a rotation vector in body axes, rad.
@@ -190,19 +212,23 @@ pub(crate) fn body_orientation(body: String, target: &Bound<'_, PyAny>) -> Resul
 #[pyo3(signature = (f, n_rows=1, *, gradient=None, reads=None))]
 pub(crate) fn function(
     f: &Bound<'_, PyAny>,
-    n_rows: usize,
+    #[pyo3(from_py_with = integer)] n_rows: i64,
     gradient: Option<&Bound<'_, PyAny>>,
     reads: Option<Vec<String>>,
 ) -> Result<Term, Error> {
+    let n_rows = count("n_rows", n_rows, 1)?;
     check_callable("f", "f(node)", f)?;
     if let Some(gradient) = gradient {
         check_callable("gradient", "gradient(node)", gradient)?;
     }
     let named = |name: String| match name.as_str() {
         "position" => Ok(Read::Position),
-        other => Ok(Read::Part(part_of(other)?)),
+        other => Ok(Read::Part(part_of(other).map_err(|error| error.with_names(&[("part", "reads")]))?)),
     };
     let reads = match reads {
+        Some(reads) if reads.is_empty() && gradient.is_none() => {
+            return Err(Error::input("`reads` must have at least one part, found none"));
+        }
         Some(reads) => reads.into_iter().map(named).collect::<Result<Vec<_>, Error>>()?,
         None => vec![Read::Position, Read::Part(Part::Velocity)],
     };
@@ -216,6 +242,65 @@ pub(crate) fn function(
 
 #[pymethods]
 impl Term {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let py = slf.py();
+        let name = |part: &Part| PARTS.iter().find(|(_, known)| known == part).map_or("", |(name, _)| *name);
+        // the function of this module that makes it, and its arguments
+        let made: (&str, Bound<'py, PyTuple>) = match &slf.get().0 {
+            Kind::Entries { part, entries } => ("entries", (name(part), entries.clone()).into_pyobject(py)?),
+            Kind::Displacement { reference, dofs } => {
+                ("displacement", (reference.clone(), dofs.clone()).into_pyobject(py)?)
+            }
+            Kind::Momentum(part) => {
+                let found = MOMENTA.iter().find(|(_, known)| known == part).map_or("", |(name, _)| *name);
+                ("momentum", (found,).into_pyobject(py)?)
+            }
+            Kind::PointPosition { body, point } => {
+                ("point_position", (body, point.as_slice().to_vec()).into_pyobject(py)?)
+            }
+            Kind::AxisDirection { body, axis } => {
+                ("axis_direction", (body, axis.as_slice().to_vec()).into_pyobject(py)?)
+            }
+            Kind::BodyOrientation { body, target } => {
+                ("body_orientation", (body, components(target)).into_pyobject(py)?)
+            }
+            Kind::Function { callable, gradient, n_rows, reads } => {
+                let names = reads.iter().map(|read| match read {
+                    Read::Position => "position",
+                    Read::Part(part) => name(part),
+                });
+                let reads: Vec<_> = names.collect();
+                ("function", (callable, *n_rows, gradient, reads).into_pyobject(py)?)
+            }
+        };
+        Ok((slf.get_type().getattr("_restore")?, made.into_pyobject(py)?))
+    }
+
+    /// A pickled term.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, kind: &str, arguments: &Bound<'_, PyTuple>) -> Result<Self, Error> {
+        let none =
+            || Error::input(format!("`arguments` of a term '{kind}' are too few: {}", arguments.len()));
+        let at = |k: usize| arguments.get_item(k).map_err(|_| none());
+        Ok(match kind {
+            "entries" => {
+                let part: String = at(0)?.extract()?;
+                entries(&part, at(1)?.extract()?)?
+            }
+            "displacement" => displacement(&at(0)?, at(1)?.extract()?)?,
+            "momentum" => momentum(&at(0)?.extract::<String>()?)?,
+            "point_position" => point_position(at(0)?.extract()?, Some(&at(1)?))?,
+            "axis_direction" => axis_direction(at(0)?.extract()?, &at(1)?)?,
+            "body_orientation" => body_orientation(at(0)?.extract()?, &at(1)?)?,
+            "function" => {
+                let gradient = at(2)?;
+                let gradient = if gradient.is_none() { None } else { Some(&gradient) };
+                function(&at(0)?, at(1)?.extract()?, gradient, Some(at(3)?.extract()?))?
+            }
+            other => return Err(Error::input(format!("`kind` must be that of a term, found '{other}'"))),
+        })
+    }
+
     fn __repr__(&self) -> String {
         let what = match &self.0 {
             Kind::Entries { part, .. } => {

@@ -262,7 +262,7 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         ("A and H, solved under explicit Euler, N = 200", solved, f"{1e3 * passed:.0f}"),
     ):
         # the rotation of the torso between the postures of both ends is that of the accurate dive
-        turned = (literal.somersaults[-1] - (dive.somersaults[-1] - dive.somersaults[0])) * 360.0
+        turned = (literal.somersaults[-1] - dive.somersaults[-1]) * 360.0
         report = literal.report
         rows.append(
             [

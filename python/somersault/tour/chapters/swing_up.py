@@ -37,7 +37,7 @@ class Case:
 
     name: str
     printed: float
-    search: ocp.SwingUpSearch
+    search: ocp.SearchResult
     verification: ocp.SwingUpVerification
     #: From straight lines alone, and its time in seconds.
     cold: ocp.Report

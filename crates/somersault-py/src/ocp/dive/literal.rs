@@ -1,11 +1,13 @@
 //! The planar dive by explicit Euler.
 
-use crate::convert::array;
+use crate::convert::{array, real_numbers, with_shape};
 use crate::error::Error;
 use crate::ocp::solver::{Report, Watcher};
 use crate::plan::returns_interrupted;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::ocp::dive::{self, DiveProgram};
+use somersault::ocp::solver;
 use std::f64::consts::TAU;
 
 /// A planar dive as thesis 3.1 poses it, stepped by explicit Euler. The centre of mass starts at the origin.
@@ -25,8 +27,11 @@ impl LiteralDive {
         if !optimise {
             return Ok(Self(py.detach(|| program.literal_motion(z, n_steps))?));
         }
-        let mut watcher = Watcher::new(None);
+        let mut watcher = Watcher::new(None)?;
         let found = py.detach(|| program.solve_literal(z, n_steps, &mut |i| watcher.look(i)))?;
+        let interrupted = watcher.is_interrupted(py);
+        let reported = |report: solver::Report| if interrupted { report.interrupted() } else { report };
+        let found = dive::LiteralDive { report: found.report.map(reported), ..found };
         match watcher.into_raised(py, returned) {
             Some(error) => Err(error.into()),
             None => Ok(Self(found)),
@@ -65,7 +70,8 @@ impl LiteralDive {
         numpy::PyArray1::from_slice(py, &self.0.angular_momentum).into_any()
     }
 
-    /// ndarray, shape (n_steps + 1,): Somersaults since take-off, turns.
+    /// ndarray, shape (n_steps + 1,): Somersaults, turns, counted from the upright as those of `DiveSolution`: the first is the
+    /// lean at take-off.
     #[getter]
     fn somersaults<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         numpy::PyArray1::from_vec(py, self.0.somersault.iter().map(|a| a / TAU).collect()).into_any()
@@ -80,20 +86,58 @@ impl LiteralDive {
         }
     }
 
-    /// Report or None: What the solver says; None where a motion was only rolled out.
+    /// Report or None: What the solver says; None where a motion was only rolled out. It has no verification: how far explicit
+    /// Euler is from the physics is what `momentum_change` says.
     #[getter]
     fn report(&self) -> Option<Report> {
-        self.0.report.clone().map(|report| Report { report })
+        self.0.report.clone().map(|report| Report { report, verifier: None })
     }
 
     fn __len__(&self) -> usize {
         self.0.times.len()
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, dive) = (slf.py(), slf.get());
+        let angles = numpy::PyArray1::from_slice(py, &dive.0.somersault);
+        let rows = (dive.q(py)?, dive.v(py)?);
+        let arguments = (dive.t(py), rows, dive.angular_momentum(py), angles, dive.report());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled dive.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        t: &Bound<'_, PyAny>,
+        rows: (Bound<'_, PyAny>, Bound<'_, PyAny>),
+        angular_momentum: &Bound<'_, PyAny>,
+        somersault: &Bound<'_, PyAny>,
+        report: Option<&Bound<'_, Report>>,
+    ) -> Result<Self, Error> {
+        let times = real_numbers("t", t)?;
+        if times.is_empty() {
+            return Err(Error::input("`t` must have at least one time, found none"));
+        }
+        let n = times.len();
+        let table = |name, value: &Bound<'_, PyAny>| {
+            let (_, width): (usize, usize) = value.getattr("shape")?.extract()?;
+            with_shape(name, &[n, width], value)
+        };
+        Ok(Self(dive::LiteralDive {
+            positions: table("q", &rows.0)?,
+            velocities: table("v", &rows.1)?,
+            angular_momentum: with_shape("angular_momentum", &[n], angular_momentum)?,
+            somersault: with_shape("somersault", &[n], somersault)?,
+            report: report.map(|report| report.get().report.clone()),
+            times,
+        }))
+    }
+
     fn __repr__(&self) -> String {
         let turned = self.0.somersault.last().map_or(f64::NAN, |a| a / TAU);
         format!(
-            "<LiteralDive: {} times, {turned:.3} somersaults in the air, momentum {:+.1} %>",
+            "<LiteralDive: {} times, {turned:.3} somersaults, momentum {:+.1} %>",
             self.0.times.len(),
             100.0 * self.momentum_change()
         )

@@ -10,6 +10,7 @@ pub(crate) use plan::{dive_107b, dive_5174d};
 pub(crate) use solution::DiveSolution;
 pub(crate) use verification::DiveVerification;
 
+use super::arguments::{count, finite_all, integer, integer_or_none, limit, seed_of, tolerance};
 use super::solver::{Watcher, duration};
 use crate::convert::with_shape;
 use crate::error::Error;
@@ -18,12 +19,12 @@ use crate::plan::returns_interrupted;
 use plan::{CLEARANCE_TIMES, Plan};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
 use somersault::multibody::models::Dimension;
 use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, KeyFrame, Range};
 use somersault::ocp::nlp::Nlp;
-use somersault::ocp::solver::{Flow, Iteration, Status};
+use somersault::ocp::solver::{Flow, Iteration, Report, Status};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -211,8 +212,8 @@ impl Dive {
         template: Option<&Bound<'py, PyAny>>,
     ) -> Result<Bound<'py, PyAny>, Error> {
         let z = match template {
-            Some(template) => self.program.start(&self.plan.key_frames(template)?)?,
-            None => self.program.start(self.own_template()?)?,
+            Some(template) => self.start_of(&self.plan.key_frames(template)?)?,
+            None => self.start_of(self.own_template()?)?,
         };
         Ok(numpy::PyArray1::from_vec(py, z).into_any())
     }
@@ -252,7 +253,7 @@ impl Dive {
         z: Option<&Bound<'_, PyAny>>,
         soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
-        max_iterations: Option<usize>,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
@@ -262,13 +263,13 @@ impl Dive {
         let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
         let warm = z.and_then(|z| z.cast::<DiveSolution>().ok());
         let soft_weights = soft_weights.or_else(|| warm.map(|_| Vec::new()));
-        let search = dive.search_with(soft_weights, tol, max_iterations);
+        let search = dive.search_with(soft_weights, tol, max_iterations)?;
         let z = match (z, warm) {
             (_, Some(solution)) => dive.checked(solution.get().report.z.clone())?,
             (Some(z), None) => dive.checked(with_shape("z", &[dive.n_variables()], z)?)?,
-            (None, None) => dive.program.start(dive.own_template()?)?,
+            (None, None) => dive.start_of(dive.own_template()?)?,
         };
-        let mut watcher = Watcher::new(callback);
+        let mut watcher = Watcher::new(callback)?;
         let (mut stopped, mut is_late) = (false, false);
         let mut watch = |iteration: &Iteration<'_>| {
             is_late |= deadline.is_some_and(|deadline| Instant::now() >= deadline);
@@ -278,6 +279,9 @@ impl Dive {
         let mut report = py.detach(|| search.solve(&dive.program, z, &mut watch))?;
         if is_late && report.status == Status::Stopped {
             report.status = Status::TimeLimit;
+        }
+        if watcher.is_interrupted(py) {
+            report = report.interrupted();
         }
         let solution = DiveSolution::of(slf, report)?;
         match watcher.into_raised(py, returned) {
@@ -306,20 +310,21 @@ impl Dive {
     fn search(
         slf: &Bound<'_, Self>,
         py: Python<'_>,
-        n_starts: usize,
-        seed: u64,
+        #[pyo3(from_py_with = integer)] n_starts: i64,
+        #[pyo3(from_py_with = integer)] seed: i64,
         soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
-        max_iterations: Option<usize>,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
     ) -> Result<Vec<DiveSolution>, Error> {
         let dive = slf.get();
         let returned = returns_interrupted(on_interrupt)?;
         let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
-        let search = dive.search_with(soft_weights, tol, max_iterations);
+        let search = dive.search_with(soft_weights, tol, max_iterations)?;
+        let (n_starts, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         let templates = KeyFrame::variations(dive.own_template()?, n_starts, seed);
-        let stop = AtomicBool::new(false);
+        let (stop, mut is_late) = (AtomicBool::new(false), false);
         let from = |template: &Vec<KeyFrame>| {
             let z = dive.program.start(template)?;
             search.solve(&dive.program, z, &mut |_| {
@@ -336,24 +341,62 @@ impl Dive {
                     if raised.is_none() {
                         raised = Python::attach(|py| py.check_signals()).err();
                     }
-                    let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+                    is_late |= deadline.is_some_and(|deadline| Instant::now() >= deadline);
                     stop.fetch_or(is_late || raised.is_some(), Ordering::Relaxed);
                 }
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             })
         })?;
-        if let Some(error) = raised
+        if let Some(error) = &raised
             && !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py))
         {
-            return Err(error.into());
+            return Err(error.clone_ref(py).into());
         }
-        let mut solutions =
-            reports.into_iter().map(|report| DiveSolution::of(slf, report)).collect::<Result<Vec<_>, _>>()?;
+        let ended = |report: Report| match report.status {
+            Status::Stopped if raised.is_none() && is_late => Report { status: Status::TimeLimit, ..report },
+            _ => report.interrupted(),
+        };
+        let solution = |report| DiveSolution::of(slf, ended(report));
+        let mut solutions = reports.into_iter().map(solution).collect::<Result<Vec<_>, _>>()?;
         solutions.sort_by(|a, b| {
             let failed = |solution: &DiveSolution| !solution.report.status.is_converged();
             failed(a).cmp(&failed(b)).then(a.report.cost.total_cmp(&b.report.cost))
         });
         Ok(solutions)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, dive) = (slf.py(), slf.get());
+        let plan = &dive.plan;
+        let options = dive.options(py)?;
+        options.set_item("first", plan.dive.first)?;
+        options.set_item("last", plan.dive.last)?;
+        let frame = |frame: &KeyFrame| (frame.share, frame.posture);
+        if let Some(template) = &plan.template {
+            options.set_item("template", template.iter().map(frame).collect::<Vec<_>>())?;
+        }
+        let diver = Diver::of(py, plan.dive.diver)?;
+        let arguments = (diver, plan.names.clone(), plan.dive.postures.clone(), options).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled dive.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        diver: &Bound<'_, Diver>,
+        names: Vec<String>,
+        postures: Vec<Vec<f64>>,
+        options: &Bound<'_, PyDict>,
+    ) -> Result<Self, Error> {
+        if names.len() != postures.len() {
+            let (n, found) = (postures.len(), names.len());
+            return Err(Error::input(format!("`names` must have {n} entries, found {found}")));
+        }
+        let dive = dive::Dive { diver: diver.get().diver, postures, ..dive::Dive::forward_pike()? };
+        let mut plan = Plan { dive, names, clearance_times: CLEARANCE_TIMES, template: None };
+        plan.change(Some(options))?;
+        plan.build()
     }
 
     fn __repr__(&self) -> String {
@@ -374,6 +417,11 @@ impl Dive {
         self.plan.template.as_deref().ok_or_else(none)
     }
 
+    /// The decision vector nearest to a template.
+    fn start_of(&self, frames: &[KeyFrame]) -> Result<Vec<f64>, Error> {
+        Ok(self.program.start(frames).map_err(|error| Error::from(error).with_names(&plan::NAMES))?)
+    }
+
     fn checked(&self, z: Vec<f64>) -> Result<Vec<f64>, Error> {
         let n = self.n_variables();
         if z.len() != n {
@@ -386,21 +434,26 @@ impl Dive {
         &self,
         soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
-        max_iterations: Option<usize>,
-    ) -> DiveSearch {
+        max_iterations: Option<i64>,
+    ) -> Result<DiveSearch, Error> {
         let mut search = match self.plan.dive.diver.dimension {
             Dimension::Planar => DiveSearch::direct(),
             Dimension::Spatial => DiveSearch::staged(),
         };
         if let Some(weights) = soft_weights {
-            search.soft_weights = weights;
+            let positive = |weights: &[f64]| weights.iter().all(|weight| *weight > 0.0);
+            search.soft_weights = finite_all("soft_weights", weights)?;
+            if !positive(&search.soft_weights) {
+                return Err(Error::ocp_input("`soft_weights` must be positive".to_owned()));
+            }
         }
-        if let Some(tol) = tol {
+        if let Some(tol) = tolerance("tol", tol)? {
             let hard = &mut search.hard;
             (hard.stationarity_tol, hard.feasibility_tol, hard.complementarity_tol) = (tol, tol, tol);
         }
-        search.hard.max_iterations = max_iterations.unwrap_or(search.hard.max_iterations);
-        search
+        let most = limit("max_iterations", max_iterations, 0)?;
+        search.hard.max_iterations = most.unwrap_or(search.hard.max_iterations);
+        Ok(search)
     }
 }
 

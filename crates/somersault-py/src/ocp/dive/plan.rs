@@ -1,9 +1,10 @@
 //! What a dive is made of.
 
 use super::Dive;
-use crate::convert::real_numbers;
+use crate::convert::{a_type, real_numbers};
 use crate::error::Error;
 use crate::named_models::Diver;
+use crate::ocp::arguments::{count, index, integer, number, number_or_range};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -19,28 +20,17 @@ pub(super) struct Plan {
     pub(super) template: Option<Vec<KeyFrame>>,
 }
 
-/// A number, or a range.
-#[derive(FromPyObject)]
-enum NumberOrRange {
-    Number(f64),
-    Ends(f64, f64),
-}
-
-impl From<NumberOrRange> for Range {
-    fn from(value: NumberOrRange) -> Self {
-        match value {
-            NumberOrRange::Number(value) => Self::fixed(value),
-            NumberOrRange::Ends(lower, upper) => Self::new(lower, upper),
-        }
-    }
-}
-
-/// A posture by its name, or its number.
-#[derive(FromPyObject)]
-enum NameOrNumber {
-    Number(usize),
-    Name(String),
-}
+/// Names that the library has for arguments of a dive.
+pub(super) const NAMES: [(&str, &str); 8] = [
+    ("penalties.momentum", "momentum_penalty"),
+    ("penalties.rate", "rate_penalty"),
+    ("penalties.acceleration", "acceleration_penalty"),
+    ("clearance.distance", "clearance"),
+    ("clearance.n_times", "clearance_times"),
+    ("n_times", "clearance_times"),
+    ("key_frames", "template"),
+    ("n_coefficients", "n_par"),
+];
 
 impl Plan {
     /// Joint angles and names of postures.
@@ -52,7 +42,11 @@ impl Plan {
         };
         self.names.clear();
         self.dive.postures.clear();
-        for (k, posture) in postures.try_iter()?.enumerate() {
+        let refused = |_| {
+            let found = a_type(postures);
+            Error::input(format!("`postures` must be letters or joint angles, found {found}"))
+        };
+        for (k, posture) in postures.try_iter().map_err(refused)?.enumerate() {
             let posture = posture?;
             let (name, angles) = match posture.extract::<String>() {
                 Ok(letter) => {
@@ -67,19 +61,28 @@ impl Plan {
         Ok(())
     }
 
-    fn posture(&self, argument: &'static str, posture: NameOrNumber) -> Result<usize, Error> {
-        match posture {
-            NameOrNumber::Number(number) => Ok(number),
-            NameOrNumber::Name(name) => self.names.iter().position(|known| *known == name).ok_or_else(|| {
-                let known = self.names.join(", ");
-                Error::input(format!("`{argument}` must be one of the postures {known}, found '{name}'"))
-            }),
-        }
+    /// A posture by its name, or its number.
+    fn posture(&self, argument: &str, posture: &Bound<'_, PyAny>) -> Result<usize, Error> {
+        let Ok(name) = posture.extract::<String>() else {
+            let refused = |_| {
+                let found = a_type(posture);
+                Error::input(format!("`{argument}` must name a posture or be its number, found {found}"))
+            };
+            return index(argument, integer(posture).map_err(refused)?);
+        };
+        self.names.iter().position(|known| *known == name).ok_or_else(|| {
+            let known = self.names.join(", ");
+            Error::input(format!("`{argument}` must be one of the postures {known}, found '{name}'"))
+        })
     }
 
     pub(super) fn key_frames(&self, template: &Bound<'_, PyAny>) -> Result<Vec<KeyFrame>, Error> {
-        let frames: Vec<(f64, NameOrNumber)> = template.extract()?;
-        let frame = |(share, posture)| Ok(KeyFrame { share, posture: self.posture("template", posture)? });
+        let refused =
+            |_| Error::input("`template` must be tuples (share, posture), of which something is no tuple");
+        let frames: Vec<(f64, Bound<'_, PyAny>)> = template.extract().map_err(refused)?;
+        let frame = |(share, posture): (f64, Bound<'_, PyAny>)| {
+            Ok(KeyFrame { share, posture: self.posture("template", &posture)? })
+        };
         frames.into_iter().map(frame).collect()
     }
 
@@ -87,7 +90,8 @@ impl Plan {
         let Some(changes) = changes else { return Ok(()) };
         // what the others are understood by comes first
         if let Some(diver) = changes.get_item("diver")? {
-            self.dive.diver = diver.cast::<Diver>().map_err(PyErr::from)?.get().diver;
+            let refused = |_| Error::input(format!("`diver` must be a Diver, found {}", a_type(&diver)));
+            self.dive.diver = diver.cast::<Diver>().map_err(refused)?.get().diver;
         }
         if let Some(postures) = changes.get_item("postures")? {
             self.set_postures(&postures)?;
@@ -100,42 +104,47 @@ impl Plan {
     }
 
     fn set(&mut self, name: &str, value: &Bound<'_, PyAny>) -> Result<(), Error> {
-        let range = || Ok::<Range, PyErr>(value.extract::<NumberOrRange>()?.into());
+        let range = || number_or_range(name, value).map(|(lower, upper)| Range::new(lower, upper));
+        let float = || number(name, value);
+        let refused = |_| Error::input(format!("`{name}` has the wrong type: found {}", a_type(value)));
+        let whole = || count(name, integer(value).map_err(refused)?, 1);
         match name {
             "diver" | "postures" => {}
-            "first" => self.dive.first = self.posture("first", value.extract()?)?,
-            "last" => self.dive.last = self.posture("last", value.extract()?)?,
-            "channels" => self.dive.channels = channels_of(&value.extract::<String>()?)?,
+            "first" => self.dive.first = self.posture("first", value)?,
+            "last" => self.dive.last = self.posture("last", value)?,
+            "channels" => self.dive.channels = channels_of(&value.extract::<String>().map_err(refused)?)?,
             "windows" => {
-                let windows: Vec<NumberOrRange> = value.extract()?;
-                self.dive.windows = windows.into_iter().map(Range::from).collect();
+                let windows: Vec<Bound<'_, PyAny>> = value.extract().map_err(refused)?;
+                let window = |window| number_or_range(name, &window);
+                let windows = windows.into_iter().map(window).collect::<Result<Vec<_>, Error>>()?;
+                self.dive.windows = windows.into_iter().map(|(a, b)| Range::new(a, b)).collect();
             }
-            "square_out" => self.dive.square_out = value.extract()?,
-            "n_par" => self.dive.n_par = value.extract()?,
-            "somersaults" => self.dive.somersaults = value.extract()?,
-            "twists" => self.dive.twists = value.extract()?,
+            "square_out" => self.dive.square_out = float()?,
+            "n_par" => self.dive.n_par = whole()?,
+            "somersaults" => self.dive.somersaults = float()?,
+            "twists" => self.dive.twists = float()?,
             "lean" => self.dive.lean = range()?,
-            "entry_lean" => self.dive.entry_lean = value.extract()?,
+            "entry_lean" => self.dive.entry_lean = float()?,
             "duration" => self.dive.duration = range()?,
             "momentum" => self.dive.momentum = range()?,
-            "platform" => self.dive.platform = value.extract()?,
-            "entry_distance" => self.dive.entry_distance = value.extract()?,
-            "momentum_penalty" => self.dive.penalties.momentum = value.extract()?,
-            "rate_penalty" => self.dive.penalties.rate = value.extract()?,
-            "acceleration_penalty" => self.dive.penalties.acceleration = value.extract()?,
+            "platform" => self.dive.platform = float()?,
+            "entry_distance" => self.dive.entry_distance = float()?,
+            "momentum_penalty" => self.dive.penalties.momentum = float()?,
+            "rate_penalty" => self.dive.penalties.rate = float()?,
+            "acceleration_penalty" => self.dive.penalties.acceleration = float()?,
             "clearance" => {
-                let distance: Option<f64> = value.extract()?;
+                let distance = if value.is_none() { None } else { Some(float()?) };
                 let n_times = self.clearance_times;
                 self.dive.clearance = distance.map(|distance| Clearance { distance, n_times });
             }
             "clearance_times" => {
-                self.clearance_times = value.extract()?;
+                self.clearance_times = whole()?;
                 if let Some(clearance) = &mut self.dive.clearance {
                     clearance.n_times = self.clearance_times;
                 }
             }
-            "n_steps" => self.dive.n_steps = value.extract()?,
-            "n_pieces" => self.dive.n_pieces = value.extract()?,
+            "n_steps" => self.dive.n_steps = whole()?,
+            "n_pieces" => self.dive.n_pieces = whole()?,
             "template" => self.template = Some(self.key_frames(value)?),
             other => {
                 let message = format!("a dive has no argument '{other}'");
@@ -146,7 +155,8 @@ impl Plan {
     }
 
     pub(super) fn build(self) -> Result<Dive, Error> {
-        Ok(Dive { program: self.dive.program()?, plan: self })
+        let program = self.dive.program().map_err(|error| Error::from(error).with_names(&NAMES))?;
+        Ok(Dive { program, plan: self })
     }
 }
 

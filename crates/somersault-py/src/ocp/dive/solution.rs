@@ -3,12 +3,15 @@
 use super::{Dive, DiveVerification, LiteralDive};
 use crate::convert::array;
 use crate::error::Error;
+use crate::ocp::arguments::{count, integer};
 use crate::ocp::solver::{Report, status_name};
+use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::ocp::dive::{Channels, DiveMotion, PeakTorque};
 use somersault::ocp::solver;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// A dive that was found: what the solver says of it, its motion, and how it holds when integrated anew.
 ///
@@ -17,6 +20,7 @@ use std::f64::consts::TAU;
 pub(crate) struct DiveSolution {
     dive: Py<Dive>,
     pub(super) report: solver::Report,
+    verifier: Arc<Verifier>,
     motion: DiveMotion,
     momentum: f64,
     duration: f64,
@@ -30,8 +34,12 @@ impl DiveSolution {
     pub(super) fn of(dive: &Bound<'_, Dive>, report: solver::Report) -> Result<Self, Error> {
         let program = &dive.get().program;
         let model = program.path().model();
+        let (judged, z) = (program.clone(), report.z.clone());
         Ok(Self {
             dive: dive.clone().unbind(),
+            verifier: Verifier::new(move |py| {
+                Ok(Py::new(py, DiveVerification(py.detach(|| judged.report(&z))?))?.into_any())
+            }),
             motion: program.motion(&report.z)?,
             momentum: program.momentum(&report.z),
             duration: program.duration(&report.z),
@@ -71,7 +79,7 @@ impl DiveSolution {
     /// Report: What the solver says, of the last stage.
     #[getter]
     fn report(&self) -> Report {
-        Report { report: self.report.clone() }
+        Report { report: self.report.clone(), verifier: Some(self.verifier.clone()) }
     }
 
     /// str: How the search ended; see `Report`.
@@ -80,10 +88,28 @@ impl DiveSolution {
         status_name(self.report.status)
     }
 
-    /// bool: Whether all residuals are within their tolerances.
+    /// str: The status in a sentence, and another about the verification.
+    #[getter]
+    fn message(&self, py: Python<'_>) -> PyResult<String> {
+        Ok(format!("{}. {}", self.report.status.message(), self.verifier.judge(py)?.1))
+    }
+
+    /// bool: Whether all residuals are within their tolerances: the program is solved, whatever it is worth; see `confirmed`.
     #[getter]
     fn success(&self) -> bool {
         self.report.status.is_converged()
+    }
+
+    /// bool: Whether integrations that know nothing of how the dive was found agree with it.
+    #[getter]
+    fn confirmed(&self, py: Python<'_>) -> PyResult<bool> {
+        Ok(self.verifier.judge(py)?.0)
+    }
+
+    /// DiveVerification: The dive integrated anew, when first asked for.
+    #[getter]
+    fn verification(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
+        self.verifier.get(py)
     }
 
     /// ndarray, shape (n,): Decision vector.
@@ -246,14 +272,13 @@ impl DiveSolution {
         phases
     }
 
-    /// Judges the dive by integrations that know nothing of how it was found.
+    /// Judges the dive by integrations that know nothing of how it was found: its `verification`.
     ///
     /// Returns
     /// -------
     /// DiveVerification
-    fn verify(&self, py: Python<'_>) -> Result<DiveVerification, Error> {
-        let program = &self.dive.get().program;
-        Ok(DiveVerification(py.detach(|| program.report(&self.report.z))?))
+    fn verify(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
+        self.verifier.get(py)
     }
 
     /// The planar dive as the thesis has it: the full hybrid dynamics by explicit Euler, x₊ = x + Δt f(x, u) (2.8).
@@ -289,10 +314,11 @@ impl DiveSolution {
     fn literal(
         &self,
         py: Python<'_>,
-        n_steps: usize,
+        #[pyo3(from_py_with = integer)] n_steps: i64,
         optimise: bool,
         on_interrupt: &str,
     ) -> Result<LiteralDive, Error> {
+        let n_steps = count("n_steps", n_steps, 1)?;
         LiteralDive::of(py, &self.dive.get().program, &self.report.z, n_steps, optimise, on_interrupt)
     }
 
@@ -307,7 +333,12 @@ impl DiveSolution {
     /// -------
     /// ndarray, shape (n_steps + 1,)
     #[pyo3(signature = (n_steps=200))]
-    fn literal_momentum<'py>(&self, py: Python<'py>, n_steps: usize) -> Result<Bound<'py, PyAny>, Error> {
+    fn literal_momentum<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = integer)] n_steps: i64,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let n_steps = count("n_steps", n_steps, 1)?;
         let along = self.dive.get().program.momentum_in_coordinates(&self.report.z, n_steps)?;
         Ok(numpy::PyArray1::from_vec(py, along).into_any())
     }
@@ -316,15 +347,35 @@ impl DiveSolution {
         self.motion.times.len()
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let end = self.motion.angles.last().copied().unwrap_or_default();
-        format!(
-            "<DiveSolution: {}, {:.3} somersaults, {:.3} twists, L = {:.2} kg m²/s, {} times>",
+        Ok(format!(
+            "<DiveSolution: {}, {}, {:.3} somersaults, {:.3} twists, L = {:.2} kg m²/s, {} times>",
             self.status(),
+            judgement(py, &self.verifier)?,
             end.somersault / TAU,
             end.twist / TAU,
             self.momentum,
             self.motion.times.len()
-        )
+        ))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let arguments = (slf.get().dive.clone_ref(slf.py()), slf.get().report()).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled dive; its motion follows from z.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        dive: &Bound<'_, Dive>,
+        report: &Bound<'_, Report>,
+    ) -> Result<Self, Error> {
+        let Report { report, verifier } = report.get();
+        dive.get().checked(report.z.clone())?;
+        let solution = Self::of(dive, report.clone())?;
+        let verifier = verifier.clone().unwrap_or(solution.verifier.clone());
+        Ok(Self { verifier, ..solution })
     }
 }

@@ -1,9 +1,10 @@
 //! How a dive holds when integrated anew.
 
-use crate::convert::vector_array;
+use crate::convert::{any_vector, vector_array};
+use crate::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use somersault::ocp::dive::DiveReport;
+use pyo3::types::{PyDict, PyTuple, PyType};
+use somersault::ocp::dive::{ALLOWED, DiveReport, PeakTorque};
 
 /// A dive as independent integrations have it.
 ///
@@ -14,6 +15,25 @@ pub(crate) struct DiveVerification(pub(super) DiveReport);
 
 #[pymethods]
 impl DiveVerification {
+    /// bool: Whether both integrations agree with what was found: orientations to `allowed` rad at all times and at the
+    /// entry, the angular momentum to this share of it.
+    #[getter]
+    fn confirmed(&self) -> bool {
+        self.0.is_confirmed(ALLOWED)
+    }
+
+    /// float: What `confirmed` allows, 10⁻³.
+    #[getter]
+    fn allowed(&self) -> f64 {
+        ALLOWED
+    }
+
+    /// str: What the dive is worth, in a sentence.
+    #[getter]
+    fn message(&self) -> String {
+        self.0.sentence(ALLOWED)
+    }
+
     /// float: Somersaults to the entry, turns.
     #[getter]
     fn somersaults(&self) -> f64 {
@@ -44,6 +64,12 @@ impl DiveVerification {
         self.0.defect
     }
 
+    /// ndarray, shape (n,): That angle at each of the times `DiveSolution.t`, rad.
+    #[getter]
+    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.0.defects).into_any()
+    }
+
     /// float: Change of the angular momentum in the full dynamics, relative.
     #[getter]
     fn momentum_drift(&self) -> f64 {
@@ -71,13 +97,13 @@ impl DiveVerification {
     /// float or None: Least distance of limbs, m, where the dive has a clearance.
     #[getter]
     fn least_distance(&self) -> Option<f64> {
-        self.0.least_distance.map(|(distance, _)| distance)
+        self.0.least_distance.as_ref().map(|(distance, _)| *distance)
     }
 
     /// tuple of str or None: The limbs that come nearest.
     #[getter]
-    fn nearest_limbs(&self) -> Option<(&'static str, &'static str)> {
-        self.0.least_distance.map(|(_, [first, second])| (first, second))
+    fn nearest_limbs(&self) -> Option<(&str, &str)> {
+        self.0.least_distance.as_ref().map(|(_, [first, second])| (first.as_str(), second.as_str()))
     }
 
     /// dict of str to (float, float): For each joint the largest force, N m, and when, s.
@@ -98,9 +124,62 @@ impl DiveVerification {
         vector_array(py, &self.0.take_off_velocity)
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, found) = (slf.py(), &slf.get().0);
+        let torques: Vec<_> =
+            found.peak_torques.iter().map(|peak| (peak.joint.clone(), peak.torque, peak.time)).collect();
+        let arguments = (
+            (found.momentum, found.duration, found.somersaults, found.twists, found.tilt, found.entry_angle),
+            (
+                numpy::PyArray1::from_slice(py, &found.defects),
+                found.momentum_drift,
+                found.full_dynamics_defect,
+            ),
+            (found.least_channel, found.greatest_sum, found.least_distance.clone()),
+            torques,
+            (vector_array(py, &found.take_off), vector_array(py, &found.take_off_velocity)),
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled verification.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        flight: (f64, f64, f64, f64, f64, f64),
+        integration: (Vec<f64>, f64, f64),
+        bounds: (f64, f64, Option<(f64, [String; 2])>),
+        torques: Vec<(String, f64, f64)>,
+        take_off: (Bound<'_, PyAny>, Bound<'_, PyAny>),
+    ) -> Result<Self, Error> {
+        let (momentum, duration, somersaults, twists, tilt, entry_angle) = flight;
+        let (defects, momentum_drift, full_dynamics_defect) = integration;
+        let (least_channel, greatest_sum, least_distance) = bounds;
+        let peak = |(joint, torque, time)| PeakTorque { joint, torque, time };
+        Ok(Self(DiveReport {
+            momentum,
+            duration,
+            somersaults,
+            twists,
+            tilt,
+            entry_angle,
+            defect: defects.iter().copied().fold(0.0, f64::max),
+            defects,
+            momentum_drift,
+            full_dynamics_defect,
+            least_channel,
+            greatest_sum,
+            least_distance,
+            peak_torques: torques.into_iter().map(peak).collect(),
+            take_off: any_vector("take_off", &take_off.0)?,
+            take_off_velocity: any_vector("take_off_velocity", &take_off.1)?,
+        }))
+    }
+
     fn __repr__(&self) -> String {
+        let confirmed = if self.confirmed() { "confirmed" } else { "not confirmed" };
         format!(
-            "<DiveVerification: entry {:.4}° off the vertical, defect {:.1e} rad, momentum drift {:.1e}>",
+            "<DiveVerification: {confirmed}, entry {:.4}° off the vertical, defect {:.1e} rad, momentum drift {:.1e}>",
             self.0.entry_angle.to_degrees(),
             self.0.defect,
             self.0.momentum_drift

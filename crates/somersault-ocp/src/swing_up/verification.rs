@@ -1,0 +1,47 @@
+//! What an accurate integration makes of a swing-up.
+
+use super::{CartPendulumProblem, SwingUp};
+use crate::nlp::Nlp;
+use crate::solver::{Flow, Iteration, NlpSolver, SolverError, Start};
+use crate::verification::{Verification, VerificationError, Verified, verify};
+
+/// Steps of the integration of the cost: no fewer than ten for each of the thesis'.
+const STEPS: usize = 2000;
+
+/// A swing-up integrated anew, with the same motion of the cart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SwingUpVerification {
+    /// Of the motion.
+    pub motion: Verification,
+    /// Cost of the motion integrated accurately from start to end.
+    pub cost: f64,
+    /// Relative change of that cost when its step was last halved.
+    pub cost_error: f64,
+}
+
+impl CartPendulumProblem {
+    /// Integrates the motion of the cart's parameters `z` anew.
+    pub fn verify(&self, z: &[f64]) -> Result<SwingUpVerification, VerificationError> {
+        let model = self.system.model().map_err(crate::error::OcpError::from)?;
+        let motion = verify(&mut self.shooting()?, &model, z)?;
+        let factor = STEPS.div_ceil(self.n_steps);
+        let refined = |factor| -> Result<f64, VerificationError> {
+            Ok(self.refined(factor).single_shooting()?.evaluate(z, &mut [])?)
+        };
+        let (coarse, cost) = (refined(factor)?, refined(2 * factor)?);
+        Ok(SwingUpVerification { motion, cost, cost_error: (cost - coarse).abs() / cost.abs() })
+    }
+
+    /// Solves `program`, the lifted form of this problem, and integrates the motion of the best iterate anew.
+    pub fn solve_verified(
+        &self,
+        program: &mut SwingUp,
+        solver: &dyn NlpSolver,
+        start: &Start,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Result<Verified<SwingUpVerification>, SolverError> {
+        let report = solver.solve(program, start, on_iteration)?;
+        let verification = self.verify(&report.z[..program.n_parameters()]);
+        Ok(Verified { report, verification })
+    }
+}

@@ -1,0 +1,112 @@
+//! Arguments as Python gives them, refused by their names.
+
+use crate::convert::a_type;
+use crate::error::Error;
+use pyo3::exceptions::PyOverflowError;
+use pyo3::prelude::*;
+
+/// Most entries of anything that is kept in memory: steps, coefficients, starts.
+const MOST: i64 = 1_000_000;
+
+/// An integer; one beyond 64 bits is the nearest of them.
+pub(crate) fn integer(value: &Bound<'_, PyAny>) -> PyResult<i64> {
+    match value.extract::<i64>() {
+        Err(error) if error.is_instance_of::<PyOverflowError>(value.py()) => {
+            Ok(if value.lt(0)? { i64::MIN } else { i64::MAX })
+        }
+        found => found,
+    }
+}
+
+/// The same for an argument that may be None.
+pub(crate) fn integer_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
+    if value.is_none() { Ok(None) } else { integer(value).map(Some) }
+}
+
+/// A sequence of integers, or None.
+pub(crate) fn integers_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<Vec<i64>>> {
+    if value.is_none() {
+        return Ok(None);
+    }
+    value.try_iter()?.map(|item| integer(&item?)).collect::<PyResult<Vec<_>>>().map(Some)
+}
+
+/// A number of things of which there are at least `least` and no more than memory has room for.
+pub(crate) fn count(argument: &str, found: i64, least: i64) -> Result<usize, Error> {
+    match usize::try_from(found) {
+        Ok(n) if (least..=MOST).contains(&found) => Ok(n),
+        _ => Err(Error::ocp_input(format!("`{argument}` must be from {least} to {MOST}, found {found}"))),
+    }
+}
+
+/// A limit, which may be as large as it likes.
+pub(crate) fn limit(argument: &str, found: Option<i64>, least: i64) -> Result<Option<usize>, Error> {
+    let Some(found) = found else { return Ok(None) };
+    match usize::try_from(found) {
+        Ok(n) if found >= least => Ok(Some(n)),
+        _ => Err(Error::ocp_input(format!("`{argument}` must be at least {least}, found {found}"))),
+    }
+}
+
+/// The number of one of `n` things, or of any where that is not known yet.
+pub(crate) fn index(argument: &str, found: i64) -> Result<usize, Error> {
+    usize::try_from(found)
+        .map_err(|_| Error::ocp_input(format!("`{argument}` must not be negative, found {found}")))
+}
+
+/// Where a random sequence begins.
+pub(crate) fn seed_of(found: i64) -> Result<u64, Error> {
+    u64::try_from(found)
+        .map_err(|_| Error::ocp_input(format!("`seed` must be from 0 to 2⁶³ − 1, found {found}")))
+}
+
+/// A tolerance.
+pub(crate) fn tolerance(argument: &str, found: Option<f64>) -> Result<Option<f64>, Error> {
+    match found {
+        Some(x) if !(x > 0.0 && x.is_finite()) => {
+            Err(Error::ocp_input(format!("`{argument}` must be positive and finite, found {x}")))
+        }
+        found => Ok(found),
+    }
+}
+
+/// A number, by the name of its argument.
+pub(crate) fn number(argument: &str, value: &Bound<'_, PyAny>) -> Result<f64, Error> {
+    value
+        .extract()
+        .map_err(|_| Error::input(format!("`{argument}` must be a number, found {}", a_type(value))))
+}
+
+/// A number, or the two ends of a range; finite and in order.
+pub(crate) fn number_or_range(argument: &str, value: &Bound<'_, PyAny>) -> Result<(f64, f64), Error> {
+    let range = match value.extract::<(f64, f64)>() {
+        Ok(range) => range,
+        Err(_) => {
+            let number: f64 = value.extract().map_err(|_| {
+                let found = a_type(value);
+                Error::input(format!("`{argument}` must be a number or a pair of numbers, found {found}"))
+            })?;
+            (number, number)
+        }
+    };
+    Ok(range)
+}
+
+/// Numbers that are finite, by the name of their argument.
+pub(crate) fn finite_all(argument: &str, values: Vec<f64>) -> Result<Vec<f64>, Error> {
+    match values.iter().find(|x| !x.is_finite()) {
+        None => Ok(values),
+        Some(found) => Err(Error::ocp_input(format!("`{argument}` must be finite, found {found}"))),
+    }
+}
+
+impl Error {
+    /// The same error by the names that Python has for arguments of the library: pairs of that one and this.
+    pub(crate) fn with_names(self, names: &[(&str, &str)]) -> Self {
+        let Self::Own { class, mut message } = self else { return self };
+        for (theirs, ours) in names {
+            message = message.replace(&format!("`{theirs}`"), &format!("`{ours}`"));
+        }
+        Self::Own { class, message }
+    }
+}

@@ -1,0 +1,218 @@
+//! Many starts, and what came of them.
+
+use super::arguments::tolerance;
+use super::solver::{ATTENTION, Report};
+use super::verification::Verifier;
+use crate::error::Error;
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::ocp::nlp::Nlp;
+use somersault::ocp::solver::{
+    self, FailureCause, MultiStart, MultiStartReport, NlpSolver, SolverError, Start, Status,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Instant;
+
+/// What all searches are told.
+pub(crate) struct SearchArguments<S> {
+    pub(crate) solver: S,
+    pub(crate) distance_tol: f64,
+    pub(crate) deadline: Option<Instant>,
+    /// Whether Ctrl-C returns what has been found.
+    pub(crate) returned: bool,
+}
+
+impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
+    /// Solves from all starts without the interpreter, which looks for Ctrl-C meanwhile. `cart` makes reports of the
+    /// variables that the caller knows.
+    pub(crate) fn run<N: Nlp>(
+        self,
+        py: Python<'_>,
+        starts: &[Start],
+        make: impl Fn() -> Result<N, Error> + Sync,
+        reported: impl Fn(solver::Report) -> solver::Report,
+        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
+    ) -> Result<SearchResult, Error> {
+        tolerance("distance_tol", Some(self.distance_tol))?;
+        let many = MultiStart { distance_tol: self.distance_tol, ..MultiStart::new(self.solver) };
+        let (stop, mut is_late, mut raised) = (AtomicBool::new(false), false, None);
+        let found = py.detach(|| {
+            thread::scope(|scope| {
+                let search = scope
+                    .spawn(|| many.try_solve::<N, Error>(&make, starts, || stop.load(Ordering::Relaxed)));
+                while !search.is_finished() {
+                    thread::park_timeout(ATTENTION / 10);
+                    if raised.is_none() {
+                        raised = Python::attach(|py| py.check_signals()).err();
+                    }
+                    is_late |= self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+                    stop.fetch_or(is_late || raised.is_some(), Ordering::Relaxed);
+                }
+                search.join()
+            })
+        });
+        let found = found.map_err(|_| Error::ocp(&"the search broke off"))??;
+        match raised {
+            Some(error) if !(self.returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
+                Err(error.into())
+            }
+            raised => SearchResult::of(py, found, is_late && raised.is_none(), reported, verifier),
+        }
+    }
+}
+
+/// What came of many starts.
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct SearchResult {
+    minima: Vec<Py<Report>>,
+    /// list of list of int: Numbers of the starts that led to each minimum.
+    #[pyo3(get)]
+    starts: Vec<Vec<usize>>,
+    unfinished: Vec<Py<Report>>,
+    failures: Vec<(usize, String)>,
+    status: String,
+}
+
+impl SearchResult {
+    fn of(
+        py: Python<'_>,
+        found: MultiStartReport,
+        is_late: bool,
+        reported: impl Fn(solver::Report) -> solver::Report,
+        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
+    ) -> Result<Self, Error> {
+        let status = match (found.is_interrupted(), is_late, found.minima.is_empty()) {
+            (true, true, _) => "time_limit",
+            (true, false, _) => "interrupted",
+            (false, _, false) => "converged",
+            (false, _, true) => "no_minimum",
+        };
+        let report = |report: solver::Report| {
+            let mut report = reported(report);
+            if is_late && report.status == Status::Interrupted {
+                report.status = Status::TimeLimit;
+            }
+            let verifier = verifier(&report);
+            Py::new(py, Report { report, verifier })
+        };
+        let unfinished: Vec<solver::Report> = found.unfinished().into_iter().cloned().collect();
+        let mut search = Self {
+            minima: Vec::new(),
+            starts: Vec::new(),
+            unfinished: unfinished.into_iter().map(report).collect::<PyResult<_>>()?,
+            failures: Vec::new(),
+            status: status.to_owned(),
+        };
+        for minimum in found.minima {
+            search.minima.push(report(minimum.report)?);
+            search.starts.push(minimum.starts);
+        }
+        for failure in found.failures {
+            let cause = match failure.cause {
+                FailureCause::Ended(ended) if is_late && ended.status == Status::Interrupted => {
+                    Status::TimeLimit.message().to_owned()
+                }
+                FailureCause::Ended(ended) => ended.status.message().to_owned(),
+                FailureCause::Error(SolverError::Failed { source, .. }) => match source.downcast::<PyErr>() {
+                    // a fault in a function of the user is one for all starts
+                    Ok(error) => return Err((*error).into()),
+                    Err(other) => other.to_string(),
+                },
+                FailureCause::Error(error) => error.to_string(),
+                FailureCause::Skipped => "not begun".to_owned(),
+            };
+            search.failures.push((failure.start, cause));
+        }
+        Ok(search)
+    }
+}
+
+fn all(py: Python<'_>, reports: &[Py<Report>]) -> Vec<Py<Report>> {
+    reports.iter().map(|report| report.clone_ref(py)).collect()
+}
+
+#[pymethods]
+impl SearchResult {
+    /// str: ``'converged'`` where all starts have ended and at least one in a minimum, ``'no_minimum'`` where none did,
+    /// ``'interrupted'`` or ``'time_limit'`` where not all of them could end.
+    #[getter]
+    fn status(&self) -> &str {
+        &self.status
+    }
+
+    /// bool: Whether there is a minimum.
+    #[getter]
+    fn success(&self) -> bool {
+        !self.minima.is_empty()
+    }
+
+    /// list of Report: Distinct minima, that of least cost first.
+    #[getter]
+    fn minima(&self, py: Python<'_>) -> Vec<Py<Report>> {
+        all(py, &self.minima)
+    }
+
+    /// list of Report: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then
+    /// others by their violations.
+    #[getter]
+    fn unfinished(&self, py: Python<'_>) -> Vec<Py<Report>> {
+        all(py, &self.unfinished)
+    }
+
+    /// Report: The minimum of least cost; where there is none, the best iterate of all starts.
+    #[getter]
+    fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
+        match self.minima.first().or(self.unfinished.first()) {
+            Some(report) => Ok(report.clone_ref(py)),
+            None => Err(Error::ocp(&"no start led to an iterate; see `failures`")),
+        }
+    }
+
+    /// list of tuple: Number of each start that led to no minimum, and why.
+    #[getter]
+    fn failures(&self) -> Vec<(usize, String)> {
+        self.failures.clone()
+    }
+
+    fn __repr__(&self) -> String {
+        let converged: usize = self.starts.iter().map(Vec::len).sum();
+        format!(
+            "<SearchResult: {}, {} distinct minima from {converged} of {} starts>",
+            self.status,
+            self.minima.len(),
+            converged + self.failures.len()
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, search) = (slf.py(), slf.get());
+        let arguments = (
+            all(py, &search.minima),
+            search.starts.clone(),
+            all(py, &search.unfinished),
+            search.failures.clone(),
+            search.status.clone(),
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled search.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        minima: Vec<Py<Report>>,
+        starts: Vec<Vec<usize>>,
+        unfinished: Vec<Py<Report>>,
+        failures: Vec<(usize, String)>,
+        status: String,
+    ) -> Result<Self, Error> {
+        if minima.len() != starts.len() {
+            let (n, found) = (minima.len(), starts.len());
+            return Err(Error::input(format!("`starts` must have {n} entries, found {found}")));
+        }
+        Ok(Self { minima, starts, unfinished, failures, status })
+    }
+}

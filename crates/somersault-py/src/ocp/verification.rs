@@ -1,0 +1,252 @@
+//! What accurate integrations make of results.
+
+use crate::error::Error;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyTuple, PyType};
+use somersault::ocp::verification::{self, ALLOWED, VerificationError};
+use std::sync::Arc;
+
+type Make = Box<dyn Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync>;
+
+/// Integrates a result anew when it is first asked for, and once.
+pub(crate) struct Verifier {
+    found: PyOnceLock<Py<PyAny>>,
+    make: Option<Make>,
+}
+
+impl Verifier {
+    pub(crate) fn new(
+        make: impl Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync + 'static,
+    ) -> Arc<Self> {
+        Arc::new(Self { found: PyOnceLock::new(), make: Some(Box::new(make)) })
+    }
+
+    /// A verification that is there, of a stored result.
+    pub(crate) fn of(py: Python<'_>, verification: Py<PyAny>) -> Arc<Self> {
+        let found = PyOnceLock::new();
+        // the cell is new, so that nothing can be in it
+        let _ = found.set(py, verification);
+        Arc::new(Self { found, make: None })
+    }
+
+    pub(crate) fn get(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
+        let make = || match &self.make {
+            Some(make) => make(py),
+            None => Err(Error::ocp(&"the result was stored without its verification")),
+        };
+        Ok(self.found.get_or_try_init(py, make)?.clone_ref(py))
+    }
+
+    /// Whether the integration agrees, and a sentence; an integration that is not possible does not agree.
+    pub(crate) fn judge(&self, py: Python<'_>) -> PyResult<(bool, String)> {
+        match self.get(py) {
+            Ok(found) => {
+                let found = found.bind(py);
+                Ok((found.getattr("confirmed")?.extract()?, found.getattr("message")?.extract()?))
+            }
+            Err(Error::Own { message, .. }) => {
+                Ok((false, format!("The motion cannot be integrated anew: {message}.")))
+            }
+            Err(Error::Raised(error)) => Err(error),
+        }
+    }
+}
+
+/// "confirmed", or what it is not, in the text that stands for a result.
+pub(crate) fn judgement(py: Python<'_>, verifier: &Verifier) -> PyResult<&'static str> {
+    Ok(if verifier.judge(py)?.0 { "confirmed" } else { "NOT confirmed by integration" })
+}
+
+/// A motion integrated anew and accurately: from each node to the next one, and once from start to end.
+///
+/// Distances are the largest entry of the displacement of the positions (m, rad) and of the difference of the
+/// velocities (m/s, rad/s); of a `CollocationResult` they are relative to 1 + max |x|.
+#[pyclass(frozen, subclass, module = "somersault.ocp")]
+pub(crate) struct Verification {
+    pub(crate) found: verification::Verification,
+    allowed: f64,
+    confirmed: bool,
+    message: String,
+}
+
+impl Verification {
+    /// Of a motion by shooting: defects add up to at most [`ALLOWED`].
+    pub(crate) fn of(found: verification::Verification) -> Self {
+        Self {
+            allowed: ALLOWED,
+            confirmed: found.is_confirmed(ALLOWED),
+            message: found.sentence(ALLOWED, None),
+            found,
+        }
+    }
+
+    pub(crate) fn judged(
+        found: verification::Verification,
+        allowed: f64,
+        confirmed: bool,
+        message: String,
+    ) -> Self {
+        Self { found, allowed, confirmed, message }
+    }
+
+    pub(crate) fn with_message(self, message: String) -> Self {
+        Self { message, ..self }
+    }
+
+    /// What a stored one is made of.
+    pub(crate) fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let verification::Verification { defects, terminal_error, momentum_drift } = &self.found;
+        let defects = numpy::PyArray1::from_slice(py, defects);
+        (defects, *terminal_error, *momentum_drift, self.allowed, self.confirmed, &self.message)
+            .into_pyobject(py)
+    }
+
+    pub(crate) fn of_parts(parts: Parts) -> Self {
+        let (defects, terminal_error, momentum_drift, allowed, confirmed, message) = parts;
+        let found = verification::Verification { defects, terminal_error, momentum_drift };
+        Self { found, allowed, confirmed, message }
+    }
+}
+
+/// Defects, terminal error, momentum drift, what is allowed, whether it is kept to, and a sentence.
+pub(crate) type Parts = (Vec<f64>, f64, f64, f64, bool, String);
+
+#[pymethods]
+impl Verification {
+    /// bool: Whether the integration agrees with the motion to `allowed`: of a motion by shooting the defects add up to no
+    /// more, of collocation none is larger. The terminal error is no part of it, since it grows along hyper-sensitive
+    /// motions however good they are.
+    #[getter]
+    fn confirmed(&self) -> bool {
+        self.confirmed
+    }
+
+    /// float: What `confirmed` allows: 10⁻⁴, or the tolerance of the collocation.
+    #[getter]
+    fn allowed(&self) -> f64 {
+        self.allowed
+    }
+
+    /// str: What the motion is worth, in a sentence.
+    #[getter]
+    fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// ndarray, shape (n_steps,): For each step, or each interval of collocation, integrated accurately from the node where
+    /// it begins, the distance at its end.
+    #[getter]
+    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.found.defects).into_any()
+    }
+
+    /// float: The largest defect.
+    #[getter]
+    fn max_defect(&self) -> f64 {
+        self.found.largest_defect()
+    }
+
+    /// float: The distance at the end, integrated from the start in one piece.
+    #[getter]
+    fn terminal_error(&self) -> f64 {
+        self.found.terminal_error
+    }
+
+    /// float: Largest change of the angular momentum about the centre of mass over the nodes, kg m²/s; meant for flight.
+    #[getter]
+    fn momentum_drift(&self) -> f64 {
+        self.found.momentum_drift
+    }
+
+    /// What the motion is worth where its use allows another distance, in a sentence.
+    ///
+    /// Parameters
+    /// ----------
+    /// allowed : float, optional
+    ///
+    /// Returns
+    /// -------
+    /// str
+    #[pyo3(signature = (allowed=1e-4))]
+    fn sentence(&self, allowed: f64) -> Result<String, Error> {
+        super::arguments::tolerance("allowed", Some(allowed))?;
+        Ok(self.found.sentence(allowed, None))
+    }
+
+    fn __repr__(&self) -> String {
+        let (end, defect) = (self.found.terminal_error, self.found.largest_defect());
+        let confirmed = if self.confirmed { "confirmed" } else { "not confirmed" };
+        format!("<Verification: {confirmed}, terminal error {end:.1e}, largest defect {defect:.1e}>")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let restore = slf.py().get_type::<Self>().getattr("_restore")?;
+        Ok((restore, (slf.get().parts(slf.py())?,).into_pyobject(slf.py())?))
+    }
+
+    /// A pickled verification.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, parts: Parts) -> Self {
+        Self::of_parts(parts)
+    }
+}
+
+/// A swing-up integrated anew, with the same motion of the cart.
+#[pyclass(frozen, extends = Verification, module = "somersault.ocp")]
+pub(crate) struct SwingUpVerification {
+    /// float: Cost of the motion integrated accurately from start to end.
+    #[pyo3(get)]
+    cost: f64,
+    /// float: Relative change of that cost when its step was last halved.
+    #[pyo3(get)]
+    cost_error: f64,
+}
+
+impl SwingUpVerification {
+    /// With the cost that was found, where it is known, in the message.
+    pub(crate) fn of(
+        py: Python<'_>,
+        found: somersault::ocp::swing_up::SwingUpVerification,
+        cost_found: f64,
+    ) -> PyResult<Py<Self>> {
+        let somersault::ocp::swing_up::SwingUpVerification { motion, cost, cost_error } = found;
+        let message = motion.sentence(ALLOWED, Some((cost_found, cost)));
+        let base = Verification::of(motion).with_message(message);
+        Py::new(py, PyClassInitializer::from(base).add_subclass(Self { cost, cost_error }))
+    }
+}
+
+#[pymethods]
+impl SwingUpVerification {
+    fn __repr__(slf: &Bound<'_, Self>) -> String {
+        let (base, cost) = (slf.as_super().get(), slf.get().cost);
+        let (end, defect) = (base.found.terminal_error, base.found.largest_defect());
+        let confirmed = if base.confirmed { "confirmed" } else { "not confirmed" };
+        format!(
+            "<SwingUpVerification: {confirmed}, cost {cost:.8}, terminal error {end:.1e}, largest defect {defect:.1e}>"
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let restore = slf.get_type().getattr("_restore")?;
+        let parts = slf.as_super().get().parts(slf.py())?;
+        Ok((restore, (parts, slf.get().cost, slf.get().cost_error).into_pyobject(slf.py())?))
+    }
+
+    /// A pickled verification.
+    #[classmethod]
+    fn _restore(cls: &Bound<'_, PyType>, parts: Parts, cost: f64, cost_error: f64) -> PyResult<Py<Self>> {
+        let base = Verification::of_parts(parts);
+        Py::new(cls.py(), PyClassInitializer::from(base).add_subclass(Self { cost, cost_error }))
+    }
+}
+
+pub(crate) fn unverified(error: VerificationError) -> Error {
+    match error {
+        VerificationError::Problem(error) => error.into(),
+        VerificationError::Integration(error) => error.into(),
+        VerificationError::Dynamics(error) => error.into(),
+        error => Error::ocp(&error),
+    }
+}
