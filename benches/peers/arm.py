@@ -1,24 +1,21 @@
 """The two-link arm of thesis 8.4: ten seconds, least effort, to 1e-6 of the cost, set-up included.
 
-Every contender solves the same problem from the same folded guess by collocation at Radau points; CasADi in
-two ways to write it. The reference comes from the boundary value problem of states and costates (thesis
-8.3), which no contender solves.
+Every contender solves the same problem by collocation at Radau points, from the same guesses: folded, and
+straight from start to end; CasADi in two ways to write it. The reference comes from the boundary value
+problem of states and costates (thesis 8.3), which no contender solves.
 """
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from measure import coarsest, interleaved, table
+from measure import Contender, program, race
 from scipy.integrate import solve_bvp
 
 TARGET = 1e-6
@@ -30,14 +27,15 @@ RUNS = 5
 
 @dataclass(frozen=True)
 class Case:
-    """An arm that travels from rest to rest, folded on the way; by default that of the thesis."""
+    """An arm that travels from rest to rest; by default that of the thesis, guessed to be folded."""
 
     masses: tuple[float, float] = (0.5, 0.5)
     lengths: tuple[float, float] = (2.0, 0.5)
     damping: tuple[float, float] = (0.2, 0.0)
     travel: float = np.pi
     duration: float = 10.0
-    fold: float = np.pi
+    fold: float | None = np.pi
+    """θ₂ on the way; none for a straight line from start to end."""
 
     def end(self, side: float) -> Any:
         """The state at the start (−1) or at the end (1)."""
@@ -45,17 +43,7 @@ class Case:
 
 
 THESIS = Case()
-
-
-@dataclass(frozen=True, eq=False)
-class Contender:
-    """A way to get there: `run` takes a tolerance or a number of intervals and returns the cost."""
-
-    name: str
-    setting: str
-    settings: list[float]
-    run: Callable[[float], float]
-    runs: int = 1
+GUESSES = {"folded": THESIS, "straight": replace(THESIS, fold=None)}
 
 
 # ------------------------------------------------------------------------------------------- equations
@@ -82,7 +70,9 @@ def running_cost(u: Any) -> Any:
 
 
 def guess(t: Any, case: Case = THESIS) -> Any:
-    """Folded from a tenth to nine tenths of the time: states in rows."""
+    """Folded from a tenth to nine tenths of the time, or a straight line: states in rows."""
+    if case.fold is None:
+        return case.end(-1)[:, None] + (case.end(1) - case.end(-1))[:, None] * t / case.duration
     knots = [0.0, 0.1 * case.duration, 0.9 * case.duration, case.duration]
     turn, rate = case.travel / 2, case.travel / case.duration
     columns = [
@@ -97,16 +87,8 @@ def guess(t: Any, case: Case = THESIS) -> Any:
 # ------------------------------------------------------------------------------------------ contenders
 
 
-def program(crate: str, example: str) -> Path:
-    """An example of this library, built where the workspace builds."""
-    root = Path(__file__).resolve().parents[2]
-    build = ["cargo", "build", "--release", "-p", crate, "--example", example]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
-    return root / "target/release/examples" / example
-
-
-def _ours(program: Path, tolerance: float) -> float:
-    command = [str(program), repr(tolerance), str(RUNS)]
+def _ours(guess: str, tolerance: float) -> float:
+    command = [str(program("somersault-ocp", "arm")), repr(tolerance), str(RUNS), guess]
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
@@ -121,7 +103,7 @@ class Optimum:
 
 
 def transcribed(scalars: bool, intervals: int, case: Case = THESIS, tolerance: float = 1e-8) -> Optimum:
-    """By IPOPT, from the folded guess; a cost of NaN where it reports no success."""
+    """By IPOPT, from the case's guess; a cost of NaN where it reports no success."""
     n, h = intervals, case.duration / intervals
     points = ca.collocation_points(DEGREE, "radau")
     by, _, weights = ca.collocation_coeff(points)
@@ -163,8 +145,8 @@ def transcribed(scalars: bool, intervals: int, case: Case = THESIS, tolerance: f
     return Optimum(float(found["f"]), states, np.hstack([costates[:, :1], costates]), seconds)
 
 
-def _casadi(scalars: bool, intervals: float) -> float:
-    return transcribed(scalars, round(intervals)).cost
+def _casadi(guess: str, scalars: bool, intervals: float) -> float:
+    return transcribed(scalars, round(intervals), GUESSES[guess]).cost
 
 
 @cache
@@ -192,70 +174,38 @@ def _reference() -> float:
     return float(solution.y[8, -1])
 
 
-def clock() -> float:
-    """Processor time of this process and of those it has run."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
-
-
-def contenders() -> list[Contender]:
+def contenders(guess: str) -> list[Contender]:
     """Everyone who can get there."""
     intervals = [20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 70.0, 80.0, 100.0]
+    tolerances = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7]
     return [
-        Contender(
-            "somersault, hp mesh",
-            "tolerance",
-            [1e-3, 1e-4, 1e-5, 1e-6, 1e-7],
-            partial(_ours, program("somersault-ocp", "arm")),
-            RUNS,
-        ),
-        Contender("CasADi + IPOPT, scalar graphs", "intervals", intervals, partial(_casadi, True)),
-        Contender("CasADi + IPOPT, mapped function", "intervals", intervals, partial(_casadi, False)),
+        Contender("somersault, hp mesh", "tolerance", tolerances, partial(_ours, guess), RUNS),
+        Contender("CasADi + IPOPT, scalar graphs", "intervals", intervals, partial(_casadi, guess, True)),
+        Contender("CasADi + IPOPT, mapped function", "intervals", intervals, partial(_casadi, guess, False)),
     ]
 
 
 def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     """Time to the target, set-up included."""
     reference = _reference()
+
+    def error(cost: float) -> float:
+        relative = abs(cost / reference - 1)
+        return relative if np.isfinite(relative) else np.inf
+
     rows: list[dict[str, object]] = []
-    runs: dict[str, Callable[[], object]] = {}
-    counts: dict[str, int] = {}
-    for contender in contenders():
-        found = coarsest(
-            contender.settings,
-            lambda setting, run=contender.run: abs(run(setting) / reference - 1),  # type: ignore[misc]
-            TARGET,
-            in_a_row=2,
-        )
-        setting, error = found or (contender.settings[-1], np.inf)
-        name = contender.name if found else f"{contender.name}: not reached"
-        rows.append({"name": name, "setting": contender.setting, "value": setting, "error": error})
-        runs[name], counts[name] = partial(contender.run, setting), contender.runs
-    times = interleaved(runs, repetitions, clock)
-    best = min(times[name] / counts[name] for name in times if name.startswith("somersault"))
-    for row in rows:
-        name = str(row["name"])
-        row["seconds"] = times[name] / counts[name]
-        row["time_against_best"] = times[name] / counts[name] / best
-    text = table(
-        ["", "setting", "relative error of the cost", "ms", "time / best"],
-        [
-            [
-                str(row["name"]),
-                f"{row['value']:.3g} {row['setting']}",
-                f"{row['error']:.1e}",
-                f"{times[str(row['name'])] / counts[str(row['name'])] * 1e3:.3g}",
-                f"{row['time_against_best']:.3g}",
-            ]
-            for row in rows
-        ],
-    )
-    alone = min(transcribed(True, 60).seconds for _ in range(3))
-    head = (
+    text = (
         f"## The two-link arm of thesis 8.4, {THESIS.duration:g} s to {TARGET:g} of the cost\n\n"
-        "Set-up included, from the same folded guess, each at the coarsest setting from which on it meets "
-        f"the target; the cost of the boundary value problem is {reference:.9f}. Processor time. CasADi: "
-        f"Radau points, degree {DEGREE}, equal intervals; of its time IPOPT itself takes "
-        f"{alone * 1e3:.3g} ms with 60 intervals and scalar graphs.\n\n"
+        "Set-up included, each at the coarsest setting from which on it meets the target; the cost of the "
+        f"boundary value problem is {reference:.9f}. Processor time. CasADi: Radau points, degree {DEGREE}, "
+        "equal intervals."
     )
-    return rows, head + text
+    for guess, case in GUESSES.items():
+        found, lines = race(contenders(guess), error, TARGET, repetitions, "relative error of the cost")
+        rows += [{**row, "guess": guess} for row in found]
+        alone = min(transcribed(True, 60, case).seconds for _ in range(3))
+        text += (
+            f"\n\nFrom a {guess} guess (of CasADi's time IPOPT itself takes {alone * 1e3:.3g} ms with 60 "
+            f"intervals and scalar graphs):\n\n{lines}"
+        )
+    return rows, text

@@ -7,11 +7,8 @@ front; horizontally nothing happens.
 
 from __future__ import annotations
 
-import resource
 import subprocess
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +17,7 @@ import heyoka
 import mujoco
 import numpy as np
 from compiled import Array
-from measure import coarsest, geometric, interleaved, table
+from measure import Contender, geometric, program, race
 from numba import njit
 from scipy.integrate import solve_ivp
 
@@ -34,17 +31,6 @@ HALF_LEAN = -np.arctan(0.25) / 2
 START = np.array([0.05, 0.0, np.cos(HALF_LEAN), np.sin(HALF_LEAN), 0.0, 0.0, 0.0, 0.0, 32 * np.pi])
 RUNS = 200
 """Runs of this library's program in one call, so that starting it does not count."""
-
-
-@dataclass(frozen=True, eq=False)
-class Contender:
-    """A way to get there: `run` takes a tolerance or a number of steps and returns the axis at the end."""
-
-    name: str
-    setting: str
-    settings: list[float]
-    run: Callable[[float], Array]
-    runs: int = 1
 
 
 def axis_of(state: Any) -> Array:
@@ -137,14 +123,6 @@ def _compiled_rk4(start: Array, steps: int) -> Array:
 
 
 # ------------------------------------------------------------------------------------------ contenders
-
-
-def _program() -> Path:
-    """This library's program, built where the workspace builds."""
-    root = Path(__file__).resolve().parents[2]
-    build = ["cargo", "build", "--release", "-p", "somersault-contact", "--example", "spinning_top"]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
-    return root / "target/release/examples/spinning_top"
 
 
 def _ours(program: Path, method: str, stepping: str, setting: float) -> Array:
@@ -270,22 +248,16 @@ def _mujoco(integrator: str) -> Callable[[float], Array]:
     return run
 
 
-def _clock() -> float:
-    """Processor time of this process and of those it has run."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
-
-
 def contenders() -> list[Contender]:
     """Everyone who can get there."""
-    program = _program()
+    built = program("somersault-contact", "spinning_top")
     steps, tolerances = geometric(250, 64_000, 12), geometric(1e-6, 1e-14, 4)
     ours = [
         Contender(
             f"somersault {method}, {stepping}",
             "steps" if stepping == "fixed" else "tolerance",
             steps if stepping == "fixed" else tolerances,
-            partial(_ours, program, method, stepping),
+            partial(_ours, built, method, stepping),
             RUNS,
         )
         for method, stepping in (
@@ -312,42 +284,7 @@ def contenders() -> list[Contender]:
 def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     """Time to the target, and how close those come that do not reach it."""
     reference = _reference()
-    rows: list[dict[str, object]] = []
-    runs: dict[str, Callable[[], object]] = {}
-    counts: dict[str, int] = {}
-    for contender in contenders():
-        found = coarsest(
-            contender.settings,
-            lambda setting, run=contender.run: angle(run(setting), reference),  # type: ignore[misc]
-            TARGET,
-            in_a_row=2,
-        )
-        setting, error = found or (
-            contender.settings[-1],
-            angle(contender.run(contender.settings[-1]), reference),
-        )
-        name = contender.name if found else f"{contender.name}: not reached"
-        rows.append({"name": name, "setting": contender.setting, "value": setting, "error": error})
-        runs[name], counts[name] = partial(contender.run, setting), contender.runs
-    times = interleaved(runs, repetitions, _clock)
-    best = min(times[name] / counts[name] for name in times if name.startswith("somersault"))
-    for row in rows:
-        name = str(row["name"])
-        row["seconds"] = times[name] / counts[name]
-        row["time_against_best"] = times[name] / counts[name] / best
-    text = table(
-        ["", "setting", "error, rad", "ms", "time / best"],
-        [
-            [
-                str(row["name"]),
-                f"{row['value']:.3g} {row['setting']}",
-                f"{row['error']:.1e}",
-                f"{times[str(row['name'])] / counts[str(row['name'])] * 1e3:.3g}",
-                f"{row['time_against_best']:.3g}",
-            ]
-            for row in rows
-        ],
-    )
+    rows, text = race(contenders(), lambda found: angle(found, reference), TARGET, repetitions, "error, rad")
     head = (
         f"## Spinning top of thesis 7.3.2, {DURATION:g} s to {TARGET:g} rad of the axis\n\n"
         "Seven switches of the contact force. Each at the coarsest setting from which on it meets the "

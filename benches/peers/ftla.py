@@ -14,8 +14,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from arm import THESIS, Case, clock, program, transcribed
-from measure import interleaved, table
+from arm import THESIS, Case, transcribed
+from measure import clock, interleaved, program, table
 from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, solve_ivp

@@ -5,16 +5,48 @@ from __future__ import annotations
 import math
 import os
 import platform
+import resource
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import somersault
 
 PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco", "pin", "casadi")
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A way to get there: `run` takes a setting, say a tolerance, and returns what is judged."""
+
+    name: str
+    setting: str
+    settings: Sequence[float]
+    run: Callable[[float], Any]
+    runs: int = 1
+    """How often a call does it."""
+
+
+@cache
+def program(crate: str, example: str) -> Path:
+    """An example of this library, built where the workspace builds."""
+    root = Path(__file__).resolve().parents[2]
+    build = ["cargo", "build", "--release", "-p", crate, "--example", example]
+    subprocess.run(build, cwd=root, check=True, capture_output=True)
+    return root / "target/release/examples" / example
+
+
+def clock() -> float:
+    """Processor time of this process and of those it has run."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def machine() -> dict[str, str]:
@@ -87,6 +119,50 @@ def coarsest(
         else:
             met.clear()
     return None
+
+
+def race(
+    contenders: Iterable[Contender],
+    error: Callable[[Any], float],
+    target: float,
+    repetitions: int,
+    measured: str,
+) -> tuple[list[dict[str, object]], str]:
+    """Each at the coarsest setting from which on two errors in a row meet the target, else at its finest.
+
+    Rows with processor times, and as a table against the best of this library; `measured` names the errors.
+    """
+    rows: list[dict[str, Any]] = []
+    runs: dict[str, Callable[[], object]] = {}
+    counts: dict[str, int] = {}
+    for contender in contenders:
+
+        def error_at(setting: float, contender: Contender = contender) -> float:
+            return error(contender.run(setting))
+
+        last = contender.settings[-1]
+        found = coarsest(contender.settings, error_at, target, in_a_row=2)
+        setting, reached = found or (last, error_at(last))
+        name = contender.name if found else f"{contender.name}: not reached"
+        rows.append({"name": name, "setting": contender.setting, "value": setting, "error": reached})
+        runs[name], counts[name] = partial(contender.run, setting), contender.runs
+    times = interleaved(runs, repetitions, clock)
+    seconds = {name: times[name] / counts[name] for name in times}
+    best = min(seconds[name] for name in seconds if name.startswith("somersault"))
+    for row in rows:
+        row["seconds"] = seconds[row["name"]]
+        row["time_against_best"] = row["seconds"] / best
+    lines = [
+        [
+            row["name"],
+            f"{row['value']:.3g} {row['setting']}",
+            f"{row['error']:.1e}",
+            f"{row['seconds'] * 1e3:.3g}",
+            f"{row['time_against_best']:.3g}",
+        ]
+        for row in rows
+    ]
+    return rows, table(["", "setting", measured, "ms", "time / best"], lines)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -20,7 +20,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from measure import table
+from measure import program, table
 
 CASES = {"A": 5, "B": 10, "C": 15, "D": 20, "E": 30, "F": 40, "G": 50}
 STEPS, DURATION = 200, 2.0
@@ -147,29 +147,21 @@ def _seconds(call: Any, count: int) -> float:
     return (time.perf_counter() - began) / count
 
 
-def _program() -> Path:
-    """This library's program, built where the workspace builds."""
-    root = Path(__file__).resolve().parents[2]
-    build = ["cargo", "build", "--release", "-p", "somersault-ocp", "--example", "swing_up"]
-    subprocess.run(build, cwd=root, check=True, capture_output=True)
-    return root / "target/release/examples/swing_up"
-
-
-def _ours(program: Path, p: int, what: str, runs: int) -> tuple[float, float]:
-    command = [str(program), str(p), what, str(runs)]
+def _ours(built: Path, p: int, what: str, runs: int) -> tuple[float, float]:
+    command = [str(built), str(p), what, str(runs)]
     cost, seconds = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
     return float(seconds), float(cost)
 
 
-def compare(repetitions: int, program: Path | None = None) -> tuple[list[dict[str, object]], str]:
+def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     """Cost and gradient of case G, then each case solved."""
-    program = program or _program()
+    built = program("somersault-ocp", "swing_up")
     start, function = np.array(_motion(50)[2]), _cost_and_gradient(50)
     (compiled, held), (interpreted, _held) = (_call(f, start) for f in (_compiled(function), function))
     compiled()
     ours = generated = graph = math.inf
     for _ in range(repetitions):
-        seconds, cost = _ours(program, 50, "evaluate", 5000)
+        seconds, cost = _ours(built, 50, "evaluate", 5000)
         ours, generated = min(ours, seconds), min(generated, _seconds(compiled, 500))
         graph = min(graph, _seconds(interpreted, 100))
     if not math.isclose(cost, held[0][0], rel_tol=1e-9):
@@ -197,7 +189,7 @@ def compare(repetitions: int, program: Path | None = None) -> tuple[list[dict[st
     runs = max(3, repetitions // 3)
     for case, p in CASES.items():
         straight = _motion(p)[2]
-        seconds, cost = _ours(program, p, "solve", 10 * runs)
+        seconds, cost = _ours(built, p, "solve", 10 * runs)
         angles = math.pi * (1 - np.arange(1, STEPS + 1) / STEPS)
         states = np.concatenate([straight, angles, np.zeros(STEPS)])
         single = _ipopt(_single, p, straight, runs)

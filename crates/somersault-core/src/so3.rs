@@ -151,6 +151,40 @@ pub fn dexp(u: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
     v + uv * versine_ratio(x) + u.cross(&uv) * sine_defect_ratio(x)
 }
 
+/// Slopes by θ² of the two ratios in [`dexp`].
+#[inline]
+fn ratio_slopes(theta_squared: f64) -> [f64; 2] {
+    let x = theta_squared;
+    if x < 1.0 {
+        // Σ k (−1)^k x^(k−1)/(2k + 2)! and the same over (2k + 3)!
+        let (mut term, mut slopes) = (-1.0, [0.0; 2]);
+        let mut factorial = 2.0;
+        for k in 1..11 {
+            let n = 2.0 * f64::from(k);
+            factorial *= (n + 1.0) * (n + 2.0);
+            let share = f64::from(k) * term / factorial;
+            slopes[0] += share;
+            slopes[1] += share / (n + 3.0);
+            term *= -x;
+        }
+        slopes
+    } else {
+        let (cos, sinc) = cos_sinc_of_sqrt(x);
+        let sinc_slope = (cos - sinc) / (2.0 * x);
+        [(sinc - 2.0 * versine_ratio(x)) / (2.0 * x), -(sinc_slope + sine_defect_ratio(x)) / x]
+    }
+}
+
+/// ∂ dexp_u(v)/∂u.
+pub fn dexp_partials(u: &Vector3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
+    let x = u.norm_squared();
+    let [versine_slope, defect_slope] = ratio_slopes(x);
+    let uv = u.cross(v);
+    let by_double = Matrix3::from_diagonal_element(u.dot(v)) + u * v.transpose() - v * u.transpose() * 2.0;
+    let along = (uv * versine_slope + u.cross(&uv) * defect_slope) * 2.0;
+    hat(v) * -versine_ratio(x) + by_double * sine_defect_ratio(x) + along * u.transpose()
+}
+
 /// (1 − (θ/2) cot(θ/2))/θ² = Σ_k 2/(4π²k² − θ²) as a function of θ²; 1/12 at 0, infinite at θ = 2π.
 #[inline(always)]
 fn cotangent_ratio(theta_squared: f64) -> f64 {
@@ -345,6 +379,25 @@ mod tests {
     }
 
     #[test]
+    fn partials_of_dexp_are_its_differences() {
+        let v = Vector3::new(-0.4, 0.7, 0.2);
+        for u in [
+            Vector3::new(1e-6, 2e-6, -1e-6),
+            Vector3::new(0.3, -0.2, 0.9),
+            Vector3::new(0.6, 0.5, 0.7),
+            Vector3::new(2.0, 1.5, -1.9),
+        ] {
+            let s = 1e-3;
+            let difference = |axis: Vector3<f64>| {
+                let half = |s: f64| (dexp(&(u + axis * s), &v) - dexp(&(u - axis * s), &v)) / (2.0 * s);
+                (half(s) * 4.0 - half(2.0 * s)) / 3.0
+            };
+            let expected = Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(difference));
+            assert!((dexp_partials(&u, &v) - expected).norm() < 1e-12, "{u:?}");
+        }
+    }
+
+    #[test]
     fn series_converge_to_the_closed_forms() {
         let u = Vector3::new(0.3, -0.5, 0.4);
         let v = Vector3::new(1.0, 2.0, -0.5);
@@ -383,6 +436,9 @@ mod tests {
             let (below, above) = (x * (1.0 - 1e-15), x * (1.0 + 1e-15));
             for f in [cotangent_ratio, sine_defect_ratio, versine_ratio] {
                 assert!((f(below) / f(above) - 1.0).abs() < 5e-15, "{x}");
+            }
+            for (below, above) in ratio_slopes(below).into_iter().zip(ratio_slopes(above)) {
+                assert!((below / above - 1.0).abs() < 5e-14, "{x}");
             }
             let (a, b) = (cos_sinc_of_sqrt(below), cos_sinc_of_sqrt(above));
             let bound = 1e-15 * x.max(1.0);

@@ -1,8 +1,8 @@
 //! The two-link arm of thesis 8.4 by collocation. `benches/peers/arm.py` times it.
 //!
 //! `cargo run --release -p somersault-ocp --example arm` lists extremals, from a straight and from folded guesses,
-//! to the same final arm with θ₂ as it is and less by a turn. `-- 1e-6 20` solves 20 times to that tolerance, set-up
-//! included, from a folded guess, and prints the cost.
+//! to the same final arm with θ₂ as it is and less by a turn. `-- 1e-6 20 folded` solves 20 times to that tolerance, set-up
+//! included, from a folded guess, or from a straight one, and prints the cost.
 
 use somersault_multibody::{Scalar, models::TwoLinkArm};
 use somersault_ocp::collocation::{
@@ -85,15 +85,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match &arguments[..] {
         [] => list(),
-        [tolerance, runs] => {
+        [tolerance, runs, guess] => {
             let (tolerance, runs): (f64, usize) = (tolerance.parse()?, runs.parse()?);
+            let fold = match guess.as_str() {
+                "folded" => Some(PI),
+                "straight" => None,
+                _ => return Err("the guess is folded or straight".into()),
+            };
             let mut cost = f64::NAN;
             for _ in 0..runs {
-                cost = solve(black_box(Some(PI)), 0.0, tolerance)?.cost;
+                cost = solve(black_box(fold), 0.0, tolerance)?.cost;
             }
             println!("{cost:e}");
             Ok(())
         }
-        _ => Err("give nothing, or a tolerance and a number of runs".into()),
+        _ => Err("give nothing, or a tolerance, a number of runs and a guess".into()),
     }
 }

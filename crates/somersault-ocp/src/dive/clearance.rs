@@ -163,7 +163,8 @@ impl ClearanceRows {
         Ok(())
     }
 
-    /// Adds to the upper triangle `hessian` that of Σ y_k d_k: differences of gradients by the channels at each time.
+    /// Adds to the upper triangle `hessian` that of Σ y_k d_k: central differences of gradients by the channels at each
+    /// time.
     pub(super) fn add_curvature(
         &mut self,
         model: &Model,
@@ -179,16 +180,17 @@ impl ClearanceRows {
             if y.iter().all(|y| *y == 0.0) {
                 continue;
             }
-            self.pose(motion, coefficients, time);
-            let middle = self.weighted_gradient(model, motion, y)?;
             // by each channel: what it changes of the gradient, and by what parameters it changes itself
             let mut columns = Vec::with_capacity(n_channels);
             for channel in 0..n_channels {
-                self.pose(motion, coefficients, time);
-                self.channels[channel] += STEP;
-                self.place(motion);
-                let moved = self.weighted_gradient(model, motion, y)?;
-                let change: Vec<f64> = moved.iter().zip(&middle).map(|(a, b)| (a - b) / STEP).collect();
+                let mut moved = |by: f64| {
+                    self.pose(motion, coefficients, time);
+                    self.channels[channel] += by;
+                    self.place(motion);
+                    self.weighted_gradient(model, motion, y)
+                };
+                let (plus, minus) = (moved(STEP)?, moved(-STEP)?);
+                let change: Vec<f64> = plus.iter().zip(&minus).map(|(a, b)| (a - b) / (2.0 * STEP)).collect();
                 self.by_channel.fill(0.0);
                 self.by_channel[channel] = 1.0;
                 self.pull_back(motion, time);

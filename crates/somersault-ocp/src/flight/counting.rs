@@ -13,7 +13,8 @@
 //!
 //! Source: M. R. Yeadon, J. Biomech. 23 (1990) 59–66, whose angles these are.
 
-use nalgebra::{Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use somersault_core::so3::hat;
 use std::f64::consts::TAU;
 
 /// ψ, τ and φ, rad.
@@ -95,6 +96,23 @@ impl Counting {
         // the axis of the tilt, R_y(ψ) e_x, is normal to the two others
         let tilt = lateral.cross(&long) / cosine.sqrt();
         [somersault, tilt, twist]
+    }
+
+    /// The second derivatives of Σ wᵢ angleᵢ by a displacement log(R₀ᵀ R) of the orientation, for weights of ψ, τ and φ.
+    pub(crate) fn curvature(&self, orientation: &UnitQuaternion<f64>, weights: [f64; 3]) -> Matrix3<f64> {
+        let long = self.axes * Vector3::z();
+        let lateral = orientation.inverse_transform_vector(&Vector3::y());
+        // what a displacement makes of the gradients; its antisymmetric part is that of the group
+        let (z_y, by_lateral) = (lateral.dot(&long), hat(&lateral));
+        let cosine = 1.0 - z_y * z_y;
+        let by_z = by_lateral.tr_mul(&long).transpose();
+        let of_cosine = by_z * (2.0 * z_y / cosine);
+        let somersault = (by_lateral - long * by_z) / cosine + (lateral - long * z_y) * of_cosine / cosine;
+        let twist =
+            (by_lateral * -z_y - lateral * by_z) / cosine + (long - lateral * z_y) * of_cosine / cosine;
+        let tilt = (lateral.cross(&long) * of_cosine * 0.5 - hat(&long) * by_lateral) / cosine.sqrt();
+        let sum = somersault * weights[0] + tilt * weights[1] + twist * weights[2];
+        (sum + sum.transpose()) * 0.5
     }
 
     /// The orientation with the same somersault, without tilt, all twists whole.

@@ -16,6 +16,9 @@ use somersault_core::so3::{self, hat};
 /// Stages of a step.
 pub(super) const STAGES: usize = 4;
 
+pub(super) const NODES: [f64; STAGES] = [0.0, 0.5, 0.5, 1.0];
+pub(super) const WEIGHTS: [f64; STAGES] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
+
 /// F and M_i.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct StepDerivative {
@@ -42,13 +45,13 @@ pub(super) struct StageRate {
 }
 
 /// u̇ for the angular velocity ω.
-fn rate(u: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {
+pub(super) fn rate(u: &Vector3<f64>, omega: &Vector3<f64>) -> Vector3<f64> {
     let cross = u.cross(omega);
     omega + cross * 0.5 + u.cross(&cross) / 12.0
 }
 
 /// ∂u̇/∂ω and ∂u̇/∂u.
-fn rate_derivatives(u: &Vector3<f64>, omega: &Vector3<f64>) -> [Matrix3<f64>; 2] {
+pub(super) fn rate_derivatives(u: &Vector3<f64>, omega: &Vector3<f64>) -> [Matrix3<f64>; 2] {
     let (u_hat, omega_hat) = (hat(u), hat(omega));
     let by_omega = Matrix3::identity() + u_hat * 0.5 + u_hat * u_hat / 12.0;
     let by_u = omega_hat * -0.5 - (hat(&u.cross(omega)) + u_hat * omega_hat) / 12.0;
@@ -56,8 +59,28 @@ fn rate_derivatives(u: &Vector3<f64>, omega: &Vector3<f64>) -> [Matrix3<f64>; 2]
 }
 
 /// What a displacement of u turns exp(u) by, in the axes it leads to.
-fn right_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
+pub(super) fn right_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|e| so3::dexp(&-u, &e)))
+}
+
+/// Second derivatives of κ · u̇: by u twice, and by ω and u.
+pub(super) fn rate_curvature(
+    u: &Vector3<f64>,
+    omega: &Vector3<f64>,
+    kappa: &Vector3<f64>,
+) -> [Matrix3<f64>; 2] {
+    let one = Matrix3::identity();
+    let by_u = kappa * omega.transpose() + omega * kappa.transpose() - one * (2.0 * kappa.dot(omega));
+    let by_both = one * u.dot(kappa) + u * kappa.transpose() - kappa * u.transpose() * 2.0;
+    [by_u / 12.0, hat(kappa) * 0.5 + by_both / 12.0]
+}
+
+/// Second derivatives of a · log(exp(−u₀) exp(δ) exp(u)) at δ = 0: by δ and u, and by u twice.
+pub(super) fn displacement_curvature(u: &Vector3<f64>, a: &Vector3<f64>) -> [Matrix3<f64>; 2] {
+    // exp(−u₀) exp(δ) exp(u) = exp(Aδ) exp(Jδu + …), whose logarithm has half of their bracket beside their sum
+    let carried = so3::exp(u).to_rotation_matrix().into_inner();
+    let by_u = so3::dexp_partials(u, a);
+    [carried * hat(a) * right_jacobian(u) * -0.5, (by_u + by_u.transpose()) * 0.5]
 }
 
 /// Displacements by the start and by each stage.
@@ -71,8 +94,6 @@ pub(super) fn turn<E>(
     mut stage: impl FnMut(usize, &UnitQuaternion<f64>) -> Result<StageRate, E>,
     derivative: Option<&mut StepDerivative>,
 ) -> Result<UnitQuaternion<f64>, E> {
-    const NODES: [f64; STAGES] = [0.0, 0.5, 0.5, 1.0];
-    const WEIGHTS: [f64; STAGES] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
     let with_derivatives = derivative.is_some();
     let zero: Columns = [Matrix3::zeros(); 1 + STAGES];
     let (mut k, mut sum) = (Vector3::zeros(), Vector3::zeros());

@@ -1,10 +1,10 @@
 //! The flight of a dive, and the angles that it must reach.
 
-use super::DiveProgram;
+use super::{DiveProgram, entry};
 use crate::dive::{Dive, DiveError};
-use crate::flight::{BodyAngles, PathGradient};
+use crate::flight::{BodyAngles, NodeExpansion, PathGradient};
 use crate::nlp::Bounds;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use somersault_multibody::models::Dimension;
 use somersault_multibody::{Data, DynamicsError, Model};
 use std::f64::consts::TAU;
@@ -56,16 +56,6 @@ impl DiveProgram {
         Ok(())
     }
 
-    /// Integrates again, with derivatives, for a `z` that differs from the last one from `step` on.
-    pub(super) fn fly_from(&mut self, step: usize, z: &[f64]) -> Result<(), DiveError> {
-        if step == 0 {
-            return self.fly(z, true);
-        }
-        self.expand(z);
-        let momentum = self.turn_momentum(z);
-        Ok(self.path.integrate_from(step, &self.coefficients, momentum)?)
-    }
-
     /// T L.
     fn turn_momentum(&self, z: &[f64]) -> Vector3<f64> {
         Vector3::new(0.0, self.momentum(z) * self.duration(z), 0.0)
@@ -115,24 +105,11 @@ impl DiveProgram {
 
     /// Adds to `out` the gradient by z of these angles times `factors`, for the last flight.
     pub(super) fn pull_back_angles(&mut self, z: &[f64], factors: &[f64], out: &mut [f64]) {
-        let n_steps = self.path.n_steps();
+        let [last, arrival] = self.expand_angles(factors);
         self.by_nodes.fill(Vector3::zeros());
-        let mut by_arrival = Vector3::zeros();
-        if self.path.is_planar() {
-            self.by_nodes[n_steps] = -Vector3::z() * factors[0];
-        } else {
-            let at = |node: usize| self.counting.gradients(self.path.arrival(node));
-            let [_, tilt, twist] = at(self.square_out);
-            let square = tilt * factors[1] + twist * factors[2];
-            self.by_nodes[n_steps] = at(n_steps)[0] * factors[0];
-            if self.square_out < n_steps {
-                by_arrival = square;
-            } else {
-                self.by_nodes[n_steps] += square;
-            }
-        }
+        self.by_nodes[self.path.n_steps()] = last.gradient;
         self.path_gradient.clear();
-        self.path.pull_back_arrival(&self.by_nodes, &by_arrival, &mut self.path_gradient);
+        self.path.pull_back_arrival(&self.by_nodes, &arrival.gradient, &mut self.path_gradient);
         let PathGradient { by_start, by_momentum, by_coefficients } = &self.path_gradient;
         self.row.fill(0.0);
         self.path.motion().pull_back(by_coefficients, &mut self.row);
@@ -146,14 +123,83 @@ impl DiveProgram {
             out[column] += by_momentum.y * self.momentum(z);
         }
         if let Some(column) = self.extra.lean {
-            // the start turns about the world's lateral axis
-            let turn = if self.path.is_planar() {
-                -Vector3::z()
-            } else {
-                self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
-            };
-            out[column] += by_start.dot(&turn);
+            out[column] += by_start.dot(&self.turn_by_lean());
         }
+    }
+
+    /// Σ factors angles around the last flight, by displacements of the last node and of the arrival at the square-out.
+    fn expand_angles(&self, factors: &[f64]) -> [NodeExpansion; 2] {
+        let n_steps = self.path.n_steps();
+        if self.path.is_planar() {
+            let last = NodeExpansion { gradient: -Vector3::z() * factors[0], ..NodeExpansion::default() };
+            return [last, NodeExpansion::default()];
+        }
+        let at = |node: usize, factors: [f64; 3]| {
+            let orientation = self.path.arrival(node);
+            let gradients = self.counting.gradients(orientation);
+            NodeExpansion {
+                gradient: gradients.iter().zip(factors).map(|(g, factor)| g * factor).sum(),
+                hessian: self.counting.curvature(orientation, factors),
+            }
+        };
+        let [somersault, tilt, twist] = [factors[0], factors[1], factors[2]];
+        if self.square_out < n_steps {
+            [at(n_steps, [somersault, 0.0, 0.0]), at(self.square_out, [0.0, tilt, twist])]
+        } else {
+            [at(n_steps, [somersault, tilt, twist]), NodeExpansion::default()]
+        }
+    }
+
+    /// What the lean turns the start by: about the world's lateral axis.
+    fn turn_by_lean(&self) -> Vector3<f64> {
+        if self.path.is_planar() {
+            return -Vector3::z();
+        }
+        self.path.orientations()[0].inverse_transform_vector(&Vector3::y())
+    }
+
+    /// Adds to the upper triangle `hessian` that of Σ factors angles.
+    pub(super) fn add_angle_curvature(
+        &mut self,
+        z: &[f64],
+        factors: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), DiveError> {
+        if factors.iter().all(|factor| *factor == 0.0) {
+            return Ok(());
+        }
+        self.fly(z, true)?;
+        let [last, arrival] = self.expand_angles(factors);
+        let by_path = self.path.curvature(&last, &arrival)?;
+        // what a path depends on is linear in z but for the turn momentum, a product
+        let mut inputs = DMatrix::zeros(by_path.nrows(), z.len());
+        let first_coefficient = inputs.nrows() - self.coefficients.len();
+        for (coefficient, parameter, factor) in self.path.motion().dependences() {
+            if let Some(column) = self.column_of[parameter] {
+                inputs[(first_coefficient + coefficient, column)] = factor;
+            }
+        }
+        if let Some(column) = self.extra.lean {
+            inputs.fixed_view_mut::<3, 1>(0, column).copy_from(&self.turn_by_lean());
+        }
+        if let Some(column) = self.extra.momentum {
+            inputs[(4, column)] = self.duration(z) * self.momentum_unit;
+        }
+        if let Some(column) = self.extra.duration {
+            inputs[(4, column)] = self.momentum(z);
+        }
+        let bent = inputs.tr_mul(&(by_path * &inputs));
+        for j in 0..z.len() {
+            (0..=j).for_each(|i| hessian[entry(i, j)] += 0.5 * (bent[(i, j)] + bent[(j, i)]));
+        }
+        if let (Some(i), Some(j)) = (self.extra.momentum, self.extra.duration) {
+            self.angle_row.fill(0.0);
+            let mut gradient = std::mem::take(&mut self.angle_row);
+            self.pull_back_angles(z, factors, &mut gradient);
+            self.angle_row = gradient;
+            hessian[entry(i, j)] += self.path_gradient.by_momentum.y * self.momentum_unit;
+        }
+        Ok(())
     }
 }
 

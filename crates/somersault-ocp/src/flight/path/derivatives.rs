@@ -84,8 +84,14 @@ impl OrientationPath {
         out.by_start = transition;
     }
 
-    /// Takes the derivatives at the start of a step to its end.
+    /// Takes the derivatives at the start of a step to its end, and past a restart there.
     pub(in crate::flight) fn carry(&self, step: usize, derivatives: &mut NodeDerivatives) {
+        self.carry_to_arrival(step, derivatives);
+        self.pass(step + 1, derivatives);
+    }
+
+    /// Takes the derivatives at the start of a step to where it arrives.
+    pub(super) fn carry_to_arrival(&self, step: usize, derivatives: &mut NodeDerivatives) {
         let own = &self.derivatives[step];
         let NodeDerivatives { by_start, by_momentum, by_coefficients } = derivatives;
         *by_start = own.by_start * *by_start;
@@ -96,7 +102,12 @@ impl OrientationPath {
             *by_momentum += to_end * self.by_momentum[step * STAGES + stage];
             self.add_inputs(step, stage, |coefficient, by| by_coefficients[coefficient] += to_end * by);
         }
-        let passage = self.passage(step + 1);
+    }
+
+    /// Takes the derivatives of an arrival past a restart.
+    pub(super) fn pass(&self, node: usize, derivatives: &mut NodeDerivatives) {
+        let NodeDerivatives { by_start, by_momentum, by_coefficients } = derivatives;
+        let passage = self.passage(node);
         *by_start = passage * *by_start;
         *by_momentum = passage * *by_momentum;
         by_coefficients.iter_mut().for_each(|by| *by = passage * *by);
@@ -123,28 +134,43 @@ impl OrientationPath {
         by_arrival: &Vector3<f64>,
         gradient: &mut PathGradient,
     ) {
-        assert!(self.is_derived, "the last run had no derivatives");
         assert_eq!(by_nodes.len(), self.n_steps + 1);
-        let mut adjoint = by_nodes[self.n_steps];
-        for step in (0..self.n_steps).rev() {
-            if let Some(restart) = self.restart.as_ref().filter(|restart| restart.node == step + 1) {
-                adjoint = restart.derivative.tr_mul(&adjoint) + by_arrival;
-            }
+        let at_start = self.sweep_back(by_nodes, by_arrival, |step, _, adjoint| {
             let derivative = &self.derivatives[step];
             for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
-                let weight = derivative.by_stage[stage].tr_mul(&adjoint);
+                let weight = derivative.by_stage[stage].tr_mul(adjoint);
                 gradient.by_momentum += self.by_momentum[step * STAGES + stage].tr_mul(&weight);
                 self.add_inputs(step, stage, |coefficient, by| {
                     gradient.by_coefficients[coefficient] += by.dot(&weight);
                 });
             }
-            adjoint = derivative.by_start.tr_mul(&adjoint) + by_nodes[step];
+        });
+        gradient.by_start += at_start;
+    }
+
+    /// Hands out the adjoints of a number at the end of each step, last first: past a restart there, and before it.
+    /// Returns that of the start.
+    pub(super) fn sweep_back(
+        &self,
+        by_nodes: &[Vector3<f64>],
+        by_arrival: &Vector3<f64>,
+        mut visit: impl FnMut(usize, &Vector3<f64>, &Vector3<f64>),
+    ) -> Vector3<f64> {
+        assert!(self.is_derived, "the last run had no derivatives");
+        let mut adjoint = by_nodes[self.n_steps];
+        for step in (0..self.n_steps).rev() {
+            let past = adjoint;
+            if let Some(restart) = self.restart.as_ref().filter(|restart| restart.node == step + 1) {
+                adjoint = restart.derivative.tr_mul(&past) + by_arrival;
+            }
+            visit(step, &past, &adjoint);
+            adjoint = self.derivatives[step].by_start.tr_mul(&adjoint) + by_nodes[step];
         }
-        gradient.by_start += adjoint;
+        adjoint
     }
 
     /// Whether a stage repeats another.
-    fn is_idle(&self, stage: usize) -> bool {
+    pub(super) fn is_idle(&self, stage: usize) -> bool {
         self.is_planar && SIMPSON[stage] == 0.0
     }
 

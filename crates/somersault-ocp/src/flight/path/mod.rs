@@ -1,7 +1,9 @@
 //! The orientation of the root along a flight, and its derivatives.
 
+mod curvature;
 mod derivatives;
 
+pub(crate) use curvature::NodeExpansion;
 pub use derivatives::{NodeDerivatives, PathGradient};
 
 use super::Counting;
@@ -35,6 +37,7 @@ pub struct OrientationPath {
     /// In the plane, counting whole turns.
     angles: Vec<f64>,
     coefficients: Vec<f64>,
+    turn_momentum: Vector3<f64>,
     is_derived: bool,
     restart: Option<Restart>,
     derivatives: Vec<StepDerivative>,
@@ -107,6 +110,7 @@ impl OrientationPath {
             orientations: vec![UnitQuaternion::identity(); n_steps + 1],
             angles: vec![0.0; n_steps + 1],
             coefficients: vec![0.0; motion.n_coefficients()],
+            turn_momentum: Vector3::zeros(),
             is_derived: false,
             restart: None,
             derivatives: vec![StepDerivative::zero(); n_steps],
@@ -188,6 +192,7 @@ impl OrientationPath {
             return Err(FlightError::NonFinite { argument: "orientation and coefficients" });
         }
         self.coefficients.copy_from_slice(coefficients);
+        self.turn_momentum = turn_momentum;
         if self.is_planar {
             self.angles[0] = orientation[0];
         } else {
@@ -196,34 +201,19 @@ impl OrientationPath {
         }
         let take_off = TakeOff { angular_momentum: turn_momentum, ..AT_REST };
         self.is_derived = false;
-        self.run(take_off, 0, with_derivatives)?;
+        self.run(take_off, with_derivatives)?;
         self.is_derived = with_derivatives;
         Ok(())
     }
 
-    /// Integrates again, with derivatives, from `step` on with other coefficients, which must not act before it.
-    pub(crate) fn integrate_from(
-        &mut self,
-        step: usize,
-        coefficients: &[f64],
-        turn_momentum: Vector3<f64>,
-    ) -> Result<(), FlightError> {
-        assert!(self.is_derived, "the last run had no derivatives");
-        self.coefficients.copy_from_slice(coefficients);
-        self.is_derived = false;
-        self.run(TakeOff { angular_momentum: turn_momentum, ..AT_REST }, step, true)?;
-        self.is_derived = true;
-        Ok(())
-    }
-
-    /// First step that a coefficient acts in.
-    pub(crate) fn first_step_of(&self, coefficient: usize) -> usize {
+    /// Channels in a step, or their rates, for basis functions or their slopes.
+    fn combine(&self, step: usize, values: &[f64], out: &mut [f64]) {
         let basis = self.motion.basis();
-        let interval = (coefficient % basis.n_coefficients()).saturating_sub(basis.degree());
-        interval * (self.n_steps / basis.n_intervals())
+        let values = &values[..basis.n_active()];
+        combine(&self.coefficients, basis.n_coefficients(), self.first[step], values, out);
     }
 
-    fn run(&mut self, take_off: TakeOff, from: usize, with_derivatives: bool) -> Result<(), FlightError> {
+    fn run(&mut self, take_off: TakeOff, with_derivatives: bool) -> Result<(), FlightError> {
         let flight = Flight::try_new(&self.model, take_off)?;
         let (n, n_active) = (self.motion.basis().n_coefficients(), self.motion.basis().n_active());
         let n_channels = self.motion.n_channels();
@@ -234,16 +224,13 @@ impl OrientationPath {
         let (by_channel, by_rate) = (&mut self.by_channel, &mut self.by_rate);
         let (by_momentum, coefficients) = (&mut self.by_momentum, &self.coefficients);
         let h = 1.0 / self.n_steps as f64;
-        for step in from..self.n_steps {
+        for step in 0..self.n_steps {
             let (first, samples) = (self.first[step], &self.basis[step * SAMPLES..][..SAMPLES]);
             let mut evaluate =
                 |stage: usize, q: &mut [f64], v: &mut [f64]| -> Result<StageRate, DynamicsError> {
                     let [values, slopes] = &samples[SAMPLE_OF[stage]];
-                    for (k, row) in coefficients.chunks_exact(n).enumerate() {
-                        let row = &row[first..first + n_active];
-                        channel[k] = row.iter().zip(values).map(|(c, b)| c * b).sum();
-                        rate[k] = row.iter().zip(slopes).map(|(c, b)| c * b).sum();
-                    }
+                    combine(coefficients, n, first, &values[..n_active], channel);
+                    combine(coefficients, n, first, &slopes[..n_active], rate);
                     base.positions_into(channel, &mut q[q_root..]);
                     base.rates_into(rate, &mut v[n_root..]);
                     if !with_derivatives {
@@ -305,6 +292,13 @@ const AT_REST: TakeOff = TakeOff {
     velocity: Vector3::new(0.0, 0.0, 0.0),
     angular_momentum: Vector3::new(0.0, 0.0, 0.0),
 };
+
+/// Splines of `n` coefficients where their basis functions from `first` on are `values`.
+fn combine(coefficients: &[f64], n: usize, first: usize, values: &[f64], out: &mut [f64]) {
+    for (out, row) in out.iter_mut().zip(coefficients.chunks_exact(n)) {
+        *out = row[first..].iter().zip(values).map(|(c, b)| c * b).sum();
+    }
+}
 
 /// Basis functions and slopes at the samples of each step, by the coefficients of the step's interval.
 fn sample_basis(motion: &SplineMotion, per_interval: usize) -> (Vec<usize>, Vec<[[f64; MAX_DEGREE + 1]; 2]>) {
