@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from numbers import Integral, Real
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,6 +14,10 @@ Array = NDArray[np.float64]
 
 #: By how much the distances of frames may differ for a filter, relative.
 _UNIFORM = 1e-6
+#: The lowest cutoff, as a share of the rate of frames: below, the poles of the sections are 1 to rounding.
+_LEAST = 1e-5
+#: Orders beyond it are no filters of movements.
+_MOST_ORDER = 20
 
 
 def place_markers(
@@ -35,14 +41,33 @@ def place_markers(
     Returns
     -------
     MarkerRecording
+
+    Raises
+    ------
+    InputError
+        If `scale` is not positive, or has another shape than the frames.
     """
     model = markers.model
+    size = _sizes(scale)
     poses = np.asarray(model.poses(np.atleast_2d(np.asarray(q, dtype=np.float64))))
     bodies = poses[:, [model.body(name) for name in markers.bodies]]
     root = poses[:, :1, :3, 3]
     away = np.einsum("nkij,kj->nki", bodies[..., :3, :3], markers.points) + bodies[..., :3, 3] - root
-    size = np.broadcast_to(np.asarray(scale, dtype=np.float64), (len(poses),))
+    if size.shape not in ((), (len(poses),)):
+        raise InputError(f"`scale` must be a number or of shape ({len(poses)},), found shape {size.shape}")
+    size = np.broadcast_to(size, (len(poses),))
     return MarkerRecording(list(markers.names), times, root + size[:, None, None] * away)
+
+
+def _sizes(scale: ArrayLike) -> Array:
+    """Finite positive numbers."""
+    try:
+        size = np.asarray(scale, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"`scale` must be a number or numbers, found {scale!r}") from None
+    if not (np.isfinite(size).all() and (size > 0.0).all()):
+        raise InputError(f"`scale` must be finite and positive, found {scale!r}")
+    return size
 
 
 def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> MarkerRecording:
@@ -57,9 +82,9 @@ def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> Ma
     recording : MarkerRecording
         With frames at equal distances in time; `resample` makes them so.
     cutoff : float
-        Hz, below half of the rate of frames.
+        Hz, between 10⁻⁵ and half of the rate of frames.
     order : int, optional
-        Of both passes together, even.
+        Of both passes together, even, at most 20.
 
     Returns
     -------
@@ -78,12 +103,20 @@ def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> Ma
     if len(steps) == 0 or np.ptp(steps) > _UNIFORM * steps.mean():
         raise InputError("`recording` must have frames at equal distances in time; `resample` it before")
     rate = 1.0 / float(steps.mean())
-    if not 0.0 < cutoff < 0.5 * rate:
+    least, most = _LEAST * rate, 0.5 * rate
+    if isinstance(cutoff, bool) or not isinstance(cutoff, Real) or not least <= cutoff < most:
         raise InputError(
-            f"`cutoff` must be between 0 and {0.5 * rate:g} Hz, half of the rate of frames, found {cutoff:g}"
+            f"`cutoff` must be between {least:g} and {most:g} Hz, half of the rate of frames, "
+            f"found {cutoff!r}"
         )
-    if not isinstance(order, int) or order < 2 or order % 2:
-        raise InputError(f"`order` must be an even number from 2 on, found {order}")
+    if (
+        isinstance(order, bool)
+        or not isinstance(order, Integral)
+        or order % 2
+        or not 2 <= order <= _MOST_ORDER
+    ):
+        raise InputError(f"`order` must be an even number between 2 and {_MOST_ORDER}, found {order!r}")
+    cutoff, order = float(cutoff), int(order)
     # where one pass has its own 1/√2, with the frequencies of the bilinear transform
     warped = np.tan(np.pi * cutoff / rate) / (np.sqrt(2.0) - 1.0) ** (1.0 / order)
     sections = signal.butter(order // 2, 2.0 * np.arctan(warped) / np.pi, output="sos")

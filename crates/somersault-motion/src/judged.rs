@@ -62,7 +62,7 @@ pub struct JudgedOptions {
     pub convention: Convention,
     /// Whether NaN in files of markers is a gap.
     pub nan_is_gap: bool,
-    /// The longest gap that is filled, s. Gaps that are left are errors.
+    /// The longest gap that is filled, s, or 0 for none. Gaps that are left are errors.
     pub longest_gap: f64,
     /// Whose lengths the motions of DeepMimic have.
     pub diver: Diver,
@@ -137,6 +137,12 @@ pub enum JudgedError {
         marker: String,
         /// Frame, from 0.
         frame: usize,
+    },
+    /// The longest gap is no length of time.
+    #[error("`longest_gap` must be finite and not negative, found {found}")]
+    LongestGap {
+        /// What was given, s.
+        found: f64,
     },
     /// A motion cannot be scored.
     #[error("line {line} of the list: {source}")]
@@ -251,6 +257,9 @@ fn file(place: Place, cell: &str) -> Result<String, ReadError> {
 /// The list at `path` and its motions.
 pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<JudgedSet, JudgedError> {
     let path = path.as_ref();
+    if !(options.longest_gap >= 0.0 && options.longest_gap.is_finite()) {
+        return Err(JudgedError::LongestGap { found: options.longest_gap });
+    }
     let list = load(path, |bytes| read(text(bytes)?)).map_err(JudgedError::List)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut recordings: Vec<MarkerRecording> = Vec::with_capacity(list.motions.len());
@@ -262,7 +271,7 @@ pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<Judge
             Some(first) => found.select(first.names()).map_err(unsuited)?,
             None => found,
         };
-        let found = if found.n_missing() > 0 {
+        let found = if found.n_missing() > 0 && options.longest_gap > 0.0 {
             found.fill_gaps(options.longest_gap).map_err(unsuited)?
         } else {
             found

@@ -39,9 +39,11 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
     if n_frames == 0 {
         return Err(AnalysisError::TooFew { argument: "n_frames", least: 1, found: 0 });
     }
+    if times.is_empty() {
+        return Err(AnalysisError::TooFew { argument: "times", least: 1, found: 0 });
+    }
     let points = values.iter().map(|x| Vector1::new(*x)).collect();
-    let spline = CubicSpline::try_new(times.to_vec(), points)
-        .map_err(|_| AnalysisError::NonFinite { argument: "times or values", row: 0 })?;
+    let spline = CubicSpline::try_new(times.to_vec(), points)?;
     Ok(uniform_times(times, n_frames).into_iter().map(|t| spline.evaluate(t)[0]).collect())
 }
 
@@ -50,17 +52,32 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
 /// Of a planar root that is its angle. Of a floating one it is ψ of R = R_z(heading) R_y(ψ) R_x(τ) R_z(φ),
 /// counted with its whole turns ([`Counting`]): about the horizontal axis that was lateral in the first frame,
 /// whatever the twist φ. Frames must be less than a half turn apart, and the tilt τ off ±π/2, as it is not in a
-/// sideflip. None for other roots.
-pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Option<Vec<f64>> {
+/// sideflip. None for other roots. Fails where a configuration is not the model's.
+pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Result<Option<Vec<f64>>, AnalysisError> {
     const TURN: f64 = std::f64::consts::TAU;
+    if !matches!(model.joint(0), Some(Joint::Planar | Joint::Free)) {
+        return Ok(None);
+    }
+    for (row, q) in configurations.iter().enumerate() {
+        expect_length("numbers of a configuration", q.len(), model.n_positions())?;
+        if !q.iter().all(|x| x.is_finite()) {
+            return Err(AnalysisError::NonFinite { argument: "q", row });
+        }
+        if model.joint(0) == Some(&Joint::Free) {
+            let found = q[3..7].iter().fold(0.0_f64, |norm, x| norm.hypot(*x));
+            if (found - 1.0).abs() > 1e-6 {
+                return Err(AnalysisError::NotARotation { row, found });
+            }
+        }
+    }
     let rotation = |q: &&[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
-    match model.joint(0)? {
+    Ok(match model.joint(0) {
         // the planar diver's angle is positive backwards
-        Joint::Planar => {
+        Some(Joint::Planar) => {
             let first = configurations.first().map_or(0.0, |q| q[2]);
             Some(configurations.iter().map(|q| (first - q[2]) / TURN).collect())
         }
-        Joint::Free => {
+        Some(Joint::Free) => {
             let lateral = configurations.first().map_or(Vector3::y(), |q| rotation(q) * Vector3::y());
             let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (-lateral.x).atan2(lateral.y));
             let orientations: Vec<_> =
@@ -70,7 +87,7 @@ pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Option<Vec<f64>>
             Some(angles.iter().map(|a| (a.somersault - first) / TURN).collect())
         }
         _ => None,
-    }
+    })
 }
 
 /// A quantity of Figure 4.1.
@@ -124,7 +141,7 @@ impl GroupComparison {
                 Panel::Scale => seen().map(|f| f.estimate.scale).collect(),
                 Panel::Rotation => {
                     let all: Vec<&[f64]> = seen().map(|f| f.estimate.q.as_slice()).collect();
-                    turns_about(model, &all).ok_or(AnalysisError::Held)?
+                    turns_about(model, &all)?.ok_or(AnalysisError::Held)?
                 }
             };
             normalize_frames(&times, &values, n_frames)

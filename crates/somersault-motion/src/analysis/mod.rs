@@ -17,6 +17,8 @@ pub use groups::{Band, GroupComparison, Panel, normalize_frames, turns_about};
 pub use pca::Pca;
 pub use projection::{Projection, WeightBounds, project};
 
+use crate::recording::RecordingError;
+
 /// Why numbers cannot be analysed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -63,6 +65,27 @@ pub enum AnalysisError {
         /// Row, from 0.
         row: usize,
     },
+    /// Parts that are no principal components.
+    #[error("`{argument}` must be {allowed}")]
+    Parts {
+        /// Name of the part.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+    },
+    /// The quaternion of a root is none.
+    #[error(
+        "`q` must have a unit quaternion for its root in every row, but in row {row} its norm is {found}"
+    )]
+    NotARotation {
+        /// Row, from 0.
+        row: usize,
+        /// Norm found.
+        found: f64,
+    },
+    /// Times or values through which there is no curve.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// All samples are the same: there is no direction in which they differ.
     #[error("the samples do not differ")]
     NoVariance,

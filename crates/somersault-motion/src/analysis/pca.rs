@@ -35,6 +35,9 @@ pub struct Pca {
     n_samples: usize,
 }
 
+/// What rounding may leave of the components' products.
+const ORTHONORMAL: f64 = 1e-9;
+
 impl Pca {
     /// The first `n_components` of `samples`, a sample in each row. At least one component, at most one less
     /// than there are samples. Cost O(n p min(n, p)).
@@ -64,8 +67,9 @@ impl Pca {
         Ok(Self { mean, components, variance, total_variance: total / (n - 1) as f64, n_samples: n })
     }
 
-    /// From its parts, as `scoring` stores them; checked.
-    pub(crate) fn from_parts(
+    /// From its parts, as files hold them: `components` has a column of unit length for each, perpendicular to all others;
+    /// `variance` falls, is not negative, and adds up to `total_variance` at most.
+    pub fn from_parts(
         mean: DVector<f64>,
         components: DMatrix<f64>,
         variance: Vec<f64>,
@@ -77,6 +81,26 @@ impl Pca {
         expect_finite("components", &components)?;
         if !mean.iter().chain(&variance).chain([&total_variance]).all(|x| x.is_finite()) {
             return Err(AnalysisError::NonFinite { argument: "mean or variance", row: 0 });
+        }
+        let part = |argument, allowed| Err(AnalysisError::Parts { argument, allowed });
+        if n_samples < 2 {
+            return part("n_samples", "at least 2");
+        }
+        let k = components.ncols();
+        if k == 0 || k > (n_samples - 1).min(mean.len()) {
+            return part(
+                "components",
+                "at least one, less than samples and at most as many as numbers in one",
+            );
+        }
+        if (components.tr_mul(&components) - DMatrix::identity(k, k)).amax() > ORTHONORMAL {
+            return part("components", "of unit length and perpendicular to each other, to 1e-9");
+        }
+        if variance.windows(2).any(|v| v[1] > v[0]) || variance[k - 1] < 0.0 {
+            return part("variance", "falling and not negative");
+        }
+        if !(total_variance > 0.0 && variance.iter().sum::<f64>() <= total_variance * (1.0 + ORTHONORMAL)) {
+            return part("total_variance", "positive, and at least what the components have");
         }
         Ok(Self { mean, components, variance, total_variance, n_samples })
     }
@@ -139,6 +163,7 @@ impl Pca {
     /// The samples that have these scores: x̄ + V s, in rows.
     pub fn reconstruct(&self, scores: &DMatrix<f64>) -> Result<DMatrix<f64>, AnalysisError> {
         expect_length("columns of scores", scores.ncols(), self.n_components())?;
+        expect_finite("scores", scores)?;
         let mut samples = scores * self.components.transpose();
         for (mut column, mean) in samples.column_iter_mut().zip(&self.mean) {
             column.add_scalar_mut(*mean);

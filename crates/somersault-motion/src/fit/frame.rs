@@ -40,6 +40,14 @@ pub struct FrameFit {
     pub covariance: Option<DMatrix<f64>>,
 }
 
+impl FrameFit {
+    /// Root mean square of the residuals that there are.
+    pub fn rms_of(residuals: &[Option<f64>]) -> Option<f64> {
+        let present: Vec<f64> = residuals.iter().flatten().map(|r| r * r).collect();
+        (!present.is_empty()).then(|| (present.iter().sum::<f64>() / present.len() as f64).sqrt())
+    }
+}
+
 /// Room for the fit of frames of one model.
 pub(super) struct FrameFitter<'a> {
     model: &'a Model,
@@ -121,9 +129,8 @@ impl<'a> FrameFitter<'a> {
         let mut estimate = start.clone();
         let (status, iterations, cost) = self.minimize(targets, &mut estimate, usize::MAX)?;
         let residuals = self.distances(targets, &estimate)?;
-        let present: Vec<f64> = residuals.iter().flatten().map(|r| r * r).collect();
-        let rms = (!present.is_empty()).then(|| (present.iter().sum::<f64>() / present.len() as f64).sqrt());
-        let covariance = if present.is_empty() { None } else { self.covariance(targets, &estimate)? };
+        let rms = FrameFit::rms_of(&residuals);
+        let covariance = if rms.is_none() { None } else { self.covariance(targets, &estimate)? };
         Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, covariance })
     }
 

@@ -93,6 +93,9 @@ pub enum FitError {
         /// Entries it has.
         found: usize,
     },
+    /// The caller said that it is not to go on.
+    #[error("the fit was interrupted")]
+    Interrupted,
     /// Eigenpostures are combinations of coordinates; rotations of a ball joint are none.
     #[error("eigenpostures need joints of one coordinate, but that of `{body}` has {found}")]
     JointOfManyCoordinates {

@@ -3,6 +3,7 @@
 use super::frame::{FitStatus, FrameFit, FrameFitter};
 use super::starts::{Starts, is_better};
 use super::{FitError, FitOptions, MarkerSet, Scale};
+use crate::GoOn;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -81,6 +82,11 @@ const STRIDE: usize = 8;
 /// Rounds of the search for a common scale, at most.
 const MAX_ROUNDS: usize = 50;
 
+/// Fails where the caller says that it is not to go on.
+fn expect(go_on: GoOn) -> Result<(), FitError> {
+    if go_on() { Ok(()) } else { Err(FitError::Interrupted) }
+}
+
 type Targets = Vec<Option<Vector3<f64>>>;
 
 impl MarkerFit {
@@ -88,6 +94,11 @@ impl MarkerFit {
     pub fn try_new(model: &Model, markers: MarkerSet, options: FitOptions) -> Result<Self, FitError> {
         options.validate(model)?;
         Ok(Self { model: model.clone(), markers, options })
+    }
+
+    /// Its choices.
+    pub fn options(&self) -> &FitOptions {
+        &self.options
     }
 
     /// The model.
@@ -103,6 +114,11 @@ impl MarkerFit {
     /// Fits all frames. Markers of the recording that the model has not are left aside, those that the recording
     /// has not are missing.
     pub fn fit(&self, recording: &MarkerRecording) -> Result<MotionFit, FitError> {
+        self.fit_while(recording, &|| true)
+    }
+
+    /// As [`fit`](Self::fit), and ends with [`FitError::Interrupted`] within a frame of `go_on` becoming false.
+    pub fn fit_while(&self, recording: &MarkerRecording, go_on: GoOn) -> Result<MotionFit, FitError> {
         let targets = self.targets(recording)?;
         let mut fitter = FrameFitter::new(&self.model, &self.markers, &self.options);
         let starts = Starts::new(&self.model, &self.options, &fitter.unknowns);
@@ -114,11 +130,12 @@ impl MarkerFit {
         let mut estimate = first.map_or_else(neutral, |(_, estimate)| estimate);
         let mut frames = Vec::with_capacity(targets.len());
         for frame in &targets {
+            expect(go_on)?;
             let found = fitter.fit(frame, &estimate)?;
             estimate.clone_from(&found.estimate);
             frames.push(found);
         }
-        self.leave_wrong_minima(&mut fitter, &starts, &targets, &mut frames)?;
+        self.leave_wrong_minima(&mut fitter, &starts, &targets, &mut frames, go_on)?;
         for i in 1..frames.len() {
             if frames[i].status == FitStatus::NoMarkers {
                 frames[i].estimate = frames[i - 1].estimate.clone();
@@ -126,7 +143,7 @@ impl MarkerFit {
         }
         let mut motion = MotionFit { times: recording.times().to_vec(), frames, scale_converged: true };
         if let Scale::Common { lower, upper } = self.options.scale {
-            self.share_scale(&targets, &mut motion, [lower, upper])?;
+            self.share_scale(&targets, &mut motion, [lower, upper], go_on)?;
         }
         Ok(motion)
     }
@@ -139,10 +156,12 @@ impl MarkerFit {
         starts: &Starts,
         targets: &[Targets],
         frames: &mut [FrameFit],
+        go_on: GoOn,
     ) -> Result<(), FitError> {
         let last = frames.len() - 1;
         let far = (last % STRIDE > STRIDE / 2).then_some(last);
         for i in (STRIDE..=last).step_by(STRIDE).chain(far) {
+            expect(go_on)?;
             // nothing is better than no residual, or no marker
             if !is_better(0.0, frames[i].cost) {
                 continue;
@@ -198,6 +217,7 @@ impl MarkerFit {
         targets: &[Targets],
         motion: &mut MotionFit,
         [lower, upper]: [f64; 2],
+        go_on: GoOn,
     ) -> Result<(), FitError> {
         let seen = |f: &&FrameFit| f.status != FitStatus::NoMarkers;
         let scales: Vec<f64> = motion.frames.iter().filter(seen).map(|f| f.estimate.scale).collect();
@@ -208,6 +228,7 @@ impl MarkerFit {
         motion.scale_converged = false;
         for _ in 0..MAX_ROUNDS {
             let fit_at = |fitter: &mut FrameFitter, (frame, fit): (&Targets, &mut FrameFit)| {
+                expect(go_on)?;
                 fitter.fix_scale(scale);
                 let mut start = fit.estimate.clone();
                 start.scale = scale;

@@ -136,7 +136,8 @@ impl MarkerRecording {
                 }
             }
         }
-        Ok(filled)
+        // between far points a spline may go beyond all numbers
+        Self::try_new(filled.names, filled.times, filled.points)
     }
 
     /// The unbroken stretches of marker `k`: first frame, and the frame after the last.
@@ -206,6 +207,16 @@ mod tests {
             assert!((all.frame(i)[0].unwrap() - cubic(t)).norm() < 1e-14);
         }
         assert_eq!(all.n_missing(), 8, "no marker is made up before its first or after its last frame");
+    }
+
+    #[test]
+    fn what_a_spline_makes_up_beyond_all_numbers_is_refused() {
+        let heights = [Some(1.7e308), None, Some(-1.7e308), Some(1.7e308), Some(-1.7e308)];
+        let points = heights.map(|z| z.map(|z| Vector3::new(0.0, 0.0, z))).to_vec();
+        let times = vec![0.0, 1.0, 2.0, 3.0, 4.0];
+        let recording = MarkerRecording::try_new(vec!["a".into()], times, points).unwrap();
+        let found = recording.fill_gaps(10.0);
+        assert_eq!(found, Err(RecordingError::NonFinite { argument: "points", frame: 1 }));
     }
 
     #[test]

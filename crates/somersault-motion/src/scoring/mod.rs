@@ -24,10 +24,11 @@ mod vector;
 pub use model::{ScoringModel, ScoringOptions};
 pub use statistics::{Correlation, pearson, spearman};
 pub use storage::StorageError;
-pub use validation::{Baseline, Validation, ValidationOptions, validate};
+pub use validation::{Baseline, Validation, ValidationOptions, validate, validate_while};
 pub use vector::{Performance, VectorOptions};
 
 use crate::analysis::AnalysisError;
+use crate::recording::RecordingError;
 
 /// Why motions cannot be scored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -59,6 +60,40 @@ pub enum ScoringError {
         /// Name of the argument.
         argument: &'static str,
     },
+    /// A number is not in the range allowed.
+    #[error("`{argument}` must be {allowed}, found {found}")]
+    Range {
+        /// Name of the argument.
+        argument: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// More components than motions can have.
+    #[error("`{argument}` must be at most {most} for these motions, found {found}")]
+    TooMany {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The most there can be.
+        most: usize,
+        /// Number asked for.
+        found: usize,
+    },
+    /// A marker is missing.
+    #[error("`recording` must have no gaps, but `{marker}` is missing in frame {frame}; fill them before")]
+    Gap {
+        /// The marker.
+        marker: String,
+        /// Frame, from 0.
+        frame: usize,
+    },
+    /// Times do not grow.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The caller said that it is not to go on.
+    #[error("the validation was interrupted")]
+    Interrupted,
     /// Nothing is correlated with what is the same everywhere.
     #[error("`{argument}` does not vary")]
     Constant {

@@ -25,7 +25,16 @@ impl ScoringOptions {
 
     /// Fails unless every motion has a score, and there are as many as `least` beside the components.
     pub(super) fn check(&self, n_motions: usize, scores: &[f64], least: usize) -> Result<(), ScoringError> {
-        expect_least("components", self.most(), 1)?;
+        let argument = if self.n_components.is_some() { "n_components" } else { "max_components" };
+        for (argument, found) in [
+            (argument, self.most()),
+            ("n_frames", self.vector.n_frames),
+            ("n_eigenweights", self.vector.n_eigenweights),
+        ] {
+            if found == 0 {
+                return Err(ScoringError::Range { argument, allowed: "at least 1", found: 0.0 });
+            }
+        }
         expect_least("motions", n_motions, self.most().saturating_add(least))?;
         expect_length("scores", scores.len(), n_motions)?;
         if scores.iter().all(|s| s.is_finite()) {
@@ -132,5 +141,11 @@ pub(super) fn eigenpostures_of(
 ) -> Result<Pca, ScoringError> {
     let learnt = motions.iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
     let postures: Vec<DMatrix<f64>> = learnt.map(|(_, motion)| motion.postures.clone()).collect();
+    let rows: usize = postures.iter().map(DMatrix::nrows).sum();
+    let most = postures.first().map_or(0, DMatrix::ncols).min(rows.saturating_sub(1));
+    if options.n_eigenweights > most {
+        let (argument, found) = ("n_eigenweights", options.n_eigenweights);
+        return Err(ScoringError::TooMany { argument, most, found });
+    }
     Ok(eigenpostures::common(&postures, options.n_eigenweights)?)
 }

@@ -44,12 +44,20 @@ pub fn spearman(x: &[f64], y: &[f64]) -> Result<f64, ScoringError> {
 }
 
 fn coefficient(x: &[f64], y: &[f64]) -> f64 {
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let (a, b) = (mean(x), mean(y));
-    let sums = x.iter().zip(y).fold([0.0; 3], |[xy, xx, yy], (x, y)| {
-        [xy + (x - a) * (y - b), xx + (x - a).powi(2), yy + (y - b).powi(2)]
-    });
-    sums[0] / (sums[1] * sums[2]).sqrt()
+    let (x, y) = (deviations(x), deviations(y));
+    let sums = x.iter().zip(&y).fold([0.0; 3], |[xy, xx, yy], (x, y)| [xy + x * y, xx + x * x, yy + y * y]);
+    (sums[0] / (sums[1] * sums[2]).sqrt()).clamp(-1.0, 1.0)
+}
+
+/// Deviations from the mean over the largest of them: their squares neither overflow nor vanish.
+fn deviations(x: &[f64]) -> Vec<f64> {
+    let largest = |v: &[f64]| v.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let scale = largest(x);
+    let shares: Vec<f64> = x.iter().map(|x| x / scale).collect();
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    let deviations: Vec<f64> = shares.iter().map(|x| x - mean).collect();
+    let scale = largest(&deviations);
+    deviations.iter().map(|x| x / scale).collect()
 }
 
 fn ranks(x: &[f64]) -> Vec<f64> {
@@ -133,5 +141,21 @@ mod tests {
         assert!((spearman(&x, &y).unwrap() - 0.6617647058823529).abs() < 1e-14);
         assert_eq!(pearson(&x, &[1.0; 6]), Err(ScoringError::Constant { argument: "y" }));
         assert!(matches!(spearman(&x, &[1.0]), Err(ScoringError::Length { .. })));
+    }
+
+    #[test]
+    fn coefficients_do_not_depend_on_units() {
+        let (x, y) = ([1.0, 2.0, 2.0, 4.0, 7.0, 3.0], [2.0, 1.0, 4.0, 4.0, 5.0, 9.0]);
+        for scale in [1e-300, 1e-200, 1e200, 1e307] {
+            let scaled = x.map(|x| x * scale);
+            assert!((pearson(&scaled, &y).unwrap() - pearson(&x, &y).unwrap()).abs() < 1e-14, "{scale}");
+            assert!((pearson(&y, &scaled).unwrap() - pearson(&x, &y).unwrap()).abs() < 1e-14, "{scale}");
+            assert_eq!(spearman(&scaled, &y), spearman(&x, &y));
+        }
+        for k in 1..200 {
+            let x: Vec<f64> = (0..7).map(|i| 0.1 + f64::from(i * k) / 3.0).collect();
+            let r = pearson(&x, &x).unwrap();
+            assert!(r <= 1.0 && r > 1.0 - 1e-15, "{r}");
+        }
     }
 }

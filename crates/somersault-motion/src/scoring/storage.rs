@@ -126,6 +126,9 @@ impl ScoringModel {
         let length = vector.n_frames.saturating_mul(per_frame).saturating_add(usize::from(vector.duration));
         expect("entries of a motion's vector", eigenmotions.mean().len(), length)?;
         expect("coefficients", coefficients.len(), eigenmotions.n_components())?;
+        if vector.n_frames == 0 {
+            return Err(AnalysisError::Parts { argument: "n_frames", allowed: "at least 1" }.into());
+        }
         if !coefficients.iter().chain([&stored.intercept]).all(|x| x.is_finite()) {
             return Err(AnalysisError::NonFinite { argument: "coefficients", row: 0 }.into());
         }

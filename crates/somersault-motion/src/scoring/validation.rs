@@ -4,6 +4,7 @@ use super::model::{eigenpostures_of, normalize};
 use super::regression::LeftOut;
 use super::statistics::{Coefficients, Correlation, resampled};
 use super::{Performance, ScoringError, ScoringOptions, expect_least, expect_length};
+use crate::GoOn;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -89,12 +90,30 @@ pub fn validate(
     validation: &ValidationOptions,
     features: &[(&str, &[f64])],
 ) -> Result<Validation, ScoringError> {
+    validate_while(motions, scores, options, validation, features, &|| true)
+}
+
+/// As [`validate`], and ends with [`ScoringError::Interrupted`] within a resample of `go_on` becoming false.
+pub fn validate_while(
+    motions: &[Performance],
+    scores: &[f64],
+    options: &ScoringOptions,
+    validation: &ValidationOptions,
+    features: &[(&str, &[f64])],
+    go_on: GoOn,
+) -> Result<Validation, ScoringError> {
     options.check(motions.len(), scores, 3)?;
     // with four only the resample that has all of them can be validated, and the interval would be a point
     expect_least("motions", motions.len(), 5)?;
-    expect_least("resamples", validation.n_resamples, 1)?;
+    let range = |argument, allowed, found| Err(ScoringError::Range { argument, allowed, found });
+    if validation.n_resamples == 0 {
+        return range("n_resamples", "at least 1", 0.0);
+    }
     if !(validation.level > 0.0 && validation.level < 1.0) {
-        return Err(ScoringError::NonFinite { argument: "level, between 0 and 1" });
+        return range("level", "between 0 and 1", validation.level);
+    }
+    if scores.iter().all(|score| *score == scores[0]) {
+        return Err(ScoringError::Constant { argument: "scores" });
     }
     let folds = Folds::try_new(motions, options)?;
     let found = folds.leave_out(scores);
@@ -103,17 +122,24 @@ pub fn validate(
     let means: Vec<f64> = found.iter().map(|(mean, _, _)| *mean).collect();
     let differences: Vec<f64> = found.iter().map(|(_, difference, _)| *difference).collect();
     let value = Coefficients::try_new(&differences, scores)?;
-    let [pearson, spearman] = resampled(
+    let resampled = resampled(
         value,
         validation,
         scores.len(),
-        |counts| folds.resampled(counts, scores),
+        |counts| if go_on() { folds.resampled(counts, scores) } else { None },
         |order| {
+            if !go_on() {
+                return None;
+            }
             let shuffled: Vec<f64> = order.iter().map(|&i| scores[i]).collect();
             let differences: Vec<f64> = folds.leave_out(&shuffled).iter().map(|(_, d, _)| *d).collect();
             Coefficients::try_new(&differences, &shuffled).ok()
         },
-    )?;
+    );
+    if !go_on() {
+        return Err(ScoringError::Interrupted);
+    }
+    let [pearson, spearman] = resampled?;
     let without = |i: usize, values: &[f64]| {
         let mut rest = values.to_vec();
         rest.remove(i);

@@ -1,8 +1,8 @@
 //! What a motion is to a judge that counts: its vector.
 
 use super::{ScoringError, expect_least, expect_length};
-use crate::analysis::{Pca, normalize_frames};
-use crate::recording::MarkerRecording;
+use crate::analysis::{Pca, expect_finite, normalize_frames};
+use crate::recording::{MarkerRecording, expect_times};
 use nalgebra::{DMatrix, RowDVector};
 
 /// A motion to be scored, frame by frame.
@@ -26,11 +26,10 @@ impl Performance {
         expect_length("rows of postures", postures.nrows(), times.len())?;
         expect_length("rows of path", path.nrows(), times.len())?;
         expect_length("columns of path", path.ncols(), 3)?;
-        if !(postures.iter().chain(&path).chain(&times)).all(|x| x.is_finite()) {
-            return Err(ScoringError::NonFinite { argument: "times, postures or path" });
-        }
-        if times.windows(2).any(|pair| pair[1] <= pair[0]) {
-            return Err(ScoringError::Constant { argument: "times" });
+        expect_least("columns of postures", postures.ncols(), 1)?;
+        expect_times(&times)?;
+        for (argument, rows) in [("postures", &postures), ("path", &path)] {
+            expect_finite(argument, rows)?;
         }
         Ok(Self { times, postures, path, synthetic: false })
     }
@@ -43,7 +42,9 @@ impl Performance {
         let mut path = DMatrix::zeros(n, 3);
         for (i, frame) in recording.frames().enumerate() {
             let points: Vec<_> = frame.iter().flatten().collect();
-            expect_length("markers of a frame", points.len(), m)?;
+            if let Some(k) = frame.iter().position(Option::is_none) {
+                return Err(ScoringError::Gap { marker: recording.names()[k].clone(), frame: i });
+            }
             let centre = points.iter().copied().sum::<nalgebra::Vector3<f64>>() / m as f64;
             path.row_mut(i).copy_from(&centre.transpose());
             for (k, point) in points.iter().enumerate() {
@@ -61,6 +62,21 @@ impl Performance {
     /// Whether it is labelled as made up.
     pub fn is_synthetic(&self) -> bool {
         self.synthetic
+    }
+
+    /// Times of the frames, s.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// Postures, a row for each frame.
+    pub fn postures(&self) -> &DMatrix<f64> {
+        &self.postures
+    }
+
+    /// Path of the body, a row for each frame.
+    pub fn path(&self) -> &DMatrix<f64> {
+        &self.path
     }
 
     /// From the first to the last frame, s.

@@ -51,6 +51,9 @@ use somersault_multibody::motion::MotionError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SyntheticError {
+    /// The caller said that it is not to go on.
+    #[error("making synthetic dives was interrupted")]
+    Interrupted,
     /// Something has the wrong number of entries.
     #[error("`{argument}` must have {expected} entries, found {found}")]
     Length {

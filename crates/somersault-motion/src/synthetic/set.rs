@@ -3,6 +3,7 @@
 use super::{
     Perturbation, SyntheticDive, SyntheticError, SyntheticFlight, SyntheticJudge, expect_not_negative,
 };
+use crate::GoOn;
 use crate::analysis::DiveFaults;
 use crate::fit::MarkerSet;
 use crate::judged::{JudgedList, JudgedMotion, JudgedSet};
@@ -89,6 +90,18 @@ impl SyntheticSet {
         judge: &SyntheticJudge,
         options: &SyntheticOptions,
     ) -> Result<Self, SyntheticError> {
+        Self::generate_while(flight, markers, judge, options, &|| true)
+    }
+
+    /// As [`generate`](Self::generate), and ends with [`SyntheticError::Interrupted`] within a dive of `go_on` becoming
+    /// false.
+    pub fn generate_while(
+        flight: &SyntheticFlight,
+        markers: &MarkerSet,
+        judge: &SyntheticJudge,
+        options: &SyntheticOptions,
+        go_on: GoOn,
+    ) -> Result<Self, SyntheticError> {
         judge.validate()?;
         expect_not_negative("marker_noise", options.marker_noise)?;
         if options.n_dives == 0 {
@@ -98,6 +111,9 @@ impl SyntheticSet {
         let drawn: Vec<(Perturbation, u64)> =
             (0..options.n_dives).map(|_| (options.draw(&mut rng), rng.random())).collect();
         let make = |(perturbation, seed): &(Perturbation, u64)| {
+            if !go_on() {
+                return Err(SyntheticError::Interrupted);
+            }
             let dive = flight.perturb(perturbation)?;
             let faults = dive.faults(flight.model())?;
             let recorded = dive.markers(flight.model(), markers, options.marker_noise, *seed)?;

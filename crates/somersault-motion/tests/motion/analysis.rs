@@ -85,6 +85,8 @@ fn all_components_give_the_samples_back_on_either_shape() {
         let pca = Pca::fit(&samples, k).unwrap();
         let scores = pca.scores(&samples).unwrap();
         assert!((pca.reconstruct(&scores).unwrap() - &samples).amax() < 1e-12);
+        let nan = DMatrix::from_element(1, scores.ncols(), f64::NAN);
+        assert_eq!(pca.reconstruct(&nan), Err(AnalysisError::NonFinite { argument: "scores", row: 0 }));
         let gram = pca.components().tr_mul(pca.components());
         assert!((gram - DMatrix::identity(k, k)).amax() < 1e-13);
         let covariance = scores.tr_mul(&scores) / (n - 1) as f64;

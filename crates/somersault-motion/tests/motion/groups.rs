@@ -30,19 +30,24 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
         })
         .collect();
     let slices: Vec<&[f64]> = configurations.iter().map(Vec::as_slice).collect();
-    let turns = turns_about(&model, &slices).unwrap();
+    let turns = turns_about(&model, &slices).unwrap().unwrap();
     for (i, found) in turns.iter().enumerate() {
         assert!((found - 3.5 * share(i as i32)).abs() < 1e-12, "frame {i}: {found}");
     }
+    let mut q = model.neutral();
+    q[3..7].fill(0.0);
+    let found = turns_about(&model, &[&model.neutral(), &q]);
+    assert_eq!(found, Err(AnalysisError::NotARotation { row: 1, found: 0.0 }));
+    assert!(matches!(turns_about(&model, &[&q[1..]]), Err(AnalysisError::Length { .. })));
 
     let model = planar();
     let mut configurations = [model.neutral(), model.neutral(), model.neutral()];
     (configurations[0][2], configurations[1][2], configurations[2][2]) = (0.5, 0.5 - TAU, 0.5 + 1.5 * TAU);
     let slices: Vec<&[f64]> = configurations.iter().map(Vec::as_slice).collect();
-    let turns = turns_about(&model, &slices).unwrap();
+    let turns = turns_about(&model, &slices).unwrap().unwrap();
     assert!((turns[1] - 1.0).abs() < 1e-15 && (turns[2] + 1.5).abs() < 1e-15 && turns[0] == 0.0);
     let held = somersault_multibody::models::TwoLinkArm::default().model().unwrap();
-    assert_eq!(turns_about(&held, &[&held.neutral()]), None);
+    assert_eq!(turns_about(&held, &[&held.neutral()]), Ok(None));
 }
 
 /// A motion of 31 frames whose panels are polynomials of the share u: the weight a u², the error 0.01 u, the

@@ -102,6 +102,11 @@ fn motions_of_a_list_have_the_markers_of_the_first_without_gaps() {
         matches!(&gap, Err(JudgedError::Gap { line: 4, frame: 1, marker, .. }) if marker == "knee"),
         "{gap:?}"
     );
+    for longest_gap in [-1.0, f64::NAN, f64::INFINITY] {
+        let found = load(&JudgedOptions { longest_gap, ..options });
+        assert!(matches!(found, Err(JudgedError::LongestGap { .. })), "{longest_gap}: {found:?}");
+    }
+    assert!(matches!(load(&JudgedOptions { longest_gap: 0.0, ..options }), Err(JudgedError::Gap { .. })));
     folder.put("sub/b.trc", &TRC.replace("knee", "nose"));
     assert!(matches!(load(&options), Err(JudgedError::Recording { line: 5, .. })));
     folder.put("sub/b.trc", &TRC.replace("901", "9o1"));

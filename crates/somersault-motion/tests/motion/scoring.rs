@@ -1,10 +1,13 @@
 //! Scoring finds a judge that is there, and none that is not. **All motions and scores here are synthetic.**
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
+use somersault_motion::analysis::AnalysisError;
+use somersault_motion::recording::{MarkerRecording, RecordingError};
 use somersault_motion::scoring::{
-    Performance, ScoringError, ScoringModel, ScoringOptions, StorageError, ValidationOptions, validate,
+    Performance, ScoringError, ScoringModel, ScoringOptions, StorageError, ValidationOptions, VectorOptions,
+    validate,
 };
 
 /// Motions of four joints that differ by two numbers each, how deep and how late the body folds, and by noise;
@@ -138,10 +141,70 @@ fn what_cannot_be_scored_is_refused() {
     bad[2] = f64::NAN;
     let bad = ScoringModel::train(&motions, &bad, &ScoringOptions { max_components: 2, ..options });
     assert!(matches!(bad, Err(ScoringError::NonFinite { argument: "scores" })));
-    let many = ScoringOptions {
-        vector: somersault_motion::scoring::VectorOptions { n_eigenweights: 5, ..options.vector },
-        ..options
+    let (motions, scores) = judged(9, 0.1, 1);
+    let with = |options: ScoringOptions| ScoringModel::train(&motions, &scores, &options).map(drop);
+    let eigenweights =
+        |n| ScoringOptions { vector: VectorOptions { n_eigenweights: n, ..options.vector }, ..options };
+    let found = with(eigenweights(5));
+    assert_eq!(found, Err(ScoringError::TooMany { argument: "n_eigenweights", most: 4, found: 5 }));
+    let no_frames = VectorOptions { n_frames: 0, ..options.vector };
+    for (options, argument) in [
+        (eigenweights(0), "n_eigenweights"),
+        (ScoringOptions { vector: no_frames, ..options }, "n_frames"),
+        (ScoringOptions { n_components: Some(0), ..options }, "n_components"),
+        (ScoringOptions { max_components: 0, ..options }, "max_components"),
+    ] {
+        let expected = ScoringError::Range { argument, allowed: "at least 1", found: 0.0 };
+        assert_eq!(with(options), Err(expected));
+    }
+    let validated = |scores: &[f64], choices: ValidationOptions| {
+        validate(&motions, scores, &options, &choices, &[]).map(drop)
     };
-    let many = ScoringModel::train(&judged(9, 0.1, 1).0, &[7.0; 9], &many);
-    assert!(matches!(many, Err(ScoringError::Analysis(_))));
+    let usual = ValidationOptions { n_resamples: 10, ..ValidationOptions::default() };
+    for level in [0.0, 1.0, -1.0, f64::NAN] {
+        let found = validated(&scores, ValidationOptions { level, ..usual });
+        assert!(matches!(found, Err(ScoringError::Range { argument: "level", .. })), "{found:?}");
+    }
+    let found = validated(&scores, ValidationOptions { n_resamples: 0, ..usual });
+    assert!(matches!(found, Err(ScoringError::Range { argument: "n_resamples", .. })), "{found:?}");
+    assert_eq!(validated(&[7.0; 9], usual), Err(ScoringError::Constant { argument: "scores" }));
+
+    let make = |times: &[f64], posture: f64, path: f64| {
+        let rows = |x: f64, n: usize| DMatrix::from_element(times.len(), n, x);
+        Performance::try_new(times.to_vec(), rows(posture, 2), rows(path, 3)).map(drop)
+    };
+    let found = make(&[0.0, 0.0], 1.0, 1.0);
+    assert!(matches!(found, Err(ScoringError::Recording(RecordingError::TimesNotGrowing { .. }))));
+    let nan = |found, name| {
+        assert_eq!(found, Err(ScoringError::Analysis(AnalysisError::NonFinite { argument: name, row: 0 })));
+    };
+    nan(make(&[0.0, 1.0], f64::NAN, 1.0), "postures");
+    nan(make(&[0.0, 1.0], 1.0, f64::INFINITY), "path");
+    let p = Some(Vector3::zeros());
+    let gap = MarkerRecording::try_new(vec!["a".into(), "b".into()], vec![0.0, 1.0], vec![p, p, p, None]);
+    let found = Performance::from_markers(&gap.unwrap()).map(drop);
+    assert_eq!(found, Err(ScoringError::Gap { marker: "b".into(), frame: 1 }));
+}
+
+#[test]
+fn stored_models_that_are_none_are_refused() {
+    let (motions, scores) = judged(20, 0.1, 5);
+    let model = ScoringModel::train(&motions, &scores, &ScoringOptions::thesis()).unwrap();
+    let stored: serde_json::Value = serde_json::from_str(&model.to_json().unwrap()).unwrap();
+    let refused = |change: &dyn Fn(&mut serde_json::Value), part: &str| {
+        let mut stored = stored.clone();
+        change(&mut stored["eigenpostures"]);
+        let found = ScoringModel::from_json(&stored.to_string());
+        let argument = match &found {
+            Err(StorageError::Parts(AnalysisError::Parts { argument, .. })) => *argument,
+            other => panic!("{part}: {other:?}"),
+        };
+        assert_eq!(argument, part);
+    };
+    refused(&|pca| pca["components"][0][0] = 3.0.into(), "components");
+    refused(&|pca| pca["components"][1] = pca["components"][0].clone(), "components");
+    refused(&|pca| pca["variance"][3] = (-1.0).into(), "variance");
+    refused(&|pca| pca["variance"][3] = 1e3.into(), "variance");
+    refused(&|pca| pca["total_variance"] = 1e-9.into(), "total_variance");
+    refused(&|pca| pca["n_samples"] = 1.into(), "n_samples");
 }

@@ -90,6 +90,11 @@ impl DiveFaults {
         self.faults.roughness
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64, f64, f64, f64)) {
+        let f = &slf.get().faults;
+        (slf.get_type(), (f.entry_angle, f.hip_opening, f.exit_share, f.asymmetry, f.roughness))
+    }
+
     fn __repr__(&self) -> String {
         let f = &self.faults;
         format!(

@@ -1,10 +1,10 @@
 //! Models fitted to markers.
 
 use super::markers::MarkerRecording;
-use super::matrix::numbers_array;
+use super::matrix::{count, numbers_array};
 use super::motion_fit::MotionFit;
-use super::worker::attended;
-use crate::convert::{array, real_numbers, vector};
+use super::worker::attended_while;
+use crate::convert::{a_type, array, real_numbers, vector};
 use crate::error::Error;
 use crate::model::{Model, Which};
 use crate::ocp::EigenpostureBase;
@@ -53,17 +53,22 @@ impl MarkerSet {
     ) -> Result<Self, Error> {
         let mut found = Vec::with_capacity(markers.len());
         for (name, place) in markers.iter() {
-            let name: String = name.extract()?;
-            let (body, point): (Which, Bound<'_, PyAny>) = place.extract()?;
+            let name = name_of("markers", &name)?;
+            let (body, point): (Which, Bound<'_, PyAny>) = place.extract().map_err(|_| {
+                let found = a_type(&place);
+                Error::input(format!("`markers['{name}']` must be a body and a point, found {found}"))
+            })?;
             let body = model.get().which(body)?;
             let point = vector(&format!("markers['{name}']"), &point)?;
             found.push(Marker { name, body, point, weight: 1.0 });
         }
         for (name, weight) in weights.into_iter().flatten() {
-            let name: String = name.extract()?;
+            let name = name_of("weights", &name)?;
             let known = found.iter_mut().find(|marker| marker.name == name);
             let marker = known.ok_or_else(|| Error::input(format!("`weights` names no marker '{name}'")))?;
-            marker.weight = weight.extract()?;
+            marker.weight = weight.extract().map_err(|_| {
+                Error::input(format!("`weights['{name}']` must be a number, found {}", a_type(&weight)))
+            })?;
         }
         let markers = fit::MarkerSet::try_new(&model.get().model, found)?;
         Ok(Self { model: model.clone().unbind(), markers })
@@ -122,16 +127,42 @@ impl MarkerSet {
         self.markers.markers().len()
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let (places, weights) = (PyDict::new(py), PyDict::new(py));
+        for marker in own.markers.markers() {
+            places.set_item(&marker.name, (marker.body, <[f64; 3]>::from(marker.point)))?;
+            weights.set_item(&marker.name, marker.weight)?;
+        }
+        Ok((slf.get_type().into_any(), (own.model(py), places, weights).into_pyobject(py)?))
+    }
+
     fn __repr__(&self) -> String {
         format!("<MarkerSet: {} markers>", self.markers.markers().len())
     }
 }
 
+/// A key of a dict.
+fn name_of(argument: &str, key: &Bound<'_, PyAny>) -> Result<String, Error> {
+    let wrong = |_| Error::input(format!("`{argument}` must have names that are str, found {}", a_type(key)));
+    key.extract().map_err(wrong)
+}
+
 /// A number, or bounds.
-#[derive(FromPyObject)]
 enum NumberOrBounds {
     Number(f64),
     Bounds(f64, f64),
+}
+
+fn number_or_bounds(argument: &str, value: &Bound<'_, PyAny>) -> Result<NumberOrBounds, Error> {
+    match (value.extract::<f64>(), value.extract::<(f64, f64)>()) {
+        (Ok(number), _) => Ok(NumberOrBounds::Number(number)),
+        (_, Ok((lower, upper))) => Ok(NumberOrBounds::Bounds(lower, upper)),
+        _ => {
+            let found = a_type(value);
+            Err(Error::input(format!("`{argument}` must be a number or two bounds, found {found}")))
+        }
+    }
 }
 
 /// A model with markers, to be fitted to recordings.
@@ -139,7 +170,8 @@ enum NumberOrBounds {
 /// In each frame scale s, pose of the root and shape of the model are sought that bring its markers nearest to the
 /// recorded ones: ½ Σ c ρ(‖x − y‖²) is to be least, x = r + s d(q). The shape is that of all joints within their limits,
 /// or the weights w of eigenpostures with w ≥ 0 and Σ w ≤ 1. A frame starts where the one before ended; the first from
-/// the best of several postures, each laid over the markers.
+/// the best of several postures, each laid over the markers. Every eighth frame is begun from these postures too, and what
+/// is better leads the frames beside it, so that a motion does not stay in a wrong minimum.
 ///
 /// Parameters
 /// ----------
@@ -156,7 +188,8 @@ enum NumberOrBounds {
 /// threshold : float, optional
 ///     Distance from which on the loss is not that of squares, m; for 'huber' and 'cauchy'.
 /// starts : sequence of array_like, optional
-///     Postures to begin the first frame with: joint coordinates beside the root's, or weights.
+///     Postures to begin the first frame and every eighth with: joint coordinates beside the root's, or weights. The
+///     neutral posture and each of the base, or points throughout the joints' ranges, unless given.
 /// max_iterations : int, optional
 ///     In a frame.
 /// step_tol : float, optional
@@ -196,12 +229,12 @@ impl MarkerFit {
     fn new(
         markers: &Bound<'_, MarkerSet>,
         base: Option<&Bound<'_, EigenpostureBase>>,
-        scale: Option<NumberOrBounds>,
+        scale: Option<&Bound<'_, PyAny>>,
         common_scale: bool,
         loss: &str,
         threshold: Option<f64>,
         starts: Option<Vec<Bound<'_, PyAny>>>,
-        max_iterations: Option<usize>,
+        max_iterations: Option<i128>,
         step_tol: Option<f64>,
         noise: Option<f64>,
     ) -> Result<Self, Error> {
@@ -209,7 +242,9 @@ impl MarkerFit {
         let start = |(k, start): (usize, &Bound<'_, PyAny>)| real_numbers(&format!("starts[{k}]"), start);
         let options = FitOptions {
             shape: base.map_or(Shape::Joints, |base| Shape::Eigenpostures(base.get().base.clone())),
-            scale: match scale.unwrap_or(NumberOrBounds::Bounds(0.5, 2.0)) {
+            scale: match scale
+                .map_or(Ok(NumberOrBounds::Bounds(0.5, 2.0)), |scale| number_or_bounds("scale", scale))?
+            {
                 NumberOrBounds::Number(_) if common_scale => {
                     return Err(Error::input("`common_scale` needs bounds of the `scale`, found a number"));
                 }
@@ -219,7 +254,10 @@ impl MarkerFit {
             },
             loss: loss_of(loss, threshold)?,
             starts: starts.iter().flatten().enumerate().map(start).collect::<Result<_, _>>()?,
-            max_iterations: max_iterations.unwrap_or(default.max_iterations),
+            max_iterations: match max_iterations {
+                Some(n) => count("max_iterations", n)?,
+                None => default.max_iterations,
+            },
             step_tol: step_tol.unwrap_or(default.step_tol),
             noise,
         };
@@ -243,7 +281,7 @@ impl MarkerFit {
     /// Fits all frames of a recording.
     ///
     /// Markers of the recording that the model has not are left aside, those that the recording has not are missing.
-    /// Other Python threads run meanwhile. Ctrl-C raises at once; what was begun goes on in the background to its end.
+    /// Other Python threads run meanwhile. Ctrl-C raises at once and stops the fit.
     ///
     /// Parameters
     /// ----------
@@ -264,8 +302,62 @@ impl MarkerFit {
         recording: &Bound<'_, MarkerRecording>,
     ) -> Result<MotionFit, Error> {
         let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
-        let motion = attended(py, move || fit.fit(&recording))?;
+        let motion = attended_while(py, move |go_on| fit.fit_while(&recording, go_on))?;
         Ok(MotionFit { fit: slf.clone().unbind(), motion })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let options = own.fit.options();
+        let base = match &options.shape {
+            Shape::Joints => None,
+            Shape::Eigenpostures(base) => Some(EigenpostureBase { base: base.clone() }),
+        };
+        let (scale, common) = match options.scale {
+            Scale::Fixed(scale) => ((scale, scale), None),
+            Scale::PerFrame { lower, upper } => ((lower, upper), Some(false)),
+            Scale::Common { lower, upper } => ((lower, upper), Some(true)),
+        };
+        let loss = match options.loss {
+            Loss::Squares => ("squares", None),
+            Loss::Huber(threshold) => ("huber", Some(threshold)),
+            Loss::Cauchy(threshold) => ("cauchy", Some(threshold)),
+        };
+        let numbers = (options.max_iterations, options.step_tol, options.noise);
+        let starts = options.starts.clone();
+        let arguments = (own.markers(py), base, scale, common, loss, starts, numbers).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled fit; `common` says whether the scale is, and is missing where it is fixed.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        markers: &Bound<'_, MarkerSet>,
+        base: Option<Bound<'_, EigenpostureBase>>,
+        bounds: (f64, f64),
+        common: Option<bool>,
+        loss: (String, Option<f64>),
+        starts: Vec<Vec<f64>>,
+        numbers: (usize, f64, Option<f64>),
+    ) -> Result<Self, Error> {
+        let ((lower, upper), (max_iterations, step_tol, noise)) = (bounds, numbers);
+        let options = FitOptions {
+            shape: base.map_or(Shape::Joints, |base| Shape::Eigenpostures(base.get().base.clone())),
+            scale: match common {
+                None => Scale::Fixed(lower),
+                Some(false) => Scale::PerFrame { lower, upper },
+                Some(true) => Scale::Common { lower, upper },
+            },
+            loss: loss_of(&loss.0, loss.1)?,
+            starts,
+            max_iterations,
+            step_tol,
+            noise,
+        };
+        let set = markers.get();
+        let fit = fit::MarkerFit::try_new(&set.model.get().model, set.markers.clone(), options)?;
+        Ok(Self { markers: markers.clone().unbind(), fit })
     }
 
     fn __repr__(&self) -> String {

@@ -2,11 +2,11 @@
 
 use super::matrix::{count, matrix, matrix_array, numbers_array};
 use super::motion_fit::MotionFit;
-use crate::convert::{real_numbers, with_shape};
+use crate::convert::{a_type, real_numbers, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::analysis::{self, Panel};
 
 /// Mean and spread of a group of motions at each frame.
@@ -42,6 +42,24 @@ impl Band {
     #[getter]
     fn deviation<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         numbers_array(py, &self.band.deviation)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.mean(py), own.deviation(py)).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled band.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        mean: &Bound<'_, PyAny>,
+        deviation: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let mean = real_numbers("mean", mean)?;
+        let deviation = with_shape("deviation", &[mean.len()], deviation)?;
+        Ok(Self { band: analysis::Band { mean, deviation } })
     }
 
     fn __repr__(&self) -> String {
@@ -89,13 +107,18 @@ fn panel_of(name: &str, weight: usize) -> Result<Panel, Error> {
 impl GroupComparison {
     #[new]
     #[pyo3(signature = (groups, panel, *, n_frames=60, weight=0))]
-    fn new(groups: &Bound<'_, PyDict>, panel: &str, n_frames: usize, weight: usize) -> Result<Self, Error> {
-        let (panel, n_frames) = (panel_of(panel, weight)?, count("n_frames", n_frames)?);
+    fn new(groups: &Bound<'_, PyDict>, panel: &str, n_frames: i128, weight: i128) -> Result<Self, Error> {
+        let (panel, n_frames) = (panel_of(panel, count("weight", weight)?)?, count("n_frames", n_frames)?);
         let mut names = Vec::new();
         let mut fits: Vec<Vec<Bound<'_, MotionFit>>> = Vec::new();
         for (name, group) in groups.iter() {
-            names.push(name.extract::<String>()?);
-            fits.push(group.extract()?);
+            let wrong = |_| {
+                let (name, group) = (a_type(&name), a_type(&group));
+                let expected = "`groups` must have names with sequences of MotionFit";
+                Error::input(format!("{expected}, found {name} with {group}"))
+            };
+            names.push(name.extract::<String>().map_err(wrong)?);
+            fits.push(group.extract().map_err(wrong)?);
         }
         let Some(first) = fits.iter().flatten().next() else {
             return Err(Error::analysis_input("`groups` must have a fitted motion, found none".to_owned()));
@@ -187,7 +210,7 @@ pub(crate) fn normalize_frames<'py>(
     py: Python<'py>,
     times: &Bound<'py, PyAny>,
     values: &Bound<'py, PyAny>,
-    n_frames: usize,
+    n_frames: i128,
 ) -> Result<Bound<'py, PyAny>, Error> {
     let times = real_numbers("times", times)?;
     let values = with_shape("values", &[times.len()], values)?;
@@ -209,6 +232,11 @@ pub(crate) fn normalize_frames<'py>(
 /// -------
 /// ndarray, shape (n,), or None
 ///     Turns, forwards positive; None for a root that does not turn so.
+///
+/// Raises
+/// ------
+/// AnalysisInputError
+///     If a number is not finite, or a root's quaternion is not of unit length.
 #[pyfunction]
 pub(crate) fn turns_about<'py>(
     py: Python<'py>,
@@ -221,13 +249,10 @@ pub(crate) fn turns_about<'py>(
     if q.ncols() != n {
         return Err(Error::input(format!("`q` must have {n} columns, found {}", q.ncols())));
     }
-    if let Some(at) = q.iter().position(|x| !x.is_finite()) {
-        return Err(Error::input(format!("`q` must be finite, but is not in row {}", at % q.nrows())));
-    }
     if n == 0 {
         return Ok(None);
     }
     let rows = q.transpose();
     let rows: Vec<&[f64]> = rows.as_slice().chunks_exact(n).collect();
-    Ok(analysis::turns_about(model, &rows).map(|turns| numbers_array(py, &turns)))
+    Ok(analysis::turns_about(model, &rows)?.map(|turns| numbers_array(py, &turns)))
 }

@@ -163,7 +163,7 @@ impl MarkerRecording {
     /// -------
     /// MarkerRecording
     #[pyo3(signature = (times=None, *, n_frames=None))]
-    fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<usize>) -> Result<Self, Error> {
+    fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<i128>) -> Result<Self, Error> {
         let times = new_times(self.recording.times(), times, n_frames)?;
         Ok(Self { recording: self.recording.resample(&times)? })
     }
@@ -215,10 +215,11 @@ pub(super) fn duration(times: &[f64]) -> f64 {
 pub(super) fn new_times(
     old: &[f64],
     times: Option<&Bound<'_, PyAny>>,
-    n_frames: Option<usize>,
+    n_frames: Option<i128>,
 ) -> Result<Vec<f64>, Error> {
     match (times, n_frames) {
         (Some(times), None) => real_numbers("times", times),
+        (None, Some(n)) if n < 1 => Err(Error::input(format!("`n_frames` must be at least 1, found {n}"))),
         (None, Some(n)) => Ok(uniform_times(old, count("n_frames", n)?)),
         _ => Err(Error::input("either `times` or `n_frames` must be given, found both or neither")),
     }

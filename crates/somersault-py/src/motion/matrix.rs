@@ -21,7 +21,11 @@ pub(super) fn matrix(argument: &str, value: &Bound<'_, PyAny>) -> Result<DMatrix
 /// A matrix for each motion.
 pub(super) fn matrices(argument: &str, values: &Bound<'_, PyAny>) -> Result<Vec<DMatrix<f64>>, Error> {
     let one = |(k, value): (usize, PyResult<_>)| matrix(&format!("{argument}[{k}]"), &value?);
-    values.try_iter()?.enumerate().map(one).collect()
+    let motions = values.try_iter().map_err(|_| {
+        let found = a_type(values);
+        Error::input(format!("`{argument}` must be a sequence of arrays of shape (n, m), found {found}"))
+    })?;
+    motions.enumerate().map(one).collect()
 }
 
 /// An array with the rows and columns of a matrix.
@@ -37,12 +41,27 @@ pub(super) fn numbers_array<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, 
 /// The most frames, or motions, that memory is certainly there for.
 const MOST: usize = 1_000_000;
 
-/// A number of frames or motions to be made.
-pub(super) fn count(argument: &str, n: usize) -> Result<usize, Error> {
-    if n <= MOST {
-        return Ok(n);
+/// A number of frames, motions or the like.
+pub(super) fn count(argument: &str, n: i128) -> Result<usize, Error> {
+    match usize::try_from(n) {
+        Ok(n) if n <= MOST => Ok(n),
+        _ => Err(Error::input(format!("`{argument}` must be between 0 and {MOST}, found {n}"))),
     }
-    Err(Error::input(format!("`{argument}` must be at most {MOST}, found {n}")))
+}
+
+/// A number that a generator begins with.
+pub(super) fn seed(n: i128) -> Result<u64, Error> {
+    let most = u64::MAX;
+    u64::try_from(n).map_err(|_| Error::input(format!("`seed` must be between 0 and {most}, found {n}")))
+}
+
+/// `pathlib.Path` of an argument.
+pub(super) fn path<'py>(argument: &str, value: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+    value.py().import("pathlib")?.call_method1("Path", (value,)).map_err(|error| {
+        let is_type_error = error.is_instance_of::<pyo3::exceptions::PyTypeError>(value.py());
+        let message = format!("`{argument}` must be a path, found {}", a_type(value));
+        if is_type_error { Error::input(message) } else { error.into() }
+    })
 }
 
 /// Truth values of the given shape.

@@ -1,13 +1,14 @@
 //! What a fit found.
 
 use super::fit::MarkerFit;
-use super::matrix::{matrix_array, numbers_array};
-use crate::convert::array;
+use super::matrix::{matrix, matrix_array, numbers_array};
+use crate::convert::{array, real_numbers, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use somersault::motion::fit::{self, FitStatus, FrameFit};
+use pyo3::types::{PyDict, PyTuple, PyType};
+use somersault::motion::fit::{self, Estimate, FitStatus, FrameFit};
+use somersault::motion::nalgebra::DMatrix;
 
 /// A fitted motion. Arrays have a row for each frame.
 #[pyclass(frozen, module = "somersault.motion")]
@@ -25,6 +26,18 @@ fn status_name(status: FitStatus) -> &'static str {
         FitStatus::NoMarkers => "no_markers",
     }
 }
+
+/// The status of a name.
+fn status_of(name: &str) -> Result<FitStatus, Error> {
+    const ALL: [FitStatus; 4] =
+        [FitStatus::Converged, FitStatus::IterationLimit, FitStatus::NoProgress, FitStatus::NoMarkers];
+    let found = ALL.into_iter().find(|status| status_name(*status) == name);
+    found.ok_or_else(|| Error::input(format!("`status` must be that of a fit, found '{name}'")))
+}
+
+/// Scales, configurations, weights, residuals and costs of all frames.
+type Estimates<'py> =
+    (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 impl MotionFit {
     /// As many numbers of each frame as the first has.
@@ -150,12 +163,65 @@ impl MotionFit {
     /// ndarray, shape (n, n), or None
     ///     Of scale, rates of the root in its own axes, and rates of the joints or weights; unknowns at a bound have
     ///     none. None where the markers do not determine the unknowns, or, if the noise is not known, are not more.
-    fn covariance<'py>(&self, py: Python<'py>, frame: usize) -> Result<Option<Bound<'py, PyAny>>, Error> {
+    fn covariance<'py>(&self, py: Python<'py>, frame: i128) -> Result<Option<Bound<'py, PyAny>>, Error> {
         let n = self.motion.frames.len();
-        let found = self.motion.frames.get(frame).ok_or_else(|| {
-            Error::input(format!("`frame` must be less than the {n} frames there are, found {frame}"))
-        })?;
+        let found = usize::try_from(frame).ok().and_then(|frame| self.motion.frames.get(frame));
+        let found = found
+            .ok_or_else(|| Error::input(format!("`frame` must be between 0 and {}, found {frame}", n - 1)))?;
         Ok(found.covariance.as_ref().map(|m| matrix_array(py, m)).transpose()?)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let covariances: Vec<Option<Bound<'py, PyAny>>> = (own.motion.frames.iter())
+            .map(|frame| frame.covariance.as_ref().map(|m| matrix_array(py, m)).transpose())
+            .collect::<PyResult<_>>()?;
+        let estimates = (own.scale(py), own.q(py)?, own.weights(py)?, own.residuals(py)?, own.cost(py));
+        let searches = (own.status(), own.iterations(), own.motion.scale_converged);
+        let arguments = (own.fit(py), own.times(py), estimates, searches, covariances).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled fit.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        fit: Py<MarkerFit>,
+        times: &Bound<'_, PyAny>,
+        estimates: Estimates<'_>,
+        searches: (Vec<String>, Vec<usize>, bool),
+        covariances: Vec<Option<Bound<'_, PyAny>>>,
+    ) -> Result<Self, Error> {
+        let (scale, q, weights, residuals, cost) = estimates;
+        let (status, iterations, scale_converged) = searches;
+        let times = real_numbers("times", times)?;
+        let n = times.len();
+        let (scale, cost) = (with_shape("scale", &[n], &scale)?, with_shape("cost", &[n], &cost)?);
+        let q = matrix("q", &q)?;
+        let (weights, residuals) = (matrix("weights", &weights)?, matrix("residuals", &residuals)?);
+        let model = fit.get().fit.model();
+        let sizes = [q.nrows(), weights.nrows(), residuals.nrows(), status.len(), iterations.len()];
+        if sizes.iter().any(|size| *size != n) || covariances.len() != n || q.ncols() != model.n_positions() {
+            return Err(Error::input(
+                "a pickled MotionFit must have an entry for each frame in all its parts",
+            ));
+        }
+        let row = |m: &DMatrix<f64>, i: usize| m.row(i).iter().copied().collect::<Vec<f64>>();
+        let mut frames = Vec::with_capacity(n);
+        for (i, covariance) in covariances.iter().enumerate() {
+            let residuals: Vec<Option<f64>> =
+                row(&residuals, i).into_iter().map(|r| (!r.is_nan()).then_some(r)).collect();
+            frames.push(FrameFit {
+                status: status_of(&status[i])?,
+                estimate: Estimate { scale: scale[i], q: row(&q, i), weights: row(&weights, i) },
+                rms: FrameFit::rms_of(&residuals),
+                residuals,
+                cost: cost[i],
+                iterations: iterations[i],
+                covariance: covariance.as_ref().map(|m| matrix("covariance", m)).transpose()?,
+            });
+        }
+        Ok(Self { fit, motion: fit::MotionFit { times, frames, scale_converged } })
     }
 
     fn __len__(&self) -> usize {

@@ -1,10 +1,12 @@
 //! Principal components of motions, and motions in a base.
 
-use super::matrix::{matrices, matrix, matrix_array, numbers_array};
+use super::matrix::{count, matrices, matrix, matrix_array, numbers_array};
 use super::worker::attended;
+use crate::convert::{real_numbers, with_shape};
 use crate::error::Error;
 use crate::ocp::EigenpostureBase;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis::{self, WeightBounds, eigenpostures};
 use somersault::motion::nalgebra::DMatrix;
 
@@ -40,10 +42,10 @@ pub(crate) struct Pca {
 impl Pca {
     #[new]
     #[pyo3(signature = (samples, n_components=None))]
-    fn new(py: Python<'_>, samples: &Bound<'_, PyAny>, n_components: Option<usize>) -> Result<Self, Error> {
+    fn new(py: Python<'_>, samples: &Bound<'_, PyAny>, n_components: Option<i128>) -> Result<Self, Error> {
         let samples = matrix("samples", samples)?;
         let most = samples.nrows().saturating_sub(1).min(samples.ncols());
-        let n = n_components.unwrap_or(most);
+        let n = n_components.map_or(Ok(most), |n| count("n_components", n))?;
         Ok(Self { pca: attended(py, move || analysis::Pca::fit(&samples, n))? })
     }
 
@@ -119,6 +121,27 @@ impl Pca {
         Ok(matrix_array(py, &self.pca.reconstruct(&matrix("scores", scores)?)?)?)
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let variance = (own.explained_variance(py), own.total_variance(), own.n_samples());
+        let arguments = (own.mean(py), own.components(py)?, variance).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// Pickled components, checked.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        mean: &Bound<'_, PyAny>,
+        components: &Bound<'_, PyAny>,
+        variances: (Bound<'_, PyAny>, f64, usize),
+    ) -> Result<Self, Error> {
+        let (variance, total, n_samples) = variances;
+        let (mean, variance) = (real_numbers("mean", mean)?, real_numbers("variance", &variance)?);
+        let components = matrix("components", components)?.transpose();
+        Ok(Self { pca: analysis::Pca::from_parts(mean.into(), components, variance, total, n_samples)? })
+    }
+
     fn __repr__(&self) -> String {
         let share: f64 = self.pca.explained_variance_ratio().iter().sum();
         format!(
@@ -145,9 +168,10 @@ impl Pca {
 pub(crate) fn common_eigenpostures(
     py: Python<'_>,
     motions: &Bound<'_, PyAny>,
-    n_eigenpostures: usize,
+    n_eigenpostures: i128,
 ) -> Result<Pca, Error> {
-    let motions = matrices("motions", motions)?;
+    let (motions, n_eigenpostures) =
+        (matrices("motions", motions)?, count("n_eigenpostures", n_eigenpostures)?);
     Ok(Pca { pca: attended(py, move || eigenpostures::common(&motions, n_eigenpostures))? })
 }
 
@@ -167,9 +191,10 @@ pub(crate) fn common_eigenpostures(
 pub(crate) fn eigenpostures_per_motion(
     py: Python<'_>,
     motions: &Bound<'_, PyAny>,
-    n_eigenpostures: usize,
+    n_eigenpostures: i128,
 ) -> Result<Vec<Pca>, Error> {
-    let motions = matrices("motions", motions)?;
+    let (motions, n_eigenpostures) =
+        (matrices("motions", motions)?, count("n_eigenpostures", n_eigenpostures)?);
     let found = attended(py, move || eigenpostures::per_motion(&motions, n_eigenpostures))?;
     Ok(found.into_iter().map(|pca| Pca { pca }).collect())
 }
@@ -193,6 +218,24 @@ impl Projection {
     #[getter]
     fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         numbers_array(py, &self.distances)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.weights(py)?, own.distances(py)).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled projection.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        weights: &Bound<'_, PyAny>,
+        distances: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let weights = matrix("weights", weights)?;
+        let distances = with_shape("distances", &[weights.nrows()], distances)?;
+        Ok(Self { weights, distances })
     }
 
     fn __repr__(&self) -> String {

@@ -2,6 +2,7 @@
 
 use super::convention::convention;
 use super::markers::MarkerRecording;
+use super::matrix;
 use super::skeleton::SkeletonRecording;
 use super::worker::attended;
 use crate::convert::a_type;
@@ -24,7 +25,7 @@ fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Erro
         })?;
         return Ok((bytes, None));
     }
-    let path = source.py().import("pathlib")?.call_method1("Path", (source,))?;
+    let path = matrix::path("source", source)?;
     let name = path.str()?.to_string();
     Ok((path.call_method0("read_bytes")?.extract()?, Some(name)))
 }

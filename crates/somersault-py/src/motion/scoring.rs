@@ -1,7 +1,7 @@
 //! Motions to be scored, and models that score them.
 
 use super::markers::MarkerRecording;
-use super::matrix::{count, matrix, numbers_array};
+use super::matrix::{self, count, matrix, matrix_array, numbers_array};
 use super::pca::Pca;
 use super::worker::attended;
 use crate::convert::real_numbers;
@@ -89,6 +89,26 @@ impl Performance {
         Self { performance: self.performance.clone().labelled_synthetic() }
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), &slf.get().performance);
+        let (postures, path) = (matrix_array(py, own.postures())?, matrix_array(py, own.path())?);
+        let arguments = (numbers_array(py, own.times()), postures, path, own.is_synthetic());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled motion with its label.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        times: &Bound<'_, PyAny>,
+        postures: &Bound<'_, PyAny>,
+        path: &Bound<'_, PyAny>,
+        synthetic: bool,
+    ) -> Result<Self, Error> {
+        let found = Self::new(times, postures, path)?;
+        Ok(if synthetic { found.labelled_synthetic() } else { found })
+    }
+
     fn __repr__(&self) -> String {
         let label = if self.synthetic() { ", SYNTHETIC" } else { "" };
         format!("<Performance: {} features, {:.3} s{label}>", self.n_features(), self.duration())
@@ -136,14 +156,17 @@ impl ScoringOptions {
         *, n_frames=60, n_eigenweights=4, path=true, duration=false, n_components=None, max_components=5
     ))]
     fn new(
-        n_frames: usize,
-        n_eigenweights: usize,
+        n_frames: i128,
+        n_eigenweights: i128,
         path: bool,
         duration: bool,
-        n_components: Option<usize>,
-        max_components: usize,
+        n_components: Option<i128>,
+        max_components: i128,
     ) -> Result<Self, Error> {
-        let n_frames = count("n_frames", n_frames)?;
+        let (n_frames, n_eigenweights) =
+            (count("n_frames", n_frames)?, count("n_eigenweights", n_eigenweights)?);
+        let n_components = n_components.map(|n| count("n_components", n)).transpose()?;
+        let max_components = count("max_components", max_components)?;
         let vector = VectorOptions { n_frames, n_eigenweights, path, duration };
         Ok(Self { options: scoring::ScoringOptions { vector, n_components, max_components } })
     }
@@ -182,6 +205,27 @@ impl ScoringOptions {
     #[getter]
     fn max_components(&self) -> usize {
         self.options.max_components
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let scoring::ScoringOptions { vector, n_components, max_components } = slf.get().options;
+        let VectorOptions { n_frames, n_eigenweights, path, duration } = vector;
+        let arguments = (n_frames, n_eigenweights, path, duration, n_components, max_components);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// Pickled choices.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        n_frames: i128,
+        n_eigenweights: i128,
+        path: bool,
+        duration: bool,
+        n_components: Option<i128>,
+        max_components: i128,
+    ) -> Result<Self, Error> {
+        Self::new(n_frames, n_eigenweights, path, duration, n_components, max_components)
     }
 
     fn __repr__(&self) -> String {
@@ -287,10 +331,9 @@ impl ScoringModel {
     /// Parameters
     /// ----------
     /// path : path
-    fn save(&self, py: Python<'_>, path: &Bound<'_, PyAny>) -> Result<(), Error> {
+    fn save(&self, path: &Bound<'_, PyAny>) -> Result<(), Error> {
         let text = self.model.to_json()?;
-        let path = py.import("pathlib")?.call_method1("Path", (path,))?;
-        path.call_method1("write_text", (text, "utf-8"))?;
+        matrix::path("path", path)?.call_method1("write_text", (text, "utf-8"))?;
         Ok(())
     }
 
@@ -309,9 +352,8 @@ impl ScoringModel {
     /// StorageError
     ///     If the file is not such a model or of another version; the message has the line.
     #[classmethod]
-    fn load(class: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> Result<Self, Error> {
-        let path = class.py().import("pathlib")?.call_method1("Path", (path,))?;
-        let bytes: Vec<u8> = path.call_method0("read_bytes")?.extract()?;
+    fn load(_: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let bytes: Vec<u8> = matrix::path("path", path)?.call_method0("read_bytes")?.extract()?;
         Self::from_json(&String::from_utf8_lossy(&bytes))
     }
 

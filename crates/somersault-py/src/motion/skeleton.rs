@@ -1,7 +1,7 @@
 //! Recordings of skeletons.
 
 use super::markers::{MarkerRecording, duration, new_times};
-use super::matrix::numbers_array;
+use super::matrix::{count, numbers_array};
 use crate::convert::{array, components, quaternions, real_numbers, vector_array, vector_or, with_shape};
 use crate::error::Error;
 use crate::model::Model;
@@ -34,11 +34,12 @@ impl SkeletonJoint {
     #[pyo3(signature = (name, parent=None, offset=None, *, turns=true, moves=false))]
     fn new(
         name: String,
-        parent: Option<usize>,
+        parent: Option<i128>,
         offset: Option<&Bound<'_, PyAny>>,
         turns: bool,
         moves: bool,
     ) -> Result<Self, Error> {
+        let parent = parent.map(|parent| count("parent", parent)).transpose()?;
         let offset = vector_or("offset", offset, Vector3::zeros())?;
         Ok(Self { joint: recording::SkeletonJoint { name, parent, offset, turns, moves } })
     }
@@ -88,7 +89,7 @@ impl SkeletonJoint {
     fn _restore(
         _: &Bound<'_, PyType>,
         name: String,
-        parent: Option<usize>,
+        parent: Option<i128>,
         offset: &Bound<'_, PyAny>,
         turns: bool,
         moves: bool,
@@ -311,7 +312,7 @@ impl SkeletonRecording {
     /// -------
     /// SkeletonRecording
     #[pyo3(signature = (times=None, *, n_frames=None))]
-    fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<usize>) -> Result<Self, Error> {
+    fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<i128>) -> Result<Self, Error> {
         let times = new_times(self.recording.times(), times, n_frames)?;
         Ok(Self { recording: self.recording.resample(&times)? })
     }

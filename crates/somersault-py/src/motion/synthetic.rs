@@ -4,13 +4,14 @@ use super::faults::{DiveFaults, SyntheticJudge, configurations};
 use super::fit::MarkerSet;
 use super::judged::JudgedSet;
 use super::markers::MarkerRecording;
-use super::matrix::{count, numbers_array};
+use super::matrix::{self, count, numbers_array};
 use super::scoring::Performance;
-use super::worker::attended;
-use crate::convert::{array, real_numbers, vector_array};
+use super::worker::{attended, attended_while};
+use crate::convert::{array, real_numbers, vector, vector_array};
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis;
 use somersault::motion::synthetic::{self, SyntheticOptions};
 
@@ -112,6 +113,28 @@ impl Perturbation {
     #[getter]
     fn duration(&self) -> f64 {
         self.perturbation.duration
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, ([f64; 8],))> {
+        let p = &slf.get().perturbation;
+        let numbers = [
+            p.exit_delay,
+            p.looseness,
+            p.over_rotation,
+            p.wobble,
+            p.wobble_frequency,
+            p.wobble_phase,
+            p.asymmetry,
+            p.duration,
+        ];
+        Ok((slf.get_type().getattr("_restore")?, (numbers,)))
+    }
+
+    /// A pickled perturbation.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, numbers: [f64; 8]) -> Self {
+        let [a, b, c, d, e, f, g, h] = numbers;
+        Self::new(a, b, c, d, e, f, g, h)
     }
 
     fn __repr__(&self) -> String {
@@ -236,6 +259,30 @@ impl SyntheticDive {
         vector_array(py, &self.dive.angular_momentum)
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.times(py), own.q(py)?, own.perturbation(), own.angular_momentum(py));
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled dive.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        times: &Bound<'_, PyAny>,
+        q: &Bound<'_, PyAny>,
+        perturbation: &Bound<'_, Perturbation>,
+        angular_momentum: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let dive = synthetic::SyntheticDive {
+            times: real_numbers("times", times)?,
+            positions: matrix::matrix("q", q)?.transpose().as_slice().to_vec(),
+            perturbation: perturbation.get().perturbation,
+            angular_momentum: vector("angular_momentum", angular_momentum)?,
+        };
+        Ok(Self { dive })
+    }
+
     fn __repr__(&self) -> String {
         format!("<SyntheticDive: SYNTHETIC, {} frames>", self.dive.times.len())
     }
@@ -279,13 +326,13 @@ impl SyntheticSet {
         flight: &Bound<'_, SyntheticFlight>,
         markers: &Bound<'_, MarkerSet>,
         judge: Option<&Bound<'_, SyntheticJudge>>,
-        n_dives: usize,
-        seed: u64,
+        n_dives: i128,
+        seed: i128,
         least: Option<&Bound<'_, Perturbation>>,
         greatest: Option<&Bound<'_, Perturbation>>,
         marker_noise: f64,
     ) -> Result<Self, Error> {
-        let n_dives = count("n_dives", n_dives)?;
+        let (n_dives, seed) = (count("n_dives", n_dives)?, matrix::seed(seed)?);
         let mut options = SyntheticOptions { seed, marker_noise, ..SyntheticOptions::of(n_dives) };
         for (end, given) in options.perturbations.iter_mut().zip([least, greatest]) {
             if let Some(given) = given {
@@ -298,8 +345,10 @@ impl SyntheticSet {
             |judge| judge.get().judge,
         );
         let (flight, markers) = (flight.flight.clone(), markers.get().markers.clone());
-        let generate = move || synthetic::SyntheticSet::generate(&flight, &markers, &judge, &options);
-        Ok(Self { set: attended(py, generate)?, judge })
+        let set = attended_while(py, move |go_on| {
+            synthetic::SyntheticSet::generate_while(&flight, &markers, &judge, &options, go_on)
+        })?;
+        Ok(Self { set, judge })
     }
 
     /// SyntheticJudge: Who gave the scores.

@@ -1,12 +1,12 @@
 //! How well motions are scored.
 
-use super::matrix::{count, numbers_array};
+use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
-use super::worker::attended;
-use crate::convert::{real_numbers, with_shape};
+use super::worker::attended_while;
+use crate::convert::{a_type, real_numbers, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::scoring::{self, ValidationOptions};
 
 /// A coefficient of correlation, how sure it is and what chance would make of it.
@@ -34,6 +34,18 @@ impl Correlation {
     #[getter]
     fn p_value(&self) -> f64 {
         self.correlation.p_value
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let own = slf.get();
+        let arguments = (own.value(), own.interval(), own.p_value()).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled coefficient.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, value: f64, interval: (f64, f64), p_value: f64) -> Self {
+        Self { correlation: scoring::Correlation { value, interval: interval.into(), p_value } }
     }
 
     fn __repr__(&self) -> String {
@@ -68,6 +80,24 @@ impl Baseline {
     #[getter]
     fn rms_error(&self) -> f64 {
         self.baseline.rms_error
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.name(), own.predictions(py), own.rms_error()).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled predictor.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        name: String,
+        predictions: &Bound<'_, PyAny>,
+        rms_error: f64,
+    ) -> Result<Self, Error> {
+        let predictions = real_numbers("predictions", predictions)?;
+        Ok(Self { baseline: scoring::Baseline { name, predictions, rms_error } })
     }
 
     fn __repr__(&self) -> String {
@@ -125,6 +155,36 @@ impl Validation {
         self.validation.synthetic
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let predicted = (own.predictions(py), own.n_components(), own.rms_error());
+        let arguments = (predicted, own.pearson(), own.spearman(), own.baselines(), own.synthetic());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled validation.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        predicted: (Bound<'_, PyAny>, Vec<usize>, f64),
+        pearson: &Bound<'_, Correlation>,
+        spearman: &Bound<'_, Correlation>,
+        baselines: Vec<Bound<'_, Baseline>>,
+        synthetic: bool,
+    ) -> Result<Self, Error> {
+        let (predictions, n_components, rms_error) = predicted;
+        let validation = scoring::Validation {
+            predictions: real_numbers("predictions", &predictions)?,
+            n_components,
+            rms_error,
+            pearson: pearson.get().correlation,
+            spearman: spearman.get().correlation,
+            baselines: baselines.iter().map(|baseline| baseline.get().baseline.clone()).collect(),
+            synthetic,
+        };
+        Ok(Self { validation })
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "<Validation: {} motions, rms error {:.3}, Pearson {:.3}, Spearman {:.3}>",
@@ -173,25 +233,27 @@ pub(crate) fn validate(
     motions: Vec<Bound<'_, Performance>>,
     scores: &Bound<'_, PyAny>,
     options: Option<&Bound<'_, ScoringOptions>>,
-    n_resamples: usize,
+    n_resamples: i128,
     level: f64,
-    seed: u64,
+    seed: i128,
     features: Option<&Bound<'_, PyDict>>,
 ) -> Result<Validation, Error> {
     let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
     let options = ScoringOptions::or_thesis(options);
-    let n_resamples = count("n_resamples", n_resamples)?;
+    let (n_resamples, seed) = (count("n_resamples", n_resamples)?, matrix::seed(seed)?);
     let choices = ValidationOptions { n_resamples, level, seed };
     let mut named: Vec<(String, Vec<f64>)> = Vec::new();
     for (name, values) in features.into_iter().flatten() {
-        let name: String = name.extract()?;
+        let name: String = name.extract().map_err(|_| {
+            Error::input(format!("`features` must have names that are str, found {}", a_type(&name)))
+        })?;
         let values = real_numbers(&format!("features['{name}']"), &values)?;
         named.push((name, values));
     }
-    let validation = attended(py, move || {
+    let validation = attended_while(py, move |go_on| {
         let features: Vec<(&str, &[f64])> =
             named.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        scoring::validate(&motions, &scores, &options, &choices, &features)
+        scoring::validate_while(&motions, &scores, &options, &choices, &features, go_on)
     })?;
     Ok(Validation { validation })
 }

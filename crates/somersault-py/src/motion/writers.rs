@@ -2,6 +2,7 @@
 
 use super::convention::convention;
 use super::markers::MarkerRecording;
+use super::matrix;
 use super::skeleton::SkeletonRecording;
 use crate::error::Error;
 use pyo3::prelude::*;
@@ -10,9 +11,7 @@ use somersault::motion::writers;
 
 /// Puts bytes where `path` says; Python's exceptions say why it cannot be written.
 fn put(path: &Bound<'_, PyAny>, bytes: &[u8]) -> Result<(), Error> {
-    let py = path.py();
-    let path = py.import("pathlib")?.call_method1("Path", (path,))?;
-    path.call_method1("write_bytes", (PyBytes::new(py, bytes),))?;
+    matrix::path("path", path)?.call_method1("write_bytes", (PyBytes::new(path.py(), bytes),))?;
     Ok(())
 }
 
@@ -65,8 +64,7 @@ pub(crate) fn write_trc(
     forward: &str,
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
-    let name = path.py().import("pathlib")?.call_method1("Path", (path,))?.getattr("name")?;
-    let name: String = name.extract()?;
+    let name: String = matrix::path("path", path)?.getattr("name")?.extract()?;
     put(path, writers::trc::write(&recording.get().recording, &name, &convention)?.as_bytes())
 }
 

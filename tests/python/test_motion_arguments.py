@@ -1,0 +1,246 @@
+"""Bad arguments are refused by name; what was found can be pickled and saved; Ctrl-C ends the work."""
+
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import somersault
+from somersault import motion, multibody
+
+BAD: list[Any] = [np.nan, np.inf, -1, 0, -(10**30), "a", None, [], np.zeros((2, 3, 4, 5)), {}]
+
+DIVER = multibody.diver_planar()
+MARKERS = motion.MarkerSet.joint_centres(DIVER.model)
+TIMES = np.linspace(0.0, 1.0, 12)
+Q = np.linspace(DIVER.configuration("A"), DIVER.configuration("H"), 12)
+SEEN = motion.place_markers(MARKERS, TIMES, Q)
+FITTER = motion.MarkerFit(MARKERS, max_iterations=30)
+FIT = FITTER.fit(SEEN)
+RNG = np.random.default_rng(1)
+SAMPLES = RNG.normal(size=(9, 4))
+PCA = motion.Pca(SAMPLES, 2)
+PATH = np.zeros((12, 3))
+
+
+def _performances(n: int) -> list[motion.Performance]:
+    return [motion.Performance(TIMES, RNG.normal(size=(12, 4)), PATH) for _ in range(n)]
+
+
+MOTIONS, SCORES = _performances(9), RNG.normal(size=9)
+OPTIONS = motion.ScoringOptions(max_components=2, n_frames=8, n_eigenweights=2)
+VALIDATION = motion.validate(MOTIONS, SCORES, OPTIONS, n_resamples=5)
+NO_FAULTS = motion.DiveFaults(0.0, 1.0, 0.5, 0.0, 5.0)
+SKELETON = motion.Skeleton([motion.SkeletonJoint("hips", moves=True)])
+ROTATIONS = np.tile([0.0, 0.0, 0.0, 1.0], (12, 1, 1))
+FLIGHT = motion.SyntheticFlight(DIVER.model, TIMES, Q)
+DIVES = motion.SyntheticSet(FLIGHT, MARKERS, n_dives=2)
+
+#: Each callable with arguments that are allowed.
+CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
+    "Band": (motion.Band, {"series": SAMPLES}),
+    "DiveFaults.of": (motion.DiveFaults.of, {"model": DIVER.model, "times": TIMES, "q": Q}),
+    "GroupComparison": (
+        motion.GroupComparison,
+        {"groups": {"a": [FIT]}, "panel": "eigenweight", "n_frames": 5, "weight": 0},
+    ),
+    "MarkerFit": (
+        motion.MarkerFit,
+        {
+            "markers": MARKERS,
+            "scale": (0.5, 2.0),
+            "common_scale": False,
+            "loss": "huber",
+            "threshold": 0.1,
+            "starts": [Q[0, 3:]],
+            "max_iterations": 9,
+            "step_tol": 1e-9,
+            "noise": 0.01,
+        },
+    ),
+    "MarkerFit.fit": (FITTER.fit, {"recording": SEEN}),
+    "MarkerRecording": (
+        motion.MarkerRecording,
+        {"names": SEEN.names, "times": TIMES, "points": SEEN.points, "present": SEEN.present},
+    ),
+    "MarkerRecording.fill_gaps": (SEEN.fill_gaps, {"longest": 0.1}),
+    "MarkerRecording.resample": (SEEN.resample, {"n_frames": 5}),
+    "MarkerSet": (
+        motion.MarkerSet,
+        {"model": DIVER.model, "markers": {"a": ("foot", (0, 0, 0))}, "weights": {"a": 1.0}},
+    ),
+    "MotionFit.covariance": (FIT.covariance, {"frame": 0}),
+    "Pca": (motion.Pca, {"samples": SAMPLES, "n_components": 2}),
+    "Pca.reconstruct": (PCA.reconstruct, {"scores": PCA.scores(SAMPLES)}),
+    "Pca.scores": (PCA.scores, {"samples": SAMPLES}),
+    "Performance": (motion.Performance, {"times": TIMES, "postures": Q, "path": PATH}),
+    "Performance.from_markers": (motion.Performance.from_markers, {"recording": SEEN}),
+    "ScoringModel": (motion.ScoringModel, {"motions": MOTIONS, "scores": SCORES, "options": OPTIONS}),
+    "ScoringOptions": (
+        motion.ScoringOptions,
+        {"n_frames": 9, "n_eigenweights": 2, "path": True, "n_components": 2, "max_components": 2},
+    ),
+    "Skeleton.model": (SKELETON.model, {"mass": 70.0}),
+    "SkeletonJoint": (motion.SkeletonJoint, {"name": "a", "parent": 0, "offset": (0, 0, 1)}),
+    "SkeletonRecording": (
+        motion.SkeletonRecording,
+        {"skeleton": SKELETON, "times": TIMES, "rotations": ROTATIONS, "places": PATH[:, None]},
+    ),
+    "SyntheticFlight": (motion.SyntheticFlight, {"model": DIVER.model, "times": TIMES, "q": Q}),
+    "SyntheticJudge": (motion.SyntheticJudge, {"reference": NO_FAULTS, "hip_opening": 1.0, "noise": 0.1}),
+    "SyntheticSet": (
+        motion.SyntheticSet,
+        {"flight": FLIGHT, "markers": MARKERS, "n_dives": 1, "seed": 1, "marker_noise": 0.0},
+    ),
+    "common_eigenpostures": (motion.common_eigenpostures, {"motions": [SAMPLES], "n_eigenpostures": 2}),
+    "eigenpostures_per_motion": (
+        motion.eigenpostures_per_motion,
+        {"motions": [SAMPLES], "n_eigenpostures": 2},
+    ),
+    "low_pass": (motion.low_pass, {"recording": SEEN, "cutoff": 3.0, "order": 4}),
+    "normalize_frames": (motion.normalize_frames, {"times": TIMES, "values": TIMES, "n_frames": 5}),
+    "pearson": (motion.pearson, {"x": SCORES, "y": SCORES}),
+    "place_markers": (motion.place_markers, {"markers": MARKERS, "times": TIMES, "q": Q, "scale": 1.0}),
+    "read_bvh": (motion.read_bvh, {"unit": "m", "up": "y", "forward": "z"}),
+    "spearman": (motion.spearman, {"x": SCORES, "y": SCORES}),
+    "turns_about": (motion.turns_about, {"model": DIVER.model, "q": Q}),
+    "validate": (
+        motion.validate,
+        {
+            "motions": MOTIONS,
+            "scores": SCORES,
+            "options": OPTIONS,
+            "n_resamples": 2,
+            "level": 0.9,
+            "seed": 1,
+            "features": {"a": SCORES},
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_bad_arguments_are_refused_by_name(name: str) -> None:
+    function, allowed = CALLS[name]
+    for argument in allowed:
+        for bad in BAD:
+            try:
+                function(**{**allowed, argument: bad})
+            except (ValueError, TypeError) as error:
+                assert argument in str(error), f"{argument}={bad!r}: {error!r}"
+
+
+@pytest.mark.parametrize("reader", ["read_bvh", "read_c3d", "read_csv", "read_joint_motion", "read_trc"])
+def test_what_is_no_file_is_refused_by_name(reader: str) -> None:
+    more = {"unit": "m"} if reader == "read_bvh" else {}
+    for bad in [np.nan, -1, 0, None, [], {}]:
+        with pytest.raises((ValueError, TypeError), match="source"):
+            getattr(motion, reader)(bad, **more)
+    with pytest.raises(FileNotFoundError):
+        getattr(motion, reader)("no such file", **more)
+
+
+def test_counts_are_refused_by_name() -> None:
+    for n in (-1, 10**30):
+        with pytest.raises(ValueError, match="`n_components` must be between 0 and"):
+            motion.Pca(SAMPLES, n)
+        with pytest.raises(ValueError, match="`n_frames` must be"):
+            SEEN.resample(n_frames=n)
+    with pytest.raises(ValueError, match="`seed` must be between 0 and"):
+        motion.validate(MOTIONS, SCORES, OPTIONS, seed=-1)
+    with pytest.raises(ValueError, match="`scale` must be a number or two bounds, found a str"):
+        motion.MarkerFit(MARKERS, scale="a")  # type: ignore[arg-type]
+
+
+def test_filters_and_sizes_that_are_none_are_refused() -> None:
+    same = motion.low_pass(SEEN, 3.0, order=np.int64(4))
+    np.testing.assert_array_equal(same.points, motion.low_pass(SEEN, 3.0).points)
+    for order in (1000, 3, 0, 4.0, True):
+        with pytest.raises(ValueError, match="`order` must be an even number between 2 and 20"):
+            motion.low_pass(SEEN, 3.0, order=order)  # type: ignore[arg-type]
+    for cutoff in (1e-9, 0.0, np.nan, 1e3):
+        with pytest.raises(ValueError, match="`cutoff` must be between"):
+            motion.low_pass(SEEN, cutoff)
+    for scale in (-1.0, 0.0, np.nan, np.ones(5), np.ones((12, 1)), "a"):
+        with pytest.raises(ValueError, match="`scale` must be"):
+            motion.place_markers(MARKERS, TIMES, Q, scale=scale)  # type: ignore[arg-type]
+
+
+KEPT: dict[str, tuple[Any, list[str]]] = {
+    "MarkerSet": (MARKERS, ["names", "bodies", "points", "weights"]),
+    "MotionFit": (
+        FIT,
+        ["times", "scale", "q", "residuals", "cost", "iterations", "status", "success", "rms"],
+    ),
+    "Pca": (PCA, ["mean", "components", "explained_variance", "total_variance", "n_samples"]),
+    "Performance": (MOTIONS[0].labelled_synthetic(), ["duration", "n_features", "synthetic"]),
+    "ScoringOptions": (OPTIONS, ["n_frames", "n_eigenweights", "path", "n_components", "max_components"]),
+    "Validation": (VALIDATION, ["predictions", "n_components", "rms_error", "synthetic"]),
+    "Correlation": (VALIDATION.pearson, ["value", "interval", "p_value"]),
+    "Baseline": (VALIDATION.baselines[1], ["name", "predictions", "rms_error"]),
+    "Band": (motion.Band(SAMPLES), ["mean", "deviation"]),
+    "DiveFaults": (NO_FAULTS, ["entry_angle", "hip_opening", "exit_share", "asymmetry", "roughness"]),
+    "Perturbation": (
+        motion.Perturbation(wobble=0.1, duration=0.2),
+        ["wobble", "duration", "wobble_frequency"],
+    ),
+    "SyntheticDive": (DIVES.dives[0], ["times", "q", "angular_momentum"]),
+}
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_what_was_found_can_be_pickled_and_saved(name: str, tmp_path: Path) -> None:
+    kept, attributes = KEPT[name]
+    somersault.save(tmp_path / "kept.som", kept)
+    for found in (pickle.loads(pickle.dumps(kept)), somersault.load(tmp_path / "kept.som")):
+        assert repr(found) == repr(kept)
+        for attribute in attributes:
+            np.testing.assert_array_equal(getattr(found, attribute), getattr(kept, attribute))
+
+
+def test_pickled_fits_and_motions_do_as_before() -> None:
+    fitter = pickle.loads(pickle.dumps(motion.MarkerFit(MARKERS, scale=1.0, loss="cauchy", threshold=0.1)))
+    np.testing.assert_array_equal(
+        fitter.fit(SEEN).q, motion.MarkerFit(MARKERS, scale=1.0, loss="cauchy", threshold=0.1).fit(SEEN).q
+    )
+    again = pickle.loads(pickle.dumps(FIT))
+    np.testing.assert_array_equal(again.covariance(3), FIT.covariance(3))
+    model = motion.ScoringModel(MOTIONS, SCORES, OPTIONS)
+    assert model.score(pickle.loads(pickle.dumps(MOTIONS[0]))) == model.score(MOTIONS[0])
+
+
+SCRIPT = """
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
+import os, time, numpy as np
+from somersault import motion
+rng = np.random.default_rng(1)
+times = np.linspace(0.0, 1.0, 20)
+motions = [motion.Performance(times, rng.normal(size=(20, 4)), np.zeros((20, 3))) for _ in range(40)]
+print("ready", flush=True)
+try:
+    motion.validate(motions, rng.normal(size=40), n_resamples=1_000_000)
+except KeyboardInterrupt:
+    # the work has ended too: hardly any processor time passes
+    time.sleep(0.5)
+    before = time.process_time()
+    time.sleep(0.5)
+    print(time.process_time() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
+def test_an_interrupt_ends_the_work() -> None:
+    with subprocess.Popen([sys.executable, "-c", SCRIPT], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        output = process.communicate(timeout=60)[0]
+    assert float(output) < 0.1
