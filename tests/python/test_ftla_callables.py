@@ -232,7 +232,8 @@ def cloud():
 def far():
     ftla.solve_arm([0.0, 0.05, 0.0, 0.0], [1.0, 0.05, 0.0, 0.0], 1e4)
 def many():
-    ftla.VariationalFlow(ftla.arm()).spectra([0.0, 3.0, 0.4, 0.0, -0.2, 0.0, -0.2, 0.0], np.arange(1, 20_001) * 2e-4)
+    flow = ftla.VariationalFlow(ftla.arm())
+    flow.spectra([0.0, 3.0, 0.4, 0.0, -0.2, 0.0, -0.2, 0.0], np.arange(1, 20_001) * 2e-4)
 print("ready", flush=True)
 try:
     {call}

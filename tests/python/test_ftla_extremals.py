@@ -292,7 +292,8 @@ def test_callables_of_a_problem_are_named_in_errors() -> None:
 
     good: dict[str, Any] = {
         "dynamics": lambda x, u: -x + u, "running_cost": lambda x, u: float(0.5 * (x @ x + u @ u)),
-        "n_states": 1, "n_controls": 1, "jacobian": lambda x, u: [[-1.0, 1.0]], "gradient": lambda x, u: [x[0], u[0]],
+        "n_states": 1, "n_controls": 1, "jacobian": lambda x, u: [[-1.0, 1.0]],
+        "gradient": lambda x, u: [x[0], u[0]],
         "hessian": lambda x, u, costate: np.eye(2),
     }  # fmt: skip
     for name in ("dynamics", "running_cost", "jacobian", "gradient"):

@@ -328,18 +328,18 @@ impl Shooting {
         if times.len() < 2 {
             return Err(ShootingError::Length { argument: "times", expected: 2, found: times.len() });
         }
+        if let Some(&found) = times.iter().find(|t| !t.is_finite()) {
+            return argument("times", "finite", found);
+        }
+        if let Some(pair) = times.windows(2).find(|t| t[1] <= t[0]) {
+            return argument("times", "ascending", pair[1]);
+        }
         if nodes.len() != times.len() {
             return Err(ShootingError::Length {
                 argument: "nodes",
                 expected: times.len(),
                 found: nodes.len(),
             });
-        }
-        if let Some(&found) = times.iter().find(|t| !t.is_finite()) {
-            return argument("times", "finite", found);
-        }
-        if let Some(pair) = times.windows(2).find(|t| t[1] <= t[0]) {
-            return argument("times", "ascending", pair[1]);
         }
         match nodes.iter().flat_map(|p| p.iter()).find(|x| !x.is_finite()) {
             Some(&found) => argument("nodes", "finite", found),
