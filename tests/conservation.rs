@@ -60,9 +60,10 @@ fn methods_keep_what_they_say() {
         let says = |what| keeps.starts_with(what);
         if says("energy and angular momentum of a free body to rounding") || says("a free body exactly") {
             assert!(energy < 1e-13 && momentum < 1e-13, "{method}: {energy:e} {momentum:e}");
-        } else if says("angular momentum without torque to rounding, once started") {
+        } else if says("angular momentum without torque, once started, to rounding that adds up") {
             let (_, momentum) = drift_after(method, method.info().history.into(), 0.01, 10_000);
-            assert!(momentum < 1e-13, "{method}: {momentum:e}");
+            // A bit or two in each step.
+            assert!(momentum < 10_000.0 * 2.0 * f64::EPSILON, "{method}: {momentum:e}");
         } else if says("angular momentum without torque to rounding") {
             assert!(momentum < 1e-13, "{method}: {momentum:e}");
         }

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import somersault
-from somersault import contact, exact, multibody
+from somersault import contact, exact, forces, multibody, studies
 from somersault.errors import StorageError
 
 
@@ -51,6 +51,80 @@ def test_everything_that_can_be_pickled_can_be_saved(
     for thing in things:
         somersault.save(tmp_path / "thing", thing)
         assert same(thing, somersault.load(tmp_path / "thing")), thing
+
+
+def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
+    law, slides, rolls = (
+        contact.CompliantLaw(1e4, 3.0),
+        contact.CoulombFriction(0.3, 1e4, 2.0),
+        contact.CreepFriction(0.3, 50.0),
+    )
+    resistance = contact.Resistance(1e-3, 2e-3, 0.1)
+    # Directions that are not of length 1, so that the digits of what was given are seen to survive.
+    surfaces = [
+        contact.HalfSpace((0.1, 0.2, 0.3), (1.0, 2.0, 3.0)),
+        contact.Sphere((0.1, 0.2, 0.3), 2.0, "outside"),
+        contact.Cylinder((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), 0.5),
+    ]
+    things = [
+        forces.Gravity((0.0, -9.0, 0.1)),
+        forces.Spring(3.0, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), damping=0.2, rest_length=0.7),
+        forces.Drag(0.1, 0.2, 0.3),
+        forces.Torque((1.0, 2.0, 3.0), "body"),
+        forces.Force((1.0, 2.0, 3.0), (0.1, 0.2, 0.3)),
+        forces.Gravitation(2.0),
+        *surfaces,
+        *(contact.Contact((0.0, 0.1, 0.2), surface, law, friction=slides) for surface in surfaces),
+        contact.Contact.ball((0.0, 0.1, 0.2), 0.3, surfaces[1], law, friction=rolls, resistance=resistance),
+        contact.Contact.rim((0.0, 0.1, 0.2), (1.0, 1.0, 3.0), 0.3, surfaces[0], law, friction=rolls),
+        contact.SpherePair((0, 2), (0.1, 0.2), law, centers=[(0, 0, 1), (0, 1, 0)], resistance=resistance),
+        contact.SpherePair((0, 1), (0.1, 0.2), contact.HuntCrossley(1e4, 0.1)),
+        contact.spinning_top(),
+        contact.bouncing_ball(1.0, 0.2, law, 0.5),
+        contact.rolling_disk(1.0, 0.2, law, rolls, 0.4, 2.0),
+    ]
+    for thing in things:
+        somersault.save(tmp_path / "thing", thing)
+        found = somersault.load(tmp_path / "thing")
+        assert type(found) is type(thing) and same(thing, found), thing
+        assert repr(found) == repr(thing)
+
+
+def test_studies_can_be_saved(tmp_path: Path) -> None:
+    problem = studies.Problem.case(2)
+    found = [
+        studies.stability_region("mp"),
+        studies.energy("euler", studies.prisms(2)),
+        studies.convergence(problem, "heun", [0.1, 0.05, 0.02]),
+        studies.work_precision(problem, "rkmk", [0.1], repeats=1),
+        studies.work_precision(problem, "rkmk5", tolerances=[1e-4], repeats=1),
+    ]
+    somersault.save(tmp_path / "studies", found)
+    assert same(found, somersault.load(tmp_path / "studies"))
+
+
+def test_a_run_of_what_was_saved_is_the_run(tmp_path: Path) -> None:
+    for scene in (
+        contact.spinning_top(),
+        contact.rolling_disk(
+            1.0, 0.2, contact.CompliantLaw(1e4, 3.0), contact.CreepFriction(0.3, 50.0), 0.4, 2.0
+        ),
+    ):
+        somersault.save(tmp_path / "scene", scene)
+        runs = [
+            somersault.integrate(
+                found.body, found.state, (0.0, 0.05), dt=1e-3, forces=found.forces, contacts=found.contacts
+            )
+            for found in (scene, somersault.load(tmp_path / "scene"))
+        ]
+        assert same(*runs)
+
+
+def test_a_contact_with_a_surface_of_ones_own_is_pickled_by_its_name_and_not_written(tmp_path: Path) -> None:
+    touching = contact.Contact((0.0, 0.0, 0.0), np.linalg.norm, contact.CompliantLaw(1e4))
+    assert pickle.loads(pickle.dumps(touching)).surface is np.linalg.norm
+    with pytest.raises(StorageError, match="cannot be written"):
+        somersault.save(tmp_path / "a", touching)
 
 
 def test_plain_values_come_back_as_they_were(tmp_path: Path) -> None:

@@ -64,10 +64,15 @@ impl HalfSpace {
 }
 
 impl HalfSpace {
-    /// The outward normal.
+    /// The outward normal n, of length 1.
     #[inline]
-    pub(crate) fn normal(&self) -> &Vector3<f64> {
+    pub fn normal(&self) -> &Vector3<f64> {
         &self.normal
+    }
+
+    /// The distance of the plane from the origin along n, m.
+    pub fn offset(&self) -> f64 {
+        self.offset
     }
 
     /// Distance of a point, negative inside, m.

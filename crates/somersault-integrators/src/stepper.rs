@@ -130,7 +130,7 @@ impl MethodInfo {
 
     /// What a method [`keeps`](Self::keeps) that adds up torques after a first step of another.
     pub(crate) const MOMENTUM_ONCE_STARTED: &'static str =
-        "angular momentum without torque to rounding, once started";
+        "angular momentum without torque, once started, to rounding that adds up";
 }
 
 /// Why a step failed.

@@ -1,14 +1,17 @@
 //! Contacts of bodies with surfaces and with each other.
 
 use crate::bodies::State;
-use crate::contact_law::{laws, normal_law};
+use crate::contact_law::{Resistance, friction_law, laws, normal_law, parts, resistance_law};
 use crate::convert::{a_type, vector, vector_array, vector_or};
 use crate::error::Error;
 use crate::forces::{Failure, Reader, callable_name, sequence};
 use crate::surface::{CallableSurface, HalfSpace, Surface};
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::contact::bodies::{self, BodyContacts, BodySphere};
 use somersault::contact::contacts::{self, Contacts};
+use somersault::contact::interface::ContactLaw;
+use somersault::contact::shape::Shape;
 use somersault::contact::surface;
 use somersault::integrators::body::RigidBody;
 use somersault::integrators::nalgebra::Vector3;
@@ -35,7 +38,12 @@ pub(crate) struct Contact {
     /// Where the surface is a callable this has another, which each run replaces.
     contact: contacts::Contact,
     surface: Py<PyAny>,
+    /// Of a rim, as it was given.
+    axis: Option<Vector3<f64>>,
 }
+
+/// Law, friction and resistance as a file has them.
+type GivenLaws<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
 
 /// What a contact is made against until it meets its surface.
 fn built_in(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Error> {
@@ -54,8 +62,11 @@ fn built_in(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Err
 impl Contact {
     /// One of the library's.
     pub(crate) fn of(py: Python<'_>, contact: &contacts::Contact) -> PyResult<Self> {
-        let surface = Py::new(py, Surface(contact.surface().clone()))?.into_any();
-        Ok(Self { contact: contact.clone(), surface })
+        let axis = match contact.shape() {
+            Shape::Rim { axis, .. } => Some(axis.into_inner()),
+            _ => None,
+        };
+        Ok(Self { contact: contact.clone(), surface: Surface::of(py, contact.surface())?, axis })
     }
 
     fn is_built_in(&self, py: Python<'_>) -> bool {
@@ -90,7 +101,7 @@ impl Contact {
         let against = built_in(surface)?;
         let law = laws(law, friction, resistance)?;
         let contact = contacts::Contact::try_new(vector("point", point)?, against, law)?;
-        Ok(Self { contact, surface: surface.clone().unbind() })
+        Ok(Self { contact, surface: surface.clone().unbind(), axis: None })
     }
 
     /// A ball fixed on a body, against any surface.
@@ -116,7 +127,7 @@ impl Contact {
         let against = built_in(surface)?;
         let law = laws(law, friction, resistance)?;
         let contact = contacts::Contact::try_ball(vector("center", center)?, radius, against, law)?;
-        Ok(Self { contact, surface: surface.clone().unbind() })
+        Ok(Self { contact, surface: surface.clone().unbind(), axis: None })
     }
 
     /// The rim of a disk fixed on a body, against a plane.
@@ -147,8 +158,8 @@ impl Contact {
             .map_err(|_| Error::input(format!("`plane` must be a HalfSpace, found {}", a_type(plane))))?;
         let law = laws(law, friction, resistance)?;
         let (center, axis) = (vector("center", center)?, vector("axis", axis)?);
-        let contact = contacts::Contact::try_rim(center, axis, radius, half_space.get().0, law)?;
-        Ok(Self { contact, surface: plane.clone().unbind() })
+        let contact = contacts::Contact::try_rim(center, axis, radius, half_space.get().surface, law)?;
+        Ok(Self { contact, surface: plane.clone().unbind(), axis: Some(axis) })
     }
 
     /// ndarray, shape (3,): The point, or the centre of the ball or the rim, body frame, m.
@@ -167,6 +178,33 @@ impl Contact {
     #[getter]
     fn law<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         normal_law(py, self.contact.law())
+    }
+
+    /// CoulombFriction, CreepFriction, RegularisedFriction or None: The law of friction.
+    #[getter]
+    fn friction<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        friction_law(py, self.contact.law())
+    }
+
+    /// Resistance or None: The resistance to rolling and spinning.
+    #[getter]
+    fn resistance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, Resistance>>> {
+        resistance_law(py, self.contact.law())
+    }
+
+    /// float or None: The radius of the ball or the rim, m.
+    #[getter]
+    fn radius(&self) -> Option<f64> {
+        match self.contact.shape() {
+            Shape::Ball { radius, .. } | Shape::Rim { radius, .. } => Some(*radius),
+            _ => None,
+        }
+    }
+
+    /// ndarray, shape (3,), or None: The axis of the rim, body frame.
+    #[getter]
+    fn axis<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
+        self.axis.map(|axis| vector_array(py, &axis))
     }
 
     /// Gap and its rate in a state of the body.
@@ -195,6 +233,32 @@ impl Contact {
         let (surface, law) = (self.surface.bind(py).repr()?, self.law(py)?.repr()?);
         Ok(format!("Contact({:?}, {surface}, {law})", self.contact.shape().centre().as_slice()))
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let shape = (own.point(py), own.axis(py), own.radius());
+        let arguments = (shape, own.surface(py), parts(py, own.contact.law())?);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled contact.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        shape: (Bound<'_, PyAny>, Option<Bound<'_, PyAny>>, Option<f64>),
+        surface: &Bound<'_, PyAny>,
+        laws: GivenLaws<'_>,
+    ) -> Result<Self, Error> {
+        let (center, axis, radius) = shape;
+        let (law, friction, resistance) = (&laws.0, laws.1.as_ref(), laws.2.as_ref());
+        match (axis, radius) {
+            (Some(axis), Some(radius)) => {
+                Self::rim(&center, &axis, radius, surface, law, friction, resistance)
+            }
+            (None, Some(radius)) => Self::ball(&center, radius, surface, law, friction, resistance),
+            _ => Self::new(&center, surface, law, friction, resistance),
+        }
+    }
 }
 
 /// Two spheres fixed on two of several bodies, which touch under some laws.
@@ -215,7 +279,13 @@ impl Contact {
 ///     Resistance to rolling and spinning; none unless given.
 #[pyclass(frozen, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy)]
-pub(crate) struct SpherePair(bodies::SpherePair);
+pub(crate) struct SpherePair {
+    pair: bodies::SpherePair,
+    bodies: [usize; 2],
+    radii: [f64; 2],
+    centers: [Vector3<f64>; 2],
+    law: ContactLaw,
+}
 
 #[pymethods]
 impl SpherePair {
@@ -229,16 +299,36 @@ impl SpherePair {
         friction: Option<&Bound<'_, PyAny>>,
         resistance: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
-        let sphere = |i: usize| -> Result<BodySphere, Error> {
-            let center = centers.as_ref().map(|centers| &centers[i]);
-            Ok(BodySphere::try_new(bodies[i], vector_or("centers", center, Vector3::zeros())?, radii[i])?)
-        };
+        let center = |i: usize| vector_or("centers", centers.as_ref().map(|c| &c[i]), Vector3::zeros());
+        let centers = [center(0)?, center(1)?];
+        let sphere = |i: usize| BodySphere::try_new(bodies[i], centers[i], radii[i]);
         let law = laws(law, friction, resistance)?;
-        Ok(Self(bodies::SpherePair::try_new(sphere(0)?, sphere(1)?, law)?))
+        let pair = bodies::SpherePair::try_new(sphere(0)?, sphere(1)?, law)?;
+        Ok(Self { pair, bodies, radii, centers, law })
     }
 
     fn __repr__(&self) -> String {
-        format!("<{:?}>", self.0)
+        format!("<{:?}>", self.pair)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let [first, second] = own.centers.map(|center| vector_array(py, &center));
+        let (bodies, radii) = (own.bodies, own.radii);
+        let spheres = ((bodies[0], bodies[1]), (radii[0], radii[1]), (first, second));
+        let arguments = (spheres, parts(py, &own.law)?).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled pair.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        spheres: ([usize; 2], [f64; 2], [Bound<'_, PyAny>; 2]),
+        laws: GivenLaws<'_>,
+    ) -> Result<Self, Error> {
+        let (bodies, radii, centers) = spheres;
+        Self::new(bodies, radii, &laws.0, Some(centers), laws.1.as_ref(), laws.2.as_ref())
     }
 }
 
@@ -296,7 +386,7 @@ impl Reader {
             Error::input(format!("`pairs` must hold sphere pairs, found {}", a_type(value)))
         };
         let one = |value: &Bound<'_, PyAny>| match value.extract() {
-            Ok(SpherePair(pair)) => Ok(pair),
+            Ok(SpherePair { pair, .. }) => Ok(pair),
             Err(_) => Err(wrong(value)),
         };
         let pairs = match pairs {

@@ -518,3 +518,34 @@ pub(crate) fn normal_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Bo
         NormalLaw::HuntCrossley(law) => Bound::new(py, HuntCrossley(law))?.into_any(),
     })
 }
+
+/// The law of friction as Python sees it.
+pub(crate) fn friction_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Option<Bound<'py, PyAny>>> {
+    Ok(match laws.friction {
+        friction::Friction::None => None,
+        friction::Friction::Regularised(law) => Some(Bound::new(py, RegularisedFriction(law))?.into_any()),
+        friction::Friction::Coulomb(law) => Some(Bound::new(py, CoulombFriction(law))?.into_any()),
+        friction::Friction::Creep(law) => Some(Bound::new(py, CreepFriction(law))?.into_any()),
+    })
+}
+
+/// The resistance as Python sees it.
+pub(crate) fn resistance_law<'py>(
+    py: Python<'py>,
+    laws: &ContactLaw,
+) -> PyResult<Option<Bound<'py, Resistance>>> {
+    let law = laws.resistance;
+    let arguments = (law.rolling(), law.spinning(), law.speed());
+    if law == friction::Resistance::default() {
+        return Ok(None);
+    }
+    Bound::new(py, Resistance { law, arguments }).map(Some)
+}
+
+/// Law, friction and resistance, as contacts take them.
+pub(crate) type Laws<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Option<Bound<'py, Resistance>>);
+
+/// What [`laws`] makes the same of again.
+pub(crate) fn parts<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Laws<'py>> {
+    Ok((normal_law(py, laws)?, friction_law(py, laws)?, resistance_law(py, laws)?))
+}

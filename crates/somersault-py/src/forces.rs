@@ -4,7 +4,7 @@ use crate::bodies::{RigidBody, State};
 use crate::convert::{a_type, any_vector, any_vectors, finite, vector, vector_array, vector_or};
 use crate::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PySequence, PyString};
+use pyo3::types::{PyList, PySequence, PyString, PyTuple, PyType};
 use somersault::integrators::body;
 use somersault::integrators::force::{self, BoxedForce, Wrench};
 use somersault::integrators::nalgebra::Vector3;
@@ -119,6 +119,11 @@ impl Gravity {
     fn __repr__(&self) -> String {
         format!("Gravity({:?})", self.0.acceleration.as_slice())
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.acceleration(py),).into_pyobject(py)?))
+    }
 }
 
 /// Linear spring and damper between a point of the body and an anchor in the world.
@@ -202,6 +207,27 @@ impl Spring {
             s.rest_length
         )
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let ends = (own.anchor(py), own.attachment(py));
+        let arguments = (own.stiffness(), ends.0, ends.1, own.damping(), own.rest_length());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled spring.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        stiffness: f64,
+        anchor: &Bound<'_, PyAny>,
+        attachment: &Bound<'_, PyAny>,
+        damping: f64,
+        rest_length: f64,
+    ) -> Result<Py<Self>, Error> {
+        let spring = Self::new(stiffness, Some(anchor), Some(attachment), damping, rest_length)?;
+        Ok(Py::new(cls.py(), spring)?)
+    }
 }
 
 /// Drag: F = −(c₁ + c₂‖v‖) v, M = −c₃ ω.
@@ -254,6 +280,11 @@ impl Drag {
             self.0.linear, self.0.quadratic, self.0.angular
         )
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.linear(), own.quadratic(), own.angular()).into_pyobject(py)?))
+    }
 }
 
 /// Constant torque about the centre of mass, fixed in the world or in the body.
@@ -301,6 +332,11 @@ impl Torque {
         let (force::ConstantTorque::World(torque) | force::ConstantTorque::Body(torque)) = &self.0;
         format!("Torque({:?}, frame='{}')", torque.as_slice(), self.frame())
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.torque(py), own.frame()).into_pyobject(py)?))
+    }
 }
 
 /// Constant force, fixed in the world, at a point of the body.
@@ -344,6 +380,11 @@ impl Force {
     fn __repr__(&self) -> String {
         format!("Force({:?}, point={:?})", self.0.force.as_slice(), self.0.point.as_slice())
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.force(py), own.point(py)).into_pyobject(py)?))
+    }
 }
 
 /// Newtonian attraction between the centres of mass: F = G m₁ m₂/d².
@@ -372,6 +413,11 @@ impl Gravitation {
 
     fn __repr__(&self) -> String {
         format!("Gravitation({:?})", self.0.constant)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.constant(),).into_pyobject(py)?))
     }
 }
 

@@ -7,6 +7,7 @@ use crate::convert::{finite, vector};
 use crate::error::Error;
 use crate::forces::Gravity;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::models::{
     BouncingBall, FallingBox, RollingDisk, SlidingBlock, SpinningTop, TippeTop,
@@ -48,6 +49,24 @@ impl Scene {
 impl Scene {
     fn __repr__(&self) -> String {
         format!("<Scene: a body of {} kg, {} contacts>", self.body.0.mass(), self.contacts.len())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.body, own.state, &own.forces, &own.contacts).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled scene.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        body: RigidBody,
+        state: State,
+        forces: Py<Gravity>,
+        contacts: Vec<Py<Contact>>,
+    ) -> Self {
+        Self { body, state, forces, contacts }
     }
 }
 

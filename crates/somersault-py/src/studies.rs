@@ -8,13 +8,15 @@ use crate::methods;
 use crate::plan::start_up_of;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyType};
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::integrators::body;
 use somersault::integrators::driver::Flow;
 use somersault::integrators::methods::{Method, Options};
-use somersault::integrators::studies::energy::{Behaviour, EnergySetup, initial_angular_velocity};
+use somersault::integrators::studies::energy::{
+    Behaviour, EnergyExtremes, EnergySetup, initial_angular_velocity,
+};
 use somersault::integrators::studies::problem::{self, Case, Errors};
-use somersault::integrators::studies::stability;
+use somersault::integrators::studies::stability::{self, Lambda};
 use somersault::integrators::studies::work_precision::{self, StepChoice};
 use somersault::integrators::studies::{Progress, StudyError, energy, order};
 use somersault::integrators::system::RigidBodySystem;
@@ -105,6 +107,23 @@ impl StabilityRegion {
             "<StabilityRegion: area {:.4}, real axis to {:.4}, imaginary axis to {:.4}>",
             r.area, -r.real_limit, r.imaginary_limit
         )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let found = &slf.get().0;
+        let ends = found.boundary.iter().map(|[a, b]| [a.re, a.im, b.re, b.im]);
+        let limits = [found.area, found.corrected, found.imaginary_limit, found.real_limit];
+        let arguments = (limits, ends.collect::<Vec<_>>(), found.failed);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled region.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, limits: [f64; 4], boundary: Vec<[f64; 4]>, failed: usize) -> Self {
+        let [area, corrected, imaginary_limit, real_limit] = limits;
+        let segment = |[re, im, to_re, to_im]: [f64; 4]| [Lambda { re, im }, Lambda { re: to_re, im: to_im }];
+        let boundary = boundary.into_iter().map(segment).collect();
+        Self(stability::StabilityRegion { area, corrected, imaginary_limit, real_limit, boundary, failed })
     }
 }
 
@@ -239,6 +258,38 @@ impl EnergyStudy {
 
     fn __repr__(&self) -> String {
         format!("<EnergyStudy: {}, {:.4} of the bound>", self.behaviour(), self.0.share_of_bound)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let found = &slf.get().0;
+        let extremes = found
+            .extremes
+            .iter()
+            .map(|e| (e.steps, (e.max, e.max_body), (e.min, e.min_body), (e.gained, e.lost)));
+        let rest = (found.share_of_bound, found.largest_rise, found.failed);
+        let arguments = (extremes.collect::<Vec<_>>(), rest);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled study.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        extremes: Vec<(u64, (f64, usize), (f64, usize), (usize, usize))>,
+        rest: (f64, f64, usize),
+    ) -> Self {
+        let (share_of_bound, largest_rise, failed) = rest;
+        let row = |(steps, (max, max_body), (min, min_body), (gained, lost))| EnergyExtremes {
+            steps,
+            max,
+            max_body,
+            min,
+            min_body,
+            gained,
+            lost,
+        };
+        let extremes = extremes.into_iter().map(row).collect();
+        Self(energy::EnergyStudy { extremes, share_of_bound, largest_rise, failed })
     }
 }
 
@@ -495,6 +546,23 @@ impl Convergence {
             self.0.measured.len()
         )
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let found = &slf.get().0;
+        let measured: Vec<_> = found.measured.iter().map(|m| (m.dt, numbers_of(&m.errors))).collect();
+        let o = &found.orders;
+        let arguments = (measured, [o.position, o.orientation, o.velocity, o.angular_velocity]);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled study.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, measured: Vec<(f64, [f64; 4])>, orders: [Option<f64>; 4]) -> Self {
+        let row = |(dt, errors)| order::Measured { dt, errors: errors_of(errors) };
+        let [position, orientation, velocity, angular_velocity] = orders;
+        let orders = order::ObservedOrders { position, orientation, velocity, angular_velocity };
+        Self(order::Convergence { measured: measured.into_iter().map(row).collect(), orders })
+    }
 }
 
 /// Observed orders of a method.
@@ -536,6 +604,17 @@ pub(crate) fn convergence(
         Chosen::Free(p) => order::convergence(p, method, options, &dts, progress),
         Chosen::Forced(p) => order::convergence(p, method, options, &dts, progress),
     })?))
+}
+
+/// A run of a work-precision study as it is pickled: choice of the step, errors, counts and seconds.
+type Point = ((String, f64), [f64; 4], (u64, u64, u64), f64);
+
+fn numbers_of(errors: &Errors) -> [f64; 4] {
+    [errors.position, errors.orientation, errors.velocity, errors.angular_velocity]
+}
+
+fn errors_of([position, orientation, velocity, angular_velocity]: [f64; 4]) -> Errors {
+    Errors { position, orientation, velocity, angular_velocity }
 }
 
 /// Errors of a method against what it costs.
@@ -581,6 +660,36 @@ impl WorkPrecision {
 
     fn __repr__(&self) -> String {
         format!("<WorkPrecision: {} runs>", self.0.len())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let found = &slf.get().0;
+        let row = |p: &work_precision::WorkPoint| {
+            let choice = match p.choice {
+                StepChoice::Fixed(dt) => ("dt", dt),
+                StepChoice::Tolerance(tolerance) => ("tolerance", tolerance),
+            };
+            (choice, numbers_of(&p.errors), (p.steps, p.rejected, p.evaluations), p.seconds)
+        };
+        let arguments = (found.iter().map(row).collect::<Vec<_>>(),);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+    }
+
+    /// A pickled study.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, points: Vec<Point>) -> Self {
+        let row = |((kind, value), errors, (steps, rejected, evaluations), seconds): Point| {
+            let choice = if kind == "dt" { StepChoice::Fixed(value) } else { StepChoice::Tolerance(value) };
+            work_precision::WorkPoint {
+                choice,
+                errors: errors_of(errors),
+                steps,
+                rejected,
+                evaluations,
+                seconds,
+            }
+        };
+        Self(points.into_iter().map(row).collect())
     }
 }
 

@@ -4,6 +4,7 @@ use crate::convert::{a_type, any_vector, vector, vector_array, vector_or};
 use crate::error::Error;
 use crate::forces::{Failure, call};
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::contact::surface::{self, SignedDistance, Solid};
 use somersault::integrators::nalgebra::Vector3;
 use std::fmt;
@@ -50,6 +51,26 @@ where
     PyClassInitializer::from(Surface(Arc::new(surface))).add_subclass(class)
 }
 
+impl Surface {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, surface: &Arc<dyn surface::Surface>) -> PyResult<Py<PyAny>> {
+        match surface.as_half_space() {
+            Some(plane) => {
+                let (point, normal) = (plane.normal() * plane.offset(), *plane.normal());
+                Ok(Py::new(py, build(*plane, HalfSpace { surface: *plane, point, normal }))?.into_any())
+            }
+            None => Ok(Py::new(py, Self(surface.clone()))?.into_any()),
+        }
+    }
+}
+
+fn solid_name(solid: Solid) -> &'static str {
+    match solid {
+        Solid::Inside => "inside",
+        Solid::Outside => "outside",
+    }
+}
+
 fn solid_of(name: &str) -> Result<Solid, Error> {
     match name {
         "inside" => Ok(Solid::Inside),
@@ -67,7 +88,11 @@ fn solid_of(name: &str) -> Result<Solid, Error> {
 /// normal : array_like, shape (3,), optional
 ///     Outward normal, of any length but zero; along z unless given.
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
-pub(crate) struct HalfSpace(pub(crate) surface::HalfSpace);
+pub(crate) struct HalfSpace {
+    pub(crate) surface: surface::HalfSpace,
+    point: Vector3<f64>,
+    normal: Vector3<f64>,
+}
 
 #[pymethods]
 impl HalfSpace {
@@ -79,8 +104,25 @@ impl HalfSpace {
     ) -> Result<PyClassInitializer<Self>, Error> {
         let point = vector_or("point", point, Vector3::zeros())?;
         let normal = vector_or("normal", normal, Vector3::z())?;
-        let half_space = surface::HalfSpace::try_new(point, normal)?;
-        Ok(build(half_space, Self(half_space)))
+        let surface = surface::HalfSpace::try_new(point, normal)?;
+        Ok(build(surface, Self { surface, point, normal }))
+    }
+
+    /// ndarray, shape (3,): A point of the plane, m.
+    #[getter]
+    fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.point)
+    }
+
+    /// ndarray, shape (3,): Outward normal, of the length that was given.
+    #[getter]
+    fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.normal)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.point(py), own.normal(py)).into_pyobject(py)?))
     }
 }
 
@@ -95,15 +137,43 @@ impl HalfSpace {
 /// solid : {'inside', 'outside'}, optional
 ///     Which side is solid; bodies move within a sphere whose outside is.
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
-pub(crate) struct Sphere;
+pub(crate) struct Sphere {
+    center: Vector3<f64>,
+    radius: f64,
+    solid: Solid,
+}
 
 #[pymethods]
 impl Sphere {
     #[new]
     #[pyo3(signature = (center, radius, solid="inside"))]
     fn new(center: &Bound<'_, PyAny>, radius: f64, solid: &str) -> Result<PyClassInitializer<Self>, Error> {
-        let sphere = surface::Sphere::try_new(vector("center", center)?, radius, solid_of(solid)?)?;
-        Ok(build(sphere, Self))
+        let (center, solid) = (vector("center", center)?, solid_of(solid)?);
+        let sphere = surface::Sphere::try_new(center, radius, solid)?;
+        Ok(build(sphere, Self { center, radius, solid }))
+    }
+
+    /// ndarray, shape (3,): Centre, m.
+    #[getter]
+    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.center)
+    }
+
+    /// float: Radius, m.
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// str: Which side is solid, ``'inside'`` or ``'outside'``.
+    #[getter]
+    fn solid(&self) -> &'static str {
+        solid_name(self.solid)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.center(py), own.radius(), own.solid()).into_pyobject(py)?))
     }
 }
 
@@ -120,7 +190,12 @@ impl Sphere {
 /// solid : {'inside', 'outside'}, optional
 ///     Which side is solid; bodies move within a cylinder whose outside is.
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
-pub(crate) struct Cylinder;
+pub(crate) struct Cylinder {
+    center: Vector3<f64>,
+    axis: Vector3<f64>,
+    radius: f64,
+    solid: Solid,
+}
 
 #[pymethods]
 impl Cylinder {
@@ -132,8 +207,38 @@ impl Cylinder {
         radius: f64,
         solid: &str,
     ) -> Result<PyClassInitializer<Self>, Error> {
-        let (center, axis) = (vector("center", center)?, vector("axis", axis)?);
-        Ok(build(surface::Cylinder::try_new(center, axis, radius, solid_of(solid)?)?, Self))
+        let (center, axis, solid) = (vector("center", center)?, vector("axis", axis)?, solid_of(solid)?);
+        let cylinder = surface::Cylinder::try_new(center, axis, radius, solid)?;
+        Ok(build(cylinder, Self { center, axis, radius, solid }))
+    }
+
+    /// ndarray, shape (3,): A point of the axis, m.
+    #[getter]
+    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.center)
+    }
+
+    /// ndarray, shape (3,): Direction of the axis, of the length that was given.
+    #[getter]
+    fn axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.axis)
+    }
+
+    /// float: Radius, m.
+    #[getter]
+    fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// str: Which side is solid, ``'inside'`` or ``'outside'``.
+    #[getter]
+    fn solid(&self) -> &'static str {
+        solid_name(self.solid)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.center(py), own.axis(py), own.radius(), own.solid()).into_pyobject(py)?))
     }
 }
 
