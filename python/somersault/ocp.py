@@ -5,8 +5,8 @@ motion. Costs and constraints are made of terms: `entries` of the motion, `displ
 `momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own. A `Dive`
 is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thesis.
 
-`success` says that a program is solved, `confirmed` that an accurate integration agrees with its motion; each result has
-what that found as `verification`. Results and problems are written by `somersault.save`.
+`success` says that a program is solved, `confirmed` that an accurate integration agrees with its motion;
+each result has what that found as `verification`. Results and problems are written by `somersault.save`.
 
 `CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
 tolerance; `CartPendulumProblem` and `arm_problem` are the two examples of the thesis.

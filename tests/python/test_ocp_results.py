@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_storage import rewritten, same
 
 import somersault
 from somersault import multibody, ocp
 from somersault.cli import main
 from somersault.errors import InputError, StorageError
-from test_storage import rewritten, same
 
 AT_REST: list[Any] = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
 
@@ -292,7 +292,10 @@ def test_truncated_and_hostile_files_are_refused(things: dict[str, Any], tmp_pat
         ("Phase", [{"$object": "SplineMotion._restore", "arguments": [1, 8, [], 5]}, -1.0, 5, 1]),
         ("Term", ["system", {"$tuple": ["true"]}]),
         ("Term", ["entries", {"$tuple": []}]),
-        ("Report", ["splendid", {"$tuple": [[], [], []]}, 0.0, {"$tuple": [0.0, 0.0, 0.0]}, 1, [0] * 5, None, None]),
+        (
+            "Report",
+            ["splendid", {"$tuple": [[], [], []]}, 0.0, {"$tuple": [0.0, 0.0, 0.0]}, 1, [0] * 5, None, None],
+        ),
         ("Report", [1, 2, 3]),
         ("Motion", [[0.0], []]),
         ("SearchResult", [[], [[1]], [], [], "converged"]),

@@ -109,4 +109,14 @@ impl Error {
         }
         Self::Own { class, message }
     }
+
+    /// The same error of something in an argument, which its message names.
+    pub(crate) fn within(self, argument: &str) -> Self {
+        match self {
+            Self::Own { class, message } if !message.contains(&format!("`{argument}`")) => {
+                Self::Own { class, message: format!("`{argument}`: {message}") }
+            }
+            named => named,
+        }
+    }
 }

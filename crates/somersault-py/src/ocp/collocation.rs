@@ -312,7 +312,9 @@ impl CollocationProblem {
         let n = tree.n_velocities();
         let actuated: Vec<usize> = match actuated {
             Some(value) => {
-                let split = model.get().split(value)?;
+                let split = model.get().split(value);
+                let named = |error: Error| error.with_names(&[("active", "actuated")]).within("actuated");
+                let split = split.map_err(named)?;
                 (0..n).filter(|k| split.active()[*k]).collect()
             }
             None => (0..n).collect(),

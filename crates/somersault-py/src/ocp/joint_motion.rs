@@ -317,7 +317,10 @@ impl SplineMotion {
     ) -> Result<Bound<'py, PyAny>, Error> {
         let shares = finite_all("share", real_numbers("share", share)?)?;
         let n = self.motion.n_channels();
-        let samples = finite_all("samples", with_shape("samples", &[shares.len(), n], samples)?)?;
+        // the shape follows from the shares, which may be what is wrong
+        let samples = with_shape("samples", &[shares.len(), n], samples)
+            .map_err(|error| error.with_names(&[("samples", "samples` of each `share")]))?;
+        let samples = finite_all("samples", samples)?;
         let samples: Vec<&[f64]> = samples.chunks_exact(n).collect();
         Ok(numpy::PyArray1::from_vec(py, self.motion.fit(&shares, &samples)?).into_any())
     }

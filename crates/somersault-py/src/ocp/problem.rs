@@ -378,7 +378,7 @@ impl MotionProblem {
         };
         let recipe = Recipe {
             model: model.clone().unbind(),
-            active: model.get().split(active)?.active().to_vec(),
+            active: model.get().split(active).map_err(|error| error.within("active"))?.active().to_vec(),
             drives_motion,
             scheme: scheme_of(scheme)?,
             start,

@@ -335,7 +335,8 @@ impl Term {
         let model: &multibody::Model = dynamics.model();
         Ok(match &self.0 {
             Kind::Entries { part, entries: Some(entries) } => {
-                Box::new(Entries::try_new(sizes, *part, entries)?)
+                let made = Entries::try_new(sizes, *part, entries);
+                Box::new(made.map_err(|error| Error::from(error).within("indices"))?)
             }
             Kind::Entries { part, entries: None } => Box::new(Entries::all(sizes, *part)),
             Kind::Displacement { reference, dofs } => {
