@@ -8,7 +8,7 @@ use somersault_multibody::models::{Dimension, Diver, Posture};
 use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
-    Body, Capsule, Channels, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame, Penalties, Range,
+    Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame, Penalties, Range,
     nearest_points,
 };
 use somersault_ocp::flight::{
@@ -449,6 +449,24 @@ fn the_planar_dive_does_what_is_asked() {
     }
 }
 
+/// The thesis' count of 3.1: fifteen coefficients that are free, and the momentum.
+#[test]
+fn the_planar_dive_with_sixteen_unknowns_does_what_is_asked() {
+    let seven = Dive::forward_pike().unwrap();
+    let sixteen = Dive { n_par: 19, ..seven.clone() };
+    let [few, many] = [(seven, 7), (sixteen, 16)].map(|(dive, n_unknowns)| {
+        let program = dive.program().unwrap();
+        let z = found(&program, &DiveSearch::direct(), &Dive::pike_template());
+        assert_eq!(z.len(), n_unknowns);
+        program.report(&z).unwrap()
+    });
+    assert!((many.somersaults - 3.5).abs() < 1e-5 && many.entry_angle < 1f64.to_radians(), "{many:?}");
+    assert!(many.momentum_drift < 1e-12 && many.least_channel > -1e-12, "{many:?}");
+    // faster into the pike and out of it, so that less momentum is enough
+    assert!((few.momentum - 66.55).abs() < 0.01, "{}", few.momentum);
+    assert!((many.momentum - 66.55).abs() < 2.0, "{}", many.momentum);
+}
+
 #[test]
 fn the_twisting_dive_does_what_is_asked() {
     // half the steps of the dive itself: the same solution, in half the time
@@ -675,7 +693,22 @@ fn bad_dives_are_refused() {
         of(&|d| d.penalties.rate = -1.0),
         DiveError::OutOfRange { argument: "penalties.rate", .. }
     ));
-    assert!(matches!(of(&|d| d.n_steps = 0), DiveError::OutOfRange { argument: "n_steps", .. }));
+    for n_steps in [0, 1_000_000_000] {
+        assert!(matches!(of(&|d| d.n_steps = n_steps), DiveError::OutOfRange { argument: "n_steps", .. }));
+    }
+    assert!(matches!(
+        of(&|d| d.n_pieces = 1_000_000_000),
+        DiveError::OutOfRange { argument: "n_pieces", .. }
+    ));
+    assert!(matches!(
+        of(&|d| d.n_par = 1_000_000_000),
+        DiveError::Motion(MotionError::TooManyCoefficients { .. })
+    ));
+    // in the plane there is neither twist nor clearance
+    assert!(matches!(of(&|d| d.twists = 1.0), DiveError::OutOfRange { argument: "twists", .. }));
+    let clearance = Some(Clearance { distance: 0.005, n_times: 35 });
+    assert!(matches!(of(&|d| d.clearance = clearance), DiveError::OutOfRange { argument: "clearance", .. }));
+    assert!(matches!(of(&|d| d.windows = vec![Range::new(0.4, 0.5)]), DiveError::NothingFree));
     assert!(matches!(of(&|d| d.square_out = 1.5), DiveError::OutOfRange { argument: "square_out", .. }));
     assert!(matches!(
         of(&|d| d.last = 2),

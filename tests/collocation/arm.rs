@@ -104,6 +104,17 @@ fn success_on_a_coarse_mesh_is_named_false_convergence() {
     assert!(report.cost < 0.2 && report.confirmation.max_defect() > 1e-2, "{}", report.cost);
 }
 
+/// What a mesh cannot resolve to the tolerance, and an integration follows all the same, is no false convergence.
+#[test]
+fn a_motion_on_too_coarse_a_mesh_is_named_a_mesh_limit() {
+    let collocation = Collocation { max_meshes: 1, ..Collocation::default() };
+    let mesh = Mesh::try_uniform(40, 4).unwrap();
+    let report = collocation.solve(&mut arm(Some(PI), 0.0), &[mesh], &mut |_| Flow::Continue).unwrap();
+    assert_eq!(report.status, CollocationStatus::MeshLimit);
+    let defect = report.confirmation.max_defect();
+    assert!(report.history[0].error > 1e-6 && defect > 1e-6 && defect < 1e-2, "{defect}");
+}
+
 /// From a guess that is no motion at all the first program takes few steps, whatever its mesh, and never fails.
 #[test]
 fn programs_of_any_start_mesh_are_solved_in_some_ten_steps() {

@@ -2,17 +2,70 @@
 
 use crate::systems::{chain, floating, scattered, weights};
 use nalgebra::{UnitQuaternion, Vector3};
-use somersault_multibody::Model;
-use somersault_ocp::dynamics::Tree;
+use somersault_core::spline::UniformBasis;
+use somersault_multibody::models::{CartPendulum, TwoLinkArm};
+use somersault_multibody::{Model, ModelError};
+use somersault_ocp::OcpError;
+use somersault_ocp::dynamics::{CartPendulumDynamics, Tree};
+use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::nlp::Nlp;
 use somersault_ocp::problem::{At, Loss, MotionProblem};
 use somersault_ocp::shooting::{Phase, Shooting, ShootingOptions, Start};
 use somersault_ocp::solver::{Flow, NlpSolver, Report, SolverError, Sqp, Status};
+use somersault_ocp::swing_up::CartPendulumProblem;
 use somersault_ocp::term::{
     AxisDirection, BodyOrientation, Entries, Function, Node, NodeGradient, Part, Term,
 };
 use somersault_ocp::transcription::Transcription;
 use std::cell::Cell;
+
+#[test]
+fn an_axis_without_a_direction_and_links_without_a_length_are_refused() {
+    let refused = AxisDirection::try_new(floating().0, "trunk", Vector3::zeros()).map(|_| ()).unwrap_err();
+    assert_eq!(refused, OcpError::Zero { argument: "axis".into() });
+    for length in [0.0, -0.5, f64::NAN, f64::INFINITY] {
+        let refused = TwoLinkArm { lengths: [2.0, length], ..TwoLinkArm::default() }.model().unwrap_err();
+        assert!(
+            matches!(refused, ModelError::NotPositive { argument: "lengths", ref name, .. } if name == "lower"),
+            "{length} {refused}"
+        );
+    }
+}
+
+#[test]
+fn sizes_beyond_all_memory_are_refused() {
+    let refused = CartPendulumProblem { n_steps: 100_000_000, ..CartPendulumProblem::default() }
+        .swing_up()
+        .map(|_| ())
+        .unwrap_err();
+    assert!(matches!(refused, OcpError::TooLarge { ref argument, .. } if argument == "n_steps"), "{refused}");
+    let refused = CartPendulumProblem::with_parameters(1_000_000_000).swing_up().map(|_| ()).unwrap_err();
+    assert!(matches!(refused, OcpError::Motion(MotionError::TooManyCoefficients { .. })), "{refused}");
+    let basis = UniformBasis::try_new(5, 9).unwrap();
+    let motion = SplineMotion::try_new(basis, EigenpostureBase::joints(1), &[]).unwrap();
+    for (n_steps, n_segments, argument) in
+        [(1_000_000_000, 1, "n_steps"), (1_000_000, 1_000_000_000, "n_segments")]
+    {
+        let phase = Phase { n_segments, ..Phase::new(motion.clone(), n_steps, 1.0) };
+        let start = Start::fixed(&[0.0, 0.1], &[0.0; 2]);
+        let dynamics = CartPendulumDynamics::try_new(CartPendulum::default()).unwrap();
+        let refused = Shooting::try_new(dynamics, start, vec![phase], ShootingOptions::default());
+        let refused = refused.map(|_| ()).unwrap_err();
+        let names = |found: &str| found == argument;
+        assert!(
+            matches!(refused, OcpError::TooLarge { argument: ref found, .. }
+                | OcpError::OutOfRange { argument: ref found, .. } if names(found)),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn a_start_whose_motion_diverges_is_named_by_its_parameters() {
+    let mut swing_up = CartPendulumProblem::default().swing_up().unwrap();
+    let refused = swing_up.start_on_motion(&[1e200; 5]).unwrap_err();
+    assert_eq!(refused, OcpError::Diverges { argument: "parameters".into() });
+}
 
 fn node<'a>(position: &'a [f64], velocity: &'a [f64]) -> Node<'a> {
     Node {

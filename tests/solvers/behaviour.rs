@@ -5,8 +5,8 @@ use crate::sqp::solve;
 use num_dual::DualNum;
 use somersault_ocp::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
 use somersault_ocp::solver::{
-    Flow, Globalisation, GradientDescent, HessianSource, Lbfgs, NlpSolver, Report, SolverError, Sqp, Start,
-    Status,
+    Flow, Globalisation, GradientDescent, HessianSource, Lbfgs, Limits, NlpSolver, Report, SolverError, Sqp,
+    Start, Status,
 };
 use std::time::Duration;
 
@@ -236,6 +236,54 @@ fn limits_are_kept() {
     assert_eq!((report.status, report.iterations), (Status::IterationLimit, 2));
     let report = solve(&Sqp { max_time: Some(Duration::ZERO), ..Sqp::default() }, &rosenbrock);
     assert_eq!((report.status, report.iterations), (Status::TimeLimit, 0));
+}
+
+/// One variable, z²/2, each evaluation slow and all but the first without a value.
+struct Slow(Structure, usize);
+
+impl Nlp for Slow {
+    fn structure(&self) -> &Structure {
+        &self.0
+    }
+
+    fn evaluate(&mut self, z: &[f64], _: &mut [f64]) -> Result<f64, EvaluationError> {
+        self.1 += 1;
+        std::thread::sleep(Duration::from_millis(20));
+        if self.1 == 1 { Ok(0.5 * z[0] * z[0]) } else { Err(EvaluationError::Undefined { what: "z".into() }) }
+    }
+
+    fn differentiate(
+        &mut self,
+        z: &[f64],
+        gradient: &mut [f64],
+        _: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        gradient[0] = z[0];
+        Ok(())
+    }
+}
+
+#[test]
+fn the_limit_of_time_holds_within_a_line_search() {
+    let limit = Some(Duration::from_millis(50));
+    let solvers: [&dyn NlpSolver; 3] = [
+        &Sqp { max_time: limit, ..Sqp::default() },
+        &Lbfgs { limits: Limits { max_time: limit, ..Limits::default() }, ..Lbfgs::default() },
+        &GradientDescent { limits: Limits { max_time: limit, ..Limits::default() } },
+    ];
+    for (number, solver) in solvers.into_iter().enumerate() {
+        let structure = Structure {
+            variables: Bounds::free(1),
+            constraints: Bounds::default(),
+            jacobian: Pattern::dense(0, 1),
+            hessian: Pattern::upper_triangle(1),
+        };
+        let mut slow = Slow(structure, 0);
+        let report = solver.solve(&mut slow, &vec![1.0].into(), &mut |_| Flow::Continue).unwrap();
+        // the first, and what begins within the limit
+        assert_eq!((report.status, report.z), (Status::TimeLimit, vec![1.0]), "{number}");
+        assert!(slow.1 <= 4, "{number}: {} evaluations", slow.1);
+    }
 }
 
 #[test]

@@ -82,6 +82,28 @@ pub enum OcpError {
         /// First number that is too large.
         limit: usize,
     },
+    /// There is no memory for so many.
+    #[error("`{argument}` may be at most {limit}, for which there are tables of 4 GiB, found {found}")]
+    TooLarge {
+        /// Name of the argument.
+        argument: String,
+        /// What is given.
+        found: usize,
+        /// Largest number allowed.
+        limit: usize,
+    },
+    /// A motion that a start is made of leaves all bounds.
+    #[error("the motion that belongs to `{argument}` does not stay finite")]
+    Diverges {
+        /// Name of the argument.
+        argument: String,
+    },
+    /// An axis has no direction.
+    #[error("`{argument}` must not be zero")]
+    Zero {
+        /// Name of the argument.
+        argument: String,
+    },
     /// An active joint is no hinge or slider, or only part of a joint is active.
     #[error(
         "joint `{joint}` has {n_active} active of {n_velocities} degrees of freedom: active joints have one"
@@ -109,6 +131,19 @@ pub(crate) fn expect_below(argument: &str, found: usize, limit: usize) -> Result
         Ok(())
     } else {
         Err(OcpError::OutOfRange { argument: argument.to_owned(), found, limit })
+    }
+}
+
+/// Bytes that the tables of a transcription may take.
+const MEMORY: usize = 4 << 30;
+
+/// So few that tables with `bytes` for each are not too large.
+pub(crate) fn expect_room(argument: &str, found: usize, bytes: usize) -> Result<(), OcpError> {
+    let limit = MEMORY / bytes;
+    if found <= limit {
+        Ok(())
+    } else {
+        Err(OcpError::TooLarge { argument: argument.to_owned(), found, limit })
     }
 }
 

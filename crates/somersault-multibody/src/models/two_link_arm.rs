@@ -30,6 +30,11 @@ impl Default for TwoLinkArm {
 impl TwoLinkArm {
     /// The tree, with q = (θ₁, θ₂) about z and no gravity; links lie along x at q = 0.
     pub fn model(&self) -> Result<Model, ModelError> {
+        for (name, found) in ["upper", "lower"].into_iter().zip(self.lengths) {
+            if !(found > 0.0 && found.is_finite()) {
+                return Err(ModelError::NotPositive { argument: "lengths", name: name.to_owned(), found });
+            }
+        }
         let joint = Joint::Revolute { axis: Vector3::z() };
         let rod =
             |i: usize| MassProperties::rod(self.masses[i], Vector3::zeros(), Vector3::x() * self.lengths[i]);

@@ -14,8 +14,13 @@ pub struct Mesh {
     points: Vec<usize>,
 }
 
+/// Collocation points of a phase: some gigabytes of derivatives for a tree of twenty joints.
+const MOST_POINTS: usize = 100_000;
+const TOO_MANY: &str = "it may have at most 100000 points";
+
 impl Mesh {
-    /// Intervals between `bounds`, which increase from 0 to 1, with `points` collocation points each.
+    /// Intervals between `bounds`, which increase from 0 to 1, with `points` collocation points each, 100 000 in
+    /// all at most.
     pub fn try_new(bounds: Vec<f64>, points: Vec<usize>) -> Result<Self, CollocationError> {
         let fail = |reason| Err(CollocationError::Mesh { phase: 0, reason });
         if points.is_empty() || bounds.len() != points.len() + 1 {
@@ -23,6 +28,9 @@ impl Mesh {
         }
         if bounds[0] != 0.0 || bounds[points.len()] != 1.0 || !bounds.windows(2).all(|w| w[0] < w[1]) {
             return fail("its bounds must increase from 0 to 1");
+        }
+        if points.iter().fold(0usize, |sum, n| sum.saturating_add(*n)) > MOST_POINTS {
+            return fail(TOO_MANY);
         }
         if points.iter().any(|n| !(1..=MAX_POINTS).contains(n)) {
             return fail("an interval needs 1 to 500 points");
@@ -32,6 +40,9 @@ impl Mesh {
 
     /// `intervals` of equal length with `points` each.
     pub fn try_uniform(intervals: usize, points: usize) -> Result<Self, CollocationError> {
+        if intervals > MOST_POINTS {
+            return Err(CollocationError::Mesh { phase: 0, reason: TOO_MANY });
+        }
         let bounds = (0..=intervals).map(|k| k as f64 / intervals as f64).collect();
         Self::try_new(bounds, vec![points; intervals])
     }

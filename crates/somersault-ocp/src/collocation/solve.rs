@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
+/// Relative defect from which on a motion is not coarse but none.
+const NO_MOTION: f64 = 1e-2;
 
 /// Collocation with mesh refinement.
 #[derive(Debug, Clone)]
@@ -48,8 +50,8 @@ impl Default for Collocation {
 pub enum CollocationStatus {
     /// The program converged on a mesh that meets the tolerance, and the motion was confirmed.
     Converged,
-    /// The program converged, and its motion is none: integrated anew it leaves its own nodes by more than the
-    /// tolerance.
+    /// The program converged, and its motion is none: integrated anew it leaves its own nodes by more than the tolerance
+    /// though its mesh should meet it, or by more than 10⁻² of the states whatever the mesh.
     FalseConvergence,
     /// The last mesh allowed does not meet the tolerance.
     MeshLimit,
@@ -156,12 +158,13 @@ impl<S: NlpSolver> Collocation<S> {
         program: Report,
     ) -> Result<CollocationReport, CollocationError> {
         let confirmation = confirm(problem, &phases)?;
-        let error = history.last().map_or(f64::INFINITY, |mesh| mesh.error);
+        let is_met = history.last().is_some_and(|mesh| mesh.error <= self.tolerance);
+        let defect = confirmation.max_defect();
         let status = if !program.status.is_converged() {
             CollocationStatus::NotSolved(program.status)
-        } else if confirmation.max_defect() > self.tolerance {
+        } else if defect > if is_met { self.tolerance } else { self.tolerance.max(NO_MOTION) } {
             CollocationStatus::FalseConvergence
-        } else if error > self.tolerance {
+        } else if !is_met {
             CollocationStatus::MeshLimit
         } else {
             CollocationStatus::Converged

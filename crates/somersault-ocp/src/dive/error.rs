@@ -44,6 +44,9 @@ pub enum DiveError {
         /// What was given.
         found: f64,
     },
+    /// The joints have but one motion.
+    #[error("`windows` and the postures at both ends leave none of the `n_par` coefficients free")]
+    NothingFree,
     /// A range is empty or not finite.
     #[error("`{argument}` must have finite lower ≤ upper, found [{lower}, {upper}]")]
     Range {

@@ -51,7 +51,7 @@ use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};
 use error::{expect_finite, expect_not_negative, expect_positive};
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::Model;
-use somersault_multibody::models::Diver;
+use somersault_multibody::models::{Dimension, Diver};
 
 /// What a number may be: a variable of the dive, or fixed where both are equal.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,7 +104,7 @@ pub struct Penalties {
 pub struct Clearance {
     /// Least distance of surfaces, m.
     pub distance: f64,
-    /// At how many times between start and finish.
+    /// At how many times between start and finish, at most 10 000.
     pub n_times: usize,
 }
 
@@ -150,9 +150,9 @@ pub struct Dive {
     pub penalties: Penalties,
     /// Of the limbs, in space only.
     pub clearance: Option<Clearance>,
-    /// Steps of the orientation, rounded up to a multiple of the intervals of the spline.
+    /// Steps of the orientation, rounded up to a multiple of the intervals of the spline; at most 100 000.
     pub n_steps: usize,
-    /// Into how many pieces the intervals of the spline are cut for the bounds on the channels.
+    /// Into how many pieces the intervals of the spline are cut for the bounds on the channels, at most 100.
     pub n_pieces: usize,
 }
 
@@ -186,6 +186,16 @@ impl Dive {
                 return Err(DiveError::OutOfRange { argument: "windows", allowed, found });
             }
         }
+        if self.diver.dimension == Dimension::Planar && self.twists != 0.0 {
+            let allowed = "0 in the plane";
+            return Err(DiveError::OutOfRange { argument: "twists", allowed, found: self.twists });
+        }
+        if self.diver.dimension == Dimension::Planar
+            && let Some(Clearance { distance, .. }) = self.clearance
+        {
+            let allowed = "none in the plane, where limbs pass each other";
+            return Err(DiveError::OutOfRange { argument: "clearance", allowed, found: distance });
+        }
         if !(self.square_out > 0.0 && self.square_out <= 1.0) {
             let (argument, found) = ("square_out", self.square_out);
             return Err(DiveError::OutOfRange { argument, allowed: "above 0 and at most 1", found });
@@ -209,6 +219,16 @@ impl Dive {
         for (argument, found) in [("n_steps", self.n_steps), ("n_pieces", self.n_pieces)] {
             if found == 0 {
                 return Err(DiveError::OutOfRange { argument, allowed: "at least 1", found: 0.0 });
+            }
+        }
+        let n_times = self.clearance.map_or(0, |clearance| clearance.n_times);
+        for (argument, allowed, found, limit) in [
+            ("n_steps", "at most 100000", self.n_steps, 100_000),
+            ("n_pieces", "at most 100", self.n_pieces, 100),
+            ("clearance.n_times", "at most 10000", n_times, 10_000),
+        ] {
+            if found > limit {
+                return Err(DiveError::OutOfRange { argument, allowed, found: found as f64 });
             }
         }
         if let Some(clearance) = self.clearance {

@@ -7,6 +7,9 @@ impl Dive {
     /// 107B, the forward three and a half somersaults in pike position, in the plane (thesis 3.1): postures A and H,
     /// 1.7 s, ten coefficients, from the platform of 10 m.
     ///
+    /// Of the coefficients the ends fix four: with the momentum there are 7 unknowns. `n_par: 19` gives the 16 parameters of the
+    /// thesis, and the same dive but for sharper turns into the pike and out of it.
+    ///
     /// The thesis gives neither lean nor penalties: here 10° and a = 1, b = 1 ms.
     pub fn forward_pike() -> Result<Self, DiveError> {
         let postures = [Posture::A, Posture::H];

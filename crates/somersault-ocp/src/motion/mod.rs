@@ -45,6 +45,24 @@ pub enum MotionError {
         /// Name of the argument.
         argument: &'static str,
     },
+    /// A time outside of the motion.
+    #[error("`{argument}[{index}]` must be a share of the duration, from 0 to 1, found {found}")]
+    Share {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Which entry.
+        index: usize,
+        /// What it is.
+        found: f64,
+    },
+    /// There is no memory for so many variables.
+    #[error("all channels together may have {limit} coefficients, found {found}")]
+    TooManyCoefficients {
+        /// Coefficients asked for.
+        found: usize,
+        /// Coefficients allowed.
+        limit: usize,
+    },
     /// A base of eigenpostures needs a fundamental posture and one more.
     #[error("`postures` must have at least 2 entries, found {found}")]
     TooFewPostures {
@@ -77,6 +95,14 @@ pub(crate) fn expect_length(
     expected: usize,
 ) -> Result<(), MotionError> {
     if found == expected { Ok(()) } else { Err(MotionError::Length { argument, expected, found }) }
+}
+
+/// Each from 0 to 1.
+fn expect_shares(argument: &'static str, shares: &[f64]) -> Result<(), MotionError> {
+    match shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
+        None => Ok(()),
+        Some(index) => Err(MotionError::Share { argument, index, found: shares[index] }),
+    }
 }
 
 pub(crate) fn expect_finite(argument: &'static str, values: &[f64]) -> Result<(), MotionError> {

@@ -1,14 +1,14 @@
 //! Channels that are uniform splines.
 
 use super::elimination::{Solved, solve};
-use super::{Condition, EigenpostureBase, MotionError, expect_finite, expect_length};
+use super::{Condition, EigenpostureBase, MotionError, expect_finite, expect_length, expect_shares};
 use nalgebra::{DMatrix, DVector};
 use somersault_core::spline::UniformBasis;
 
 /// A joint motion whose channels are splines, after elimination of the conditions at its ends.
 ///
 /// Time is the share of the duration, in [0, 1]; rates are by the share. Coefficients are stored channel by channel, and
-/// so are the parameters, each of which is a coefficient that was not solved for.
+/// so are the parameters, each of which is a coefficient that was not solved for. There may be 10 000 coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplineMotion {
     basis: UniformBasis,
@@ -18,6 +18,9 @@ pub struct SplineMotion {
     /// Coefficient that each parameter is.
     parameters: Vec<usize>,
 }
+
+/// Coefficients of all channels together: a dense Hessian of so many variables takes a gigabyte with its pattern.
+pub(crate) const MAX_COEFFICIENTS: usize = 10_000;
 
 /// One entry of E.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +49,10 @@ impl SplineMotion {
     ) -> Result<Self, MotionError> {
         expect_length("conditions", conditions.len(), base.n_weights())?;
         let n = basis.n_coefficients();
+        let found = n.saturating_mul(conditions.len());
+        if found > MAX_COEFFICIENTS {
+            return Err(MotionError::TooManyCoefficients { found, limit: MAX_COEFFICIENTS });
+        }
         let mut motion = Self {
             basis,
             base,
@@ -174,7 +181,7 @@ impl SplineMotion {
     /// Where the samples leave coefficients undetermined, the smallest that fit are taken.
     pub fn fit<S: AsRef<[f64]>>(&self, shares: &[f64], samples: &[S]) -> Result<Vec<f64>, MotionError> {
         expect_length("samples", samples.len(), shares.len())?;
-        expect_finite("shares", shares)?;
+        expect_shares("shares", shares)?;
         for sample in samples {
             expect_length("samples", sample.as_ref().len(), self.n_channels())?;
             expect_finite("samples", sample.as_ref())?;
@@ -201,9 +208,9 @@ impl SplineMotion {
         for (coefficient, parameter, factor) in self.dependences() {
             expansion[(coefficient, parameter)] = factor;
         }
-        let decomposed = (by_coefficient * expansion).svd(true, true);
-        let largest = decomposed.singular_values.max();
-        let found = decomposed.solve(&target, 1e-12 * largest);
+        // a direction that only conditions decide is rounding against the basis, not against itself
+        let rounding = 1e-12 * by_coefficient.norm();
+        let found = (by_coefficient * expansion).svd(true, true).solve(&target, rounding);
         Ok(found.map_or_else(|_| vec![0.0; self.n_parameters()], |p| p.as_slice().to_vec()))
     }
 }
@@ -263,6 +270,38 @@ mod tests {
             .collect();
         let found = motion.fit(&shares, &samples).unwrap();
         assert!(found.iter().zip(&p).all(|(a, b)| (a - b).abs() < 1e-10), "{found:?} {p:?}");
+    }
+
+    #[test]
+    fn a_fit_to_what_the_conditions_decide_leaves_parameters_at_zero() {
+        let basis = UniformBasis::try_new(5, 9).unwrap();
+        let at = |end| Condition { end, derivative: 0, value: 1.0 };
+        let motion =
+            SplineMotion::try_new(basis, EigenpostureBase::joints(1), &[at(End::Start), at(End::Finish)])
+                .unwrap();
+        for shares in [&[0.0][..], &[0.0, 1.0]] {
+            let found = motion.fit(shares, &vec![[3.0]; shares.len()]).unwrap();
+            assert!(found.iter().all(|p| p.abs() < 1e-12), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn shares_outside_of_the_motion_are_refused() {
+        for found in [-1e-9, 1.5, f64::NAN] {
+            let refused = motion().fit(&[0.0, found], &[[0.0; 2]; 2]);
+            assert!(
+                matches!(refused, Err(MotionError::Share { argument: "shares", index: 1, .. })),
+                "{found} {refused:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn too_many_coefficients_are_refused_before_memory_is_asked_for() {
+        let basis = UniformBasis::try_new(5, 1_000_000_000).unwrap();
+        let refused = SplineMotion::try_new(basis, EigenpostureBase::joints(2), &[]);
+        let (found, limit) = (2_000_000_000, MAX_COEFFICIENTS);
+        assert_eq!(refused, Err(MotionError::TooManyCoefficients { found, limit }));
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub use layout::Layout;
 pub use phase::{Drive, Duration, Phase, Scheme, Start};
 
 use crate::dynamics::{Carry, HybridDynamics};
-use crate::error::{OcpError, expect_below, expect_length};
+use crate::error::{OcpError, expect_below, expect_length, expect_room};
 use crate::motion::{EigenpostureBase, SplineMotion};
 use crate::nlp::{Bounds, EvaluationError, Pattern};
 use crate::term::Node;
@@ -146,6 +146,11 @@ impl<D: HybridDynamics> Shooting<D> {
         for phase in &phases {
             phase.expect_valid()?;
             expect_length("motion.base", phase.motion.base().n_joints(), driven_dofs.len())?;
+            // stages with their partials, nodes and tangents of all variables
+            let stages = scheme.n_stages() * (3 * n * n + 8 * n + 3 * phase.motion.n_channels());
+            let tangents = 4 * n * phase.motion.n_channels() * phase.motion.basis().n_active();
+            expect_room("n_steps", phase.n_steps, 8 * (stages + tangents))?;
+            expect_room("n_segments", phase.n_segments, 8 * (2 * n * phase.motion.n_parameters()).max(1))?;
         }
         // what has several positions is never active
         let driven = driven_dofs.iter().map(|k| (*k, dofs.positions[*k].unwrap_or(0))).collect();

@@ -1,7 +1,7 @@
 //! The best iterate of a solve.
 
 use super::error::SolverError;
-use super::program::Point;
+use super::program::{OutOfTime, Point};
 use super::report::{Counts, KktResiduals, Report, Status};
 use crate::nlp::EvaluationError;
 use std::error::Error;
@@ -17,8 +17,13 @@ impl Outcome {
     pub(super) fn at_start(error: EvaluationError) -> Self {
         match error {
             EvaluationError::Undefined { .. } => Self::Ended(Status::Undefined),
-            EvaluationError::Failed(source) => Self::Failed(source),
+            EvaluationError::Failed(source) => Self::of_failure(source),
         }
+    }
+
+    /// For an evaluation that failed, or came too late.
+    pub(super) fn of_failure(source: Box<dyn Error + Send + Sync>) -> Self {
+        if source.is::<OutOfTime>() { Self::Ended(Status::TimeLimit) } else { Self::Failed(source) }
     }
 }
 

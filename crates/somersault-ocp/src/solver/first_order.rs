@@ -15,7 +15,7 @@ pub struct Limits {
     pub stationarity_tol: f64,
     /// Limit of steps.
     pub max_iterations: usize,
-    /// Limit of time, looked at after each step.
+    /// Limit of time, looked at after each step and before each evaluation, the first excepted.
     pub max_time: Option<Duration>,
     /// A cost below this proves the program unbounded.
     pub cost_floor: f64,
@@ -99,6 +99,7 @@ impl Run<'_> {
         if let Err(error) = evaluated.and_then(|()| self.program.differentiate(&mut self.point)) {
             return Outcome::at_start(error);
         }
+        self.program.deadline = self.limits.max_time.and_then(|limit| self.began.checked_add(limit));
         let gradient_scale = max_norm(&self.point.gradient);
         let mut step_length = 1.0;
         loop {
@@ -128,7 +129,7 @@ impl Run<'_> {
                         first = method.direction(&self.point, &self.free, &mut self.direction);
                     }
                     Ok(None) => return Outcome::Ended(Status::Stalled),
-                    Err(source) => return Outcome::Failed(source),
+                    Err(source) => return Outcome::of_failure(source),
                 }
             }
             method.learn(&self.point, &self.trial, step_length);

@@ -3,13 +3,21 @@
 use super::error::SolverError;
 use super::report::{Counts, KktResiduals, Start};
 use crate::nlp::{Bounds, EvaluationError, Nlp, Pattern, Structure};
+use std::time::Instant;
 
 /// A validated program that counts its evaluations and refuses values that are not finite.
 pub(super) struct Program<'a> {
     nlp: &'a mut dyn Nlp,
     pub(super) structure: Structure,
     pub(super) counts: Counts,
+    /// After which there is no more evaluation.
+    pub(super) deadline: Option<Instant>,
 }
+
+/// Why a program is not evaluated after its deadline.
+#[derive(Debug, thiserror::Error)]
+#[error("the limit of time was reached")]
+pub(super) struct OutOfTime;
 
 /// Values at one z.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +38,7 @@ impl<'a> Program<'a> {
         check_bounds("constraints", &structure.constraints)?;
         check_pattern("jacobian", &structure.jacobian, m, n, false)?;
         check_pattern("hessian", &structure.hessian, n, n, true)?;
-        Ok(Self { nlp, structure, counts: Counts::default() })
+        Ok(Self { nlp, structure, counts: Counts::default(), deadline: None })
     }
 
     pub(super) fn n_variables(&self) -> usize {
@@ -71,8 +79,16 @@ impl<'a> Program<'a> {
         }
     }
 
+    fn expect_in_time(&self) -> Result<(), EvaluationError> {
+        match self.deadline {
+            Some(deadline) if Instant::now() >= deadline => Err(EvaluationError::Failed(Box::new(OutOfTime))),
+            _ => Ok(()),
+        }
+    }
+
     /// Cost and constraints at `point.z`.
     pub(super) fn evaluate(&mut self, point: &mut Point) -> Result<(), EvaluationError> {
+        self.expect_in_time()?;
         self.counts.evaluations += 1;
         point.cost = self.nlp.evaluate(&point.z, &mut point.constraints)?;
         finite("the cost", std::slice::from_ref(&point.cost))?;
@@ -81,6 +97,7 @@ impl<'a> Program<'a> {
 
     /// First derivatives at `point.z`, which has just been evaluated.
     pub(super) fn differentiate(&mut self, point: &mut Point) -> Result<(), EvaluationError> {
+        self.expect_in_time()?;
         self.counts.gradients += 1;
         self.nlp.differentiate(&point.z, &mut point.gradient, &mut point.jacobian)?;
         finite("the gradient of the cost", &point.gradient)?;
@@ -89,6 +106,7 @@ impl<'a> Program<'a> {
 
     /// Hessian of f + yᵀ c at z, which has just been differentiated.
     pub(super) fn hessian(&mut self, z: &[f64], y: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        self.expect_in_time()?;
         self.counts.hessians += 1;
         self.nlp.hessian(z, 1.0, y, out)?;
         finite("the Hessian of the Lagrangian", out)

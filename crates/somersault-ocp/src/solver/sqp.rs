@@ -52,7 +52,7 @@ pub struct Sqp {
     pub globalisation: Globalisation,
     /// Limit of steps.
     pub max_iterations: usize,
-    /// Limit of time, looked at after each step.
+    /// Limit of time, looked at after each step and before each evaluation, the first excepted.
     pub max_time: Option<Duration>,
     /// A feasible point whose cost is below this proves the program unbounded.
     pub cost_floor: f64,
@@ -181,6 +181,7 @@ impl<'a> Run<'a> {
         if let Err(error) = evaluated.and_then(|()| self.program.differentiate(&mut self.point)) {
             return Outcome::at_start(error);
         }
+        self.program.deadline = self.options.max_time.and_then(|limit| began.checked_add(limit));
         self.gradient_scale = max_norm(&self.point.gradient);
         let violation = self.program.violation(&self.point.constraints);
         self.filter = Filter::new(violation, self.gradient_scale.max(100.0) / 100.0);
@@ -221,7 +222,7 @@ impl<'a> Run<'a> {
                     idle = if decreased { 0 } else { idle + 1 };
                 }
                 Ok(Advance::Ended(status)) => return self.end(status),
-                Err(source) => return Outcome::Failed(source),
+                Err(source) => return Outcome::of_failure(source),
             }
             self.iterations += 1;
         }

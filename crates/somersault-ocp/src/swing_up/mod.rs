@@ -38,7 +38,9 @@ pub use single::SingleShooting;
 pub use verification::SwingUpVerification;
 
 use crate::dynamics::CartPendulumDynamics;
-use crate::error::{OcpError, expect_finite, expect_length, expect_not_negative, expect_positive};
+use crate::error::{
+    OcpError, expect_finite, expect_length, expect_not_negative, expect_positive, expect_room,
+};
 use crate::motion::{Condition, EigenpostureBase, End, MotionError, SplineMotion};
 use crate::problem::{At, Loss, MotionProblem};
 use crate::shooting::{Drive, Phase, Scheme, Shooting, ShootingOptions, Start};
@@ -61,7 +63,7 @@ pub struct CartPendulumProblem {
     pub target: [f64; 4],
     /// T, s.
     pub duration: f64,
-    /// N.
+    /// N, at most 2²¹.
     pub n_steps: usize,
     /// n_par ≥ 6: splines of the cart, two more than there are variables.
     pub n_coefficients: usize,
@@ -74,6 +76,9 @@ pub struct CartPendulumProblem {
     /// Diagonal of W, on the state on its way.
     pub running_weights: [f64; 4],
 }
+
+/// Of tables, stages and tangents, with Runge–Kutta steps.
+const BYTES_A_STEP: usize = 2048;
 
 impl Default for CartPendulumProblem {
     /// Thesis A.2, case A.
@@ -121,6 +126,7 @@ impl CartPendulumProblem {
         expect_finite("target", &self.target)?;
         expect_positive("duration", self.duration)?;
         expect_positive("n_steps", self.n_steps as f64)?;
+        expect_room("n_steps", self.n_steps, BYTES_A_STEP)?;
         expect_not_negative("terminal_weights", &self.terminal_weights)?;
         expect_not_negative("force_weight", &[self.force_weight])?;
         expect_not_negative("running_weights", &self.running_weights)

@@ -25,13 +25,31 @@ const SERIES: [[f64; 2]; 6] = [
 pub(super) struct Quadrant {
     number: u64,
     parts: [f64; 2],
+    /// What [`turn`](Self::turn) has made of the remainder.
+    rest: f64,
 }
 
 impl Quadrant {
     #[inline(always)]
     pub(super) fn of(angle: f64) -> Self {
         let sum = angle * FRAC_2_PI + ROUNDER;
-        Self { number: sum.to_bits(), parts: HALF_TURN.map(|part| (sum - ROUNDER) * part) }
+        let parts = HALF_TURN.map(|part| (sum - ROUNDER) * part);
+        Self { number: sum.to_bits(), parts, rest: (angle - parts[0]) - parts[1] }
+    }
+
+    /// Adds to the angle.
+    #[inline(always)]
+    pub(super) fn turn(&mut self, by: f64) {
+        self.rest += by;
+    }
+
+    /// At the angle that turns have led to, which is given as well: without waiting for a reduction.
+    #[inline(always)]
+    pub(super) fn sin_cos_here(&mut self, angle: f64) -> (f64, f64) {
+        if self.rest.abs() > FRAC_PI_4 {
+            *self = Self::of(angle);
+        }
+        self.series(self.rest)
     }
 
     #[inline(always)]
@@ -44,8 +62,13 @@ impl Quadrant {
         let mut x = self.remainder(angle);
         if x.abs() > FRAC_PI_4 {
             *self = Self::of(angle);
-            x = self.remainder(angle);
+            x = self.rest;
         }
+        self.series(x)
+    }
+
+    #[inline(always)]
+    fn series(&self, x: f64) -> (f64, f64) {
         let y = x * x;
         let (y2, y4) = (y * y, (y * y) * (y * y));
         let c = &SERIES;
@@ -76,6 +99,14 @@ mod tests {
                 let error = (sin - angle.sin()).abs().max((cos - angle.cos()).abs());
                 assert!(error < 3e-16, "{angle}: {error}");
             }
+        }
+        let mut quadrant = Quadrant::of(0.0);
+        for k in 0..=100_000 {
+            let angle = f64::from(k) / 1024.0;
+            let (sin, cos) = quadrant.sin_cos_here(angle);
+            // turns round as well
+            assert!((sin - angle.sin()).abs().max((cos - angle.cos()).abs()) < 1e-15, "{angle}");
+            quadrant.turn(1.0 / 1024.0);
         }
         let (sin, cos) = Quadrant::of(0.0).sin_cos(f64::NAN);
         assert!(sin.is_nan() && cos.is_nan());

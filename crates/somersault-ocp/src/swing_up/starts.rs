@@ -2,7 +2,7 @@
 
 use super::SwingUp;
 use super::lifted::ERROR;
-use crate::error::{OcpError, expect_length, expect_positive};
+use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
 use crate::nlp::Bounds;
 use crate::solver::{Start, samples};
 use std::f64::consts::PI;
@@ -60,7 +60,12 @@ impl SwingUp {
         }
         let [angle, r, rate, r_rate] = passes.apart(passes.n_steps, state);
         z.extend([angle, rate, r, r_rate]);
-        Ok(z.into())
+        expect_finite("parameters", parameters)?;
+        if z.iter().all(|z| z.is_finite()) {
+            Ok(z.into())
+        } else {
+            Err(OcpError::Diverges { argument: "parameters".to_owned() })
+        }
     }
 
     /// Cold starts: the straight lines of cart and pendulum, and others about them from a Latin hypercube, the same for the

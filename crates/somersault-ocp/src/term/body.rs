@@ -100,9 +100,12 @@ pub struct AxisDirection {
 }
 
 impl AxisDirection {
-    /// Of `axis`, fixed in the named body; its length is kept.
+    /// Of `axis`, fixed in the named body; its length is kept, and not zero.
     pub fn try_new(model: Model, body: &str, axis: Vector3<f64>) -> Result<Self, OcpError> {
         expect_finite("axis", axis.as_slice())?;
+        if axis == Vector3::zeros() {
+            return Err(OcpError::Zero { argument: "axis".to_owned() });
+        }
         Ok(Self { frame: Frame::try_new(model, body, Vector3::zeros())?, axis })
     }
 }

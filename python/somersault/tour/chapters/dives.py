@@ -233,6 +233,7 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     course = dive.dive.template or []
     found = [("A and H", dive, seconds)]
     for name, other in (
+        ("A and H, the thesis' 16 parameters", dive.dive.replace(n_par=19)),
         ("A, H and G", dive.dive.replace(postures="AHG", template=course)),
         ("a spline for each of nine joints", dive.dive.replace(channels="joints")),
         ("A and H in 2 s", dive.dive.replace(duration=2.0)),
@@ -289,7 +290,9 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
             words("status"),
         ),
         rows,
-        "A third posture changes little, as 3.1 says. Joints of their own save momentum, at many times the"
+        "Ten coefficients less four that the ends fix, and the momentum, are seven unknowns; with nineteen"
+        " coefficients they are sixteen, as the thesis has them."
+        " A third posture changes little, as 3.1 says. Joints of their own save momentum, at many times the"
         " work; for"
         " them the penalty counts rates over the distance from A to H. Explicit Euler (2.8) on the full"
         " dynamics, as the thesis has it, does not keep the momentum: it rises while the diver folds and"

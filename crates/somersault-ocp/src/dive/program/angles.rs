@@ -170,10 +170,9 @@ impl DiveProgram {
         }
         self.fly(z, true)?;
         let [last, arrival] = self.expand_angles(factors);
-        let by_path = self.path.curvature(&last, &arrival)?;
         // what a path depends on is linear in z but for the turn momentum, a product
-        let mut inputs = DMatrix::zeros(by_path.nrows(), z.len());
-        let first_coefficient = inputs.nrows() - self.coefficients.len();
+        let first_coefficient = 6;
+        let mut inputs = DMatrix::zeros(first_coefficient + self.coefficients.len(), z.len());
         for (coefficient, parameter, factor) in self.path.motion().dependences() {
             if let Some(column) = self.column_of[parameter] {
                 inputs[(first_coefficient + coefficient, column)] = factor;
@@ -188,7 +187,7 @@ impl DiveProgram {
         if let Some(column) = self.extra.duration {
             inputs[(4, column)] = self.momentum(z);
         }
-        let bent = inputs.tr_mul(&(by_path * &inputs));
+        let bent = self.path.curvature(&last, &arrival, &inputs)?;
         for j in 0..z.len() {
             (0..=j).for_each(|i| hessian[entry(i, j)] += 0.5 * (bent[(i, j)] + bent[(j, i)]));
         }

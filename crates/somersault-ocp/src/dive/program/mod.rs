@@ -71,6 +71,9 @@ impl DiveProgram {
         let counting = Counting { axes: long_axis(dive, &model)? };
         let momentum_unit = dive.diver.mass * dive.diver.height.powi(2);
         let free = free_parameters(dive, &motion)?;
+        if free.is_empty() {
+            return Err(DiveError::NothingFree);
+        }
         let mut column_of = vec![None; motion.n_parameters()];
         free.iter().enumerate().for_each(|(column, p)| column_of[*p] = Some(column));
         let mut variables = Bounds::free(free.len());

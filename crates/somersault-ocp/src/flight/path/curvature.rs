@@ -47,8 +47,9 @@ const OF_STAGE: usize = 12;
 const CHANNELS: usize = 15;
 
 impl OrientationPath {
-    /// Second derivatives of a number with the given derivatives at the last node and at the arrival at a restart: by
-    /// the displacement of the start, the turn momentum and the coefficients, in this order.
+    /// Second derivatives of a number with the given derivatives at the last node and at the arrival at a restart, by
+    /// variables in which all that the path depends on is linear: `inputs` has rows for the displacement of the start, the
+    /// turn momentum and the coefficients, in this order.
     ///
     /// # Panics
     /// Where the last [`integrate`](Self::integrate) had no derivatives.
@@ -56,6 +57,7 @@ impl OrientationPath {
         &self,
         last: &NodeExpansion,
         arrival: &NodeExpansion,
+        inputs: &DMatrix<f64>,
     ) -> Result<DMatrix<f64>, FlightError> {
         let mut by_nodes = vec![Vector3::zeros(); self.n_steps + 1];
         by_nodes[self.n_steps] = last.gradient;
@@ -78,7 +80,11 @@ impl OrientationPath {
             time: Dual64::from_re(0.0),
         };
         let flight = Flight::try_new(&dual, take_off)?;
-        let bend = |room: &mut Room, step: usize| room.bend_step(self, &flight, step, &adjoints[step]);
+        let acts: Vec<bool> = inputs.row_iter().map(|row| row.iter().any(|by| *by != 0.0)).collect();
+        let bend = |room: &mut Room, step: usize| {
+            room.find_active(self, &acts, step);
+            room.bend_step(self, &flight, step, &adjoints[step])
+        };
         let n = self.motion.n_coefficients();
         let mut derivatives = NodeDerivatives::new(n);
         derivatives.begin();
@@ -112,7 +118,7 @@ impl OrientationPath {
         }
         total.read(&derivatives);
         total.add_node(&last.hessian);
-        Ok(total.sum)
+        Ok(inputs.tr_mul(&(total.sum * inputs)))
     }
 }
 
@@ -162,6 +168,8 @@ struct Room {
     v: Vec<Dual64>,
     joints: Vec<f64>,
     channels: Vec<f64>,
+    /// Channels that variables move in the step, one at least.
+    active: Vec<usize>,
     /// Of a stage, by what the step depends on.
     tangents: DMatrix<f64>,
     /// Weighted second derivatives in a stage.
@@ -180,9 +188,23 @@ impl Room {
             v: vec![Dual64::from_re(0.0); dual.n_velocities()],
             joints: vec![0.0; path.motion.base().n_joints()],
             channels: vec![0.0; n_channels],
+            active: Vec::with_capacity(n_channels),
             tangents: DMatrix::zeros(n_stage, n_step),
             weights: DMatrix::zeros(n_stage, n_stage),
             product: DMatrix::zeros(n_stage, n_step),
+        }
+    }
+
+    fn find_active(&mut self, path: &OrientationPath, acts: &[bool], step: usize) {
+        let basis = path.motion.basis();
+        let moves = |channel: &usize| {
+            let first = COEFFICIENTS + channel * basis.n_coefficients() + path.first[step];
+            acts[first..first + basis.n_active()].contains(&true)
+        };
+        self.active.clear();
+        self.active.extend((0..path.motion.n_channels()).filter(moves));
+        if self.active.is_empty() {
+            self.active.push(0);
         }
     }
 
@@ -273,7 +295,7 @@ impl Room {
         let placement = path.model.placement(0).map_or_else(Matrix3::identity, |p| p.rotation);
         self.weights.fill(0.0);
         let mut found = StageRate { angular_velocity: Vector3::zeros(), by_orientation: Matrix3::zeros() };
-        for channel in 0..n_channels {
+        for (k, channel) in self.active.clone().into_iter().enumerate() {
             let direction = base.directions().column(channel).into_owned();
             for (q, (joint, along)) in
                 self.q[first_joint..].iter_mut().zip(self.joints.iter().zip(direction.iter()))
@@ -298,7 +320,7 @@ impl Room {
                 self.weights.fixed_view_mut::<1, 3>(row, first).tr_copy_from(&bent);
                 self.weights.fixed_view_mut::<3, 1>(first, row).copy_from(&bent);
             }
-            if channel == 0 {
+            if k == 0 {
                 let real = |entry: Dual64| entry.re;
                 found = StageRate {
                     angular_velocity: dual.angular_velocity.map(real),
