@@ -183,8 +183,8 @@ __all__ = [
     "body_orientation",
     "bouncing_ball",
     "cart_pendulum",
-    "common_eigenpostures",
     "cold_start",
+    "common_eigenpostures",
     "continue_through",
     "convergence",
     "cubic_regulator",
@@ -228,11 +228,11 @@ __all__ = [
     "shoot",
     "sliding_block",
     "slow_subspace",
-    "state_costate",
     "spearman",
     "spectral_radii",
     "spinning_top",
     "stability_region",
+    "state_costate",
     "tippe_top",
     "travel_arm",
     "tree",
@@ -1725,7 +1725,6 @@ def read_c3d(
     forward: str = "x",
     nan_is_gap: bool = False,
 ) -> MarkerRecording: ...
-def read_c3d(source: _Source, *, unit: str = "mm", up: str = "z", forward: str = "x") -> MarkerRecording: ...
 def read_trc(
     source: _Source, *, up: str = "y", forward: str = "x", nan_is_gap: bool = False
 ) -> MarkerRecording: ...
