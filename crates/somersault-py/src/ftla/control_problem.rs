@@ -36,6 +36,10 @@ impl Posed {
     /// What callable number `which` makes of vectors; NaN once anything has been raised.
     fn call(&self, which: usize, vectors: &[&[f64]], shape: &[usize]) -> Vec<f64> {
         let (name, callable) = (NAMES[which], &self.problem.callables[which]);
+        // a control tried at a bound at infinity is no fault of the callable
+        if vectors.iter().any(|vector| vector.iter().any(|x| !x.is_finite())) {
+            return vec![f64::NAN; shape.iter().product()];
+        }
         let arguments = if vectors.len() == 2 { "x, u" } else { "x, u, costate" };
         let found = call(&self.run, name, arguments, callable, vectors, shape);
         let found = found.unwrap_or_else(|| vec![f64::NAN; shape.iter().product()]);
