@@ -96,5 +96,5 @@ pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
 pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
     let thesis = ArmTravel::default();
     let travel = ArmTravel { fold, last: [thesis.last[0], unfolded], ..thesis };
-    travel.solve(&Continuation::default()).expect("well posed")
+    travel.solve(&Continuation::default()).expect("well posed").continued
 }

@@ -12,6 +12,7 @@ use crate::plan::check_callable;
 use pyo3::prelude::*;
 use somersault::ftla::nalgebra::{SMatrix, SVector};
 use somersault::ftla::system::{DifferentiatedProblem, ProblemDerivatives, StateCostate};
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 /// The callables of a problem, and the bounds of its controls.
@@ -36,6 +37,10 @@ impl Posed {
     /// What callable number `which` makes of vectors; NaN once anything has been raised.
     fn call(&self, which: usize, vectors: &[&[f64]], shape: &[usize]) -> Vec<f64> {
         let (name, callable) = (NAMES[which], &self.problem.callables[which]);
+        // a control tried at a bound at infinity is no fault of the callable
+        if vectors.iter().any(|vector| vector.iter().any(|x| !x.is_finite())) {
+            return vec![f64::NAN; shape.iter().product()];
+        }
         let arguments = if vectors.len() == 2 { "x, u" } else { "x, u, costate" };
         let found = call(&self.run, name, arguments, callable, vectors, shape);
         let found = found.unwrap_or_else(|| vec![f64::NAN; shape.iter().product()]);
@@ -237,7 +242,9 @@ pub(crate) fn state_costate(
         Some(bounds) => with_shape("control_bounds", &[2, n_controls], bounds)?,
         None => [vec![f64::NEG_INFINITY; n_controls], vec![f64::INFINITY; n_controls]].concat(),
     };
-    if let Some(i) = (0..n_controls).find(|&i| bounds[i].is_nan() || !(bounds[i] < bounds[n_controls + i])) {
+    if let Some(i) =
+        (0..n_controls).find(|&i| bounds[i].partial_cmp(&bounds[n_controls + i]) != Some(Ordering::Less))
+    {
         let found = [bounds[i], bounds[n_controls + i]];
         return Err(input(format!("`control_bounds` must be a lower below an upper bound, found {found:?}")));
     }

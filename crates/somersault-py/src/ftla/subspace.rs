@@ -174,7 +174,7 @@ impl Subspace {
     /// A pickled subspace.
     #[classmethod]
     fn _restore(_: &Bound<'_, PyType>, dimension: usize, basis: Vec<f64>) -> Result<Self, Error> {
-        let whole = DIMENSIONS.contains(&dimension) && basis.len() % dimension == 0;
+        let whole = DIMENSIONS.contains(&dimension) && basis.len().is_multiple_of(dimension);
         if !whole || basis.len() > dimension * dimension {
             let found = basis.len();
             return Err(input(format!(

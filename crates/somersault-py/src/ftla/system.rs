@@ -65,6 +65,9 @@ pub(crate) struct System {
     origin: Origin,
 }
 
+/// A callable as it comes out of a pickle.
+type Code<'py> = Bound<'py, PyAny>;
+
 /// Makes a compiled system for a run.
 pub(super) type Maker<const N: usize> = Box<dyn Fn(&Arc<Run>) -> Result<Compiled<N>, Error> + Send + Sync>;
 
@@ -317,7 +320,8 @@ impl System {
             Origin::Callables(own_code) => {
                 let Callables { field, jacobian, hamiltonian, control, running_cost, n_controls } =
                     &**own_code;
-                let given = (field, jacobian, own.dimension, hamiltonian, control, running_cost, n_controls);
+                let optional = (hamiltonian, control, running_cost);
+                let given = ((field, jacobian), own.dimension, optional, n_controls);
                 tuple(given.into_pyobject(py)?, "callables")?
             }
             Origin::Problem(problem) => {
@@ -345,21 +349,16 @@ impl System {
     fn _restore(_: &Bound<'_, PyType>, kind: &str, arguments: &Bound<'_, PyTuple>) -> Result<Self, Error> {
         match kind {
             "callables" => {
-                let (field, jacobian, dimension, hamiltonian, control, running_cost, n_controls): (
-                    Bound<'_, PyAny>,
-                    Bound<'_, PyAny>,
+                let ([field, jacobian], dimension, optional, n_controls): (
+                    [Code<'_>; 2],
                     usize,
-                    Option<Bound<'_, PyAny>>,
-                    Option<Bound<'_, PyAny>>,
-                    Option<Bound<'_, PyAny>>,
+                    [Option<Code<'_>>; 3],
                     usize,
                 ) = arguments.extract()?;
-                let [hamiltonian, control, running_cost] =
-                    [&hamiltonian, &control, &running_cost].map(Option::as_ref);
+                let [hamiltonian, control, running_cost] = optional.each_ref().map(Option::as_ref);
                 Self::new(&field, &jacobian, dimension, hamiltonian, control, running_cost, n_controls)
             }
             "problem" => {
-                type Code<'py> = Bound<'py, PyAny>;
                 let ([dynamics, cost, jacobian, gradient, hessian], n_states, n_controls, bounds): (
                     [Code<'_>; 5],
                     usize,
