@@ -26,8 +26,8 @@ pub(crate) struct SearchArguments<S> {
 }
 
 impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
-    /// Solves from all starts without the interpreter, which looks for Ctrl-C meanwhile. `cart` makes reports of the
-    /// variables that the caller knows.
+    /// Solves from all starts without the interpreter, which looks for Ctrl-C meanwhile. `reported` makes reports of
+    /// the variables that the caller knows, `verifier` what integrates their motion anew.
     pub(crate) fn run<N: Nlp>(
         self,
         py: Python<'_>,

@@ -419,7 +419,7 @@ impl Dive {
 
     /// The decision vector nearest to a template.
     fn start_of(&self, frames: &[KeyFrame]) -> Result<Vec<f64>, Error> {
-        Ok(self.program.start(frames).map_err(|error| Error::from(error).with_names(&plan::NAMES))?)
+        self.program.start(frames).map_err(|error| Error::from(error).with_names(&plan::NAMES))
     }
 
     fn checked(&self, z: Vec<f64>) -> Result<Vec<f64>, Error> {
