@@ -602,7 +602,10 @@ fn explicit_euler_loses_the_momentum_with_order_one() {
     assert!(solved.report.unwrap().status.is_converged());
     assert!((solved.somersault[200] - turned).abs() < 1e-6);
     assert!(matches!(program.literal_motion(&z, 0), Err(DiveError::Problem(_))));
-    assert!(matches!(program.momentum_in_coordinates(&z, 0), Err(DiveError::OutOfRange { .. })));
+    for n_steps in [0, 1_000_000_000] {
+        let refused = program.momentum_in_coordinates(&z, n_steps);
+        assert!(matches!(refused, Err(DiveError::OutOfRange { argument: "n_steps", .. })), "{refused:?}");
+    }
 }
 
 #[test]

@@ -4,8 +4,7 @@
 //! optimiser pays only for the momentum at take-off. It rises while the diver folds, by 11 % to 15 %, and falls by more
 //! when he opens.
 
-use super::error::expect_positive;
-use super::{Channels, DiveError, DiveProgram, DiveSearchError};
+use super::{Channels, DiveError, DiveProgram, DiveSearchError, MOST_STEPS};
 use crate::dynamics::Tree;
 use crate::error::OcpError;
 use crate::flight::joints_active;
@@ -141,7 +140,10 @@ impl DiveProgram {
         if !self.path().is_planar() {
             return Err(DiveError::NotLiteral);
         }
-        expect_positive("n_steps", n_steps as f64)?;
+        if !(1..=MOST_STEPS).contains(&n_steps) {
+            let (argument, allowed) = ("n_steps", "from 1 to 100000");
+            return Err(DiveError::OutOfRange { argument, allowed, found: n_steps as f64 });
+        }
         let (model, motion) = (self.path().model(), self.path().motion());
         let (mut q, mut v) = self.state_at_take_off(z)?;
         let (coefficients, duration) = (self.coefficients(z), self.duration(z));

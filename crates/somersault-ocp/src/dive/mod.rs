@@ -99,6 +99,9 @@ pub struct Penalties {
     pub acceleration: f64,
 }
 
+/// Steps of a dive: some hundred megabytes.
+const MOST_STEPS: usize = 100_000;
+
 /// How far apart capsules must be, and when.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clearance {
@@ -223,7 +226,7 @@ impl Dive {
         }
         let n_times = self.clearance.map_or(0, |clearance| clearance.n_times);
         for (argument, allowed, found, limit) in [
-            ("n_steps", "at most 100000", self.n_steps, 100_000),
+            ("n_steps", "at most 100000", self.n_steps, MOST_STEPS),
             ("n_pieces", "at most 100", self.n_pieces, 100),
             ("clearance.n_times", "at most 10000", n_times, 10_000),
         ] {

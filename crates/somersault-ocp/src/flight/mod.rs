@@ -14,6 +14,6 @@ mod transcription;
 pub(crate) use forces::joints_active;
 
 pub use counting::{BodyAngles, Counting};
-pub(crate) use path::NodeExpansion;
+pub(crate) use path::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use path::{NodeDerivatives, OrientationPath, PathGradient};
 pub use transcription::{FlightShooting, FlightStart, FlightVariables};

@@ -11,7 +11,7 @@
 use super::forces::Forces;
 use super::response::{INPUTS, respond};
 use super::{NodeDerivatives, OrientationPath, PathGradient};
-use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect_positive};
+use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect_positive, expect_room};
 use crate::motion::SplineMotion;
 use crate::nlp::{Bounds, EvaluationError};
 use crate::term::{Node, NodeGradient};
@@ -104,6 +104,9 @@ impl FlightShooting {
         variables: FlightVariables,
         n_steps: usize,
     ) -> Result<Self, OcpError> {
+        // stages of the path, and what each node has
+        let numbers = 128 + 32 * motion.n_channels() + 8 * model.n_velocities();
+        expect_room("n_steps", n_steps, 8 * numbers)?;
         let path = OrientationPath::try_new(model, motion, n_steps.max(2))?;
         let is_planar = path.is_planar();
         expect_length("start.orientation", start.orientation.len(), if is_planar { 1 } else { 4 })?;

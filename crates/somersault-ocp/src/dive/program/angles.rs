@@ -2,7 +2,7 @@
 
 use super::{DiveProgram, entry};
 use crate::dive::{Dive, DiveError};
-use crate::flight::{BodyAngles, NodeExpansion, PathGradient};
+use crate::flight::{BodyAngles, COEFFICIENTS, MOMENTUM, NodeExpansion, PathGradient, START};
 use crate::nlp::Bounds;
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use somersault_multibody::models::Dimension;
@@ -170,22 +170,21 @@ impl DiveProgram {
         }
         self.fly(z, true)?;
         let [last, arrival] = self.expand_angles(factors);
-        // what a path depends on is linear in z but for the turn momentum, a product
-        let first_coefficient = 6;
-        let mut inputs = DMatrix::zeros(first_coefficient + self.coefficients.len(), z.len());
+        // what a path depends on is linear in z but for the turn momentum, a product, about the lateral axis y
+        let mut inputs = DMatrix::zeros(COEFFICIENTS + self.coefficients.len(), z.len());
         for (coefficient, parameter, factor) in self.path.motion().dependences() {
             if let Some(column) = self.column_of[parameter] {
-                inputs[(first_coefficient + coefficient, column)] = factor;
+                inputs[(COEFFICIENTS + coefficient, column)] = factor;
             }
         }
         if let Some(column) = self.extra.lean {
-            inputs.fixed_view_mut::<3, 1>(0, column).copy_from(&self.turn_by_lean());
+            inputs.fixed_view_mut::<3, 1>(START, column).copy_from(&self.turn_by_lean());
         }
         if let Some(column) = self.extra.momentum {
-            inputs[(4, column)] = self.duration(z) * self.momentum_unit;
+            inputs[(MOMENTUM + 1, column)] = self.duration(z) * self.momentum_unit;
         }
         if let Some(column) = self.extra.duration {
-            inputs[(4, column)] = self.momentum(z);
+            inputs[(MOMENTUM + 1, column)] = self.momentum(z);
         }
         let bent = self.path.curvature(&last, &arrival, &inputs)?;
         for j in 0..z.len() {

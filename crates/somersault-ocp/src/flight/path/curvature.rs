@@ -29,14 +29,13 @@ pub(crate) struct NodeExpansion {
     pub(crate) hessian: Matrix3<f64>,
 }
 
-/// Where a step has displacement of its start and turn momentum among what it depends on, and a path as well.
-const START: usize = 0;
-const MOMENTUM: usize = 3;
+/// Where a step, and a path, has displacement of its start and turn momentum among what it depends on.
+pub(crate) const START: usize = 0;
+pub(crate) const MOMENTUM: usize = 3;
+/// Coefficients follow.
+pub(crate) const COEFFICIENTS: usize = 6;
 /// Steps of which second derivatives are kept at a time.
 const CHUNK: usize = 512;
-
-/// Coefficients follow.
-const COEFFICIENTS: usize = 6;
 
 /// Where a stage has displacement of the start, u, ω, its own displacement and the turn momentum.
 const TURN: usize = 3;

@@ -3,7 +3,7 @@
 mod curvature;
 mod derivatives;
 
-pub(crate) use curvature::NodeExpansion;
+pub(crate) use curvature::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use derivatives::{NodeDerivatives, PathGradient};
 
 use super::Counting;
