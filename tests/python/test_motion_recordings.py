@@ -143,7 +143,7 @@ class TestLowPass:
         with pytest.raises(errors.InputError, match="equal distances"):
             motion.low_pass(uneven, 1.0)
         for cutoff in (0.0, 100.0, np.nan):
-            with pytest.raises(errors.InputError, match="`cutoff` must be between 0.002 and 100 Hz"):
+            with pytest.raises(errors.InputError, match=r"`cutoff` must be between 0\.002 and 100 Hz"):
                 motion.low_pass(self.wave(1.0, 50), cutoff)
         for order in (3, 0, 2.0):
             with pytest.raises(errors.InputError, match="`order`"):
