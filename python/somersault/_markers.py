@@ -47,9 +47,17 @@ def place_markers(
     InputError
         If `scale` is not positive, or has another shape than the frames.
     """
+    if not isinstance(markers, MarkerSet):
+        raise TypeError(f"`markers` must be a MarkerSet, found {type(markers).__name__}")
     model = markers.model
     size = _sizes(scale)
-    poses = np.asarray(model.poses(np.atleast_2d(np.asarray(q, dtype=np.float64))))
+    try:
+        rows = np.atleast_2d(np.asarray(q, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise InputError(f"`q` must be real numbers of shape (n, n_positions), found {q!r}") from None
+    poses = np.asarray(model.poses(rows))
+    if np.shape(times) != (len(poses),):
+        raise InputError(f"`times` must be of shape ({len(poses)},), found shape {np.shape(times)}")
     bodies = poses[:, [model.body(name) for name in markers.bodies]]
     root = poses[:, :1, :3, 3]
     away = np.einsum("nkij,kj->nki", bodies[..., :3, :3], markers.points) + bodies[..., :3, 3] - root
@@ -98,6 +106,8 @@ def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> Ma
     # the largest part of the time that importing the package would take
     from scipy import signal
 
+    if not isinstance(recording, MarkerRecording):
+        raise TypeError(f"`recording` must be a MarkerRecording, found {type(recording).__name__}")
     times = np.asarray(recording.times)
     steps = np.diff(times)
     if len(steps) == 0 or np.ptp(steps) > _UNIFORM * steps.mean():

@@ -224,5 +224,5 @@ class TestRefused:
         with pytest.raises(errors.FitError, match=r"none of the markers .*; it has nose"):
             fit.fit(other)
         done = fit.fit(motion.place_markers(fit.markers, [0.0], [PLANAR.configuration("A")]))
-        with pytest.raises(errors.InputError, match="`frame` must be less than the 1 frames"):
+        with pytest.raises(errors.InputError, match="`frame` must be between 0 and 0, found"):
             done.covariance(1)

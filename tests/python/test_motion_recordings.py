@@ -74,7 +74,7 @@ class TestMarkers:
             recording.resample([0.0, 1.2])
         with pytest.raises(errors.InputError, match="`times` or `n_frames`"):
             recording.resample()
-        with pytest.raises(errors.InputError, match="`n_frames` must be at most 1000000"):
+        with pytest.raises(errors.InputError, match="`n_frames` must be between 0 and 1000000"):
             recording.resample(n_frames=2**62)
 
     @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ class TestMarkers:
             ({"times": [0.0, np.nan]}, "`times` must be finite, but is not in frame 1"),
             ({"times": [0.0]}, r"`points` must be real numbers of shape \(1, 2, 3\)"),
             ({"names": ["a", "a"]}, "`a` occurs twice"),
-            ({"names": []}, r"shape \(2, 0, 3\)"),
+            ({"names": []}, r"at least one of `names`"),
             ({"points": np.full((2, 2, 3), np.inf)}, "`points` must be finite"),
             ({"points": "no"}, "`points` must be real numbers"),
             ({"present": [[1, 0], [1, 1]]}, "`present` must be truth values"),
@@ -143,7 +143,7 @@ class TestLowPass:
         with pytest.raises(errors.InputError, match="equal distances"):
             motion.low_pass(uneven, 1.0)
         for cutoff in (0.0, 100.0, np.nan):
-            with pytest.raises(errors.InputError, match="`cutoff` must be between 0 and 100 Hz"):
+            with pytest.raises(errors.InputError, match=r"`cutoff` must be between 0\.002 and 100 Hz"):
                 motion.low_pass(self.wave(1.0, 50), cutoff)
         for order in (3, 0, 2.0):
             with pytest.raises(errors.InputError, match="`order`"):

@@ -101,10 +101,10 @@ class TestModels:
             (5, np.arange(5.0), {}, "`motions` must have at least 7 entries, found 5"),
             (12, np.arange(11.0), {}, "`scores` must have 12 entries, found 11"),
             (12, [np.nan] * 12, {}, "`scores` must be finite"),
-            (12, np.arange(12.0), {"n_components": 0}, "`components` must have at least 1"),
-            (12, np.arange(12.0), {"n_eigenweights": 13}, "`n_components` must be between 1 and 12"),
+            (12, np.arange(12.0), {"n_components": 0}, "`n_components` must be at least 1"),
+            (12, np.arange(12.0), {"n_eigenweights": 13}, "`n_eigenweights` must be at most 12"),
             (12, np.arange(12.0), {"n_frames": 0}, "`n_frames`"),
-            (12, np.arange(12.0), {"n_frames": 2**62}, "`n_frames` must be at most 1000000"),
+            (12, np.arange(12.0), {"n_frames": 2**62}, "`n_frames` must be between 0 and 1000000"),
             (0, [], {}, "`motions`"),
         ],
     )
@@ -144,7 +144,9 @@ class TestModels:
         recording = motion.MarkerRecording(["a", "b"], [0.0, 0.1, 0.2], points)
         assert motion.Performance.from_markers(recording).n_features == 6
         gap = motion.MarkerRecording(["a", "b"], [0.0, 0.1, 0.2], points, np.eye(3, 2) < 1)
-        with pytest.raises(errors.ScoringError, match="`markers of a frame`"):
+        with pytest.raises(
+            errors.ScoringError, match="`recording` must have no gaps, but `a` is missing in frame 0"
+        ):
             motion.Performance.from_markers(gap)
 
 
@@ -185,8 +187,8 @@ class TestValidation:
         [
             ({"level": 1.0}, "level"),
             ({"level": np.nan}, "level"),
-            ({"n_resamples": 0}, "`resamples` must have at least 1"),
-            ({"n_resamples": 2**62}, "`n_resamples` must be at most"),
+            ({"n_resamples": 0}, "`n_resamples` must be at least 1"),
+            ({"n_resamples": 2**62}, "`n_resamples` must be between 0 and"),
             ({"features": {"a": [1.0]}}, "`features` must have 16 entries, found 1"),
             ({"features": {"a": [np.inf] * 16}}, "`features` must be finite"),
         ],

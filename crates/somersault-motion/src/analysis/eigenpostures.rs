@@ -21,10 +21,19 @@ pub fn common(motions: &[DMatrix<f64>], n_eigenpostures: usize) -> Result<Pca, A
         stacked.rows_mut(at, motion.nrows()).copy_from(motion);
         at += motion.nrows();
     }
-    Pca::fit(&stacked, n_eigenpostures)
+    of(&stacked, n_eigenpostures)
+}
+
+fn of(postures: &DMatrix<f64>, n_eigenpostures: usize) -> Result<Pca, AnalysisError> {
+    Pca::fit(postures, n_eigenpostures).map_err(|error| match error {
+        AnalysisError::Components { found, most, samples, features, .. } => {
+            AnalysisError::Components { argument: "n_eigenpostures", found, most, samples, features }
+        }
+        error => error,
+    })
 }
 
 /// A basis for each motion: the thesis' variant.
 pub fn per_motion(motions: &[DMatrix<f64>], n_eigenpostures: usize) -> Result<Vec<Pca>, AnalysisError> {
-    motions.iter().map(|motion| Pca::fit(motion, n_eigenpostures)).collect()
+    motions.iter().map(|motion| of(motion, n_eigenpostures)).collect()
 }

@@ -35,9 +35,11 @@ pub enum AnalysisError {
     },
     /// More components than the samples can have.
     #[error(
-        "`n_components` must be between 1 and {most} for {samples} samples of {features} numbers, found {found}"
+        "`{argument}` must be between 1 and {most} for {samples} samples of {features} numbers, found {found}"
     )]
     Components {
+        /// Name of the argument.
+        argument: &'static str,
         /// Components asked for.
         found: usize,
         /// Components there can be: one less than samples, and no more than numbers in a sample.

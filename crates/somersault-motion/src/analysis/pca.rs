@@ -48,7 +48,13 @@ impl Pca {
         }
         let most = (n - 1).min(p);
         if n_components == 0 || n_components > most {
-            return Err(AnalysisError::Components { found: n_components, most, samples: n, features: p });
+            return Err(AnalysisError::Components {
+                argument: "n_components",
+                found: n_components,
+                most,
+                samples: n,
+                features: p,
+            });
         }
         expect_finite("samples", samples)?;
         let mean = samples.row_mean().transpose();

@@ -1,6 +1,7 @@
 //! Correlations and their intervals.
 
 use super::{ScoringError, ValidationOptions, expect_least, expect_length};
+use crate::GoOn;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -92,6 +93,7 @@ pub(super) fn resampled(
     value: Coefficients,
     options: &ValidationOptions,
     n: usize,
+    go_on: GoOn,
     of_resample: impl Fn(&[f64]) -> Option<Coefficients> + Sync,
     of_shuffle: impl Fn(&[usize]) -> Option<Coefficients> + Sync,
 ) -> Result<[Correlation; 2], ScoringError> {
@@ -102,17 +104,26 @@ pub(super) fn resampled(
     };
     let draws = 0..options.n_resamples;
     let resample = |k: usize| {
+        if !go_on() {
+            return None;
+        }
         let (mut rng, mut counts) = (rng(2 * k), vec![0.0; n]);
         (0..n).for_each(|_| counts[rng.random_range(0..n)] += 1.0);
         of_resample(&counts)
     };
     let resamples: Vec<Coefficients> = draws.clone().into_par_iter().filter_map(resample).collect();
     let shuffle = |k: usize| {
+        if !go_on() {
+            return None;
+        }
         let mut order: Vec<usize> = (0..n).collect();
         order.shuffle(&mut rng(2 * k + 1));
         of_shuffle(&order)
     };
     let shuffles: Vec<Option<Coefficients>> = draws.into_par_iter().map(shuffle).collect();
+    if !go_on() {
+        return Err(ScoringError::Interrupted);
+    }
     expect_least("resamples that vary", resamples.len(), 1)?;
     let correlation = |which: usize| {
         let value = value.0[which];

@@ -122,24 +122,18 @@ pub fn validate_while(
     let means: Vec<f64> = found.iter().map(|(mean, _, _)| *mean).collect();
     let differences: Vec<f64> = found.iter().map(|(_, difference, _)| *difference).collect();
     let value = Coefficients::try_new(&differences, scores)?;
-    let resampled = resampled(
+    let [pearson, spearman] = resampled(
         value,
         validation,
         scores.len(),
-        |counts| if go_on() { folds.resampled(counts, scores) } else { None },
+        go_on,
+        |counts| folds.resampled(counts, scores),
         |order| {
-            if !go_on() {
-                return None;
-            }
             let shuffled: Vec<f64> = order.iter().map(|&i| scores[i]).collect();
             let differences: Vec<f64> = folds.leave_out(&shuffled).iter().map(|(_, d, _)| *d).collect();
             Coefficients::try_new(&differences, &shuffled).ok()
         },
-    );
-    if !go_on() {
-        return Err(ScoringError::Interrupted);
-    }
-    let [pearson, spearman] = resampled?;
+    )?;
     let without = |i: usize, values: &[f64]| {
         let mut rest = values.to_vec();
         rest.remove(i);

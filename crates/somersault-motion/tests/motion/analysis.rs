@@ -134,7 +134,8 @@ fn bands_are_mean_and_deviation() {
 #[test]
 fn what_cannot_be_analysed_is_refused() {
     let found = Pca::fit(&samples(), 5);
-    let expected = AnalysisError::Components { found: 5, most: 4, samples: 6, features: 4 };
+    let expected =
+        AnalysisError::Components { argument: "n_components", found: 5, most: 4, samples: 6, features: 4 };
     assert_eq!(found, Err(expected));
     assert!(matches!(Pca::fit(&samples(), 0), Err(AnalysisError::Components { .. })));
     let one = Pca::fit(&DMatrix::zeros(1, 4), 1);

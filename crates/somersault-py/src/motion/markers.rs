@@ -50,6 +50,9 @@ impl MarkerRecording {
         points: &Bound<'_, PyAny>,
         present: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
+        if names.is_empty() {
+            return Err(recording::RecordingError::Empty { argument: "names" }.into());
+        }
         let times = real_numbers("times", times)?;
         let values = with_shape("points", &[times.len(), names.len(), 3], points)?;
         let n = times.len() * names.len();

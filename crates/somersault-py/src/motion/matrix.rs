@@ -4,6 +4,7 @@ use crate::convert::{a_type, array, contiguous, shape_text};
 use crate::error::Error;
 use numpy::PyUntypedArray;
 use numpy::prelude::*;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use somersault::motion::nalgebra::DMatrix;
 
@@ -58,9 +59,9 @@ pub(super) fn seed(n: i128) -> Result<u64, Error> {
 /// `pathlib.Path` of an argument.
 pub(super) fn path<'py>(argument: &str, value: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
     value.py().import("pathlib")?.call_method1("Path", (value,)).map_err(|error| {
-        let is_type_error = error.is_instance_of::<pyo3::exceptions::PyTypeError>(value.py());
+        let is_type_error = error.is_instance_of::<PyTypeError>(value.py());
         let message = format!("`{argument}` must be a path, found {}", a_type(value));
-        if is_type_error { Error::input(message) } else { error.into() }
+        if is_type_error { PyTypeError::new_err(message).into() } else { error.into() }
     })
 }
 
