@@ -192,6 +192,9 @@ pub(crate) fn spectral_radii<'py>(
     Ok(array(py, radii, &[im.len(), re.len()])?.into_any())
 }
 
+/// Extremes of the energy as they are pickled: steps, largest and smallest ratio with their bodies, and counts.
+type Extremes = (u64, (f64, usize), (f64, usize), (usize, usize));
+
 /// What a method does to the rotational energy of free bodies at large steps.
 #[pyclass(frozen, module = "somersault.studies")]
 pub(crate) struct EnergyStudy(energy::EnergyStudy);
@@ -273,11 +276,7 @@ impl EnergyStudy {
 
     /// A pickled study.
     #[classmethod]
-    fn _restore(
-        _: &Bound<'_, PyType>,
-        extremes: Vec<(u64, (f64, usize), (f64, usize), (usize, usize))>,
-        rest: (f64, f64, usize),
-    ) -> Self {
+    fn _restore(_: &Bound<'_, PyType>, extremes: Vec<Extremes>, rest: (f64, f64, usize)) -> Self {
         let (share_of_bound, largest_rise, failed) = rest;
         let row = |(steps, (max, max_body), (min, min_body), (gained, lost))| EnergyExtremes {
             steps,
