@@ -483,7 +483,7 @@ fn the_twisting_dive_does_what_is_asked() {
     assert!(report.entry_angle < 1f64.to_radians(), "{report:?}");
     assert!(report.momentum_drift < 1e-12, "{report:?}");
     assert!(report.least_channel > -1e-12 && report.greatest_sum < 1.0 + 1e-12, "{report:?}");
-    assert!(report.least_distance.unwrap().0 >= 0.0, "{report:?}");
+    assert!(report.least_distance.as_ref().unwrap().0 >= 0.0, "{report:?}");
     // the order of a competition dive: twists between the throw and the square-out, pike after it
     let angles = program.angles(&z).unwrap();
     let at = |share: f64| angles[(share * (angles.len() - 1) as f64) as usize];

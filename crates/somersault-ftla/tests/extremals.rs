@@ -294,5 +294,8 @@ fn travels_without_sense_are_errors_and_impossible_ones_have_a_status() {
     // a hundredth of the torque that the travel takes
     let system = thesis.system.try_with_torque_limits([0.003, 0.002]).expect("positive");
     let found = solve(ArmTravel { system, ..thesis }).expect("well posed");
-    assert!(found.s < 1.0 && found.extremal.nodes.iter().all(|p| p.iter().all(|x| x.is_finite())));
+    assert!(
+        found.continued.s < 1.0
+            && found.continued.extremal.nodes.iter().all(|p| p.iter().all(|x| x.is_finite()))
+    );
 }
