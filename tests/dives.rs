@@ -464,7 +464,7 @@ fn the_planar_dive_with_sixteen_unknowns_does_what_is_asked() {
     assert!(many.momentum_drift < 1e-12 && many.least_channel > -1e-12, "{many:?}");
     // faster into the pike and out of it, so that less momentum is enough
     assert!((few.momentum - 66.55).abs() < 0.01, "{}", few.momentum);
-    assert!((many.momentum - 66.55).abs() < 2.0, "{}", many.momentum);
+    assert!(many.momentum < few.momentum - 5.0, "{}", many.momentum);
 }
 
 #[test]

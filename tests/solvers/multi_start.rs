@@ -92,8 +92,9 @@ fn a_stop_is_honoured_before_and_during_solves() {
     let found = pool.install(|| solver.solve(|| camel().program(), &starts, stop)).unwrap();
     assert!(found.minima.is_empty());
     let stopped =
-        |cause: &FailureCause| matches!(cause, FailureCause::Ended(r) if r.status == Status::Stopped);
+        |cause: &FailureCause| matches!(cause, FailureCause::Ended(r) if r.status == Status::Interrupted);
     assert_eq!(found.failures.iter().filter(|f| stopped(&f.cause)).count(), 1);
+    assert!(found.is_interrupted() && found.unfinished().len() == 1);
 }
 
 #[test]

@@ -289,7 +289,7 @@ fn travels_without_sense_are_errors_and_impossible_ones_have_a_status() {
         assert!(matches!(solve(ArmTravel { horizon, ..thesis }), Err(ShootingError::Argument { .. })));
     }
     let nan = ArmTravel { initial: [f64::NAN, 0.0], ..thesis };
-    assert!(matches!(solve(nan), Err(ShootingError::Argument { argument: "x", .. })));
+    assert!(matches!(solve(nan), Err(ShootingError::Argument { argument: "initial", .. })));
     assert!(solve(ArmTravel { fold: f64::NAN, ..thesis }).is_err());
     // a hundredth of the torque that the travel takes
     let system = thesis.system.try_with_torque_limits([0.003, 0.002]).expect("positive");
