@@ -186,7 +186,7 @@ import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignor
 import os, threading
 import numpy as np
 from somersault import multibody, ocp
-cart = ocp.CartPendulumProblem(n_par=60, n_steps=40_000)
+cart = ocp.CartPendulumProblem(n_par=60, n_steps=400_000)
 motion = ocp.MotionProblem(
     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [ocp.Phase(ocp.SplineMotion(1, 30), 6.0, 20_000)],
     active=["cart"], costs=[ocp.Cost(ocp.displacement([0.0, 0.0], [1]), 1e4, at="finish")])

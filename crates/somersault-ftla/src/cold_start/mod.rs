@@ -120,8 +120,11 @@ impl ArmTravel {
         let mut spent = Spent::default();
         let mut direct = None;
         for (longest, folding) in ATTEMPTS {
+            if !goes_on() {
+                break;
+            }
             let times = graded_times(self.horizon, 0.25 * longest, longest)?;
-            let (nodes, descents) = self.guess(&times, folding, goes_on);
+            let (nodes, descents) = self.guess(&times, folding, &goes_on);
             spent.iterations += descents;
             let Ok(extremal) = shooting.solve(&watched, &ends, &times, &nodes) else { continue };
             spent.iterations += extremal.iterations;
