@@ -182,7 +182,7 @@ impl ArmTravel {
         &self,
         times: &[f64],
         folding: f64,
-        goes_on: impl Fn() -> bool,
+        goes_on: &impl Fn() -> bool,
     ) -> (Vec<SVector<f64, 8>>, usize) {
         let knots = times.iter().map(|&t| self.folded(t, folding)).collect();
         let mut spline = Spline { times: times.to_vec(), knots };
