@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 AVERAGING = 3.5
 TOLERANCE = 1e-9
 POINTS = 100
-REPEATS = 10
+REPEATS = 50
 """Times that either goes over the cloud in one call: starting this library's program should not count."""
 COLD_RUNS = 20
 INTERVALS = (60, 120)

@@ -255,17 +255,19 @@ impl VectorField<4> for HenonHeiles {
 #[test]
 fn henon_heiles_is_chaotic_where_the_literature_says_so_and_its_exponents_pair() {
     // Skokos, Lect. Notes Phys. 790 (2010): at H = 1/8 the orbit from (0, −0.25, 0.42, 0) is chaotic with a largest exponent
-    // near 0.047, that from (0, 0.55, 0.2417, 0) regular
+    // near 0.047, that from (0, 0.55, 0.2417, 0) regular, whose exponent goes down with ln t / t
     let flow = VariationalFlow::try_new(&HenonHeiles, Tolerances { relative: 1e-11, absolute: 1e-13 });
-    let flow = flow.expect("in range");
-    let chaotic = Vector4::new(0.0, -0.25, 0.42, 0.0);
-    let regular = Vector4::new(0.0, 0.55, 0.2417, 0.0);
-    let of = |p| spectrum(&flow, &p, TimeDirection::Forward, 5000.0).expect("bounded");
-    let (c, r) = (of(chaotic), of(regular));
-    println!("{} {}", c.exponents, r.exponents);
-    assert!((0.037..0.057).contains(&c.exponents[3]), "{}", c.exponents);
-    assert!(r.exponents[3] < 0.004, "{}", r.exponents);
-    for s in [c, r] {
+    let flow = flow.expect("in range").with_max_steps(1_000_000);
+    let of = |p: Vector4<f64>| spectrum(&flow, &p, TimeDirection::Forward, 20_000.0).expect("bounded");
+    // rounding decides how long one orbit stays near the regular ones, over 20 000 units a quarter of the exponent
+    let chaotic: Vec<_> =
+        (0..16).map(|k| of(Vector4::new(0.0, -0.25 + 1e-9 * f64::from(k), 0.42, 0.0))).collect();
+    let mean = chaotic.iter().map(|s| s.exponents[3]).sum::<f64>() / 16.0;
+    let r = of(Vector4::new(0.0, 0.55, 0.2417, 0.0));
+    println!("{mean} {}", r.exponents);
+    assert!((0.037..0.057).contains(&mean), "{mean}");
+    assert!(r.exponents[3] < 0.001, "{}", r.exponents);
+    for s in chaotic.iter().chain([&r]) {
         assert!(s.pairing_defect() < 1e-7, "{:e}", s.pairing_defect());
     }
 }

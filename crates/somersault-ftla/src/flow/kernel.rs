@@ -1,11 +1,13 @@
 //! The steps of DOP853 on a state, its transition matrix and one integral.
 
+mod rows;
 mod switching;
 
 use super::{FlowError, Tolerances, Work};
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{ArrayStorage, SMatrix, SVector};
+use rows::{Rows, combine, identity, is_finite, multiply_add};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
 use switching::{Ahead, Watch};
 
@@ -27,7 +29,8 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     max_steps: usize,
     pub(super) t: f64,
     pub(super) state: SVector<f64, N>,
-    pub(super) matrix: SMatrix<f64, N, N>,
+    /// Φ.
+    rows: Rows<N>,
     pub(super) integral: f64,
     pub(super) work: Work,
     /// The piece of the field that steps are made in.
@@ -40,7 +43,7 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     /// D at the current state, to restart Φ without an evaluation.
     jacobian: SMatrix<f64, N, N>,
     states: [SVector<f64, N>; STAGES],
-    matrices: [SMatrix<f64, N, N>; STAGES],
+    row_slopes: [Rows<N>; STAGES],
     integrands: [f64; STAGES],
 }
 
@@ -62,7 +65,7 @@ where
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) -> Self::Output {
-        self.kernel.steps(self.end, self.growth, self.integrand)
+        self.kernel.steps::<V>(self.end, self.growth, self.integrand)
     }
 }
 
@@ -83,7 +86,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
             max_steps,
             t: 0.0,
             state: *p,
-            matrix: SMatrix::identity(),
+            rows: identity(),
             integral: 0.0,
             work: Work::default(),
             piece: system.piece(p),
@@ -92,10 +95,10 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
             h: 0.0,
             jacobian: SMatrix::zeros(),
             states: [SVector::zeros(); STAGES],
-            matrices: [SMatrix::zeros(); STAGES],
+            row_slopes: [[[0.0; N]; N]; STAGES],
             integrands: [0.0; STAGES],
         };
-        if !kernel.first_stage() {
+        if !kernel.first_stage::<pulp::Scalar>() {
             return Err(kernel.non_finite());
         }
         kernel.h = kernel.first_step_size().min(duration.abs()).copysign(duration);
@@ -107,8 +110,13 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
 
     /// Continues with Φ = 1 from here.
     pub(super) fn restart_matrix(&mut self) {
-        self.matrix = SMatrix::identity();
-        self.matrices[0] = self.jacobian;
+        self.rows = identity();
+        self.row_slopes[0] = self.jacobian.transpose().data.0;
+    }
+
+    /// Φ.
+    pub(super) fn matrix(&self) -> SMatrix<f64, N, N> {
+        SMatrix::from_array_storage(ArrayStorage(self.rows)).transpose()
     }
 
     pub(super) fn run(
@@ -130,7 +138,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     }
 
     #[inline(always)]
-    fn steps(
+    fn steps<V: pulp::Simd>(
         &mut self,
         end: f64,
         growth: f64,
@@ -163,17 +171,18 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                     FlowError::StepUnderflow { t: self.t, state: self.state.as_slice().to_vec() }
                 });
             }
-            let (mut state, mut matrix, size) = self.trial(h, &integrand);
+            let (mut state, mut rows, size) = self.trial::<V>(h, &integrand);
             let limit = if rejected { 1.0 } else { 6.0 };
             // a NaN counts as far too large
-            let factor = if size.is_finite() { (0.9 * size.powf(-0.125)).clamp(0.2, limit) } else { 0.2 };
+            let factor =
+                if size.is_finite() { (0.9 / size.sqrt().sqrt().sqrt()).clamp(0.2, limit) } else { 0.2 };
             if size.is_nan() || size > 1.0 {
                 self.work.rejected += 1;
                 self.h = h * factor.min(0.9);
                 rejected = true;
                 continue;
             }
-            let before = (self.state, self.matrix, self.states[0], self.matrices[0], self.piece);
+            let before = (self.state, self.rows, self.states[0], self.row_slopes[0], self.piece);
             let mut watch = self.watch;
             if self.system.n_switches() > 0 {
                 match self.ahead(h, &state) {
@@ -185,15 +194,15 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                     }
                     Ahead::End(size) => {
                         (last, h) = (last && size == h, size);
-                        (state, matrix, _) = self.trial(h, &integrand);
+                        (state, rows, _) = self.trial::<V>(h, &integrand);
                         self.piece = self.system.next_piece(&self.piece, &state);
                     }
                 }
             }
             let gain = self.combine_scalar(self.tableau.weights());
-            (self.state, self.matrix) = (state, matrix);
-            if !self.first_stage() {
-                (self.state, self.matrix, self.states[0], self.matrices[0], self.piece) = before;
+            (self.state, self.rows) = (state, rows);
+            if !self.first_stage::<V>() {
+                (self.state, self.rows, self.states[0], self.row_slopes[0], self.piece) = before;
                 self.work.rejected += 1;
                 self.h = 0.2 * h;
                 rejected = true;
@@ -227,43 +236,45 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
     /// before it do not have.
     fn spread(&self) -> f64 {
-        let (_, r) = orthonormalise::<1, N>(self.matrix);
+        let matrix = self.matrix();
+        let (_, r) = orthonormalise::<1, N>(matrix);
         let smallest = (0..N).fold(f64::INFINITY, |m, j| m.min(r[(j, j)]));
-        self.matrix.amax().max(1.0 / smallest)
+        matrix.amax().max(1.0 / smallest)
     }
 
     /// Slopes at the current state; false if they are not finite.
     #[inline(always)]
-    fn first_stage(&mut self) -> bool {
+    fn first_stage<V: pulp::Simd>(&mut self) -> bool {
         self.work.evaluations += 1;
         if MATRIX {
             let (field, jacobian) = self.system.linearize_in(&self.piece, &self.state);
             self.states[0] = field;
             self.jacobian = jacobian;
-            self.system.tangent(&jacobian, &self.matrix, &mut self.matrices[0]);
+            self.system.tangent(&jacobian, &self.rows, &mut self.row_slopes[0], multiply_add::<V>);
         } else {
             self.states[0] = self.system.field_in(&self.piece, &self.state);
         }
-        self.states[0].sum().is_finite() && (!MATRIX || self.matrices[0].sum().is_finite())
+        self.states[0].sum().is_finite() && (!MATRIX || is_finite(&self.row_slopes[0]))
     }
 
     /// One step of size h from the slopes at the current state: state, Φ, and the error in units of the tolerance.
     #[inline(always)]
-    fn trial(
+    fn trial<V: pulp::Simd>(
         &mut self,
         h: f64,
         integrand: &impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
-    ) -> (SVector<f64, N>, SMatrix<f64, N, N>, f64) {
+    ) -> (SVector<f64, N>, Rows<N>, f64) {
         self.integrands[0] = integrand(&self.piece, &self.state);
-        let mut matrix = SMatrix::<f64, N, N>::zeros();
+        let mut rows = [[0.0; N]; N];
         for i in 1..STAGES {
             let row = self.tableau.row(i);
-            let state = self.combine_state(row, h);
+            let state = self.combine_state::<V>(row, h);
             if MATRIX {
+                // before the field, whose latency it fills
+                combine::<V, N>(&self.rows, &self.row_slopes, row, h, &mut rows);
                 let (field, jacobian) = self.system.linearize_in(&self.piece, &state);
                 self.states[i] = field;
-                self.combine_matrix(row, h, &mut matrix);
-                self.system.tangent(&jacobian, &matrix, &mut self.matrices[i]);
+                self.system.tangent(&jacobian, &rows, &mut self.row_slopes[i], multiply_add::<V>);
             } else {
                 self.states[i] = self.system.field_in(&self.piece, &state);
             }
@@ -271,41 +282,23 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         }
         self.work.evaluations += STAGES - 1;
         let weights = self.tableau.weights();
-        let state = self.combine_state(weights, h);
+        let state = self.combine_state::<V>(weights, h);
         if MATRIX {
-            self.combine_matrix(weights, h, &mut matrix);
+            combine::<V, N>(&self.rows, &self.row_slopes, weights, h, &mut rows);
         }
-        let size = self.error_of(h, &state, &matrix);
-        (state, matrix, size)
+        let size = self.error_of::<V>(h, &state, &rows);
+        (state, rows, size)
     }
 
     #[inline(always)]
-    fn combine_state(&self, row: &[(usize, f64)], h: f64) -> SVector<f64, N> {
+    fn combine_state<V: pulp::Simd>(&self, row: &[(usize, f64)], h: f64) -> SVector<f64, N> {
         let mut sum = SVector::<f64, N>::zeros();
         for &(j, a) in row {
             for i in 0..N {
-                sum[i] += a * self.states[j][i];
+                sum[i] = multiply_add::<V>(a, self.states[j][i], sum[i]);
             }
         }
         self.state + sum * h
-    }
-
-    #[inline(always)]
-    fn combine_matrix(&self, row: &[(usize, f64)], h: f64, out: &mut SMatrix<f64, N, N>) {
-        for c in 0..N {
-            let mut sum = [0.0; N];
-            for &(j, a) in row {
-                let column = &self.matrices[j].data.0[c];
-                for i in 0..N {
-                    sum[i] += a * column[i];
-                }
-            }
-            let start = &self.matrix.data.0[c];
-            let column = &mut out.data.0[c];
-            for i in 0..N {
-                column[i] = start[i] + h * sum[i];
-            }
-        }
     }
 
     fn combine_scalar(&self, row: &[(usize, f64)]) -> f64 {
@@ -315,7 +308,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// The estimate of Hairer, Nørsett and Wanner, II.10: e₅²/√(e₅² + e₃²/100) in root mean square, the largest of state,
     /// columns of Φ and integral.
     #[inline(always)]
-    fn error_of(&self, h: f64, state: &SVector<f64, N>, matrix: &SMatrix<f64, N, N>) -> f64 {
+    fn error_of<V: pulp::Simd>(&self, h: f64, state: &SVector<f64, N>, rows: &Rows<N>) -> f64 {
         let Tolerances { relative, absolute } = self.tolerances;
         let correction = self.error.correction().unwrap_or_default();
         let (mut fifth, mut third) = (0.0, 0.0);
@@ -333,28 +326,21 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         }
         let mut size = ratio(fifth, third, N);
         if MATRIX {
+            let none = [[0.0; N]; N];
+            let (mut e5, mut e3) = (none, none);
+            combine::<V, N>(&none, &self.row_slopes, self.error.main(), 1.0, &mut e5);
+            combine::<V, N>(&none, &self.row_slopes, correction, 1.0, &mut e3);
+            let (mut fifth, mut third, mut large) = ([0.0; N], [0.0; N], [f64::MIN_POSITIVE; N]);
+            for i in 0..N {
+                for c in 0..N {
+                    fifth[c] = multiply_add::<V>(e5[i][c], e5[i][c], fifth[c]);
+                    third[c] = multiply_add::<V>(e3[i][c], e3[i][c], third[c]);
+                    large[c] = large[c].max(self.rows[i][c].abs()).max(rows[i][c].abs());
+                }
+            }
             for c in 0..N {
-                let (mut e5, mut e3) = ([0.0; N], [0.0; N]);
-                for &(j, a) in self.error.main() {
-                    let column = &self.matrices[j].data.0[c];
-                    for i in 0..N {
-                        e5[i] += a * column[i];
-                    }
-                }
-                for &(j, a) in correction {
-                    let column = &self.matrices[j].data.0[c];
-                    for i in 0..N {
-                        e3[i] += a * column[i];
-                    }
-                }
-                let (mut fifth, mut third, mut large) = (0.0, 0.0, f64::MIN_POSITIVE);
-                for i in 0..N {
-                    fifth += e5[i] * e5[i];
-                    third += e3[i] * e3[i];
-                    large = large.max(self.matrix[(i, c)].abs()).max(matrix[(i, c)].abs());
-                }
-                let scale = (relative * large).powi(-2);
-                size = larger(size, ratio(fifth * scale, third * scale, N));
+                let scale = (relative * large[c]).powi(-2);
+                size = larger(size, ratio(fifth[c] * scale, third[c] * scale, N));
             }
         }
         let scale = absolute + relative * self.integral.abs().max((h * self.integrands[0]).abs());
@@ -391,7 +377,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     }
 
     fn stages_are_finite(&self) -> bool {
-        self.fields_are_finite() && (!MATRIX || self.matrices.iter().all(|k| k.sum().is_finite()))
+        self.fields_are_finite() && (!MATRIX || self.row_slopes.iter().all(is_finite))
     }
 
     fn non_finite(&self) -> FlowError {

@@ -239,7 +239,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
     ) -> Result<(Transition<N>, Work), FlowError> {
         let mut kernel = self.kernel::<true>(p, duration)?;
         kernel.run(duration, |_, _| 0.0)?;
-        Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix }, kernel.work))
+        Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix() }, kernel.work))
     }
 
     /// Factors of Φ up to the last of `times`, with a link ended at each of them and wherever Φ has come to
@@ -281,7 +281,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
             loop {
                 let progress = kernel.advance(time, growth, |_, _| 0.0)?;
                 let duration = kernel.t - link_start;
-                chain.links.push(Transition { duration, end: kernel.state, matrix: kernel.matrix });
+                chain.links.push(Transition { duration, end: kernel.state, matrix: kernel.matrix() });
                 kernel.restart_matrix();
                 link_start = kernel.t;
                 if progress == Progress::Arrived {

@@ -123,14 +123,15 @@ impl ArmMinimumTorque {
         let (b_sin, b_cos) = (b * sin, b * cos);
         let (w1, w2) = (p[2], p[3]);
         let (m11, m12) = (a + 2.0 * b_cos, d + b_cos);
-        let inverse = Matrix2::new(d, -m12, -m12, m11) / (m11 * d - m12 * m12);
+        let inverse = Matrix2::new(d, -m12, -m12, m11) * (m11 * d - m12 * m12).recip();
         let mu = inverse * Vector2::new(p[6], p[7]);
         let (mut torque, mut compliance) = (Vector2::zeros(), Vector2::zeros());
         for i in 0..2 {
-            let free = -mu[i] / self.weights[i];
+            let inverse = self.weights[i].recip();
+            let free = -mu[i] * inverse;
             let side = side(i, free);
             torque[i] = self.bounds(i).control(side, free);
-            compliance[i] = if side == Side::Free { 1.0 / self.weights[i] } else { 0.0 };
+            compliance[i] = if side == Side::Free { inverse } else { 0.0 };
         }
         let [c1, c2] = self.arm.damping;
         let (swing, square) = (w2 * (2.0 * w1 + w2), w1 * w1);
@@ -288,18 +289,24 @@ impl VectorField<8> for ArmMinimumTorque {
         SVector::from_fn(|i, _| if i < 2 { margin(i) } else { f64::INFINITY })
     }
 
-    /// Columns 1, 5 and 6 of D hold nothing but ∂λ̇_v/∂λ_q = −1.
+    /// Rows 1, 2 and 5 of D are those of θ̇ and λ̇₁ = 0; columns 1, 5 and 6 hold nothing but ∂λ̇_v/∂λ_q = −1.
     #[inline(always)]
-    fn tangent(&self, d: &SMatrix<f64, 8, 8>, phi: &SMatrix<f64, 8, 8>, out: &mut SMatrix<f64, 8, 8>) {
-        for c in 0..8 {
-            let column = &phi.data.0[c];
-            let mut sum = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -column[4], -column[5]];
+    fn tangent(
+        &self,
+        d: &SMatrix<f64, 8, 8>,
+        phi: &[[f64; 8]; 8],
+        out: &mut [[f64; 8]; 8],
+        multiply_add: impl Fn(f64, f64, f64) -> f64,
+    ) {
+        (out[0], out[1], out[4]) = (phi[2], phi[3], [0.0; 8]);
+        for (i, start) in [(2, None), (3, None), (5, None), (6, Some(4)), (7, Some(5))] {
+            let mut sum = start.map_or([0.0; 8], |k: usize| phi[k].map(|x| -x));
             for k in [1, 2, 3, 6, 7] {
-                for i in 0..8 {
-                    sum[i] += column[k] * d.data.0[k][i];
+                for c in 0..8 {
+                    sum[c] = multiply_add(d[(i, k)], phi[k][c], sum[c]);
                 }
             }
-            out.data.0[c] = sum;
+            out[i] = sum;
         }
     }
 }

@@ -98,18 +98,26 @@ pub trait VectorField<const N: usize> {
         (self.field(p), self.jacobian(p))
     }
 
-    /// D Φ into `out`. For systems that know where D is zero; the default does not.
+    /// D Φ into `out`, both by rows. For systems that know where D is zero; the default does not. `multiply_add` is
+    /// a b + c in the way that is quickest on the machine.
     #[inline(always)]
-    fn tangent(&self, d: &SMatrix<f64, N, N>, phi: &SMatrix<f64, N, N>, out: &mut SMatrix<f64, N, N>) {
-        for c in 0..N {
-            let column = &phi.data.0[c];
+    fn tangent(
+        &self,
+        d: &SMatrix<f64, N, N>,
+        phi: &[[f64; N]; N],
+        out: &mut [[f64; N]; N],
+        multiply_add: impl Fn(f64, f64, f64) -> f64,
+    ) where
+        Self: Sized,
+    {
+        for i in 0..N {
             let mut sum = [0.0; N];
             for k in 0..N {
-                for i in 0..N {
-                    sum[i] += column[k] * d.data.0[k][i];
+                for c in 0..N {
+                    sum[c] = multiply_add(d[(i, k)], phi[k][c], sum[c]);
                 }
             }
-            out.data.0[c] = sum;
+            out[i] = sum;
         }
     }
 
