@@ -170,6 +170,8 @@ class TestFits:
         assert fit.status[2] == "no_markers" and fit.success
         assert np.isnan(fit.frame_rms[2]) and fit.covariance(2) is None
         np.testing.assert_array_equal(fit.q[2], fit.q[1])
+        nothing = motion.MarkerRecording(seen.names, t, seen.points, np.zeros_like(present))
+        assert not motion.MarkerFit(markers).fit(nothing).success
 
 
 def test_markers_are_placed_about_the_root_at_a_scale() -> None:

@@ -14,7 +14,8 @@
 //! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
 //! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
 //! laid over the markers. Every eighth frame is then begun from these postures too: what is better leads the frames on
-//! both sides of it as far as they get better, so that a motion does not stay in a wrong minimum.
+//! both sides of it as far as they get better. That ends wrong minima of whole limbs, not all: joints that few markers see,
+//! as hands in noise, may be left in another minimum that is nearly as low.
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 

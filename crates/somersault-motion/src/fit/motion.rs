@@ -69,10 +69,11 @@ impl MotionFit {
         (0..n_markers).map(of).collect()
     }
 
-    /// Whether every frame that has markers has converged.
+    /// Whether every frame that has markers has converged, and there is one.
     pub fn converged(&self) -> bool {
         let done = |f: &FrameFit| matches!(f.status, FitStatus::Converged | FitStatus::NoMarkers);
-        self.scale_converged && self.frames.iter().all(done)
+        let any = self.frames.iter().any(|f| f.status == FitStatus::Converged);
+        self.scale_converged && any && self.frames.iter().all(done)
     }
 }
 

@@ -145,7 +145,7 @@ impl MotionFit {
         self.motion.frames.iter().map(|frame| status_name(frame.status)).collect()
     }
 
-    /// bool: Whether every frame that has markers has converged, and a common scale too.
+    /// bool: Whether every frame that has markers has converged, at least one has, and a common scale too.
     #[getter]
     fn success(&self) -> bool {
         self.motion.converged()

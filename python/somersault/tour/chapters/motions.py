@@ -186,9 +186,8 @@ def _known(page: Page, dives: dict[str, ocp.DiveSolution]) -> motion.MotionFit:
         "In each frame scale, place, orientation and joint angles are sought that bring the markers of the"
         " model"
         " nearest to those seen, within the limits of the joints; a frame starts where the one before ended,"
-        " the first from the best of the diver's postures: distances of markers have more than one minimum,"
-        " and from"
-        " arms at the sides alone the arms overhead are not found."
+        " the first from the best of the diver's postures: distances of markers have more than one minimum."
+        " Every eighth frame is begun anew, and leads those beside it where it ends lower."
         " With a base of eigenpostures the weights are sought instead, w ≥ 0 and Σw ≤ 1 (4.2)."
     )
     page.code(
@@ -222,7 +221,7 @@ def _fit_scene(page: Page, dive: ocp.DiveSolution, fit: motion.MotionFit) -> Non
         "fit",
         f"5174D at half speed, as it is and as fitted frame by frame to markers with {1e3 * _NOISE:g} mm of"
         " noise,"
-        f" {100 * _MISSING:g} % of them missing: no frame knows of its neighbours but where it starts.",
+        f" {100 * _MISSING:g} % of them missing: no frame knows of its neighbours but where it may start.",
     )
 
 
