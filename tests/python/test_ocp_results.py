@@ -76,6 +76,28 @@ def test_many_small_defects_are_no_confirmation() -> None:
     assert found.max_defect < found.allowed < found.defects.sum() and not found.confirmed
 
 
+def test_a_motion_that_jumps_between_phases_is_not_confirmed() -> None:
+    first = ocp.SplineMotion(1, 8, [("start", 0, 0.0), ("start", 1, 0.0), ("finish", 0, 1.0)])
+    second = ocp.SplineMotion(1, 8, [("start", 0, 0.0), ("finish", 0, 0.0), ("finish", 1, 0.0)])
+    problem = ocp.MotionProblem(
+        multibody.cart_pendulum(),
+        [0.0, np.pi],
+        [0.0, 0.0],
+        [ocp.Phase(motion, 0.5, 25) for motion in (first, second)],
+        active=["cart"],
+        costs=[ocp.Cost(ocp.entries("torque", [0]))],
+    )
+    found = problem.verify(np.zeros(problem.n_variables))
+    assert found.defects.shape == (51,) and found.max_defect == found.defects[25] >= 1.0
+    assert not found.confirmed
+
+
+def test_what_cannot_be_integrated_anew_ends_and_says_so() -> None:
+    report = ocp.CartPendulumProblem().solve(np.full(5, 1e10), max_iterations=1)
+    assert report.confirmed is False and "cannot be integrated anew" in report.message
+    assert ocp.CartPendulumProblem(length=1e-9).solve(max_iterations=3).confirmed is False
+
+
 def test_a_dive_of_one_step_is_no_success() -> None:
     found = ocp.dive_107b(n_steps=1).solve()
     assert found.success and not found.confirmed

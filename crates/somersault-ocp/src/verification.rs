@@ -21,6 +21,8 @@ use somersault_multibody::{Data, DynamicsError, Model, Split};
 
 /// Tolerances of the integration, relative and absolute.
 const TOLERANCE: f64 = 1e-12;
+/// Steps of the integration for each of the motion's, at most: what takes more cannot be integrated.
+const MAX_STEPS: usize = 1000;
 
 /// Distance (m, rad, m/s, rad/s) that counts as agreement where nothing else is said.
 pub const ALLOWED: f64 = 1e-4;
@@ -56,7 +58,8 @@ pub enum VerificationError {
 /// (m, rad) and of the difference of the velocities (m/s, rad/s).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verification {
-    /// For each step from a node to the next one in the same phase, the distance at its end.
+    /// For each step from a node to the next one the distance at its end, phase by phase; before the second phase and each
+    /// later one, the distance between its start and the end of the phase before it.
     pub defects: Vec<f64>,
     /// The distance at the end of one integration from start to end.
     pub terminal_error: f64,
@@ -115,13 +118,18 @@ pub fn verify<D: HybridDynamics>(
     let mut through = (first.position.to_vec(), first.velocity.to_vec());
     for (i, nodes) in phases.iter().enumerate() {
         let leg = Leg::new(shooting, model, i, z);
+        if i > 0 {
+            let (before, after) = (shooting.node(phases[i - 1].end - 1), shooting.node(nodes.start));
+            let end = (before.position.to_vec(), before.velocity.to_vec());
+            defects.push(distance(model, &end, after.position, after.velocity)?);
+        }
         for k in nodes.start..nodes.end - 1 {
             let (from, to) = (shooting.node(k), shooting.node(k + 1));
-            let end = leg.integrate(from.position, from.velocity, from.time, to.time)?;
+            let end = leg.integrate(from.position, from.velocity, [from.time, to.time], MAX_STEPS)?;
             defects.push(distance(model, &end, to.position, to.velocity)?);
         }
         let (start, end) = (shooting.node(nodes.start).time, shooting.node(nodes.end - 1).time);
-        through = leg.integrate(&through.0, &through.1, start, end)?;
+        through = leg.integrate(&through.0, &through.1, [start, end], MAX_STEPS * nodes.len())?;
     }
     let last = shooting.node(shooting.outline().n_nodes() - 1);
     let terminal_error = distance(model, &through, last.position, last.velocity)?;
@@ -197,12 +205,13 @@ impl<'a> Leg<'a> {
         &self,
         q: &[f64],
         v: &[f64],
-        from: f64,
-        to: f64,
+        [from, to]: [f64; 2],
+        max_steps: usize,
     ) -> Result<(Vec<f64>, Vec<f64>), VerificationError> {
         let state = self.model.state(q, v)?;
         let control = Adaptive {
             tolerances: Tolerances { relative: TOLERANCE, absolute: TOLERANCE },
+            max_steps,
             ..Adaptive::default()
         };
         let write = |t: f64, _: &[f64], _: &[f64], out: &mut [f64]| self.drive(t, out);

@@ -134,8 +134,9 @@ impl Verification {
         &self.message
     }
 
-    /// ndarray, shape (n_steps,): For each step, or each interval of collocation, integrated accurately from the node where
-    /// it begins, the distance at its end.
+    /// ndarray, shape (n_steps + n_phases − 1,): For each step, integrated accurately from the node where it begins, the
+    /// distance at its end; between two phases, the distance of the start of the later one from the end of the earlier one.
+    /// Of collocation, one for each interval.
     #[getter]
     fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         numpy::PyArray1::from_slice(py, &self.found.defects).into_any()
