@@ -8,7 +8,9 @@
 
 use super::{Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame};
 use crate::nlp::Nlp;
-use crate::solver::{Flow, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
+use crate::solver::{
+    Flow, Globalisation, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start,
+};
 use crate::verification::Verified;
 use rayon::prelude::*;
 
@@ -45,10 +47,12 @@ impl DiveSearch {
         Self { soft_weights: Vec::new(), soft: Sqp::default(), hard, coarse_steps: None }
     }
 
-    /// For dives in space: four soft stages, and two hundred steps until the last.
+    /// For dives in space: four soft stages, and two hundred steps until the last. The stages with constraints accept
+    /// steps by a filter, for a merit function shortens them along the curved constraints of the entry.
     pub fn staged() -> Self {
         let soft = Sqp { stationarity_tol: 1e-3, max_iterations: 40, ..Sqp::default() };
-        let hard = Sqp { stationarity_tol: 1e-6, max_iterations: 200, ..Sqp::default() };
+        let globalisation = Globalisation::Filter;
+        let hard = Sqp { stationarity_tol: 1e-6, max_iterations: 200, globalisation, ..Sqp::default() };
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(200) }
     }
 
