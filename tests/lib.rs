@@ -11,3 +11,7 @@ mod start {}
 #[cfg(doctest)]
 #[doc = include_str!("../docs/guides/hyper_sensitive.md")]
 mod hyper_sensitive {}
+
+#[cfg(doctest)]
+#[doc = include_str!("../docs/rust.md")]
+mod rust {}

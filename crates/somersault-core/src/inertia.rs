@@ -1,6 +1,7 @@
 //! Inertia of a rigid body about its centre of mass.
 
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Why a tensor or a shape is not the inertia of a rigid body.
@@ -58,13 +59,28 @@ pub enum InertiaError {
 ///
 /// Symmetric, positive definite, and no principal moment exceeds the sum of the other two (a lamina
 /// attains it; the comparison allows a relative rounding of 1e-12).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Matrix3<f64>", into = "Matrix3<f64>")]
 pub struct Inertia {
     tensor: Matrix3<f64>,
     inverse: Matrix3<f64>,
     principal_moments: Vector3<f64>,
     principal_axes: UnitQuaternion<f64>,
     is_diagonal: bool,
+}
+
+impl TryFrom<Matrix3<f64>> for Inertia {
+    type Error = InertiaError;
+
+    fn try_from(tensor: Matrix3<f64>) -> Result<Self, InertiaError> {
+        Self::try_tensor(tensor)
+    }
+}
+
+impl From<Inertia> for Matrix3<f64> {
+    fn from(inertia: Inertia) -> Self {
+        inertia.tensor
+    }
 }
 
 /// Relative rounding granted to symmetry and to the triangle inequality.

@@ -2,6 +2,7 @@
 
 use crate::state::RigidBodyState;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 use somersault_core::{Inertia, InertiaError};
 
 /// Why a rigid body cannot be made.
@@ -20,10 +21,26 @@ pub enum BodyError {
 }
 
 /// A rigid body: mass (kg) and inertia about its centre of mass, in the body frame (kg m²).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct RigidBody {
     mass: f64,
     inertia: Inertia,
+}
+
+/// A body as files hold it.
+#[derive(Deserialize)]
+struct Parts {
+    mass: f64,
+    inertia: Inertia,
+}
+
+impl TryFrom<Parts> for RigidBody {
+    type Error = BodyError;
+
+    fn try_from(Parts { mass, inertia }: Parts) -> Result<Self, BodyError> {
+        Self::try_new(mass, inertia)
+    }
 }
 
 impl RigidBody {

@@ -3,15 +3,44 @@
 use crate::dense::Interpolant;
 use crate::driver::{Flow, Observer, Step};
 use crate::state::{Configuration, State};
+use serde::{Deserialize, Serialize};
 
-/// Times, states and, if asked for, the curves between them.
+/// Times, states and, if asked for, the curves between them. The curves are not written to files.
+#[derive(Serialize, Deserialize)]
+#[serde(
+    try_from = "Parts<Q>",
+    bound(
+        serialize = "Q: Serialize, Q::Rate: Serialize",
+        deserialize = "Q: Deserialize<'de>, Q::Rate: Deserialize<'de>"
+    )
+)]
 pub struct Solution<Q: Configuration> {
     /// Times recorded, the initial one first.
     pub times: Vec<f64>,
     /// States at those times.
     pub states: Vec<State<Q>>,
     /// The end of each step and its curve, where dense output was asked for.
+    #[serde(skip)]
     pub segments: Vec<(f64, Box<dyn Interpolant<Q>>)>,
+}
+
+/// A solution as files hold it.
+#[derive(Deserialize)]
+#[serde(bound = "Q: Deserialize<'de>, Q::Rate: Deserialize<'de>")]
+struct Parts<Q: Configuration> {
+    times: Vec<f64>,
+    states: Vec<State<Q>>,
+}
+
+impl<Q: Configuration> TryFrom<Parts<Q>> for Solution<Q> {
+    type Error = &'static str;
+
+    fn try_from(Parts { times, states }: Parts<Q>) -> Result<Self, Self::Error> {
+        if times.is_empty() || times.len() != states.len() {
+            return Err("`times` and `states` must be as many as each other, and one at least");
+        }
+        Ok(Self { times, states, segments: Vec::new() })
+    }
 }
 
 impl<Q: Configuration> Solution<Q> {

@@ -6,6 +6,7 @@
 
 use crate::scratch::Storage;
 use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use somersault_core::so3;
 
 /// Tolerances of an adaptive step, weighed as `absolute + relative · size`.
@@ -96,7 +97,11 @@ pub trait Configuration: Clone + std::fmt::Debug + Storage + Send + Sync + 'stat
 }
 
 /// A configuration and its rate. What `rate` stands for (velocity, or momentum) is the system's to say.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "Q: Serialize, Q::Rate: Serialize",
+    deserialize = "Q: Deserialize<'de>, Q::Rate: Deserialize<'de>"
+))]
 pub struct State<Q: Configuration> {
     /// Where.
     pub configuration: Q,
@@ -136,7 +141,7 @@ impl<Q: Configuration> Storage for State<Q> {
 }
 
 /// Linear and angular part of a velocity, an acceleration or a momentum, world frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Twist {
     /// Linear part.
     pub linear: Vector3<f64>,
@@ -145,12 +150,33 @@ pub struct Twist {
 }
 
 /// Position of the centre of mass and orientation (body frame → world frame).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(try_from = "PoseParts")]
 pub struct Pose {
     /// Position of the centre of mass, m.
     pub position: Vector3<f64>,
     /// Orientation, body frame → world frame.
     pub orientation: UnitQuaternion<f64>,
+}
+
+/// A pose as files hold it.
+#[derive(Deserialize)]
+struct PoseParts {
+    position: Vector3<f64>,
+    orientation: UnitQuaternion<f64>,
+}
+
+impl TryFrom<PoseParts> for Pose {
+    type Error = &'static str;
+
+    fn try_from(PoseParts { position, orientation }: PoseParts) -> Result<Self, Self::Error> {
+        // a NaN is not within
+        if (orientation.coords.norm() - 1.0).abs() <= 1e-9 {
+            Ok(Self { position, orientation })
+        } else {
+            Err("`orientation` must be of unit norm")
+        }
+    }
 }
 
 /// State of one rigid body: position, orientation, velocity and angular velocity, world frame.

@@ -6,6 +6,7 @@ use crate::joint::Joint;
 use crate::model::Model;
 use crate::spatial::Transform;
 use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use somersault_core::Inertia;
 use std::collections::HashSet;
 
@@ -122,7 +123,7 @@ pub enum ModelError {
 }
 
 /// Mass, centre of mass and inertia of a body in its own frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MassProperties {
     /// Mass, kg.
     pub mass: f64,
@@ -157,7 +158,7 @@ impl MassProperties {
 }
 
 /// One body with the joint that carries it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Link {
     pub(crate) name: String,
     pub(crate) parent: Option<String>,

@@ -7,13 +7,14 @@
 //! −x × y. A rotation is four numbers x, y, z, w here and three in its rate.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use somersault_core::so3;
 use somersault_integrators::scratch::Storage;
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, Tolerances};
 use std::sync::Arc;
 
 /// One factor of the group.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Factor {
     /// A vector of up to three numbers, weighed by its length.
     Linear(usize),
@@ -32,19 +33,39 @@ struct Block {
 }
 
 /// The factors of a product, in their order.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(from = "Vec<Factor>", into = "Vec<Factor>")]
 pub(crate) struct Layout(Arc<[Block]>);
+
+impl From<Vec<Factor>> for Layout {
+    fn from(factors: Vec<Factor>) -> Self {
+        Self::new(factors)
+    }
+}
+
+impl From<Layout> for Vec<Factor> {
+    fn from(layout: Layout) -> Self {
+        layout.0.iter().map(|block| block.factor).collect()
+    }
+}
+
+impl Factor {
+    /// Numbers of a point and of its rate.
+    fn lengths(self) -> (usize, usize) {
+        match self {
+            Self::Linear(n) => (n, n),
+            Self::Angle => (1, 1),
+            Self::Rotation => (4, 3),
+        }
+    }
+}
 
 impl Layout {
     pub(crate) fn new(factors: impl IntoIterator<Item = Factor>) -> Self {
         let (mut at, mut rate_at) = (0, 0);
         let place = |factor| {
             let block = Block { factor, at, rate_at };
-            let (numbers, rates) = match factor {
-                Factor::Linear(n) => (n, n),
-                Factor::Angle => (1, 1),
-                Factor::Rotation => (4, 3),
-            };
+            let (numbers, rates) = Factor::lengths(factor);
             at += numbers;
             rate_at += rates;
             block
@@ -63,17 +84,64 @@ impl Layout {
 }
 
 /// A point of ℝᵐ × SO(3)ᵏ: the positions q of a tree, say.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct Coordinates {
     numbers: Vec<f64>,
     layout: Layout,
 }
 
 /// A rate of [`Coordinates`], with angular velocities in body axes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct Rates {
     numbers: Vec<f64>,
     layout: Layout,
+}
+
+/// A point or a rate as files hold it.
+#[derive(Deserialize)]
+struct Parts {
+    numbers: Vec<f64>,
+    layout: Vec<Factor>,
+}
+
+impl Parts {
+    /// The numbers, where `length` of the factors adds up to as many.
+    fn checked(self, length: fn((usize, usize)) -> usize) -> Result<(Vec<f64>, Layout), &'static str> {
+        if self.layout.iter().any(|factor| matches!(factor, Factor::Linear(n) if !(1..=3).contains(n))) {
+            return Err("a linear factor must have one to three numbers");
+        }
+        if self.layout.iter().map(|factor| length(factor.lengths())).sum::<usize>() != self.numbers.len() {
+            return Err("`numbers` must be as many as the factors of `layout` have");
+        }
+        Ok((self.numbers, Layout::new(self.layout)))
+    }
+}
+
+impl TryFrom<Parts> for Coordinates {
+    type Error = &'static str;
+
+    fn try_from(parts: Parts) -> Result<Self, Self::Error> {
+        let (numbers, layout) = parts.checked(|(numbers, _)| numbers)?;
+        // a NaN is not within
+        if !layout
+            .rotations()
+            .all(|block| (quaternion(&numbers[block.at..]).coords.norm() - 1.0).abs() <= 1e-9)
+        {
+            return Err("rotations must be of unit norm");
+        }
+        Ok(Self { numbers, layout })
+    }
+}
+
+impl TryFrom<Parts> for Rates {
+    type Error = &'static str;
+
+    fn try_from(parts: Parts) -> Result<Self, Self::Error> {
+        let (numbers, layout) = parts.checked(|(_, rates)| rates)?;
+        Ok(Self { numbers, layout })
+    }
 }
 
 impl Coordinates {

@@ -17,9 +17,10 @@
 use crate::scalar::Scalar;
 use crate::spatial::{Direction, Transform};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The kinds of joints between a body and its parent.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Joint {
     /// No motion.
     Fixed,

@@ -1,5 +1,6 @@
 //! The immutable description of a tree.
 
+use crate::builder::ModelError;
 use crate::builder::{Link, ModelBuilder};
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
@@ -7,6 +8,7 @@ use crate::joint::{Joint, Mechanism};
 use crate::scalar::Scalar;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -50,6 +52,35 @@ impl Model {
 
     pub(crate) fn from_links(links: Vec<Link>, gravity: Vector3<f64>) -> Self {
         Self::compile(links.into(), gravity)
+    }
+}
+
+/// A model as files hold it.
+#[derive(Serialize, Deserialize)]
+struct Parts {
+    gravity: Vector3<f64>,
+    links: Vec<Link>,
+}
+
+impl Parts {
+    fn build(self) -> Result<Model, ModelError> {
+        let mut builder = Model::builder().with_gravity(self.gravity);
+        for link in self.links {
+            builder.add(link)?;
+        }
+        builder.build()
+    }
+}
+
+impl Serialize for Model {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Parts { gravity: self.standard_gravity, links: self.links.to_vec() }.serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Model {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Parts::deserialize(deserializer)?.build().map_err(serde::de::Error::custom)
     }
 }
 

@@ -22,6 +22,8 @@ pub use somersault_motion as motion;
 pub use somersault_multibody as multibody;
 pub use somersault_ocp as ocp;
 
+pub mod storage;
+
 /// What most programs need.
 pub mod prelude {
     pub use somersault_core::{Inertia, so3};

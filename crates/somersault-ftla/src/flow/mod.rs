@@ -17,6 +17,7 @@ mod kernel;
 use crate::system::{OptimalControlSystem, Piece, SystemError, VectorField};
 use kernel::{Kernel, Progress};
 use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
 /// Accuracy of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +82,7 @@ pub enum FlowError {
 }
 
 /// What a run cost.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Evaluations of the field, or of field and Jacobian.
     pub evaluations: usize,
@@ -103,7 +104,7 @@ impl std::ops::AddAssign for Work {
 }
 
 /// The end of a run with its transition matrix, ∂p(t + T)/∂p(t).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Transition<const N: usize> {
     /// T, negative backward in time.
     pub duration: f64,

@@ -15,6 +15,7 @@ use crate::system::{OptimalControlSystem, VectorField};
 use elimination::Elimination;
 use nalgebra::SVector;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Why a boundary value problem cannot be posed or begun.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -110,7 +111,7 @@ impl<const N: usize> End<N> {
 }
 
 /// How a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Status {
     /// Every defect and end condition is within the tolerance.
     Converged,
@@ -125,7 +126,8 @@ pub enum Status {
 }
 
 /// A motion by its nodes, with how well it satisfies the conditions.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts<N>")]
 pub struct Extremal<const N: usize> {
     /// Times of the nodes.
     pub times: Vec<f64>,
@@ -143,6 +145,31 @@ pub struct Extremal<const N: usize> {
     pub flow_evaluations: usize,
     /// What they cost.
     pub work: Work,
+}
+
+/// An extremal as files hold it.
+#[derive(Deserialize)]
+struct Parts<const N: usize> {
+    times: Vec<f64>,
+    nodes: Vec<SVector<f64, N>>,
+    links: Vec<Transition<N>>,
+    status: Status,
+    residual: f64,
+    iterations: usize,
+    flow_evaluations: usize,
+    work: Work,
+}
+
+impl<const N: usize> TryFrom<Parts<N>> for Extremal<N> {
+    type Error = &'static str;
+
+    fn try_from(parts: Parts<N>) -> Result<Self, Self::Error> {
+        let Parts { times, nodes, links, status, residual, iterations, flow_evaluations, work } = parts;
+        if nodes.len() < 2 || times.len() != nodes.len() || links.len() + 1 != nodes.len() {
+            return Err("`nodes` must be two at least, `times` as many, and `links` one less");
+        }
+        Ok(Self { times, nodes, links, status, residual, iterations, flow_evaluations, work })
+    }
 }
 
 impl<const N: usize> Extremal<N> {

@@ -1,11 +1,12 @@
 //! What a fit seeks: scale, configuration, and the weights behind it.
 
 use super::{FitOptions, Shape};
+use serde::{Deserialize, Serialize};
 use somersault_multibody::{DynamicsError, Model};
 use somersault_ocp::motion::EigenpostureBase;
 
 /// Scale, pose and shape of a model.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// Size over that of the model.
     pub scale: f64,

@@ -4,10 +4,11 @@ use super::estimate::{Estimate, Unknowns};
 use super::quadratic::{Activity, BoundedQuadratic};
 use super::{FitError, FitOptions, MarkerSet};
 use nalgebra::{DMatrix, Vector3};
+use serde::{Deserialize, Serialize};
 use somersault_multibody::{Axes, Data, DynamicsError, Model, Transform};
 
 /// How the search in a frame ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FitStatus {
     /// No unknown moves any more.
     Converged,
@@ -20,7 +21,7 @@ pub enum FitStatus {
 }
 
 /// The fit of one frame.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameFit {
     /// How the search ended.
     pub status: FitStatus,

@@ -7,6 +7,7 @@ use crate::GoOn;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use somersault_multibody::Model;
 
 /// A model with markers, to be fitted to recordings.
@@ -40,7 +41,8 @@ pub struct MarkerFit {
 }
 
 /// A fitted motion.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct MotionFit {
     /// Times of the frames, s.
     pub times: Vec<f64>,
@@ -48,6 +50,25 @@ pub struct MotionFit {
     pub frames: Vec<FrameFit>,
     /// Whether a scale common to all frames has converged too; true where each frame has its own.
     pub scale_converged: bool,
+}
+
+/// A fitted motion as files hold it.
+#[derive(Deserialize)]
+struct Parts {
+    times: Vec<f64>,
+    frames: Vec<FrameFit>,
+    scale_converged: bool,
+}
+
+impl TryFrom<Parts> for MotionFit {
+    type Error = &'static str;
+
+    fn try_from(Parts { times, frames, scale_converged }: Parts) -> Result<Self, Self::Error> {
+        if times.len() != frames.len() {
+            return Err("`times` and `frames` must be as many as each other");
+        }
+        Ok(Self { times, frames, scale_converged })
+    }
 }
 
 impl MotionFit {

@@ -51,7 +51,8 @@ impl ScoringOptions {
 }
 
 /// A trained model.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "super::storage::Stored", into = "super::storage::Stored")]
 pub struct ScoringModel {
     pub(super) vector: VectorOptions,
     /// The first PCA, of all frames.

@@ -44,7 +44,7 @@ struct StoredPca {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Stored {
+pub(super) struct Stored {
     format: String,
     version: u32,
     /// Whether it has learnt from motions that are made up.
@@ -91,6 +91,14 @@ impl StoredPca {
     }
 }
 
+fn expect_format(format: String, version: u32) -> Result<(), StorageError> {
+    if format == FORMAT && version == VERSION {
+        Ok(())
+    } else {
+        Err(StorageError::Version { format, version })
+    }
+}
+
 fn json_error(error: serde_json::Error) -> StorageError {
     StorageError::Json { line: error.line(), reason: error.to_string() }
 }
@@ -98,26 +106,38 @@ fn json_error(error: serde_json::Error) -> StorageError {
 impl ScoringModel {
     /// The model as JSON.
     pub fn to_json(&self) -> Result<String, StorageError> {
-        let stored = Stored {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            synthetic: self.synthetic,
-            vector: self.vector,
-            eigenpostures: (&self.eigenpostures).into(),
-            eigenmotions: (&self.eigenmotions).into(),
-            intercept: self.intercept,
-            coefficients: self.coefficients.clone(),
-        };
-        serde_json::to_string_pretty(&stored).map_err(json_error)
+        serde_json::to_string_pretty(&Stored::from(self.clone())).map_err(json_error)
     }
 
     /// The model that [`to_json`](Self::to_json) wrote.
     pub fn from_json(text: &str) -> Result<Self, StorageError> {
         let Head { format, version } = serde_json::from_str(text).map_err(json_error)?;
-        if format != FORMAT || version != VERSION {
-            return Err(StorageError::Version { format, version });
+        expect_format(format, version)?;
+        serde_json::from_str::<Stored>(text).map_err(json_error)?.try_into()
+    }
+}
+
+impl From<ScoringModel> for Stored {
+    fn from(model: ScoringModel) -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            synthetic: model.synthetic,
+            vector: model.vector,
+            eigenpostures: (&model.eigenpostures).into(),
+            eigenmotions: (&model.eigenmotions).into(),
+            intercept: model.intercept,
+            coefficients: model.coefficients,
         }
-        let stored: Stored = serde_json::from_str(text).map_err(json_error)?;
+    }
+}
+
+impl TryFrom<Stored> for ScoringModel {
+    type Error = StorageError;
+
+    fn try_from(stored: Stored) -> Result<Self, StorageError> {
+        let Stored { format, version, .. } = stored;
+        expect_format(format, version)?;
         let (vector, coefficients) = (stored.vector, stored.coefficients);
         let (eigenpostures, eigenmotions) = (stored.eigenpostures.pca()?, stored.eigenmotions.pca()?);
         let expect = crate::analysis::expect_length;

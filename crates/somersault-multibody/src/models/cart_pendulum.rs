@@ -9,9 +9,10 @@ use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
 use crate::joint::Joint;
 use crate::model::Model;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Parameters of the cart with its pendulum: a point mass on a massless rod.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CartPendulum {
     /// m_c, kg.
     pub cart_mass: f64,

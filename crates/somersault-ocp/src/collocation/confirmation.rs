@@ -11,6 +11,7 @@ use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
 use crate::nlp::EvaluationError;
+use serde::{Deserialize, Serialize};
 use somersault_integrators::driver::{Adaptive, integrate_adaptive};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::state::State;
@@ -23,7 +24,7 @@ const MAX_STEPS: usize = 20_000;
 const SAMPLES: usize = 8;
 
 /// One phase integrated anew. Errors are relative: |Δx|/(1 + max |x|), the largest of all states.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PhaseConfirmation {
     /// At the end of each interval, integrated from its start. Infinite where the integration broke off.
     pub defects: Vec<f64>,
@@ -38,7 +39,7 @@ pub struct PhaseConfirmation {
 }
 
 /// All phases integrated anew.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Confirmation {
     /// One for each phase.
     pub phases: Vec<PhaseConfirmation>,

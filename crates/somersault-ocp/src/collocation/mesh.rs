@@ -2,16 +2,33 @@
 
 use super::error::CollocationError;
 use super::radau::{MAX_POINTS, Radau};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Intervals of a phase, as fractions of its duration.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Parts")]
 pub struct Mesh {
     /// From 0 to 1, increasing: one more than intervals.
     bounds: Vec<f64>,
     /// Collocation points of each interval.
     points: Vec<usize>,
+}
+
+/// A mesh as files hold it.
+#[derive(Deserialize)]
+struct Parts {
+    bounds: Vec<f64>,
+    points: Vec<usize>,
+}
+
+impl TryFrom<Parts> for Mesh {
+    type Error = CollocationError;
+
+    fn try_from(Parts { bounds, points }: Parts) -> Result<Self, CollocationError> {
+        Self::try_new(bounds, points)
+    }
 }
 
 /// Collocation points of a phase: some gigabytes of derivatives for a tree of twenty joints.

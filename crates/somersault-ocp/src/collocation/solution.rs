@@ -10,10 +10,12 @@ use super::mesh::{Grid, GridInterval, Mesh};
 use super::problem::expect_length;
 use super::transcription::Transcription;
 use crate::nlp::Nlp;
+use serde::{Deserialize, Serialize};
 
 /// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
 /// times have the end of the phase as a last row.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(try_from = "Parts", into = "Parts")]
 pub struct PhaseSolution {
     pub(super) grid: Grid,
     pub(super) horizon: (f64, f64),
@@ -34,7 +36,7 @@ pub struct PhaseSolution {
 }
 
 /// Rows of a solution as [`PhaseSolution`] has them, to be put on a mesh.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhaseRows {
     /// x.
     pub states: Vec<Vec<f64>>,
@@ -48,6 +50,40 @@ pub struct PhaseRows {
     pub hamiltonian: Vec<f64>,
     /// p.
     pub parameters: Vec<f64>,
+}
+
+/// A solution as files hold it.
+#[derive(Serialize, Deserialize)]
+struct Parts {
+    mesh: Mesh,
+    horizon: (f64, f64),
+    rows: PhaseRows,
+}
+
+impl From<PhaseSolution> for Parts {
+    fn from(solution: PhaseSolution) -> Self {
+        let PhaseSolution {
+            grid,
+            horizon,
+            states,
+            controls,
+            costates,
+            path_multipliers,
+            hamiltonian,
+            parameters,
+            ..
+        } = solution;
+        let rows = PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters };
+        Self { mesh: grid.mesh, horizon, rows }
+    }
+}
+
+impl TryFrom<Parts> for PhaseSolution {
+    type Error = CollocationError;
+
+    fn try_from(Parts { mesh, horizon, rows }: Parts) -> Result<Self, CollocationError> {
+        Self::try_new(mesh, horizon, rows)
+    }
 }
 
 impl PhaseSolution {

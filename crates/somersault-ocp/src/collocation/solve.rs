@@ -9,6 +9,7 @@ use super::refinement::{self, IntervalError};
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use crate::solver::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
@@ -45,7 +46,7 @@ impl Default for Collocation {
 }
 
 /// How a search ended. Whatever it is, the report has the best motion found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum CollocationStatus {
     /// The program converged on a mesh that meets the tolerance, and the motion was confirmed.
@@ -60,7 +61,7 @@ pub enum CollocationStatus {
 }
 
 /// One mesh of a search.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MeshRecord {
     /// One for each phase.
     pub meshes: Vec<Mesh>,
@@ -77,7 +78,7 @@ pub struct MeshRecord {
 }
 
 /// What a search found.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CollocationReport {
     /// How it ended.
     pub status: CollocationStatus,

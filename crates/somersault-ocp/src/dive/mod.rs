@@ -45,6 +45,7 @@ pub use motion::{DiveMotion, PeakTorque};
 pub use program::DiveProgram;
 pub use report::{ALLOWED, DiveJudgementError, DiveReport};
 pub use search::{DiveSearch, DiveSearchError};
+use serde::{Deserialize, Serialize};
 pub use template::KeyFrame;
 
 use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};
@@ -54,7 +55,7 @@ use somersault_multibody::Model;
 use somersault_multibody::models::{Dimension, Diver};
 
 /// What a number may be: a variable of the dive, or fixed where both are equal.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Range {
     /// Least value.
     pub lower: f64,
@@ -80,7 +81,7 @@ impl Range {
 }
 
 /// What the channels of the joint motion are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Channels {
     /// Weights of eigenpostures, not negative and with a sum of at most one.
     Weights,
@@ -89,7 +90,7 @@ pub enum Channels {
 }
 
 /// What a dive costs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Penalties {
     /// a, of the squared angular momentum over L₀ = m h²/(1 s).
     pub momentum: f64,
@@ -103,7 +104,7 @@ pub struct Penalties {
 const MOST_STEPS: usize = 100_000;
 
 /// How far apart capsules must be, and when.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clearance {
     /// Least distance of surfaces, m.
     pub distance: f64,
@@ -114,7 +115,7 @@ pub struct Clearance {
 /// A dive to be found.
 ///
 /// All fields are open; [`Dive::forward_pike`] and [`Dive::forward_twisting`] are those of the thesis.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Dive {
     /// Who dives, in the plane or in space.
     pub diver: Diver,

@@ -3,6 +3,7 @@
 use super::{DiveError, DiveProgram};
 use crate::flight::{BodyAngles, joints_active};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
 
@@ -32,7 +33,7 @@ pub struct DiveMotion {
 }
 
 /// The largest force of a joint in a dive.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PeakTorque {
     /// The body that the joint carries.
     pub joint: String,

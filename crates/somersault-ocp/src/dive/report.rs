@@ -4,6 +4,7 @@ use super::{DiveError, DiveProgram, PeakTorque};
 use crate::flight::{BodyAngles, joints_active};
 use crate::motion::SplineMotion;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 use somersault_core::so3::angle_between;
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
@@ -13,7 +14,7 @@ use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault_multibody::motion::{MotionError, TreeMotion, TreeSystem};
 
 /// A dive that was found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiveReport {
     /// L about the lateral axis, forward, kg m²/s.
     pub momentum: f64,

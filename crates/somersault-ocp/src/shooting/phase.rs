@@ -3,9 +3,10 @@
 use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
 use crate::motion::SplineMotion;
 use crate::nlp::Bounds;
+use serde::{Deserialize, Serialize};
 
 /// How a step in time is made, and integrals with it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Scheme {
     /// Explicit Euler with rectangles on the left (thesis 2.6, 2.8): order 1.
     ExplicitEuler,

@@ -1,9 +1,10 @@
 //! What a solver says: status, iterate, residuals and counts.
 
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// How a solve ended. Whatever it is, the report has the best iterate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Status {
     /// All residuals are within their tolerances.
@@ -67,7 +68,7 @@ impl fmt::Display for Status {
 /// ```
 /// z₀ is the start. The scale s is that of IPOPT (Wächter & Biegler 2006, equation 6, and its scaling of
 /// costs with large gradients).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct KktResiduals {
     /// Of the gradient of the Lagrangian.
     pub stationarity: f64,
@@ -89,7 +90,7 @@ impl KktResiduals {
 }
 
 /// What a solve cost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Counts {
     /// Of cost and constraints.
     pub evaluations: usize,
@@ -127,7 +128,7 @@ impl From<&[f64]> for Start {
 }
 
 /// What a solver found.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// How it ended.
     pub status: Status,

@@ -34,6 +34,7 @@ mod tables;
 mod verification;
 
 pub use lifted::SwingUp;
+use serde::{Deserialize, Serialize};
 pub use single::SingleShooting;
 pub use verification::SwingUpVerification;
 
@@ -53,7 +54,7 @@ use somersault_multibody::models::CartPendulum;
 const LEAST_SEGMENTS: usize = 4;
 
 /// The problem in numbers. States are (θ, r, θ̇, ṙ), θ from the upright.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CartPendulumProblem {
     /// Masses, length and gravity.
     pub system: CartPendulum,
