@@ -21,7 +21,7 @@ POSITIVE = [NAN, INF, -1.0, 0.0, "a", None, []]
 NOT_NEGATIVE = [NAN, INF, -1.0, "a", None, []]
 FINITE = [NAN, INF, "a", None, []]
 RANGE = [NAN, (NAN, 1.0), (2.0, 1.0), "a", None, [], (1.0,), (1.0, 2.0, 3.0)]
-DURATION = [*RANGE, -1.0, 0.0, -INF, (-1.0, 1.0)]
+DURATION = [*RANGE, -1.0, 0.0, -INF, (-1.0, 1.0), (0.0, 1.0)]
 NAME = ["a", 3, None, []]
 VECTOR = ["a", None, [], [NAN] * 2, [INF] * 2, [0.0] * 50, np.zeros((2, 2, 2)), [None, 1.0]]
 CALLABLE = [3, "a", []]
@@ -204,7 +204,7 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         {
             "n_starts": COUNT,
             "z": VECTOR[:1] + VECTOR[2:],
-            "starts": ["a", 3, [[0.0]], [[NAN] * len(z)]],
+            "starts": ["a", 3, [], [[0.0]], [[NAN] * len(z)]],
             "seed": SEED,
             "reach": [NAN, INF, -1.0, "a", [], [1.0]],
             "distance_tol": [*TOLERANCE, None],
@@ -248,7 +248,7 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         call(cart.search, n_starts=2),
         {
             "n_starts": COUNT,
-            "starts": ["a", 3, [[0.0]], [[NAN] * 5]],
+            "starts": ["a", 3, [], [[0.0]], [[NAN] * 5]],
             "seed": SEED,
             "reach": POSITIVE,
             "distance_tol": [*TOLERANCE, None],
@@ -268,16 +268,16 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             "first": ["X", -1, 7, None, 1.5, 10**30],
             "last": ["X", -1, 7, None, 1.5, 10**30],
             "channels": NAME,
-            "windows": ["a", 3, [3, "a"], [(0.5, 0.2)], [(NAN, 1.0)]],
+            "windows": ["a", 3, [3, "a"], [(0.5, 0.2)], [(0.5, 0.5)], [(0.5, 0.51)], [(NAN, 1.0)]],
             "square_out": [*POSITIVE, 1.5],
             "n_par": [*COUNT, 5],
-            "somersaults": FINITE,
+            "somersaults": [*FINITE, -3.5],
             "twists": FINITE,
-            "lean": RANGE,
-            "entry_lean": FINITE,
+            "lean": [*RANGE, 10.0],
+            "entry_lean": [*FINITE, 90.0],
             "duration": [*DURATION, INF],
-            "momentum": [*RANGE, INF],
-            "platform": FINITE,
+            "momentum": [*RANGE, INF, 0.0, (-500.0, 0.0)],
+            "platform": NOT_NEGATIVE,
             "entry_distance": FINITE,
             "momentum_penalty": NOT_NEGATIVE,
             "rate_penalty": NOT_NEGATIVE,

@@ -90,7 +90,7 @@ impl Confirmation {
 pub fn confirm(problem: &mut Problem, solution: &[PhaseSolution]) -> Result<Confirmation, CollocationError> {
     let (expected, found) = (problem.phases.len(), solution.len());
     if expected != found {
-        return Err(CollocationError::Length { phase: 0, argument: "solution", expected, found });
+        return Err(CollocationError::Length { phase: None, argument: "solution", expected, found });
     }
     let (mut cost, mut phases) = (0.0, Vec::new());
     for (phase, solution) in problem.phases.iter_mut().zip(solution) {

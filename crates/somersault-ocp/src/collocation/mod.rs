@@ -79,7 +79,7 @@ mod vector;
 mod view;
 
 pub use confirmation::{Confirmation, PhaseConfirmation, confirm};
-pub use error::CollocationError;
+pub use error::{CollocationError, Entry};
 pub use function::{Dynamics, Ends, Point, Terms, VectorFunction};
 pub use guess::Guess;
 pub use interval::Interval;

@@ -325,7 +325,7 @@ impl CollocationProblem {
         let m = actuated.len();
         let (lower, upper) = number_or_range("duration", duration)?;
         // a NaN is not below
-        if !(0.0 <= lower && lower <= upper && upper > 0.0 && lower.is_finite()) {
+        if !(0.0 < lower && lower <= upper && lower.is_finite()) {
             return Err(Error::ocp_input(format!(
                 "`duration` must be positive, or a pair of such numbers in their order, found ({lower}, {upper})"
             )));

@@ -1,6 +1,6 @@
 //! The pendulum on a cart, brought from one state to another.
 
-use super::arguments::{count, integer, integer_or_none, seed_of};
+use super::arguments::{count, integer, integer_or_none, seed_of, starts_or_none};
 use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
 use super::solver::{Report, SolverArguments};
@@ -388,10 +388,7 @@ impl CartPendulumProblem {
     ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 0)?, seed_of(seed)?);
-        let given = starts.unwrap_or_default();
-        if n_starts == 0 && given.is_empty() {
-            return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
-        }
+        let given = starts_or_none(starts, n_starts)?;
         let from =
             |z: &Bound<'_, PyAny>| self.start_at(z).map_err(|error| error.with_names(&[("z", "starts")]));
         let mut all = given.iter().map(from).collect::<Result<Vec<Start>, Error>>()?;

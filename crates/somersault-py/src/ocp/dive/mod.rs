@@ -58,7 +58,8 @@ const ATTENTION: Duration = Duration::from_millis(20);
 /// n_par : int, optional
 ///     Coefficients of each spline, of degree 5; 10 unless given.
 /// somersaults, twists : float, optional
-///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given.
+///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given. Backward somersaults are negative
+///     and need a negative `momentum`.
 /// lean : float or tuple of float, optional
 ///     Forward lean at take-off, rad, or its range; 10° unless given.
 /// entry_lean : float, optional
@@ -68,7 +69,7 @@ const ATTENTION: Duration = Duration::from_millis(20);
 /// momentum : float or tuple of float, optional
 ///     Angular momentum about the lateral axis, kg m²/s, or its range; from 0 to 500 unless given.
 /// platform : float, optional
-///     Height of the feet over the water at take-off, m; 10 m unless given.
+///     Height of the feet over the water at take-off, m, not negative; 10 m unless given.
 /// entry_distance : float, optional
 ///     How far ahead the hands enter the water, m; 2 m unless given.
 /// momentum_penalty, rate_penalty, acceleration_penalty : float, optional
