@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, Vector3};
 use somersault_multibody::models::CartPendulum;
 use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder, Scalar};
 use somersault_ocp::collocation::{
-    Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh, Phase,
-    Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
+    Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh,
+    Phase, Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
 };
 use somersault_ocp::nlp::EvaluationError;
 use somersault_ocp::solver::{Flow, SolverError, Sqp, Status};
@@ -60,7 +60,10 @@ fn bad_bounds_are_refused_by_name() {
     assert!(matches!(refused(line().initial_state([0.0, 1.0])), E::Length { expected: 1, found: 2, .. }));
     assert!(matches!(refused(line().path_bounds([Interval::FREE])), E::Length { expected: 0, found: 1, .. }));
     let outside = line().state_bounds([Interval::new(0.0, 0.5)]);
-    assert!(matches!(refused(outside), E::BoundaryOutside { argument: "final_state", entry: Entry { index: 0, .. }, .. }));
+    assert!(matches!(
+        refused(outside),
+        E::BoundaryOutside { argument: "final_state", entry: Entry { index: 0, .. }, .. }
+    ));
     assert!(matches!(refused(line().horizon(1.0, 0.5)), E::Horizon { .. }));
     assert!(matches!(refused(line().scales([0.0], [1.0])), E::NotPositive { argument: "scales", .. }));
     assert!(matches!(Problem::try_of_phases(Vec::new(), Vec::new()), Err(E::NoPhase)));

@@ -78,7 +78,7 @@ mod tree;
 mod vector;
 mod view;
 
-pub use confirmation::{Confirmation, PhaseConfirmation, confirm};
+pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_while};
 pub use error::{CollocationError, Entry};
 pub use function::{Dynamics, Ends, Point, Terms, VectorFunction};
 pub use guess::Guess;

@@ -201,6 +201,19 @@ impl Phase {
         self.sizes.parameters
     }
 
+    /// What a row is that has bounds at all times: a state, a control or a path constraint.
+    pub(super) fn name_of_row(&self, row: usize) -> String {
+        let Sizes { states, controls, .. } = self.sizes;
+        let (kind, k, names) = if row < states {
+            ("state", row, &self.names.states)
+        } else if row < states + controls {
+            ("control", row - states, &self.names.controls)
+        } else {
+            return format!("path constraint {}", row - states - controls);
+        };
+        names.get(k).cloned().unwrap_or_else(|| format!("{kind} {k}"))
+    }
+
     /// Whether the bounds of the horizon allow it.
     fn may_run_backwards(&self) -> bool {
         self.bounds.initial_time.upper > self.bounds.final_time.lower

@@ -1,6 +1,7 @@
 //! What a dive is, judged by integrations that know nothing of how it was found.
 
 use super::{DiveError, DiveProgram, PeakTorque};
+use crate::attention::{Attention, GoOn};
 use crate::flight::{BodyAngles, joints_active};
 use crate::motion::SplineMotion;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -83,6 +84,13 @@ const TIMES: usize = 1000;
 impl DiveProgram {
     /// Judges the dive `z`.
     pub fn report(&self, z: &[f64]) -> Result<DiveReport, DiveJudgementError> {
+        self.report_while(z, &mut || true)
+    }
+
+    /// The same for as long as `go_on`, which is asked at each step of the integrations; else
+    /// [`DiveJudgementError::Interrupted`].
+    pub fn report_while(&self, z: &[f64], go_on: GoOn<'_>) -> Result<DiveReport, DiveJudgementError> {
+        let mut attention = Attention::new(go_on);
         let mut program = self.clone();
         program.fly(z, false)?;
         let (momentum, duration) = (self.momentum(z), self.duration(z));
@@ -122,8 +130,11 @@ impl DiveProgram {
             &start,
             interval,
             &control,
-            &mut recorder,
+            &mut (&mut recorder, &mut attention),
         )?;
+        if attention.has_stopped {
+            return Err(DiveJudgementError::Interrupted);
+        }
         let solution = recorder.into_solution();
         let n_steps = program.path().n_steps();
         let mut defects = Vec::with_capacity(n_steps + 1);
@@ -157,7 +168,7 @@ impl DiveProgram {
             level.atan2(down.abs())
         };
         let (momentum_drift, full_dynamics_defect) =
-            self.full_dynamics(&system, &start, &end.state, &channels)?;
+            self.full_dynamics(&system, &start, &end.state, &channels, &mut attention)?;
         let mut least_channel = f64::INFINITY;
         let mut greatest_sum = f64::NEG_INFINITY;
         let mut least_distance: Option<(f64, [&'static str; 2])> = None;
@@ -262,6 +273,7 @@ impl DiveProgram {
         start: &somersault_multibody::motion::TreeState,
         end: &somersault_multibody::motion::TreeState,
         channels: &Channels<'_>,
+        attention: &mut Attention<'_>,
     ) -> Result<(f64, f64), DiveJudgementError> {
         use somersault_integrators::system::System;
         let model = self.path().model();
@@ -281,9 +293,12 @@ impl DiveProgram {
                 &full_start,
                 (0.0, duration),
                 &control,
-                &mut (),
+                attention,
             )?
             .state;
+        if attention.has_stopped {
+            return Err(DiveJudgementError::Interrupted);
+        }
         let mut velocities = vec![0.0; model.n_velocities()];
         model.joint_velocities(&full_end, &mut velocities).map_err(DiveError::from)?;
         let mut data = Data::new(model);
@@ -339,4 +354,7 @@ pub enum DiveJudgementError {
     /// An integration.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// It was not to go on.
+    #[error("the integration was interrupted")]
+    Interrupted,
 }

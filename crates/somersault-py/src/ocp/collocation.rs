@@ -15,9 +15,9 @@ use somersault::ocp::collocation::{
     Phase, PhaseConfirmation, PhaseRows, PhaseSolution, Point, Problem, Terms, TreeDynamics,
 };
 use somersault::ocp::nalgebra::convert;
-use somersault::ocp::solver::{Flow, Sqp};
+use somersault::ocp::solver::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::verification::{self, momentum_drift};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Names that the library has for arguments of these classes.
@@ -458,15 +458,18 @@ impl CollocationProblem {
         let mesh = Mesh::try_uniform(n_intervals, n_points)?;
         let guess = guess.map(|guess| guess_of(self, guess)).transpose()?;
         let mut problem = self.problem(guess)?;
-        let mut watcher = Watcher::new(callback)?;
+        let watcher = Mutex::new(Watcher::new(callback)?);
+        let watch = || watcher.lock().unwrap_or_else(PoisonError::into_inner);
         let found = py.detach(|| {
-            collocation.solve(&mut problem, &[mesh], &mut |iteration| -> Flow { watcher.look(iteration) })
+            let mut look = |iteration: &Iteration<'_>| -> Flow { watch().look(iteration) };
+            collocation.solve_while(&mut problem, &[mesh], &mut look, &mut || watch().goes_on())
         });
+        let watcher = watcher.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
         if watcher.is_interrupted(py) {
             report.program = report.program.interrupted();
-            if let CollocationStatus::NotSolved(status) = &mut report.status {
-                *status = report.program.status;
+            if let CollocationStatus::NotSolved(status @ Status::Stopped) = &mut report.status {
+                *status = Status::Interrupted;
             }
         }
         let result = CollocationResult::of(report, &self.model, tol)?;
@@ -577,7 +580,7 @@ type Outcome = (String, f64, f64);
 /// Bounds and points of a mesh, ends of the horizon.
 type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
 /// Defects, error and state of one integration from start to end, violation, running cost, cost.
-type Confirmed = (Vec<f64>, f64, Vec<f64>, f64, f64, f64);
+type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), f64, f64);
 /// Of a mesh: bounds, points, cost, error, status, steps, seconds.
 type Tried = (Vec<f64>, Vec<usize>, f64, f64, String, usize, f64);
 
@@ -638,11 +641,13 @@ impl CollocationResult {
         }
     }
 
-    /// str: The status in a sentence.
+    /// str: The status in a sentence, and another where bounds or path constraints are exceeded by more than the tolerance
+    /// between the collocation points or at the end, where they are not asked for: what, by how much and when.
     #[getter]
     fn message(&self) -> String {
-        let defect = self.report.confirmation.max_defect();
-        match self.report.status {
+        let confirmation = &self.report.confirmation;
+        let defect = confirmation.max_defect();
+        let said = match self.report.status {
             CollocationStatus::Converged => {
                 format!("converged and confirmed: integrated anew the largest defect is {defect:.1e}")
             }
@@ -650,11 +655,19 @@ impl CollocationResult {
                 "false convergence: the program was solved, but integrated anew its motion leaves its own nodes by \
                  {defect:.1e}"
             ),
+            CollocationStatus::NotSolved(Status::Interrupted)
+                if self.report.program.status.is_converged() =>
+            {
+                return "interrupted while the motion was integrated anew; its program was solved".to_owned();
+            }
             CollocationStatus::NotSolved(status) => {
-                format!("the program of the last mesh was not solved: {}", status.message())
+                return format!("the program of the last mesh was not solved: {}", status.message());
             }
             _ => "the last mesh allowed does not meet the tolerance".to_owned(),
-        }
+        };
+        confirmation
+            .violation_sentence(self.tol)
+            .map_or(said.clone(), |violation| format!("{said}. {violation}"))
     }
 
     /// bool: Whether the status is ``'converged'``.
@@ -783,7 +796,7 @@ impl CollocationResult {
         self.report.confirmation.end_to_end_error()
     }
 
-    /// float: Largest violation of a bound, between the points too.
+    /// float: Largest violation of a bound or path constraint, between the points and at the end too.
     #[getter]
     fn violation(&self) -> f64 {
         self.report.confirmation.max_violation()
@@ -841,7 +854,7 @@ impl CollocationResult {
             confirmed.defects.clone(),
             confirmed.end_to_end_error,
             confirmed.end_to_end_state.clone(),
-            confirmed.violation,
+            (confirmed.violation, confirmed.violated.clone()),
             confirmed.running_cost,
             report.confirmation.cost,
         );
@@ -884,6 +897,7 @@ impl CollocationResult {
             PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters: Vec::new() };
         let mesh = Mesh::try_new(bounds, points)?;
         let (defects, end_to_end_error, end_to_end_state, violation, running_cost, accurate) = integrated;
+        let (violation, violated) = violation;
         if defects.len() != mesh.n_intervals() {
             let (n, found) = (mesh.n_intervals(), defects.len());
             return Err(Error::input(format!("`defects` must have {n} entries, found {found}")));
@@ -900,8 +914,14 @@ impl CollocationResult {
             let meshes = vec![Mesh::try_new(bounds, points)?];
             Ok(MeshRecord { meshes, cost, error, status: status_of(&status)?, iterations, time })
         };
-        let confirmed =
-            PhaseConfirmation { defects, end_to_end_error, end_to_end_state, violation, running_cost };
+        let confirmed = PhaseConfirmation {
+            defects,
+            end_to_end_error,
+            end_to_end_state,
+            violation,
+            violated,
+            running_cost,
+        };
         let report = CollocationReport {
             status,
             phases: vec![phase],

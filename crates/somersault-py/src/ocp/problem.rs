@@ -5,10 +5,10 @@ use super::arguments::{
 };
 use super::joint_motion::SplineMotion;
 use super::search::{SearchArguments, SearchResult};
-use super::solver::{Report, SolverArguments, duration as limit_of_time};
+use super::solver::{Report, SolverArguments, attended, duration as limit_of_time};
 use super::swing_up::scheme_of;
 use super::term::{Term, sizes_of};
-use super::verification::{Verification, Verifier, unverified};
+use super::verification::{Unverified, Verification, Verifier};
 use crate::convert::{array, finite, numbers_or_one, real_numbers, with_shape};
 use crate::error::Error;
 use crate::model::Model;
@@ -23,7 +23,7 @@ use somersault::ocp::problem::{At, Loss};
 use somersault::ocp::shooting::{self, Drive, Duration, Shooting, ShootingOptions, Start};
 use somersault::ocp::solver::{self, samples};
 use somersault::ocp::transcription::Transcription;
-use somersault::ocp::verification::verify;
+use somersault::ocp::verification::verify_while;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::ThreadId;
@@ -839,7 +839,9 @@ impl PosedMotion {
 
     fn verify(&self, py: Python<'_>, z: &[f64]) -> Result<Verification, Error> {
         let mut shooting = self.shooting()?;
-        let found = py.detach(|| verify(&mut shooting, self.dynamics.model(), z)).map_err(unverified)?;
+        let found = attended(py, |go_on| {
+            verify_while(&mut shooting, self.dynamics.model(), z, go_on).map_err(Unverified)
+        })?;
         Ok(Verification::of(found))
     }
 
