@@ -162,6 +162,12 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         good = {"term": term, "lower": -1.0, "upper": 1.0, name: value}
         return ocp.MotionProblem(**posed, constraints=[ocp.Constraint(**good)])
 
+    yield (
+        "Constraint alone",
+        call(ocp.Constraint, term=term, lower=0.0, upper=0.0),
+        {"lower": [1.0, [0.0, 1.0], "a", None, [[0.0]]], "upper": [-1.0, [0.0, -1.0], "a", None, [[0.0]]]},
+    )
+    yield "fixed variables", call(ocp.MotionProblem, **posed, upper=0.0), {"lower": [0.0]}
     bound = [NAN, "a", None, [], [0.0, 0.0]]
     yield (
         "Constraint",
@@ -325,6 +331,11 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             "path_upper": [0.0],
         },
     )
+    yield (
+        "CollocationProblem with a path",
+        call(ocp.CollocationProblem, **straight, path=[[1.0, 0.0, 0.0]]),
+        {"path_lower": [*bounds, 0.5, 2.0], "path_upper": [*bounds, -0.5, 0.5]},
+    )
     moved = ocp.CollocationProblem(**straight)
     found = moved.solve()
     pair = [[0.0, 0.0], [1.0, 0.0]]
@@ -353,6 +364,36 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             **SOLVE,
         },
     )
+    linked = ocp.MultiphaseProblem([moved, ocp.CollocationProblem(block(), [1, 0], [0, 0], 1.0)])
+    yield (
+        "MultiphaseProblem",
+        call(ocp.MultiphaseProblem, phases=linked.phases),
+        {
+            "phases": [
+                [],
+                3,
+                None,
+                [3],
+                [moved, moved],
+                [moved, ocp.arm_problem()],
+            ],
+            "links": ["a", 3, [], ["a"], [3], [[0.0]], [[NAN, 0.0]], [[(1.0, 0.0), 0.0]], [[0.5, 0.0]], [None]],
+        },
+    )
+    two = linked.solve(n_intervals=2)
+    yield (
+        "MultiphaseProblem.solve",
+        call(linked.solve),
+        {
+            "guess": [*guess, [pair], [pair, "a"], [pair, [[0.0, 0.0]]], [pair, pair, pair], found],
+            "n_intervals": COUNT,
+            "n_points": [*COUNT, 501],
+            "max_meshes": COUNT,
+            "callback": CALLABLE,
+            **SOLVE,
+        },
+    )
+    assert two.success
     for method in (found.state, found.control, found.costate):
         yield method.__name__, call(method), {"t": [NAN, INF, "a", None, [[0.0]]]}
     yield (

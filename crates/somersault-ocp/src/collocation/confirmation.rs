@@ -38,6 +38,8 @@ pub struct PhaseConfirmation {
     pub violated: String,
     /// ∫ L dt, accurate, of the motion from interval to interval.
     pub running_cost: f64,
+    /// Φ.
+    pub end_cost: f64,
 }
 
 /// All phases integrated anew.
@@ -66,10 +68,12 @@ impl Confirmation {
 
     /// A sentence about bounds and path constraints between the points, where one is exceeded by more than `allowed`.
     pub fn violation_sentence(&self, allowed: f64) -> Option<String> {
-        let worst = self.phases.iter().max_by(|a, b| a.violation.total_cmp(&b.violation))?;
+        let phases = self.phases.iter().enumerate();
+        let (k, worst) = phases.max_by(|a, b| a.1.violation.total_cmp(&b.1.violation))?;
         let PhaseConfirmation { violation, violated, .. } = worst;
+        let phase = if self.phases.len() > 1 { format!(" in phase {k}") } else { String::new() };
         (*violation > allowed).then(|| {
-            format!("Between its points it exceeds its bounds by up to {violation:.1e}: {violated}.")
+            format!("Between its points it exceeds its bounds by up to {violation:.1e}: {violated}{phase}.")
         })
     }
 
@@ -125,7 +129,7 @@ pub fn confirm_while(
     let (mut cost, mut phases) = (0.0, Vec::new());
     for (phase, solution) in problem.phases.iter_mut().zip(solution) {
         let confirmation = confirm_phase(phase, solution, &mut attention)?;
-        cost += confirmation.running_cost + end_cost(phase, solution)?;
+        cost += confirmation.running_cost + confirmation.end_cost;
         phases.push(confirmation);
     }
     Ok(Confirmation { phases, cost })
@@ -163,6 +167,7 @@ fn confirm_phase(
         violation,
         violated,
         running_cost,
+        end_cost: end_cost(phase, solution)?,
     })
 }
 

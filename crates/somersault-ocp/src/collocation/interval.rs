@@ -44,7 +44,7 @@ impl Interval {
     }
 
     /// Whether there is a finite value within.
-    pub(super) fn is_possible(&self) -> bool {
+    pub fn is_possible(&self) -> bool {
         self.lower <= self.upper && self.lower < f64::INFINITY && self.upper > f64::NEG_INFINITY
     }
 
