@@ -143,7 +143,8 @@ def test_entries_are_named_and_a_single_phase_is_not() -> None:
     with pytest.raises(errors.OcpInputError) as caught:
         ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0, state_upper=(0.5, 9.0))
     assert str(caught.value) == (
-        "`final_state`, entry 0 (position of block), must be within the bounds of the state, [-inf, 0.5], found 1"
+        "`final_state`, entry 0 (position of block), must be within the bounds of the state,"
+        " [-inf, 0.5], found 1"
     )
     with pytest.raises(errors.OcpInputError, match=r"entry 1 \(velocity of block\)") as caught:
         ocp.CollocationProblem(block(), [0.0, np.nan], [1.0, 0.0], 1.0)
@@ -171,7 +172,7 @@ def least_effort(d: float, h: float, v: tuple[float, float]) -> float:
 
 
 def test_a_waypoint_is_passed_as_in_closed_form() -> None:
-    # Of both efforts together the derivative by the speed at the waypoint vanishes at 3/(4 h), wherever it is.
+    # The derivative of both efforts by the speed at the waypoint vanishes at 3/(4 h), wherever that is.
     found = two_phases([0.3, None], [None, None], (0.5, 0.5)).solve()
     effort = least_effort(0.3, 0.5, (0.0, 1.5)) + least_effort(0.7, 0.5, (1.5, 0.0))
     assert found.success and found.confirmed and found.verification.confirmed

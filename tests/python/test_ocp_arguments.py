@@ -377,7 +377,7 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
                 [moved, moved],
                 [moved, ocp.arm_problem()],
             ],
-            "links": ["a", 3, [], ["a"], [3], [[0.0]], [[NAN, 0.0]], [[(1.0, 0.0), 0.0]], [[0.5, 0.0]], [None]],
+            "links": ["a", 3, [], ["a"], [3], [[0.0]], [[NAN, 0.0]], [[(1.0, 0.0), 0.0]], [[0.5, 0.0]]],
         },
     )
     two = linked.solve(n_intervals=2)

@@ -56,7 +56,8 @@ const ATTENTION: Duration = Duration::from_millis(20);
 /// square_out : float, optional
 ///     Share of the duration at which twists and tilt must be what they are at the entry.
 /// n_par : int, optional
-///     Coefficients of each spline, of degree 5; 10 unless given.
+///     Coefficients of each spline, of degree 5, of which the ends fix four; 10 unless given. Free are n_par − 4 for each
+///     channel without a window, and the momentum.
 /// somersaults, twists : float, optional
 ///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given. Backward somersaults are negative
 ///     and need a negative `momentum`.
