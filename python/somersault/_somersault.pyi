@@ -130,6 +130,8 @@ __all__ = [
     "Motion",
     "MotionFit",
     "MotionProblem",
+    "MultiphaseProblem",
+    "MultiphaseResult",
     "Pca",
     "Performance",
     "Perturbation",
@@ -1624,6 +1626,57 @@ class CollocationResult:
     def meshes(self) -> list[dict[str, Any]]: ...
     @property
     def report(self) -> Report: ...
+
+@final
+class MultiphaseProblem:
+    def __new__(
+        cls,
+        phases: Sequence[CollocationProblem],
+        links: Sequence[Literal["continuous"] | Sequence[_Entry]] | None = None,
+    ) -> MultiphaseProblem: ...
+    @property
+    def phases(self) -> list[CollocationProblem]: ...
+    def solve(
+        self,
+        guess: Sequence[ArrayLike | tuple[ArrayLike, ArrayLike, ArrayLike | None] | CollocationResult]
+        | MultiphaseResult
+        | None = None,
+        *,
+        tol: float = 1e-6,
+        n_intervals: int = 40,
+        n_points: int = 4,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        callback: Callable[[int, _Floats, float, float], object] | None = None,
+        on_interrupt: Literal["return", "raise"] = "return",
+    ) -> MultiphaseResult: ...
+
+@final
+class MultiphaseResult:
+    @property
+    def status(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def confirmed(self) -> bool: ...
+    @property
+    def verification(self) -> Verification: ...
+    @property
+    def phases(self) -> list[CollocationResult]: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def verified_cost(self) -> float: ...
+    @property
+    def max_defect(self) -> float: ...
+    @property
+    def violation(self) -> float: ...
+    @property
+    def report(self) -> Report: ...
+    def __len__(self) -> int: ...
 
 @final
 class MarkerRecording:

@@ -9,7 +9,8 @@ is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thes
 each result has what that found as `verification`. Results and problems are written by `somersault.save`.
 
 `CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
-tolerance; `CartPendulumProblem` and `arm_problem` are the two examples of the thesis.
+tolerance; a `MultiphaseProblem` is several of them, linked. `CartPendulumProblem` and `arm_problem` are the
+two examples of the thesis.
 
 >>> import numpy as np
 >>> from somersault import multibody, ocp
@@ -40,6 +41,8 @@ from somersault._somersault import (
     LiteralDive,
     Motion,
     MotionProblem,
+    MultiphaseProblem,
+    MultiphaseResult,
     Phase,
     Report,
     SearchResult,
@@ -71,6 +74,8 @@ __all__ = [
     "LiteralDive",
     "Motion",
     "MotionProblem",
+    "MultiphaseProblem",
+    "MultiphaseResult",
     "Phase",
     "Report",
     "SearchResult",

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, Vector3};
 use somersault_multibody::models::CartPendulum;
 use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder, Scalar};
 use somersault_ocp::collocation::{
-    Collocation, CollocationError, CollocationStatus, Dynamics, End, Guess, Interval, Linkage, Mesh, Phase,
-    Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
+    Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh,
+    Phase, Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
 };
 use somersault_ocp::nlp::EvaluationError;
 use somersault_ocp::solver::{Flow, SolverError, Sqp, Status};
@@ -60,7 +60,10 @@ fn bad_bounds_are_refused_by_name() {
     assert!(matches!(refused(line().initial_state([0.0, 1.0])), E::Length { expected: 1, found: 2, .. }));
     assert!(matches!(refused(line().path_bounds([Interval::FREE])), E::Length { expected: 0, found: 1, .. }));
     let outside = line().state_bounds([Interval::new(0.0, 0.5)]);
-    assert!(matches!(refused(outside), E::BoundaryOutside { argument: "final_state", entry: 0, .. }));
+    assert!(matches!(
+        refused(outside),
+        E::BoundaryOutside { argument: "final_state", entry: Entry { index: 0, .. }, .. }
+    ));
     assert!(matches!(refused(line().horizon(1.0, 0.5)), E::Horizon { .. }));
     assert!(matches!(refused(line().scales([0.0], [1.0])), E::NotPositive { argument: "scales", .. }));
     assert!(matches!(Problem::try_of_phases(Vec::new(), Vec::new()), Err(E::NoPhase)));
@@ -195,4 +198,51 @@ fn limits_and_stops_are_statuses_with_the_best_motion() {
     let mut problem = Problem::try_new(phase).unwrap();
     let report = Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap();
     assert_eq!(report.status, CollocationStatus::NotSolved(Status::Infeasible), "{:?}", report.history);
+}
+
+/// ẍ = u, cost ∫ u² dt, with x twice as a path constraint.
+struct Block;
+
+impl Dynamics for Block {
+    fn n_states(&self) -> usize {
+        2
+    }
+    fn n_controls(&self) -> usize {
+        1
+    }
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, rates: &mut [T]) {
+        rates[0] = at.state[1];
+        rates[1] = at.control[0];
+    }
+}
+
+impl Terms for Block {
+    fn n_path_constraints(&self) -> usize {
+        2
+    }
+    fn path_constraints<T: Scalar>(&self, at: &Point<'_, T>, values: &mut [T]) {
+        values.fill(at.state[0]);
+    }
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        at.control[0] * at.control[0]
+    }
+}
+
+#[test]
+fn motions_that_contradict_their_constraints_are_infeasible() {
+    let (least, most) = (Interval::at_least(0.5), Interval::at_most(0.2));
+    // between two bounds that exclude each other; and below ½ until the last point, without the speed to be at 1 then
+    for path in [[least, most], [Interval::FREE, Interval::at_most(0.5)]] {
+        let phase = Phase::new(Block, Block)
+            .initial_state([0.0, 0.0])
+            .final_state([1.0, 0.0])
+            .state_bounds([Interval::FREE, Interval::new(-3.0, 3.0)])
+            .path_bounds(path);
+        let mut problem = Problem::try_new(phase).unwrap();
+        let mesh = Mesh::try_uniform(40, 4).unwrap();
+        let report = Collocation::default().solve(&mut problem, &[mesh], &mut |_| Flow::Continue).unwrap();
+        assert_eq!(report.status, CollocationStatus::NotSolved(Status::Infeasible), "{:?}", report.history);
+        assert!(report.program.residuals.feasibility > 0.1, "{:?}", report.program.residuals);
+        assert!(report.program.iterations < 100, "{:?}", report.history);
+    }
 }

@@ -1,5 +1,7 @@
 """Direct collocation from Python, on problems with closed-form optima and on the arm of thesis 8.4."""
 
+import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -125,6 +127,111 @@ def test_states_alone_are_a_guess() -> None:
     problem = ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0)
     found = problem.solve([[0.0, 0.0], [0.5, 1.5], [1.0, 0.0]])
     assert found.cost == pytest.approx(6.0, abs=1e-9)
+
+
+def test_what_is_exceeded_between_the_points_is_said() -> None:
+    held = ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0, state_upper=(np.inf, 1.2))
+    coarse = held.solve(n_intervals=3, n_points=3, max_meshes=1)
+    assert 1e-3 < coarse.violation < 0.3
+    for message in (coarse.message, coarse.verification.message):
+        assert "exceeds its bounds by up to" in message and "velocity of block at 0." in message
+    free = ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0).solve()
+    assert free.violation == 0.0 and "exceeds" not in free.message
+
+
+def test_entries_are_named_and_a_single_phase_is_not() -> None:
+    with pytest.raises(errors.OcpInputError) as caught:
+        ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0, state_upper=(0.5, 9.0))
+    assert str(caught.value) == (
+        "`final_state`, entry 0 (position of block), must be within the bounds of the state,"
+        " [-inf, 0.5], found 1"
+    )
+    with pytest.raises(errors.OcpInputError, match=r"entry 1 \(velocity of block\)") as caught:
+        ocp.CollocationProblem(block(), [0.0, np.nan], [1.0, 0.0], 1.0)
+    assert "phase" not in str(caught.value)
+
+
+def test_a_path_that_excludes_an_end_is_refused() -> None:
+    with pytest.raises(errors.OcpInputError, match="`path`, row 0, must be possible at `final_state`"):
+        ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0, path=[[1.0, 0.0, 0.0]], path_upper=0.5)
+
+
+def two_phases(
+    end: list[Any], start: list[Any], durations: tuple[Any, Any], links: Any = None, **options: Any
+) -> ocp.MultiphaseProblem:
+    """From rest to rest over a metre, in two phases."""
+    first = ocp.CollocationProblem(block(), [0.0, 0.0], end, durations[0], **options)
+    second = ocp.CollocationProblem(block(), start, [1.0, 0.0], durations[1], **options)
+    return ocp.MultiphaseProblem([first, second], links)
+
+
+def least_effort(d: float, h: float, v: tuple[float, float]) -> float:
+    """Least ½ ∫ u² dt over d in h seconds, from one speed to another: u is a straight line."""
+    a, b = v
+    return (6 * d**2 - 6 * d * h * (a + b) + 2 * h**2 * (a**2 + a * b + b**2)) / h**3
+
+
+def test_a_waypoint_is_passed_as_in_closed_form() -> None:
+    # The derivative of both efforts by the speed at the waypoint vanishes at 3/(4 h), wherever that is.
+    found = two_phases([0.3, None], [None, None], (0.5, 0.5)).solve()
+    effort = least_effort(0.3, 0.5, (0.0, 1.5)) + least_effort(0.7, 0.5, (1.5, 0.0))
+    assert found.success and found.confirmed and found.verification.confirmed
+    assert found.cost == pytest.approx(effort, abs=1e-8) == pytest.approx(9.84)
+    assert found.verified_cost == pytest.approx(effort, abs=1e-8)
+    first, second = found.phases
+    np.testing.assert_allclose(first.x[-1], [0.3, 1.5], atol=1e-8)
+    np.testing.assert_allclose(second.x[0], [0.3, 1.5], atol=1e-8)
+    assert (first.t[0], first.t[-1], second.t[0], second.t[-1]) == (0.0, 0.5, 0.5, 1.0)
+    assert first.cost == pytest.approx(least_effort(0.3, 0.5, (0.0, 1.5)), abs=1e-8)
+    # the costate of the speed goes on, that of the place jumps
+    assert first.costates[-1, 1] == pytest.approx(second.costates[0, 1], abs=1e-6)
+    assert abs(first.costates[-1, 0] - second.costates[0, 0]) > 1.0
+
+
+def test_a_state_jumps_by_what_its_link_says() -> None:
+    kicked = two_phases([0.5, None], [None, None], (0.5, 0.5), [[0.0, 1.0]]).solve()
+    before, after = kicked.phases[0].x[-1, 1], kicked.phases[1].x[0, 1]
+    # least of 4 h² (a² + b²)/2 − 6 d h (a + b) with b = a + 1 is where a + b = 3 d/h
+    assert (before, after) == (pytest.approx(1.0, abs=1e-7), pytest.approx(2.0, abs=1e-7))
+    effort = least_effort(0.5, 0.5, (0.0, 1.0)) + least_effort(0.5, 0.5, (2.0, 0.0))
+    assert kicked.success and kicked.cost == pytest.approx(effort, abs=1e-8)
+    # free to jump, each phase chooses its own speed, 3 d/(2 h)
+    loose = two_phases([0.3, None], [0.3, None], (0.5, 0.5), [[0.0, None]]).solve()
+    assert loose.phases[0].x[-1, 1] == pytest.approx(0.9, abs=1e-7)
+    assert loose.phases[1].x[0, 1] == pytest.approx(2.1, abs=1e-7)
+
+
+def test_free_durations_of_phases_follow_each_other() -> None:
+    # ½ ∫ u² + ∫ c over d from rest to rest takes 6 d²/T³ + c T: least at T⁴ = 18 d²/c
+    problem = two_phases([0.5, 0.0], [None, None], ((0.1, 5.0), (0.1, 5.0)), time_weight=18.0)
+    found = problem.solve()
+    best = 0.5**0.5
+    assert found.success and "phases, converged" in repr(found) and len(found) == 2
+    for phase, start in zip(found.phases, (0.0, best), strict=True):
+        assert phase.t[0] == pytest.approx(start, abs=1e-6)
+        assert phase.t[-1] == pytest.approx(start + best, abs=1e-6)
+    again = problem.solve(found)
+    assert again.cost == pytest.approx(found.cost, rel=1e-8)
+    assert problem.solve([phase.x for phase in found.phases]).success
+
+
+def test_phases_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(errors.OcpInputError, match=r"`links\[0\]` .* 0.3 and 0.4, .* \(position of block\)"):
+        two_phases([0.3, None], [0.4, None], (0.5, 0.5))
+
+
+def test_problems_and_results_of_phases_are_saved(tmp_path: Path) -> None:
+    problem = two_phases([0.3, None], [None, None], (0.5, (0.4, 0.6)), [[0.0, (0.0, 0.1)]])
+    found = problem.solve()
+    for value in (problem, found):
+        somersault.save(tmp_path / "phases.som", value)
+        back = somersault.load(tmp_path / "phases.som")
+        assert repr(back) == repr(value)
+    assert back.cost == found.cost and back.verified_cost == found.verified_cost
+    for phase, other in zip(back.phases, found.phases, strict=True):
+        np.testing.assert_array_equal(phase.x, other.x)
+        assert phase.meshes[-1]["n_points"] == other.meshes[-1]["n_points"]
+    assert pickle.loads(pickle.dumps(problem)).solve().cost == pytest.approx(found.cost, rel=1e-12)
 
 
 def test_a_callback_ends_a_search_with_the_best_iterate() -> None:

@@ -358,8 +358,8 @@ class TestMotionProblem:
             ({"scheme": "magic"}, "scheme"),
             ({"lower": [0.0, 0.0]}, "lower"),
             (
-                {"constraints": [ocp.Constraint(ocp.entries("velocity"), 1.0, -1.0)]},
-                "`lower` and `upper` has bounds 1 to -1",
+                {"constraints": [ocp.Constraint(ocp.entries("velocity"), np.nan, -1.0)]},
+                "`lower` and `upper` has bounds NaN to -1",
             ),
             ({"constraints": [ocp.Constraint(ocp.point_position("wing"), 0.0, 1.0)]}, "wing"),
             ({"constraints": [ocp.Constraint(ocp.entries("velocity", [7]), 0.0, 1.0)]}, "7"),
@@ -380,6 +380,33 @@ class TestMotionProblem:
             posed.solve(np.zeros(posed.n_variables), solver="oracle")  # type: ignore[arg-type]
         with pytest.raises(errors.InputError, match="max_time"):
             posed.solve(np.zeros(posed.n_variables), max_time=-1.0)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no timers there")
+def test_a_verification_is_interrupted_and_the_report_stays() -> None:
+    posed = ocp.MotionProblem(
+        multibody.cart_pendulum(),
+        [0.0, np.pi],
+        [0.0, 0.0],
+        [ocp.Phase(ocp.SplineMotion(1, 30), 6.0, 20_000)],
+        active=["cart"],
+        costs=[ocp.Cost(ocp.entries("torque", [0]))],
+    )
+    report = posed.solve(np.full(posed.n_variables, 0.1), max_iterations=0)
+    before = signal.signal(signal.SIGALRM, lambda *_: signal.default_int_handler(signal.SIGINT, None))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.1)
+        began = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            print(report.message)
+        interrupted = time.monotonic() - began
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    began = time.monotonic()
+    # what was solved is there, and the next look at it integrates to the end
+    assert np.isfinite(report.cost) and report.confirmed
+    assert interrupted < 0.1 + 0.5 * (time.monotonic() - began)
 
 
 SCRIPT = """

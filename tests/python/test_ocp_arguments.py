@@ -21,7 +21,7 @@ POSITIVE = [NAN, INF, -1.0, 0.0, "a", None, []]
 NOT_NEGATIVE = [NAN, INF, -1.0, "a", None, []]
 FINITE = [NAN, INF, "a", None, []]
 RANGE = [NAN, (NAN, 1.0), (2.0, 1.0), "a", None, [], (1.0,), (1.0, 2.0, 3.0)]
-DURATION = [*RANGE, -1.0, 0.0, -INF, (-1.0, 1.0)]
+DURATION = [*RANGE, -1.0, 0.0, -INF, (-1.0, 1.0), (0.0, 1.0)]
 NAME = ["a", 3, None, []]
 VECTOR = ["a", None, [], [NAN] * 2, [INF] * 2, [0.0] * 50, np.zeros((2, 2, 2)), [None, 1.0]]
 CALLABLE = [3, "a", []]
@@ -162,6 +162,12 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         good = {"term": term, "lower": -1.0, "upper": 1.0, name: value}
         return ocp.MotionProblem(**posed, constraints=[ocp.Constraint(**good)])
 
+    yield (
+        "Constraint alone",
+        call(ocp.Constraint, term=term, lower=0.0, upper=0.0),
+        {"lower": [1.0, [0.0, 1.0], "a", None, [[0.0]]], "upper": [-1.0, [0.0, -1.0], "a", None, [[0.0]]]},
+    )
+    yield "fixed variables", call(ocp.MotionProblem, **posed, upper=0.0), {"lower": [0.0]}
     bound = [NAN, "a", None, [], [0.0, 0.0]]
     yield (
         "Constraint",
@@ -204,7 +210,7 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         {
             "n_starts": COUNT,
             "z": VECTOR[:1] + VECTOR[2:],
-            "starts": ["a", 3, [[0.0]], [[NAN] * len(z)]],
+            "starts": ["a", 3, [], [[0.0]], [[NAN] * len(z)]],
             "seed": SEED,
             "reach": [NAN, INF, -1.0, "a", [], [1.0]],
             "distance_tol": [*TOLERANCE, None],
@@ -248,7 +254,7 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         call(cart.search, n_starts=2),
         {
             "n_starts": COUNT,
-            "starts": ["a", 3, [[0.0]], [[NAN] * 5]],
+            "starts": ["a", 3, [], [[0.0]], [[NAN] * 5]],
             "seed": SEED,
             "reach": POSITIVE,
             "distance_tol": [*TOLERANCE, None],
@@ -268,16 +274,16 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             "first": ["X", -1, 7, None, 1.5, 10**30],
             "last": ["X", -1, 7, None, 1.5, 10**30],
             "channels": NAME,
-            "windows": ["a", 3, [3, "a"], [(0.5, 0.2)], [(NAN, 1.0)]],
+            "windows": ["a", 3, [3, "a"], [(0.5, 0.2)], [(0.5, 0.5)], [(0.5, 0.51)], [(NAN, 1.0)]],
             "square_out": [*POSITIVE, 1.5],
             "n_par": [*COUNT, 5],
-            "somersaults": FINITE,
+            "somersaults": [*FINITE, -3.5],
             "twists": FINITE,
-            "lean": RANGE,
-            "entry_lean": FINITE,
+            "lean": [*RANGE, 10.0],
+            "entry_lean": [*FINITE, 90.0],
             "duration": [*DURATION, INF],
-            "momentum": [*RANGE, INF],
-            "platform": FINITE,
+            "momentum": [*RANGE, INF, 0.0, (-500.0, 0.0)],
+            "platform": NOT_NEGATIVE,
             "entry_distance": FINITE,
             "momentum_penalty": NOT_NEGATIVE,
             "rate_penalty": NOT_NEGATIVE,
@@ -325,6 +331,11 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             "path_upper": [0.0],
         },
     )
+    yield (
+        "CollocationProblem with a path",
+        call(ocp.CollocationProblem, **straight, path=[[1.0, 0.0, 0.0]]),
+        {"path_lower": [*bounds, 0.5, 2.0], "path_upper": [*bounds, -0.5, 0.5]},
+    )
     moved = ocp.CollocationProblem(**straight)
     found = moved.solve()
     pair = [[0.0, 0.0], [1.0, 0.0]]
@@ -353,6 +364,36 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             **SOLVE,
         },
     )
+    linked = ocp.MultiphaseProblem([moved, ocp.CollocationProblem(block(), [1, 0], [0, 0], 1.0)])
+    yield (
+        "MultiphaseProblem",
+        call(ocp.MultiphaseProblem, phases=linked.phases),
+        {
+            "phases": [
+                [],
+                3,
+                None,
+                [3],
+                [moved, moved],
+                [moved, ocp.arm_problem()],
+            ],
+            "links": ["a", 3, [], ["a"], [3], [[0.0]], [[NAN, 0.0]], [[(1.0, 0.0), 0.0]], [[0.5, 0.0]]],
+        },
+    )
+    two = linked.solve(n_intervals=2)
+    yield (
+        "MultiphaseProblem.solve",
+        call(linked.solve),
+        {
+            "guess": [*guess, [pair], [pair, "a"], [pair, [[0.0, 0.0]]], [pair, pair, pair], found],
+            "n_intervals": COUNT,
+            "n_points": [*COUNT, 501],
+            "max_meshes": COUNT,
+            "callback": CALLABLE,
+            **SOLVE,
+        },
+    )
+    assert two.success
     for method in (found.state, found.control, found.costate):
         yield method.__name__, call(method), {"t": [NAN, INF, "a", None, [[0.0]]]}
     yield (

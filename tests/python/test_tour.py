@@ -256,6 +256,16 @@ def test_table_a_1_reproduces_but_for_cases_c_and_f(folder: Path) -> None:
     assert float(dict((name, found) for name, _, found in rows)["F"]) < thesis.SWING_UP["F"][1]
 
 
+def test_a_double_pendulum_is_swung_up(folder: Path) -> None:
+    page = (folder / "swing_up.html").read_text(encoding="utf-8")
+    section = page[page.index("A double pendulum on a cart") :]
+    row = r'<td class="text">([\d.]+ s)</td><td class="(same|off)">([\d.]+)</td><td>([\d.]+)'
+    rows = re.findall(row, section)
+    assert [(duration, verdict) for duration, verdict, _, _ in rows] == [("1.6 s", "same"), ("2.0 s", "same")]
+    assert all(seen == accurate for _, _, seen, accurate in rows)
+    assert "double-pendulum-frames.png" in section
+
+
 def test_the_arm_names_its_false_convergence(folder: Path) -> None:
     cells = read(folder / "arm.html").cells
     assert cells.count("false convergence") == 1 and cells.count("converged") == 7

@@ -2,6 +2,7 @@
 
 mod behaviour;
 mod cart_pendulum;
+mod infeasible;
 mod large;
 mod least_squares;
 mod multi_start;

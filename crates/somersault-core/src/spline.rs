@@ -90,8 +90,8 @@ impl UniformBasis {
     /// Writes the `derivative`-th derivative by the share of the [`n_active`](Self::n_active) basis functions at
     /// `share`, and returns the index of the first of them. Cost O(d²), independent of n.
     ///
-    /// Shares outside of [0, 1] continue the outermost polynomials. At a knot the highest derivative is that to the
-    /// right of it, at the end that to the left.
+    /// Shares outside of [0, 1] continue the outermost polynomials. At a knot, up to rounding of the share, the highest
+    /// derivative is that to the right of it, at the end that to the left.
     ///
     /// # Panics
     /// Where `out` is shorter than `n_active`.
@@ -99,7 +99,7 @@ impl UniformBasis {
         let d = self.degree;
         let out = &mut out[..=d];
         let n_intervals = self.n_intervals();
-        let x = share * n_intervals as f64;
+        let x = at_knot(share * n_intervals as f64);
         // saturates for what is negative or NaN
         let first = (x as usize).min(n_intervals - 1);
         out.fill(0.0);
@@ -132,6 +132,12 @@ impl UniformBasis {
         }
         first
     }
+}
+
+/// The knot that a place in intervals is at but for rounding: k/n × n may be less than k.
+fn at_knot(x: f64) -> f64 {
+    let knot = x.round();
+    if (x - knot).abs() <= 2.0 * f64::EPSILON * knot { knot } else { x }
 }
 
 #[cfg(test)]
@@ -198,5 +204,17 @@ mod tests {
         let found = UniformBasis::try_new(5, 5);
         assert_eq!(found, Err(SplineError::TooFewCoefficients { degree: 5, found: 5 }));
         assert_eq!(UniformBasis::try_new(16, 40), Err(SplineError::Degree { found: 16 }));
+    }
+
+    #[test]
+    fn knots_are_found_whatever_their_rounding() {
+        let mut values = [0.0; 6];
+        for n_intervals in 1..500 {
+            let basis = UniformBasis::try_new(5, n_intervals + 5).unwrap();
+            for k in 0..n_intervals {
+                let share = k as f64 / n_intervals as f64;
+                assert_eq!(basis.evaluate(share, 0, &mut values), k, "knot {k} of {n_intervals}");
+            }
+        }
     }
 }

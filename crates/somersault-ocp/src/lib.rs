@@ -6,6 +6,7 @@
 //! program ([`nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
+mod attention;
 pub mod collocation;
 pub mod dive;
 pub mod dynamics;
@@ -21,5 +22,6 @@ pub mod term;
 pub mod transcription;
 pub mod verification;
 
+pub use attention::GoOn;
 pub use error::OcpError;
 pub use nalgebra;

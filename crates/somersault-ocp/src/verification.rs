@@ -6,6 +6,7 @@
 //! optimum lives off its discretisation. What one integration from start to end makes of them is said beside that: it
 //! grows along a hyper-sensitive motion, however good its steps are.
 
+use crate::attention::{Attention, GoOn};
 use crate::dynamics::{HybridDynamics, Tree};
 use crate::error::{OcpError, expect_length};
 use crate::nlp::EvaluationError;
@@ -52,6 +53,9 @@ pub enum VerificationError {
     /// The model.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
+    /// It was not to go on.
+    #[error("the integration was interrupted")]
+    Interrupted,
 }
 
 /// How far a motion is from one integrated accurately. Distances are the largest entry of the displacement of the positions
@@ -107,6 +111,18 @@ pub fn verify<D: HybridDynamics>(
     model: &Model,
     z: &[f64],
 ) -> Result<Verification, VerificationError> {
+    verify_while(shooting, model, z, &mut || true)
+}
+
+/// The same for as long as `go_on`, which is asked at each step of the integration; else
+/// [`VerificationError::Interrupted`].
+pub fn verify_while<D: HybridDynamics>(
+    shooting: &mut Shooting<D>,
+    model: &Model,
+    z: &[f64],
+    go_on: GoOn<'_>,
+) -> Result<Verification, VerificationError> {
+    let mut attention = Attention::new(go_on);
     expect_length("z", z.len(), shooting.outline().n_variables())?;
     let dofs = shooting.dynamics().dofs().clone();
     expect_length("model", model.n_velocities(), dofs.n_velocities())?;
@@ -125,11 +141,13 @@ pub fn verify<D: HybridDynamics>(
         }
         for k in nodes.start..nodes.end - 1 {
             let (from, to) = (shooting.node(k), shooting.node(k + 1));
-            let end = leg.integrate(from.position, from.velocity, [from.time, to.time], MAX_STEPS)?;
+            let end =
+                leg.integrate(from.position, from.velocity, [from.time, to.time], MAX_STEPS, &mut attention)?;
             defects.push(distance(model, &end, to.position, to.velocity)?);
         }
         let (start, end) = (shooting.node(nodes.start).time, shooting.node(nodes.end - 1).time);
-        through = leg.integrate(&through.0, &through.1, [start, end], MAX_STEPS * nodes.len())?;
+        let max_steps = MAX_STEPS * nodes.len();
+        through = leg.integrate(&through.0, &through.1, [start, end], max_steps, &mut attention)?;
     }
     let last = shooting.node(shooting.outline().n_nodes() - 1);
     let terminal_error = distance(model, &through, last.position, last.velocity)?;
@@ -207,6 +225,7 @@ impl<'a> Leg<'a> {
         v: &[f64],
         [from, to]: [f64; 2],
         max_steps: usize,
+        attention: &mut Attention<'_>,
     ) -> Result<(Vec<f64>, Vec<f64>), VerificationError> {
         let state = self.model.state(q, v)?;
         let control = Adaptive {
@@ -218,11 +237,14 @@ impl<'a> Leg<'a> {
         let (method, options) = (Method::Rkmk8, Options::default());
         let end = if self.drive == Drive::Motion {
             let system = TreeSystem::new(self.model, ()).driven(self.split.clone(), write)?;
-            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut ())?
+            system.integrate_adaptive(method, options, &state, (from, to), &control, attention)?
         } else {
             let system = TreeSystem::new(self.model, write);
-            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut ())?
+            system.integrate_adaptive(method, options, &state, (from, to), &control, attention)?
         };
+        if attention.has_stopped {
+            return Err(VerificationError::Interrupted);
+        }
         let mut velocity = vec![0.0; v.len()];
         self.model.joint_velocities(&end.state, &mut velocity)?;
         Ok((end.state.configuration.as_slice().to_vec(), velocity))

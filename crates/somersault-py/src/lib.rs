@@ -85,9 +85,10 @@ mod _somersault {
     #[pymodule_export]
     use crate::ocp::{
         CartPendulumProblem, CollocationProblem, CollocationResult, Constraint, Cost, Dive, DiveSolution,
-        DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem, Phase, Report, SearchResult,
-        SplineMotion, SwingUpVerification, Term, Verification, axis_direction, body_orientation,
-        displacement, dive_107b, dive_5174d, entries, function, momentum, point_position,
+        DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem, MultiphaseProblem,
+        MultiphaseResult, Phase, Report, SearchResult, SplineMotion, SwingUpVerification, Term, Verification,
+        axis_direction, body_orientation, displacement, dive_107b, dive_5174d, entries, function, momentum,
+        point_position,
     };
     #[pymodule_export]
     use crate::scene::{

@@ -10,6 +10,7 @@ use super::error::CollocationError;
 use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
+use crate::attention::{Attention, GoOn};
 use crate::nlp::EvaluationError;
 use serde::{Deserialize, Serialize};
 use somersault_integrators::driver::{Adaptive, integrate_adaptive};
@@ -34,8 +35,12 @@ pub struct PhaseConfirmation {
     pub end_to_end_state: Vec<f64>,
     /// Largest violation of bounds of states and controls and of path constraints, between the points too.
     pub violation: f64,
+    /// What is violated there and when; empty where nothing is.
+    pub violated: String,
     /// ∫ L dt, accurate, of the motion from interval to interval.
     pub running_cost: f64,
+    /// Φ.
+    pub end_cost: f64,
 }
 
 /// All phases integrated anew.
@@ -62,15 +67,33 @@ impl Confirmation {
         self.largest(|phase| phase.violation)
     }
 
+    /// A sentence about bounds and path constraints between the points, where one is exceeded by more than `allowed`.
+    pub fn violation_sentence(&self, allowed: f64) -> Option<String> {
+        let phases = self.phases.iter().enumerate();
+        let (k, worst) = phases.max_by(|a, b| a.1.violation.total_cmp(&b.1.violation))?;
+        let PhaseConfirmation { violation, violated, .. } = worst;
+        let phase = if self.phases.len() > 1 { format!(" in phase {k}") } else { String::new() };
+        (*violation > allowed).then(|| {
+            format!("Between its points it exceeds its bounds by up to {violation:.1e}: {violated}{phase}.")
+        })
+    }
+
     /// Whether each defect is within `allowed`.
     pub fn is_confirmed(&self, allowed: f64) -> bool {
         self.max_defect() <= allowed
     }
 
-    /// One sentence: what the motion is worth, given the relative error that its use allows.
+    /// What the motion is worth, given the relative error that its use allows, and what of its bounds it exceeds by more.
     pub fn sentence(&self, allowed: f64) -> String {
+        let worth = self.worth(allowed);
+        self.violation_sentence(allowed).map_or(worth.clone(), |violation| format!("{worth} {violation}"))
+    }
+
+    fn worth(&self, allowed: f64) -> String {
         let (defect, end) = (self.max_defect(), self.end_to_end_error());
-        if self.is_confirmed(allowed) {
+        if defect.is_infinite() {
+            "The motion was not integrated anew to its end: the integration broke off.".to_owned()
+        } else if self.is_confirmed(allowed) {
             format!(
                 "The motion holds when integrated anew: defects ≤ {defect:.1e}, from start to end {end:.1e}."
             )
@@ -89,20 +112,35 @@ impl Confirmation {
 
 /// Integrates a solution anew.
 pub fn confirm(problem: &mut Problem, solution: &[PhaseSolution]) -> Result<Confirmation, CollocationError> {
+    confirm_while(problem, solution, &mut || true)
+}
+
+/// The same for as long as `go_on`, which is asked at each step of the integration: after that there are no integrations,
+/// whose defects are infinite.
+pub fn confirm_while(
+    problem: &mut Problem,
+    solution: &[PhaseSolution],
+    go_on: GoOn<'_>,
+) -> Result<Confirmation, CollocationError> {
+    let mut attention = Attention::new(go_on);
     let (expected, found) = (problem.phases.len(), solution.len());
     if expected != found {
-        return Err(CollocationError::Length { phase: 0, argument: "solution", expected, found });
+        return Err(CollocationError::Length { phase: None, argument: "solution", expected, found });
     }
     let (mut cost, mut phases) = (0.0, Vec::new());
     for (phase, solution) in problem.phases.iter_mut().zip(solution) {
-        let confirmation = confirm_phase(phase, solution)?;
-        cost += confirmation.running_cost + end_cost(phase, solution)?;
+        let confirmation = confirm_phase(phase, solution, &mut attention)?;
+        cost += confirmation.running_cost + confirmation.end_cost;
         phases.push(confirmation);
     }
     Ok(Confirmation { phases, cost })
 }
 
-fn confirm_phase(phase: &mut Phase, solution: &PhaseSolution) -> Result<PhaseConfirmation, CollocationError> {
+fn confirm_phase(
+    phase: &mut Phase,
+    solution: &PhaseSolution,
+    attention: &mut Attention<'_>,
+) -> Result<PhaseConfirmation, CollocationError> {
     let n_states = phase.sizes.states;
     let largest = |s: usize| solution.states.iter().fold(0.0, |m: f64, x| m.max(x[s].abs()));
     let sizes: Vec<f64> = (0..n_states).map(|s| 1.0 + largest(s)).collect();
@@ -116,18 +154,21 @@ fn confirm_phase(phase: &mut Phase, solution: &PhaseSolution) -> Result<PhaseCon
     for (k, interval) in solution.grid.intervals.iter().enumerate() {
         let first = &solution.states[interval.first];
         let last = &solution.states[interval.first + interval.radau.len()];
-        let (reached, cost) = integrate(phase, solution, k, first)?;
+        let (reached, cost) = integrate(phase, solution, k, first, attention)?;
         defects.push(error(&reached, last));
         running_cost += cost;
-        (through, _) = integrate(phase, solution, k, &through)?;
+        (through, _) = integrate(phase, solution, k, &through, attention)?;
     }
     let last = &solution.states[solution.states.len() - 1];
+    let (violation, violated) = violation(phase, solution)?;
     Ok(PhaseConfirmation {
         defects,
         end_to_end_error: error(&through, last),
         end_to_end_state: through,
-        violation: violation(phase, solution)?,
+        violation,
+        violated,
         running_cost,
+        end_cost: end_cost(phase, solution)?,
     })
 }
 
@@ -138,8 +179,12 @@ fn integrate(
     solution: &PhaseSolution,
     k: usize,
     state: &[f64],
+    attention: &mut Attention<'_>,
 ) -> Result<(Vec<f64>, f64), CollocationError> {
     let n = state.len();
+    if attention.has_stopped {
+        return Ok((vec![f64::NAN; n], f64::NAN));
+    }
     let interval = &solution.grid.intervals[k];
     let (start, end) = (solution.time(interval.start), solution.time(interval.start + interval.length));
     let initial = State {
@@ -153,11 +198,14 @@ fn integrate(
     };
     let driven = DrivenPhase::new(phase, solution, k);
     let stepper = RungeKuttaMuntheKaas::<Dop853>::default();
-    let outcome = integrate_adaptive(&driven, &stepper, &initial, (start, end), &control, &mut ());
+    let outcome = integrate_adaptive(&driven, &stepper, &initial, (start, end), &control, attention);
     if let Some(error @ EvaluationError::Failed(_)) = driven.into_failure() {
         return Err(error.into());
     }
-    let mut reached = outcome.map_or(vec![f64::NAN; n + 1], |outcome| outcome.state.configuration.0);
+    let mut reached = match outcome {
+        Ok(outcome) if !attention.has_stopped => outcome.state.configuration.0,
+        _ => vec![f64::NAN; n + 1],
+    };
     let cost = reached.split_off(n)[0];
     Ok((reached, cost))
 }
@@ -172,16 +220,22 @@ fn end_cost(phase: &mut Phase, solution: &PhaseSolution) -> Result<f64, Collocat
     Ok(values[0])
 }
 
-/// Largest distance of states, controls and path constraints from their bounds.
-fn violation(phase: &mut Phase, solution: &PhaseSolution) -> Result<f64, CollocationError> {
+/// Largest distance of states, controls and path constraints from their bounds, of which and when.
+fn violation(phase: &mut Phase, solution: &PhaseSolution) -> Result<(f64, String), CollocationError> {
     let sizes = phase.sizes;
     let mut arguments = vec![0.0; sizes.point()];
     let mut path = vec![0.0; phase.path.n_outputs()];
-    let mut largest: f64 = 0.0;
+    let (mut largest, mut place) = (0.0, None);
+    let mut take = |distance: f64, row: usize, time: f64| {
+        if distance > largest {
+            (largest, place) = (distance, Some((row, time)));
+        }
+    };
     for interval in &solution.grid.intervals {
         let radau = &interval.radau;
         let (mut state_basis, mut control_basis) = (vec![0.0; radau.len() + 1], vec![0.0; radau.len()]);
-        let between = (1..=SAMPLES).map(|i| 2.0 * i as f64 / (SAMPLES + 1) as f64 - 1.0);
+        // with the end, where nothing is collocated
+        let between = (1..=SAMPLES + 1).map(|i| 2.0 * i as f64 / (SAMPLES + 1) as f64 - 1.0);
         for tau in radau.points().iter().copied().chain(between) {
             radau.state_basis(tau, &mut state_basis);
             radau.control_basis(tau, &mut control_basis);
@@ -192,14 +246,17 @@ fn violation(phase: &mut Phase, solution: &PhaseSolution) -> Result<f64, Colloca
             combine(&solution.controls[interval.first..], &control_basis, control);
             parameters.copy_from_slice(&solution.parameters);
             time[0] = solution.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
+            let time = time[0];
             let at_point = arguments.iter().zip(phase.bounds.state.iter().chain(&phase.bounds.control));
-            largest = at_point.fold(largest, |m, (&x, bounds)| m.max(bounds.distance(x)));
+            at_point.enumerate().for_each(|(row, (&x, bounds))| take(bounds.distance(x), row, time));
             if path.len() > 1 {
                 phase.path.evaluate(&arguments, &mut path)?;
-                let constraints = path[1..].iter().zip(&phase.bounds.path);
-                largest = constraints.fold(largest, |m, (&g, bounds)| m.max(bounds.distance(g)));
+                let n = sizes.states + sizes.controls;
+                let constraints = path[1..].iter().zip(&phase.bounds.path).enumerate();
+                constraints.for_each(|(row, (&g, bounds))| take(bounds.distance(g), n + row, time));
             }
         }
     }
-    Ok(largest)
+    let violated = place.map(|(row, time)| format!("{} at {time:.4} s", phase.name_of_row(row)));
+    Ok((largest, violated.unwrap_or_default()))
 }

@@ -1,17 +1,39 @@
 //! What can be wrong with a problem or a mesh.
 
+use super::interval::Interval;
 use crate::nlp::EvaluationError;
 use crate::solver::SolverError;
+use std::fmt;
+
+/// An entry of a state or of the controls, and what that is where it has a name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// Its number.
+    pub index: usize,
+    /// Such as "position of cart".
+    pub name: Option<String>,
+}
+
+impl fmt::Display for Entry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "entry {}", self.index)?;
+        self.name.as_ref().map_or(Ok(()), |name| write!(f, " ({name})"))
+    }
+}
+
+fn of(phase: Option<usize>) -> String {
+    phase.map_or_else(String::new, |phase| format!(" of phase {phase}"))
+}
 
 /// Why a problem cannot be transcribed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CollocationError {
     /// An argument has the wrong number of entries.
-    #[error("`{argument}` of phase {phase} must have {expected} entries, found {found}")]
+    #[error("`{argument}`{} must have {expected} entries, found {found}", of(*phase))]
     Length {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// Name of the argument.
         argument: &'static str,
         /// Entries asked for.
@@ -20,44 +42,52 @@ pub enum CollocationError {
         found: usize,
     },
     /// A bound is NaN, or the lower exceeds the upper one.
-    #[error("bounds of `{argument}`, entry {entry} of phase {phase}, cross or are NaN: ({lower}, {upper})")]
+    #[error("bounds of `{argument}`{}, {entry}, cross or are NaN: ({lower}, {upper})", of(*phase))]
     Bounds {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// Name of the quantity.
         argument: &'static str,
         /// Its entry.
-        entry: usize,
+        entry: Entry,
         /// Lower bound given.
         lower: f64,
         /// Upper bound given.
         upper: f64,
     },
     /// A boundary condition lies outside of the bounds of the state.
-    #[error("`{argument}`, entry {entry} of phase {phase}, leaves no value within the bounds of the state")]
+    #[error(
+        "`{argument}`{}, {entry}, must be within the bounds of the state, [{lower}, {upper}], found {found}", of(*phase)
+    )]
     BoundaryOutside {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// Name of the condition.
         argument: &'static str,
         /// State concerned.
-        entry: usize,
+        entry: Entry,
+        /// What it was to be.
+        found: Interval,
+        /// Lower bound of the state.
+        lower: f64,
+        /// Upper bound of the state.
+        upper: f64,
     },
     /// A number is NaN or infinite.
-    #[error("`{argument}` of phase {phase} must be finite, found {found}")]
+    #[error("`{argument}`{} must be finite, found {found}", of(*phase))]
     NonFinite {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// Name of the argument.
         argument: &'static str,
         /// What was found.
         found: f64,
     },
     /// The horizon is empty or runs backwards for all times allowed.
-    #[error("the horizon of phase {phase} must run forward, found a start of {start} and an end of {end}")]
+    #[error("the horizon{} must run forward, found a start of {start} and an end of {end}", of(*phase))]
     Horizon {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// Start, of the bounds or of the guess.
         start: f64,
         /// End.
@@ -72,18 +102,18 @@ pub enum CollocationError {
         found: f64,
     },
     /// A mesh has no interval, an interval no point or too many, or its bounds do not increase from 0 to 1.
-    #[error("the mesh of phase {phase} is none: {reason}")]
+    #[error("the mesh{} is none: {reason}", of(*phase))]
     Mesh {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// What is wrong with it.
         reason: &'static str,
     },
     /// The times of a guess do not increase.
-    #[error("the times of the guess of phase {phase} must increase, entry {entry} does not")]
+    #[error("the times of the `guess`{} must increase, entry {entry} does not", of(*phase))]
     GuessTimes {
-        /// Number of the phase.
-        phase: usize,
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
         /// First entry that does not.
         entry: usize,
     },

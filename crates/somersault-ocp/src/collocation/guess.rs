@@ -48,7 +48,7 @@ impl Guess {
         }
     }
 
-    pub(super) fn validate(&self, phase: usize, sizes: &Sizes) -> Result<(), CollocationError> {
+    pub(super) fn validate(&self, phase: Option<usize>, sizes: &Sizes) -> Result<(), CollocationError> {
         let n = self.times.len();
         if n < 2 {
             return Err(CollocationError::Length {

@@ -1,5 +1,7 @@
 //! Lower and upper bound of a quantity.
 
+use std::fmt;
+
 /// Bounds this large bound nothing and say nothing about sizes (as in IPOPT).
 pub(super) const NO_BOUND: f64 = 1e19;
 
@@ -42,7 +44,7 @@ impl Interval {
     }
 
     /// Whether there is a finite value within.
-    pub(super) fn is_possible(&self) -> bool {
+    pub fn is_possible(&self) -> bool {
         self.lower <= self.upper && self.lower < f64::INFINITY && self.upper > f64::NEG_INFINITY
     }
 
@@ -57,6 +59,16 @@ impl Interval {
 
     pub(super) fn intersection(&self, other: &Self) -> Self {
         Self::new(self.lower.max(other.lower), self.upper.min(other.upper))
+    }
+}
+
+impl fmt::Display for Interval {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_fixed() {
+            write!(f, "{}", self.lower)
+        } else {
+            write!(f, "[{}, {}]", self.lower, self.upper)
+        }
     }
 }
 

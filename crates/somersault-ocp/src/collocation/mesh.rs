@@ -39,7 +39,7 @@ impl Mesh {
     /// Intervals between `bounds`, which increase from 0 to 1, with `points` collocation points each, 100 000 in
     /// all at most.
     pub fn try_new(bounds: Vec<f64>, points: Vec<usize>) -> Result<Self, CollocationError> {
-        let fail = |reason| Err(CollocationError::Mesh { phase: 0, reason });
+        let fail = |reason| Err(CollocationError::Mesh { phase: None, reason });
         if points.is_empty() || bounds.len() != points.len() + 1 {
             return fail("it needs an interval, and a bound more than intervals");
         }
@@ -58,7 +58,7 @@ impl Mesh {
     /// `intervals` of equal length with `points` each.
     pub fn try_uniform(intervals: usize, points: usize) -> Result<Self, CollocationError> {
         if intervals > MOST_POINTS {
-            return Err(CollocationError::Mesh { phase: 0, reason: TOO_MANY });
+            return Err(CollocationError::Mesh { phase: None, reason: TOO_MANY });
         }
         let bounds = (0..=intervals).map(|k| k as f64 / intervals as f64).collect();
         Self::try_new(bounds, vec![points; intervals])

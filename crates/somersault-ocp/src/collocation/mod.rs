@@ -78,8 +78,8 @@ mod tree;
 mod vector;
 mod view;
 
-pub use confirmation::{Confirmation, PhaseConfirmation, confirm};
-pub use error::CollocationError;
+pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_while};
+pub use error::{CollocationError, Entry};
 pub use function::{Dynamics, Ends, Point, Terms, VectorFunction};
 pub use guess::Guess;
 pub use interval::Interval;

@@ -5,7 +5,7 @@
 //! subject to ẋ = f(x, u, p, t),  path constraints g, end constraints b, bounds, linkages between phases
 //! ```
 
-use super::error::CollocationError;
+use super::error::{CollocationError, Entry};
 use super::function::{
     ByDuals, Dynamics, DynamicsFormula, EndFormula, PathFormula, Sizes, Terms, VectorFunction,
 };
@@ -28,6 +28,25 @@ pub struct Phase {
     pub(super) bounds: PhaseBounds,
     pub(super) scales: Scales,
     pub(super) guess: Option<Guess>,
+    names: Names,
+}
+
+/// What entries of states and controls are, where that is known.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Names {
+    states: Vec<String>,
+    controls: Vec<String>,
+}
+
+impl Names {
+    fn of(&self, argument: &str, index: usize) -> Entry {
+        let names = match argument {
+            "state_bounds" | "initial_state" | "final_state" => &self.states,
+            "control_bounds" => &self.controls,
+            _ => return Entry { index, name: None },
+        };
+        Entry { index, name: names.get(index).cloned() }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +84,8 @@ impl Phase {
     /// A tree of bodies, x = (q, v), with terms over a generic scalar.
     pub fn of_tree(dynamics: TreeDynamics, terms: impl Terms + 'static) -> Self {
         let sizes = Sizes { states: dynamics.n_states(), controls: dynamics.n_controls(), parameters: 0 };
-        Self::assemble(sizes, Box::new(dynamics), terms)
+        let names = Names { states: dynamics.state_names(), controls: dynamics.control_names() };
+        Self { names, ..Self::assemble(sizes, Box::new(dynamics), terms) }
     }
 
     /// Equations of motion f(x, u, p, t) that bring their derivatives; as many states as outputs.
@@ -101,6 +121,7 @@ impl Phase {
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
             guess: None,
+            names: Names::default(),
         }
     }
 
@@ -180,16 +201,29 @@ impl Phase {
         self.sizes.parameters
     }
 
+    /// What a row is that has bounds at all times: a state, a control or a path constraint.
+    pub(super) fn name_of_row(&self, row: usize) -> String {
+        let Sizes { states, controls, .. } = self.sizes;
+        let (kind, k, names) = if row < states {
+            ("state", row, &self.names.states)
+        } else if row < states + controls {
+            ("control", row - states, &self.names.controls)
+        } else {
+            return format!("path constraint {}", row - states - controls);
+        };
+        names.get(k).cloned().unwrap_or_else(|| format!("{kind} {k}"))
+    }
+
     /// Whether the bounds of the horizon allow it.
     fn may_run_backwards(&self) -> bool {
         self.bounds.initial_time.upper > self.bounds.final_time.lower
     }
 
     /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales.
-    fn validate(&mut self, phase: usize) -> Result<(), CollocationError> {
+    fn validate(&mut self, phase: Option<usize>) -> Result<(), CollocationError> {
         let Sizes { states, controls, parameters } = self.sizes;
         let (n_path, n_end) = (self.path.n_outputs() - 1, self.ends.n_outputs() - 1);
-        let bounds = &mut self.bounds;
+        let (bounds, names) = (&mut self.bounds, &self.names);
         for (argument, given, expected) in [
             ("state_bounds", &bounds.state, states),
             ("control_bounds", &bounds.control, controls),
@@ -203,6 +237,7 @@ impl Phase {
             for (entry, interval) in given.iter().enumerate() {
                 let Interval { lower, upper } = *interval;
                 if !interval.is_possible() {
+                    let entry = names.of(argument, entry);
                     return Err(CollocationError::Bounds { phase, argument, entry, lower, upper });
                 }
             }
@@ -211,6 +246,7 @@ impl Phase {
         for (entry, interval) in [start, end].into_iter().enumerate() {
             let Interval { lower, upper } = interval;
             if !interval.is_possible() {
+                let entry = Entry { index: entry, name: Some(["start", "end"][entry].to_owned()) };
                 return Err(CollocationError::Bounds { phase, argument: "horizon", entry, lower, upper });
             }
         }
@@ -221,9 +257,18 @@ impl Phase {
             for (argument, ends) in
                 [("initial_state", &mut bounds.initial_state), ("final_state", &mut bounds.final_state)]
             {
-                ends[entry] = ends[entry].intersection(&bounds.state[entry]);
+                let (found, Interval { lower, upper }) = (ends[entry], bounds.state[entry]);
+                ends[entry] = found.intersection(&bounds.state[entry]);
                 if ends[entry].lower > ends[entry].upper {
-                    return Err(CollocationError::BoundaryOutside { phase, argument, entry });
+                    let entry = names.of(argument, entry);
+                    return Err(CollocationError::BoundaryOutside {
+                        phase,
+                        argument,
+                        entry,
+                        found,
+                        lower,
+                        upper,
+                    });
                 }
             }
         }
@@ -237,7 +282,7 @@ impl Scales {
     /// Fills in what was not given: the largest of finite bounds and guess, 1 where all of them are zero.
     fn complete(
         &mut self,
-        phase: usize,
+        phase: Option<usize>,
         guess: &Guess,
         bounds: &PhaseBounds,
     ) -> Result<(), CollocationError> {
@@ -284,8 +329,9 @@ impl Problem {
         if phases.is_empty() {
             return Err(CollocationError::NoPhase);
         }
+        let several = phases.len() > 1;
         for (number, phase) in phases.iter_mut().enumerate() {
-            phase.validate(number)?;
+            phase.validate(several.then_some(number))?;
         }
         for (linkage, Linkage { left, right, difference }) in linkages.iter().enumerate() {
             for place in [left, right] {
@@ -316,7 +362,7 @@ impl Problem {
 }
 
 pub(super) fn expect_length(
-    phase: usize,
+    phase: Option<usize>,
     argument: &'static str,
     found: usize,
     expected: usize,

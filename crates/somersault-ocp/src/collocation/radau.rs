@@ -29,7 +29,7 @@ impl Radau {
     /// `n` points, from 1 to [`MAX_POINTS`]. Cost O(n²).
     pub fn try_new(n: usize) -> Result<Self, CollocationError> {
         if !(1..=MAX_POINTS).contains(&n) {
-            return Err(CollocationError::Mesh { phase: 0, reason: "an interval needs 1 to 500 points" });
+            return Err(CollocationError::Mesh { phase: None, reason: "an interval needs 1 to 500 points" });
         }
         let (mut nodes, mut weights) = (Vec::with_capacity(n + 1), Vec::with_capacity(n));
         let size = n as f64;

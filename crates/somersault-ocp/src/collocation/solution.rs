@@ -92,7 +92,7 @@ impl PhaseSolution {
         let (start, end) = horizon;
         // a NaN is not below
         if !(start < end && start.is_finite() && end.is_finite()) {
-            return Err(CollocationError::Horizon { phase: 0, start, end });
+            return Err(CollocationError::Horizon { phase: None, start, end });
         }
         let grid = Grid::try_new(mesh)?;
         let n = grid.n_points();
@@ -103,14 +103,14 @@ impl PhaseSolution {
             ("costates", &costates, n + 1),
             ("path_multipliers", &path_multipliers, n),
         ] {
-            expect_length(0, argument, table.len(), expected)?;
+            expect_length(None, argument, table.len(), expected)?;
             let width = table.first().map_or(0, Vec::len);
             for row in table {
-                expect_length(0, argument, row.len(), width)?;
+                expect_length(None, argument, row.len(), width)?;
             }
         }
-        expect_length(0, "costates", costates[0].len(), states[0].len())?;
-        expect_length(0, "hamiltonian", hamiltonian.len(), n)?;
+        expect_length(None, "costates", costates[0].len(), states[0].len())?;
+        expect_length(None, "hamiltonian", hamiltonian.len(), n)?;
         let mut solution = Self {
             grid,
             horizon,

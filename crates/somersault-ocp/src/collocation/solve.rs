@@ -1,6 +1,6 @@
 //! The loop: solve on a mesh, estimate the error, refine, start again from there.
 
-use super::confirmation::{Confirmation, confirm};
+use super::confirmation::{Confirmation, confirm_while};
 use super::error::CollocationError;
 use super::mesh::Mesh;
 use super::problem::Problem;
@@ -8,6 +8,7 @@ use super::radau::MAX_POINTS;
 use super::refinement::{self, IntervalError};
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
+use crate::attention::GoOn;
 use crate::solver::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -103,6 +104,18 @@ impl<S: NlpSolver> Collocation<S> {
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
     ) -> Result<CollocationReport, CollocationError> {
+        self.solve_while(problem, meshes, on_iteration, &mut || true)
+    }
+
+    /// The same for as long as `go_on`, which is asked at each step of the integration that confirms the motion. Without
+    /// it the status is [`Status::Interrupted`], and what was solved is kept.
+    pub fn solve_while(
+        &self,
+        problem: &mut Problem,
+        meshes: &[Mesh],
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        go_on: GoOn<'_>,
+    ) -> Result<CollocationReport, CollocationError> {
         self.check()?;
         let mut meshes = meshes.to_vec();
         let mut history: Vec<MeshRecord> = Vec::new();
@@ -136,7 +149,7 @@ impl<S: NlpSolver> Collocation<S> {
             });
             let is_met = program.status.is_converged() && error <= self.tolerance;
             if is_met || !is_usable(&program) || history.len() >= self.max_meshes {
-                return self.report(problem, phases, history, program);
+                return self.report(problem, phases, history, program, go_on);
             }
             meshes = meshes
                 .iter()
@@ -157,12 +170,20 @@ impl<S: NlpSolver> Collocation<S> {
         phases: Vec<PhaseSolution>,
         history: Vec<MeshRecord>,
         program: Report,
+        go_on: GoOn<'_>,
     ) -> Result<CollocationReport, CollocationError> {
-        let confirmation = confirm(problem, &phases)?;
+        let mut is_cut = false;
+        let mut goes_on = || {
+            is_cut |= !go_on();
+            !is_cut
+        };
+        let confirmation = confirm_while(problem, &phases, &mut goes_on)?;
         let is_met = history.last().is_some_and(|mesh| mesh.error <= self.tolerance);
         let defect = confirmation.max_defect();
         let status = if !program.status.is_converged() {
             CollocationStatus::NotSolved(program.status)
+        } else if is_cut {
+            CollocationStatus::NotSolved(Status::Interrupted)
         } else if defect > if is_met { self.tolerance } else { self.tolerance.max(NO_MOTION) } {
             CollocationStatus::FalseConvergence
         } else if !is_met {

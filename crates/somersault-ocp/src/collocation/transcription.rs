@@ -59,7 +59,7 @@ impl<'p> Transcription<'p> {
     pub fn try_new(problem: &'p mut Problem, meshes: &[Mesh]) -> Result<Self, CollocationError> {
         if meshes.len() != problem.phases.len() {
             let (expected, found) = (problem.phases.len(), meshes.len());
-            return Err(CollocationError::Length { phase: 0, argument: "meshes", expected, found });
+            return Err(CollocationError::Length { phase: None, argument: "meshes", expected, found });
         }
         let grids = meshes.iter().cloned().map(Grid::try_new).collect::<Result<Vec<_>, _>>()?;
         let variables = Variables::new(problem, &grids);

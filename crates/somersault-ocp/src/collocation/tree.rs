@@ -80,6 +80,28 @@ impl TreeDynamics {
     pub fn n_controls(&self) -> usize {
         self.actuated.len()
     }
+
+    /// The body that each degree of freedom moves.
+    fn bodies(&self) -> Vec<&str> {
+        let of = |body: usize| self.model.velocities_of(body).map(move |_| body);
+        (0..self.model.n_bodies())
+            .flat_map(of)
+            .map(|body| self.model.name(body).unwrap_or_default())
+            .collect()
+    }
+
+    /// What each entry of x is: position or velocity of the joint that carries a body.
+    pub fn state_names(&self) -> Vec<String> {
+        let bodies = self.bodies();
+        let named = |what: &str| bodies.iter().map(|body| format!("{what} of {body}")).collect::<Vec<_>>();
+        [named("position"), named("velocity")].concat()
+    }
+
+    /// What each entry of u is: the force of the joint that carries a body.
+    pub fn control_names(&self) -> Vec<String> {
+        let bodies = self.bodies();
+        self.actuated.iter().map(|k| format!("force of {}", bodies[*k])).collect()
+    }
 }
 
 /// q, v and the joint forces of all degrees of freedom.

@@ -59,6 +59,20 @@ pub(super) fn bezier_points(basis: &UniformBasis, pieces: usize) -> Vec<BezierPo
 mod tests {
     use super::*;
 
+    /// Coefficients 0, 1, 2, … of degree 5 are x + 2 with x in intervals, whose Bézier points are as far apart from each
+    /// other everywhere: at knots that rounding moves too.
+    #[test]
+    fn bezier_points_of_a_straight_line_are_on_it() {
+        for (n, pieces) in (6..120).flat_map(|n| (1..=4).map(move |pieces| (n, pieces))) {
+            let points = bezier_points(&UniformBasis::try_new(5, n).unwrap(), pieces);
+            for (i, point) in points.iter().enumerate() {
+                let found: f64 = (point.first..).zip(&point.factors).map(|(j, f)| j as f64 * f).sum();
+                let expected = 2.0 + i as f64 / (5 * pieces) as f64;
+                assert!((found - expected).abs() < 1e-9, "{n} {pieces} {i}: {found}, not {expected}");
+            }
+        }
+    }
+
     #[test]
     fn bezier_points_give_the_spline() {
         for (degree, pieces) in [(3, 1), (5, 1), (5, 2)] {

@@ -47,6 +47,30 @@ pub enum DiveError {
     /// The joints have but one motion.
     #[error("`windows` and the postures at both ends leave none of the `n_par` coefficients free")]
     NothingFree,
+    /// A weight or joint that its window never lets move.
+    #[error(
+        "`windows` must each leave a coefficient free, found [{lower}, {upper}] at number {channel}, which leaves none"
+    )]
+    EmptyWindow {
+        /// Number of the channel.
+        channel: usize,
+        /// Where its window begins.
+        lower: f64,
+        /// Where it ends.
+        upper: f64,
+    },
+    /// The momentum turns the other way than the somersaults.
+    #[error(
+        "`somersaults` and `momentum` must have one sign, found {turns:.3} turns from lean to entry and [{lower}, {upper}] kg m²/s"
+    )]
+    Opposed {
+        /// Turns from the lean at take-off to the entry.
+        turns: f64,
+        /// Least momentum.
+        lower: f64,
+        /// Greatest momentum.
+        upper: f64,
+    },
     /// A range is empty or not finite.
     #[error("`{argument}` must have finite lower ≤ upper, found [{lower}, {upper}]")]
     Range {
@@ -107,6 +131,14 @@ impl From<SplineError> for DiveError {
 
 pub(super) fn expect_finite(argument: &'static str, found: f64) -> Result<(), DiveError> {
     if found.is_finite() { Ok(()) } else { Err(DiveError::OutOfRange { argument, allowed: "finite", found }) }
+}
+
+/// An angle of at most a turn: more was meant in degrees.
+pub(super) fn expect_angle(argument: &'static str, found: f64) -> Result<(), DiveError> {
+    if found.abs() <= std::f64::consts::TAU {
+        return Ok(());
+    }
+    Err(DiveError::OutOfRange { argument, allowed: "from −2π to 2π rad", found })
 }
 
 pub(super) fn expect_positive(argument: &'static str, found: f64) -> Result<(), DiveError> {

@@ -49,7 +49,7 @@ use serde::{Deserialize, Serialize};
 pub use template::KeyFrame;
 
 use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};
-use error::{expect_finite, expect_not_negative, expect_positive};
+use error::{expect_angle, expect_finite, expect_not_negative, expect_positive};
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::Model;
 use somersault_multibody::models::{Dimension, Diver};
@@ -134,7 +134,8 @@ pub struct Dive {
     pub square_out: f64,
     /// Coefficients of each spline, of degree 5: at least 6.
     pub n_par: usize,
-    /// Somersaults to the entry, counted from the upright: 3.5 ends on the hands.
+    /// Somersaults to the entry, counted from the upright: 3.5 ends on the hands. Backward ones are negative, as is their
+    /// momentum.
     pub somersaults: f64,
     /// Twists; none in the plane.
     pub twists: f64,
@@ -146,7 +147,7 @@ pub struct Dive {
     pub duration: Range,
     /// Angular momentum about the lateral axis, forward, kg m²/s.
     pub momentum: Range,
-    /// Height of the feet over the water at take-off, m.
+    /// Height of the feet over the water at take-off, m; not negative.
     pub platform: f64,
     /// How far ahead of the toes' start the hands enter the water, m.
     pub entry_distance: f64,
@@ -207,12 +208,16 @@ impl Dive {
         for (argument, found) in [
             ("somersaults", self.somersaults),
             ("twists", self.twists),
-            ("entry_lean", self.entry_lean),
-            ("platform", self.platform),
             ("entry_distance", self.entry_distance),
         ] {
             expect_finite(argument, found)?;
         }
+        let leans = [("lean", self.lean.lower), ("lean", self.lean.upper), ("entry_lean", self.entry_lean)];
+        for (argument, found) in leans {
+            expect_angle(argument, found)?;
+        }
+        expect_not_negative("platform", self.platform)?;
+        self.check_sense()?;
         for (argument, found) in [
             ("penalties.momentum", self.penalties.momentum),
             ("penalties.rate", self.penalties.rate),
@@ -237,6 +242,20 @@ impl Dive {
         }
         if let Some(clearance) = self.clearance {
             expect_not_negative("clearance.distance", clearance.distance)?;
+        }
+        Ok(())
+    }
+
+    /// The joints alone turn a diver by less than once: more needs a momentum of that sense.
+    fn check_sense(&self) -> Result<(), DiveError> {
+        let Range { lower, upper } = self.momentum;
+        let turns = |lean: f64| self.somersaults + (self.entry_lean - lean) / std::f64::consts::TAU;
+        let (least, most) = (turns(self.lean.upper), turns(self.lean.lower));
+        if least >= 1.0 && upper <= 0.0 {
+            return Err(DiveError::Opposed { turns: least, lower, upper });
+        }
+        if most <= -1.0 && lower >= 0.0 {
+            return Err(DiveError::Opposed { turns: most, lower, upper });
         }
         Ok(())
     }

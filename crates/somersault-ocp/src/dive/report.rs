@@ -1,6 +1,7 @@
 //! What a dive is, judged by integrations that know nothing of how it was found.
 
 use super::{DiveError, DiveProgram, PeakTorque};
+use crate::attention::{Attention, GoOn};
 use crate::flight::{BodyAngles, joints_active};
 use crate::motion::SplineMotion;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -33,7 +34,9 @@ pub struct DiveReport {
     /// That angle at each node, rad.
     pub defects: Vec<f64>,
     /// What the full dynamics of the driven tree, integrated to 1e-14 without use of the reduction, changes the
-    /// angular momentum by, relative.
+    /// angular momentum by: |ΔL|/max(|L|, |h|, L₀/1000), where h is the largest momentum that the joints alone have at a
+    /// node, with the torso at rest, and L₀ = m h²/(1 s). A dive with no momentum to speak of has that of its limbs for a
+    /// scale.
     pub momentum_drift: f64,
     /// Angle between the orientations of full and reduced integration at the entry, rad.
     pub full_dynamics_defect: f64,
@@ -51,12 +54,12 @@ pub struct DiveReport {
     pub take_off_velocity: Vector3<f64>,
 }
 
-/// Angle in rad, and share of the angular momentum, that counts as agreement where nothing else is said.
+/// Angle in rad, and momentum drift, that counts as agreement where nothing else is said.
 pub const ALLOWED: f64 = 1e-3;
 
 impl DiveReport {
     /// Whether both integrations agree with what was found: orientations to `allowed` rad at all nodes and at the entry, the
-    /// angular momentum to this share of it.
+    /// angular momentum to this share of its scale.
     pub fn is_confirmed(&self, allowed: f64) -> bool {
         [self.defect, self.full_dynamics_defect, self.momentum_drift].iter().all(|x| *x <= allowed)
     }
@@ -82,6 +85,13 @@ const TIMES: usize = 1000;
 impl DiveProgram {
     /// Judges the dive `z`.
     pub fn report(&self, z: &[f64]) -> Result<DiveReport, DiveJudgementError> {
+        self.report_while(z, &mut || true)
+    }
+
+    /// The same for as long as `go_on`, which is asked at each step of the integrations; else
+    /// [`DiveJudgementError::Interrupted`].
+    pub fn report_while(&self, z: &[f64], go_on: GoOn<'_>) -> Result<DiveReport, DiveJudgementError> {
+        let mut attention = Attention::new(go_on);
         let mut program = self.clone();
         program.fly(z, false)?;
         let (momentum, duration) = (self.momentum(z), self.duration(z));
@@ -121,8 +131,11 @@ impl DiveProgram {
             &start,
             interval,
             &control,
-            &mut recorder,
+            &mut (&mut recorder, &mut attention),
         )?;
+        if attention.has_stopped {
+            return Err(DiveJudgementError::Interrupted);
+        }
         let solution = recorder.into_solution();
         let n_steps = program.path().n_steps();
         let mut defects = Vec::with_capacity(n_steps + 1);
@@ -156,7 +169,7 @@ impl DiveProgram {
             level.atan2(down.abs())
         };
         let (momentum_drift, full_dynamics_defect) =
-            self.full_dynamics(&system, &start, &end.state, &channels)?;
+            self.full_dynamics(&system, &start, &end.state, &channels, &mut attention)?;
         let mut least_channel = f64::INFINITY;
         let mut greatest_sum = f64::NEG_INFINITY;
         let mut least_distance: Option<(f64, [&'static str; 2])> = None;
@@ -237,13 +250,31 @@ impl DiveProgram {
         Ok((start, velocity))
     }
 
-    /// Change of the momentum, relative, and of the orientation at the end by the full dynamics.
+    /// Largest angular momentum about the centre of mass that the joints have at a node while the torso is at rest.
+    fn momentum_of_joints(&self, channels: &Channels<'_>) -> Result<f64, DiveError> {
+        let model = self.path().model();
+        let mut data = Data::new(model);
+        let (mut q, mut v) = (model.neutral(), vec![0.0; model.n_velocities()]);
+        let n_root = (q.len() - channels.motion.base().n_joints(), model.velocities_of(0).len());
+        let n_steps = self.path().n_steps();
+        let mut largest: f64 = 0.0;
+        for node in 0..=n_steps {
+            let t = channels.duration * node as f64 / n_steps as f64;
+            channels.joints(t, 0, &mut q[n_root.0..]);
+            channels.joints(t, 1, &mut v[n_root.1..]);
+            largest = largest.max(model.centroidal(&mut data, &q)?.momentum(&v)?.angular.norm());
+        }
+        Ok(largest)
+    }
+
+    /// Change of the momentum over its scale, and of the orientation at the end, by the full dynamics.
     fn full_dynamics<S: somersault_multibody::flight::ShapeMotion>(
         &self,
         system: &FlightSystem<'_, S>,
         start: &somersault_multibody::motion::TreeState,
         end: &somersault_multibody::motion::TreeState,
         channels: &Channels<'_>,
+        attention: &mut Attention<'_>,
     ) -> Result<(f64, f64), DiveJudgementError> {
         use somersault_integrators::system::System;
         let model = self.path().model();
@@ -263,9 +294,12 @@ impl DiveProgram {
                 &full_start,
                 (0.0, duration),
                 &control,
-                &mut (),
+                attention,
             )?
             .state;
+        if attention.has_stopped {
+            return Err(DiveJudgementError::Interrupted);
+        }
         let mut velocities = vec![0.0; model.n_velocities()];
         model.joint_velocities(&full_end, &mut velocities).map_err(DiveError::from)?;
         let mut data = Data::new(model);
@@ -273,7 +307,8 @@ impl DiveProgram {
             model.centroidal(&mut data, full_end.configuration.as_slice()).map_err(DiveError::from)?;
         let found = centroidal.momentum(&velocities).map_err(DiveError::from)?.angular;
         let wanted = system.flight().take_off().angular_momentum;
-        let drift = (found - wanted).norm() / wanted.norm();
+        let scale = wanted.norm().max(self.momentum_of_joints(channels)?).max(1e-3 * self.momentum_unit());
+        let drift = (found - wanted).norm() / scale;
         let numbers = full_end.configuration.as_slice();
         let off = if self.path().is_planar() {
             (numbers[2] - end.configuration.as_slice()[0]).abs()
@@ -320,4 +355,7 @@ pub enum DiveJudgementError {
     /// An integration.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// It was not to go on.
+    #[error("the integration was interrupted")]
+    Interrupted,
 }

@@ -238,7 +238,7 @@ impl Kkt {
             *r = targets[n + i] - *r + self.compliance * y[i];
             let terms = self.row_norms[i] * reach + targets[n + i].abs() + self.compliance * y[i].abs();
             error = error.max(if *r == 0.0 { 0.0 } else { r.abs() / terms });
-            if self.row_norms[i] == 0.0 {
+            if self.row_norms[i] == 0.0 && self.compliance == 0.0 {
                 *r = 0.0;
             }
         }

@@ -25,8 +25,9 @@
 //! **Globalisation.** A line search, either on the merit function f + ρ Σ violations (Nocedal & Wright 2006,
 //! section 18.3) or with a filter (Fletcher & Leyffer 2002; switching condition and margins of Wächter & Biegler 2006),
 //! both with second-order corrections: see [`Globalisation`]. Where the violation cannot be reduced along a step, or,
-//! with the filter, the linearised constraints contradict each other, feasibility is restored: Levenberg and Marquardt's
-//! method makes the sum of squared violations less within the bounds of z, until a tenth of the violation is left.
+//! with the filter, the linearised constraints contradict each other, and before a solve gives up where it is not feasible,
+//! feasibility is restored: Levenberg and Marquardt's method makes the sum of squared violations less within the bounds of
+//! z, until a tenth of the violation is left, the second time until none is.
 //! [`Status::Infeasible`] means that this sum is locally least though it is not zero. Iterates keep the bounds of z. Points
 //! without a value are stepped back from. Where values differ by rounding only, residuals decide.
 //!

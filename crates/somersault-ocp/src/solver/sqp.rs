@@ -209,12 +209,16 @@ impl<'a> Run<'a> {
                 least_residual = self.residuals.max();
                 idle = 0;
             }
-            if let Some(status) = self.status(flow, began, idle) {
-                return self.end(status);
-            }
-            let advance = match self.restoration {
-                Some(restoration) => self.restore(restoration),
-                None => self.refresh().and_then(|()| self.advance()),
+            let advance = match (self.status(flow, began, idle), self.restoration) {
+                (Some(status), _) => Ok(Advance::Ended(status)),
+                (None, Some(restoration)) => self.restore(restoration),
+                (None, None) => self.refresh().and_then(|()| self.advance()),
+            };
+            let advance = match advance {
+                Ok(Advance::Ended(Status::Stalled)) if self.restoration.is_none() && !self.is_feasible() => {
+                    self.begin_restoration(self.program.violation(&self.point.constraints))
+                }
+                advance => advance,
             };
             match advance {
                 Ok(Advance::Stepped { length, decreased }) => {

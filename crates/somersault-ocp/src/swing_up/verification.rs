@@ -1,9 +1,10 @@
 //! What an accurate integration makes of a swing-up.
 
 use super::{CartPendulumProblem, SwingUp};
+use crate::attention::GoOn;
 use crate::nlp::Nlp;
 use crate::solver::{Flow, Iteration, NlpSolver, SolverError, Start};
-use crate::verification::{Verification, VerificationError, Verified, verify};
+use crate::verification::{Verification, VerificationError, Verified, verify_while};
 
 /// Steps of the integration of the cost: no fewer than ten for each of the thesis'.
 const STEPS: usize = 2000;
@@ -22,8 +23,13 @@ pub struct SwingUpVerification {
 impl CartPendulumProblem {
     /// Integrates the motion of the cart's parameters `z` anew.
     pub fn verify(&self, z: &[f64]) -> Result<SwingUpVerification, VerificationError> {
+        self.verify_while(z, &mut || true)
+    }
+
+    /// The same for as long as `go_on`; else [`VerificationError::Interrupted`].
+    pub fn verify_while(&self, z: &[f64], go_on: GoOn<'_>) -> Result<SwingUpVerification, VerificationError> {
         let model = self.system.model().map_err(crate::error::OcpError::from)?;
-        let motion = verify(&mut self.shooting()?, &model, z)?;
+        let motion = verify_while(&mut self.shooting()?, &model, z, go_on)?;
         let factor = STEPS.div_ceil(self.n_steps);
         let refined = |factor| -> Result<f64, VerificationError> {
             Ok(self.refined(factor).single_shooting()?.evaluate(z, &mut [])?)

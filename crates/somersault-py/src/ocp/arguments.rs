@@ -54,6 +54,22 @@ pub(crate) fn index(argument: &str, found: i64) -> Result<usize, Error> {
         .map_err(|_| Error::ocp_input(format!("`{argument}` must not be negative, found {found}")))
 }
 
+/// Starts of a search that were given; none is a slip where not all of them are the library's.
+pub(crate) fn starts_or_none<'py>(
+    starts: Option<Vec<Bound<'py, PyAny>>>,
+    n_starts: usize,
+) -> Result<Vec<Bound<'py, PyAny>>, Error> {
+    match starts {
+        Some(starts) if starts.is_empty() => Err(Error::ocp_input(
+            "`starts` must have at least one row, or be left out, found none".to_owned(),
+        )),
+        None if n_starts == 0 => {
+            Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"))
+        }
+        starts => Ok(starts.unwrap_or_default()),
+    }
+}
+
 /// Where a random sequence begins.
 pub(crate) fn seed_of(found: i64) -> Result<u64, Error> {
     u64::try_from(found)

@@ -7,6 +7,7 @@ use crate::convert::{a_type, array, numbers_or_one, real_numbers, times, with_sh
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::returns_interrupted;
+use pyo3::PyClass;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::multibody::{self, Scalar};
@@ -15,9 +16,9 @@ use somersault::ocp::collocation::{
     Phase, PhaseConfirmation, PhaseRows, PhaseSolution, Point, Problem, Terms, TreeDynamics,
 };
 use somersault::ocp::nalgebra::convert;
-use somersault::ocp::solver::{Flow, Sqp};
+use somersault::ocp::solver::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::verification::{self, momentum_drift};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Names that the library has for arguments of these classes.
@@ -120,19 +121,19 @@ impl Terms for Quadratic {
 /// ('converged', 6.0, 3.0)
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct CollocationProblem {
-    model: multibody::Model,
+    pub(super) model: multibody::Model,
     actuated: Vec<usize>,
     terms: Quadratic,
-    initial_state: Vec<Interval>,
-    final_state: Vec<Interval>,
-    duration: Interval,
+    pub(super) initial_state: Vec<Interval>,
+    pub(super) final_state: Vec<Interval>,
+    pub(super) duration: Interval,
     controls: Vec<Interval>,
-    states: Vec<Interval>,
+    pub(super) states: Vec<Interval>,
     path: Vec<Interval>,
 }
 
 /// For each entry a number, a pair of bounds, or nothing.
-fn ends(argument: &str, n: usize, entries: &Bound<'_, PyAny>) -> Result<Vec<Interval>, Error> {
+pub(super) fn ends(argument: &str, n: usize, entries: &Bound<'_, PyAny>) -> Result<Vec<Interval>, Error> {
     let refused = |_| {
         let found = a_type(entries);
         Error::input(format!("`{argument}` must be a sequence of numbers, pairs or None, found {found}"))
@@ -203,7 +204,7 @@ fn intervals(
 }
 
 /// `solve` takes its guess as times, states and controls, as states alone, or from an earlier result.
-fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -> Result<Guess, Error> {
+pub(super) fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -> Result<Guess, Error> {
     if let Ok(result) = value.cast::<CollocationResult>() {
         return Ok(result.get().phase().to_guess());
     }
@@ -256,19 +257,128 @@ fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -> Result<Gu
 }
 
 impl CollocationProblem {
-    fn problem(&self, guess: Option<Guess>) -> Result<Problem, Error> {
+    /// The phase, whose horizon begins at zero.
+    pub(super) fn phase(&self, guess: Option<Guess>) -> Result<Phase, Error> {
         let dynamics = TreeDynamics::try_new(&self.model, &self.actuated)?;
-        let mut phase = Phase::of_tree(dynamics, self.terms.clone())
+        let phase = Phase::of_tree(dynamics, self.terms.clone())
             .initial_state(self.initial_state.clone())
             .final_state(self.final_state.clone())
             .horizon(0.0, self.duration)
             .control_bounds(self.controls.clone())
             .state_bounds(self.states.clone())
             .path_bounds(self.path.clone());
-        if let Some(guess) = guess {
-            phase = phase.guess(guess);
+        Ok(match guess {
+            Some(guess) => phase.guess(guess),
+            None => phase,
+        })
+    }
+
+    /// A path constraint that an end, with whatever controls there are, cannot meet: it is not asked for at the very end,
+    /// where nothing is collocated, so that a program would leap there.
+    fn check_path(&self) -> Result<(), Error> {
+        for (k, (row, bounds)) in self.terms.path.iter().zip(&self.path).enumerate() {
+            for (argument, end) in
+                [("initial_state", &self.initial_state), ("final_state", &self.final_state)]
+            {
+                let within = end
+                    .iter()
+                    .zip(&self.states)
+                    .map(|(end, bound)| (end.lower.max(bound.lower), end.upper.min(bound.upper)));
+                let within = within.chain(self.controls.iter().map(|bound| (bound.lower, bound.upper)));
+                let (mut least, mut most) = (0.0, 0.0);
+                for (a, (lower, upper)) in row.iter().zip(within).filter(|(a, _)| **a != 0.0) {
+                    least += (a * lower).min(a * upper);
+                    most += (a * lower).max(a * upper);
+                }
+                let rounding = 1e-12 * bounds.lower.abs().min(bounds.upper.abs()).max(1.0);
+                if least > bounds.upper + rounding || most < bounds.lower - rounding {
+                    return Err(Error::ocp_input(format!(
+                        "`path`, row {k}, must be possible at `{argument}`: there it is {}, and `path_lower` and \
+                         `path_upper` allow {bounds}",
+                        Interval::new(least, most)
+                    )));
+                }
+            }
         }
-        Problem::try_new(phase).map_err(|error| Error::from(error).with_names(&NAMES))
+        Ok(())
+    }
+
+    pub(super) fn state_names(&self) -> Result<Vec<String>, Error> {
+        Ok(TreeDynamics::try_new(&self.model, &self.actuated)?.state_names())
+    }
+
+    fn problem(&self, guess: Option<Guess>) -> Result<Problem, Error> {
+        Problem::try_new(self.phase(guess)?).map_err(|error| Error::from(error).with_names(&NAMES))
+    }
+}
+
+/// How a search is to go.
+pub(super) struct SearchOptions<'a, 'py> {
+    pub(super) tol: f64,
+    /// Intervals of the first mesh of each phase, and points of each.
+    pub(super) sizes: (i64, i64),
+    pub(super) max_meshes: i64,
+    pub(super) max_iterations: Option<i64>,
+    pub(super) max_time: Option<f64>,
+    pub(super) callback: Option<&'a Bound<'py, PyAny>>,
+    pub(super) on_interrupt: &'a str,
+}
+
+impl SearchOptions<'_, '_> {
+    /// Searches without the interpreter, and looks for callback and Ctrl-C meanwhile.
+    pub(super) fn run<R: PyClass>(
+        self,
+        py: Python<'_>,
+        n_phases: usize,
+        problem: impl FnOnce() -> Result<Problem, Error>,
+        result: impl FnOnce(CollocationReport) -> Result<Py<R>, Error>,
+    ) -> Result<Py<R>, Error> {
+        let returned = returns_interrupted(self.on_interrupt)?;
+        let default = Collocation::default();
+        tolerance("tol", Some(self.tol))?;
+        let most = limit("max_iterations", self.max_iterations, 0)?;
+        let (n_intervals, n_points) =
+            (count("n_intervals", self.sizes.0, 1)?, count("n_points", self.sizes.1, 1)?);
+        let collocation = Collocation {
+            tolerance: self.tol,
+            max_meshes: count("max_meshes", self.max_meshes, 1)?,
+            solver: Sqp {
+                max_iterations: most.unwrap_or(default.solver.max_iterations),
+                max_time: limit_of_time(self.max_time)?,
+                ..default.solver
+            },
+            ..default
+        };
+        if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
+            return Err(Error::ocp_input(format!(
+                "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
+            )));
+        }
+        let meshes = vec![Mesh::try_uniform(n_intervals, n_points)?; n_phases];
+        let mut problem = problem()?;
+        let watcher = Mutex::new(Watcher::new(self.callback)?);
+        let watch = || watcher.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = py.detach(|| {
+            let mut look = |iteration: &Iteration<'_>| -> Flow { watch().look(iteration) };
+            collocation.solve_while(&mut problem, &meshes, &mut look, &mut || watch().goes_on())
+        });
+        let watcher = watcher.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
+        if watcher.is_interrupted(py) {
+            report.program = report.program.interrupted();
+            if let CollocationStatus::NotSolved(status @ Status::Stopped) = &mut report.status {
+                *status = Status::Interrupted;
+            }
+        }
+        let result = result(report)?;
+        match watcher.into_raised(py, returned) {
+            Some(error) => {
+                // An exception that takes no attributes is still the one to raise.
+                let _ = error.value(py).setattr("result", result);
+                Err(error.into())
+            }
+            None => Ok(result),
+        }
     }
 }
 
@@ -325,7 +435,7 @@ impl CollocationProblem {
         let m = actuated.len();
         let (lower, upper) = number_or_range("duration", duration)?;
         // a NaN is not below
-        if !(0.0 <= lower && lower <= upper && upper > 0.0 && lower.is_finite()) {
+        if !(0.0 < lower && lower <= upper && lower.is_finite()) {
             return Err(Error::ocp_input(format!(
                 "`duration` must be positive, or a pair of such numbers in their order, found ({lower}, {upper})"
             )));
@@ -370,6 +480,7 @@ impl CollocationProblem {
             actuated,
         };
         posed.problem(None)?;
+        posed.check_path()?;
         Ok(posed)
     }
 
@@ -433,51 +544,13 @@ impl CollocationProblem {
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
-    ) -> Result<CollocationResult, Error> {
-        let returned = returns_interrupted(on_interrupt)?;
-        let default = Collocation::default();
-        tolerance("tol", Some(tol))?;
-        let most = limit("max_iterations", max_iterations, 0)?;
-        let (n_intervals, n_points) =
-            (count("n_intervals", n_intervals, 1)?, count("n_points", n_points, 1)?);
-        let collocation = Collocation {
-            tolerance: tol,
-            max_meshes: count("max_meshes", max_meshes, 1)?,
-            solver: Sqp {
-                max_iterations: most.unwrap_or(default.solver.max_iterations),
-                max_time: limit_of_time(max_time)?,
-                ..default.solver
-            },
-            ..default
-        };
-        if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
-            return Err(Error::ocp_input(format!(
-                "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
-            )));
-        }
-        let mesh = Mesh::try_uniform(n_intervals, n_points)?;
-        let guess = guess.map(|guess| guess_of(self, guess)).transpose()?;
-        let mut problem = self.problem(guess)?;
-        let mut watcher = Watcher::new(callback)?;
-        let found = py.detach(|| {
-            collocation.solve(&mut problem, &[mesh], &mut |iteration| -> Flow { watcher.look(iteration) })
-        });
-        let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
-        if watcher.is_interrupted(py) {
-            report.program = report.program.interrupted();
-            if let CollocationStatus::NotSolved(status) = &mut report.status {
-                *status = report.program.status;
-            }
-        }
-        let result = CollocationResult::of(report, &self.model, tol)?;
-        match watcher.into_raised(py, returned) {
-            Some(error) => {
-                // An exception that takes no attributes is still the one to raise.
-                let _ = error.value(py).setattr("result", Py::new(py, result)?);
-                Err(error.into())
-            }
-            None => Ok(result),
-        }
+    ) -> Result<Py<CollocationResult>, Error> {
+        let sizes = (n_intervals, n_points);
+        let options =
+            SearchOptions { tol, sizes, max_meshes, max_iterations, max_time, callback, on_interrupt };
+        let problem = || self.problem(guess.map(|guess| guess_of(self, guess)).transpose()?);
+        options
+            .run(py, 1, problem, |report| Ok(Py::new(py, CollocationResult::of(report, &self.model, tol)?)?))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -561,9 +634,9 @@ const MOST_POINTS: usize = 100_000;
 /// last row.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct CollocationResult {
-    report: CollocationReport,
-    model: multibody::Model,
-    tol: f64,
+    pub(super) report: CollocationReport,
+    pub(super) model: multibody::Model,
+    pub(super) tol: f64,
     verifier: Arc<Verifier>,
 }
 
@@ -576,26 +649,80 @@ fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>>
 type Outcome = (String, f64, f64);
 /// Bounds and points of a mesh, ends of the horizon.
 type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
-/// Defects, error and state of one integration from start to end, violation, running cost, cost.
-type Confirmed = (Vec<f64>, f64, Vec<f64>, f64, f64, f64);
+/// Defects, error and state of one integration from start to end, violation and what it is of, running and end cost, cost.
+type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), (f64, f64), f64);
 /// Of a mesh: bounds, points, cost, error, status, steps, seconds.
 type Tried = (Vec<f64>, Vec<usize>, f64, f64, String, usize, f64);
 
+/// The name of a status.
+pub(super) fn status(status: CollocationStatus) -> &'static str {
+    match status {
+        CollocationStatus::Converged => "converged",
+        CollocationStatus::FalseConvergence => "false_convergence",
+        CollocationStatus::MeshLimit => "mesh_limit",
+        CollocationStatus::NotSolved(status) => status_name(status),
+        // statuses to come end a search as well
+        _ => "failed",
+    }
+}
+
+/// The status in a sentence, and what is exceeded between the points.
+pub(super) fn message(report: &CollocationReport, tol: f64) -> String {
+    let defect = report.confirmation.max_defect();
+    let said = match report.status {
+        CollocationStatus::Converged => {
+            format!("converged and confirmed: integrated anew the largest defect is {defect:.1e}")
+        }
+        CollocationStatus::FalseConvergence => format!(
+            "false convergence: the program was solved, but integrated anew its motion leaves its own nodes by \
+             {defect:.1e}"
+        ),
+        CollocationStatus::NotSolved(Status::Interrupted) if report.program.status.is_converged() => {
+            return "interrupted while the motion was integrated anew; its program was solved".to_owned();
+        }
+        CollocationStatus::NotSolved(status) => {
+            return format!("the program of the last mesh was not solved: {}", status.message());
+        }
+        _ => "the last mesh allowed does not meet the tolerance".to_owned(),
+    };
+    match report.confirmation.violation_sentence(tol) {
+        Some(violation) => format!("{said}. {violation}"),
+        None => said,
+    }
+}
+
+/// What a result is, in its text.
+pub(super) fn summary(report: &CollocationReport, tol: f64) -> String {
+    let (cost, meshes) = (report.cost, report.history.len());
+    let defect = report.confirmation.max_defect();
+    let is_confirmed = report.confirmation.is_confirmed(tol);
+    let confirmed = if is_confirmed { "confirmed" } else { "NOT confirmed by integration" };
+    let status = status(report.status);
+    format!("{status}, {confirmed}, cost {cost:.8}, {meshes} meshes, largest defect {defect:.1e}")
+}
+
+/// What the integrations of all phases say, those of trees.
+pub(super) fn verifier(report: &CollocationReport, models: Vec<multibody::Model>, tol: f64) -> Arc<Verifier> {
+    let (confirmation, phases) = (report.confirmation.clone(), report.phases.clone());
+    Verifier::new(move |py| {
+        let mut drift: f64 = 0.0;
+        for (model, phase) in models.iter().zip(&phases) {
+            let states = phase.states.iter().map(|x| x.split_at(model.n_velocities()));
+            drift = drift.max(momentum_drift(model, states)?);
+        }
+        let found = verification::Verification {
+            defects: confirmation.phases.iter().flat_map(|phase| phase.defects.iter().copied()).collect(),
+            terminal_error: confirmation.end_to_end_error(),
+            momentum_drift: drift,
+        };
+        let (confirmed, message) = (confirmation.is_confirmed(tol), confirmation.sentence(tol));
+        Ok(Py::new(py, Verification::judged(found, tol, confirmed, message))?.into_any())
+    })
+}
+
 impl CollocationResult {
-    fn of(report: CollocationReport, model: &multibody::Model, tol: f64) -> Result<Self, Error> {
-        let (confirmation, states) = (report.confirmation.clone(), report.phases[0].states.clone());
-        let n = model.n_velocities();
-        let of_tree = model.clone();
-        let verifier = Verifier::new(move |py| {
-            let states = states.iter().map(|x| x.split_at(n));
-            let found = verification::Verification {
-                defects: confirmation.phases[0].defects.clone(),
-                terminal_error: confirmation.end_to_end_error(),
-                momentum_drift: momentum_drift(&of_tree, states)?,
-            };
-            let (confirmed, message) = (confirmation.is_confirmed(tol), confirmation.sentence(tol));
-            Ok(Py::new(py, Verification::judged(found, tol, confirmed, message))?.into_any())
-        });
+    pub(super) fn of(report: CollocationReport, model: &multibody::Model, tol: f64) -> Result<Self, Error> {
+        let verifier = verifier(&report, vec![model.clone()], tol);
         Ok(Self { report, model: model.clone(), tol, verifier })
     }
 
@@ -628,33 +755,14 @@ impl CollocationResult {
     /// ``'mesh_limit'`` where the last mesh does not meet the tolerance; else how the last program ended, as for `Report`.
     #[getter]
     fn status(&self) -> &'static str {
-        match self.report.status {
-            CollocationStatus::Converged => "converged",
-            CollocationStatus::FalseConvergence => "false_convergence",
-            CollocationStatus::MeshLimit => "mesh_limit",
-            CollocationStatus::NotSolved(status) => status_name(status),
-            // statuses to come end a search as well
-            _ => "failed",
-        }
+        status(self.report.status)
     }
 
-    /// str: The status in a sentence.
+    /// str: The status in a sentence, and another where bounds or path constraints are exceeded by more than the tolerance
+    /// between the collocation points or at the end, where they are not asked for: what, by how much and when.
     #[getter]
     fn message(&self) -> String {
-        let defect = self.report.confirmation.max_defect();
-        match self.report.status {
-            CollocationStatus::Converged => {
-                format!("converged and confirmed: integrated anew the largest defect is {defect:.1e}")
-            }
-            CollocationStatus::FalseConvergence => format!(
-                "false convergence: the program was solved, but integrated anew its motion leaves its own nodes by \
-                 {defect:.1e}"
-            ),
-            CollocationStatus::NotSolved(status) => {
-                format!("the program of the last mesh was not solved: {}", status.message())
-            }
-            _ => "the last mesh allowed does not meet the tolerance".to_owned(),
-        }
+        message(&self.report, self.tol)
     }
 
     /// bool: Whether the status is ``'converged'``.
@@ -783,7 +891,7 @@ impl CollocationResult {
         self.report.confirmation.end_to_end_error()
     }
 
-    /// float: Largest violation of a bound, between the points too.
+    /// float: Largest violation of a bound or path constraint, between the points and at the end too.
     #[getter]
     fn violation(&self) -> f64 {
         self.report.confirmation.max_violation()
@@ -814,13 +922,7 @@ impl CollocationResult {
     }
 
     fn __repr__(&self) -> String {
-        let (cost, meshes) = (self.report.cost, self.report.history.len());
-        let defect = self.report.confirmation.max_defect();
-        let confirmed = if self.confirmed() { "confirmed" } else { "NOT confirmed by integration" };
-        format!(
-            "<CollocationResult: {}, {confirmed}, cost {cost:.8}, {meshes} meshes, largest defect {defect:.1e}>",
-            self.status()
-        )
+        format!("<CollocationResult: {}>", summary(&self.report, self.tol))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -841,8 +943,8 @@ impl CollocationResult {
             confirmed.defects.clone(),
             confirmed.end_to_end_error,
             confirmed.end_to_end_state.clone(),
-            confirmed.violation,
-            confirmed.running_cost,
+            (confirmed.violation, confirmed.violated.clone()),
+            (confirmed.running_cost, confirmed.end_cost),
             report.confirmation.cost,
         );
         let arguments = (
@@ -883,7 +985,8 @@ impl CollocationResult {
         let rows =
             PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters: Vec::new() };
         let mesh = Mesh::try_new(bounds, points)?;
-        let (defects, end_to_end_error, end_to_end_state, violation, running_cost, accurate) = integrated;
+        let (defects, end_to_end_error, end_to_end_state, violation, costs, accurate) = integrated;
+        let ((violation, violated), (running_cost, end_cost)) = (violation, costs);
         if defects.len() != mesh.n_intervals() {
             let (n, found) = (mesh.n_intervals(), defects.len());
             return Err(Error::input(format!("`defects` must have {n} entries, found {found}")));
@@ -900,8 +1003,15 @@ impl CollocationResult {
             let meshes = vec![Mesh::try_new(bounds, points)?];
             Ok(MeshRecord { meshes, cost, error, status: status_of(&status)?, iterations, time })
         };
-        let confirmed =
-            PhaseConfirmation { defects, end_to_end_error, end_to_end_state, violation, running_cost };
+        let confirmed = PhaseConfirmation {
+            defects,
+            end_to_end_error,
+            end_to_end_state,
+            violation,
+            violated,
+            running_cost,
+            end_cost,
+        };
         let report = CollocationReport {
             status,
             phases: vec![phase],

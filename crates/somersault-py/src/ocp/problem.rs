@@ -1,13 +1,15 @@
 //! Motion problems by shooting.
 
-use super::arguments::{count, finite_all, index, integer, integer_or_none, number_or_range, seed_of};
+use super::arguments::{
+    count, finite_all, index, integer, integer_or_none, number_or_range, seed_of, starts_or_none,
+};
 use super::joint_motion::SplineMotion;
 use super::search::{SearchArguments, SearchResult};
-use super::solver::{Report, SolverArguments, duration as limit_of_time};
+use super::solver::{Report, SolverArguments, attended, duration as limit_of_time};
 use super::swing_up::scheme_of;
 use super::term::{Term, sizes_of};
-use super::verification::{Verification, Verifier, unverified};
-use crate::convert::{array, finite, numbers_or_one, with_shape};
+use super::verification::{Unverified, Verification, Verifier};
+use crate::convert::{array, finite, numbers_or_one, real_numbers, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::returns_interrupted;
@@ -21,7 +23,7 @@ use somersault::ocp::problem::{At, Loss};
 use somersault::ocp::shooting::{self, Drive, Duration, Shooting, ShootingOptions, Start};
 use somersault::ocp::solver::{self, samples};
 use somersault::ocp::transcription::Transcription;
-use somersault::ocp::verification::verify;
+use somersault::ocp::verification::verify_while;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::ThreadId;
@@ -220,6 +222,21 @@ impl Cost {
     }
 }
 
+/// Lower bounds that are not above their upper ones; a single bound is that of all rows.
+fn in_order(lower: &[f64], upper: &[f64]) -> Result<(), Error> {
+    let of = |bounds: &[f64], k: usize| bounds[k.min(bounds.len() - 1)];
+    if lower.is_empty() || upper.is_empty() {
+        return Ok(());
+    }
+    let pairs = (0..lower.len().max(upper.len())).map(|k| (of(lower, k), of(upper, k)));
+    match pairs.enumerate().find(|(_, (lower, upper))| lower > upper) {
+        Some((k, (lower, upper))) => Err(Error::ocp_input(format!(
+            "`lower` of a constraint must not be above `upper`, found {lower} and {upper} in entry {k}"
+        ))),
+        None => Ok(()),
+    }
+}
+
 /// Bounds on the rows of a term.
 ///
 /// Parameters
@@ -247,6 +264,7 @@ impl Constraint {
     #[new]
     #[pyo3(signature = (term, lower, upper, *, at="path", node=None, phase=None))]
     fn new(
+        py: Python<'_>,
         term: Py<Term>,
         lower: Py<PyAny>,
         upper: Py<PyAny>,
@@ -255,6 +273,7 @@ impl Constraint {
         #[pyo3(from_py_with = integer_or_none)] phase: Option<i64>,
     ) -> Result<Self, Error> {
         let place = Place { at: at.to_owned(), node, phase };
+        in_order(&real_numbers("lower", lower.bind(py))?, &real_numbers("upper", upper.bind(py))?)?;
         Ok(Self { term, lower, upper, nodes: place.nodes()?, place })
     }
 
@@ -269,14 +288,14 @@ impl Constraint {
     /// A pickled constraint.
     #[classmethod]
     fn _restore(
-        _: &Bound<'_, PyType>,
+        cls: &Bound<'_, PyType>,
         term: Py<Term>,
         lower: Py<PyAny>,
         upper: Py<PyAny>,
         place: (String, Option<i64>, Option<i64>),
     ) -> Result<Self, Error> {
         let (at, node, phase) = place;
-        Self::new(term, lower, upper, &at, node, phase)
+        Self::new(cls.py(), term, lower, upper, &at, node, phase)
     }
 }
 
@@ -599,10 +618,7 @@ impl MotionProblem {
     ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 0)?, seed_of(seed)?);
-        let given = starts.unwrap_or_default();
-        if n_starts == 0 && given.is_empty() {
-            return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
-        }
+        let given = starts_or_none(starts, n_starts)?;
         let from = |z: &Bound<'_, PyAny>| {
             self.room(z).map(|(z, _)| z.into()).map_err(|error| error.with_names(&[("z", "starts")]))
         };
@@ -787,6 +803,11 @@ impl Recipe {
         };
         let lower = bounds("lower", &self.lower, f64::NEG_INFINITY)?;
         let upper = bounds("upper", &self.upper, f64::INFINITY)?;
+        if n_variables > 0 && lower == upper {
+            return Err(Error::ocp_input(format!(
+                "`lower` and `upper` must leave a variable free, found all {n_variables} of them fixed"
+            )));
+        }
         for (variable, (lower, upper)) in lower.into_iter().zip(upper).enumerate() {
             let bounded = builder.bound_variable(variable, lower, upper);
             builder = bounded
@@ -818,7 +839,9 @@ impl PosedMotion {
 
     fn verify(&self, py: Python<'_>, z: &[f64]) -> Result<Verification, Error> {
         let mut shooting = self.shooting()?;
-        let found = py.detach(|| verify(&mut shooting, self.dynamics.model(), z)).map_err(unverified)?;
+        let found = attended(py, |go_on| {
+            verify_while(&mut shooting, self.dynamics.model(), z, go_on).map_err(Unverified)
+        })?;
         Ok(Verification::of(found))
     }
 

@@ -7,6 +7,7 @@ use crate::plan::{check_callable, returns_interrupted};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ocp::GoOn;
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::solver::{
     self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, NlpSolver,
@@ -377,9 +378,37 @@ impl Watcher {
         }
     }
 
+    /// Whether work without iterations is to go on.
+    pub(crate) fn goes_on(&mut self) -> bool {
+        if self.last_look.elapsed() < ATTENTION {
+            return true;
+        }
+        self.last_look = Instant::now();
+        match Python::attach(|py| py.check_signals()) {
+            Ok(()) => true,
+            Err(error) => {
+                self.raised.get_or_insert(error);
+                false
+            }
+        }
+    }
+
     /// What was raised, unless it is an interruption that ends in a result.
     pub(crate) fn into_raised(self, py: Python<'_>, returned: bool) -> Option<PyErr> {
         self.raised.filter(|error| !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)))
+    }
+}
+
+/// Works without the interpreter for as long as no signal ends it; then what its handler raised comes out.
+pub(crate) fn attended<T: Send, E: Send + Into<Error>>(
+    py: Python<'_>,
+    work: impl FnOnce(GoOn<'_>) -> Result<T, E> + Send,
+) -> Result<T, Error> {
+    let mut watcher = Watcher::new(None)?;
+    let found = py.detach(|| work(&mut || watcher.goes_on()));
+    match watcher.raised {
+        Some(error) => Err(error.into()),
+        None => found.map_err(Into::into),
     }
 }
 

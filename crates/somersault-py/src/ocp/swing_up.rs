@@ -1,10 +1,10 @@
 //! The pendulum on a cart, brought from one state to another.
 
-use super::arguments::{count, integer, integer_or_none, seed_of};
+use super::arguments::{count, integer, integer_or_none, seed_of, starts_or_none};
 use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
-use super::solver::{Report, SolverArguments};
-use super::verification::{SwingUpVerification, Verifier, unverified};
+use super::solver::{Report, SolverArguments, attended};
+use super::verification::{SwingUpVerification, Unverified, Verifier};
 use crate::convert::{array, finite, numbers_or_one, with_shape};
 use crate::error::Error;
 use crate::model::Model;
@@ -97,7 +97,7 @@ impl CartPendulumProblem {
         let (problem, cost) = (self.problem.clone(), report.cost);
         let z = report.z[..self.n_variables()].to_vec();
         Some(Verifier::new(move |py| {
-            let found = py.detach(|| problem.verify(&z)).map_err(unverified)?;
+            let found = attended(py, |go_on| problem.verify_while(&z, go_on).map_err(Unverified))?;
             Ok(SwingUpVerification::of(py, found, cost)?.into_any())
         }))
     }
@@ -388,10 +388,7 @@ impl CartPendulumProblem {
     ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 0)?, seed_of(seed)?);
-        let given = starts.unwrap_or_default();
-        if n_starts == 0 && given.is_empty() {
-            return Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"));
-        }
+        let given = starts_or_none(starts, n_starts)?;
         let from =
             |z: &Bound<'_, PyAny>| self.start_at(z).map_err(|error| error.with_names(&[("z", "starts")]));
         let mut all = given.iter().map(from).collect::<Result<Vec<Start>, Error>>()?;
@@ -453,7 +450,7 @@ impl CartPendulumProblem {
     fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Py<SwingUpVerification>, Error> {
         let z = self.variables(z)?;
         let cost = self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))?;
-        let found = py.detach(|| self.problem.verify(&z)).map_err(unverified)?;
+        let found = attended(py, |go_on| self.problem.verify_while(&z, go_on).map_err(Unverified))?;
         Ok(SwingUpVerification::of(py, found, cost)?)
     }
 

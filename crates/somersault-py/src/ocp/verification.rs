@@ -243,11 +243,16 @@ impl SwingUpVerification {
     }
 }
 
-pub(crate) fn unverified(error: VerificationError) -> Error {
-    match error {
-        VerificationError::Problem(error) => error.into(),
-        VerificationError::Integration(error) => error.into(),
-        VerificationError::Dynamics(error) => error.into(),
-        error => Error::ocp(&error),
+/// Why a motion could not be integrated anew.
+pub(crate) struct Unverified(pub(crate) VerificationError);
+
+impl From<Unverified> for Error {
+    fn from(Unverified(error): Unverified) -> Self {
+        match error {
+            VerificationError::Problem(error) => error.into(),
+            VerificationError::Integration(error) => error.into(),
+            VerificationError::Dynamics(error) => error.into(),
+            error => Self::ocp(&error),
+        }
     }
 }

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from somersault import ocp, viewer
 from somersault.tour import thesis
+from somersault.tour.carts import frames, write_double_pendulum
 from somersault.tour.measurements import Measurements
 from somersault.tour.page import Cell, Page, error_size, words
 
@@ -27,7 +28,7 @@ _STARTS, _SEED = 40, 1
 _REPETITIONS = 5
 #: Runge–Kutta steps that count as accurate.
 _FINE = 800
-_BLUE, _ORANGE, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#6b7280"
+_BLUE, _ORANGE, _GREEN = "#0072B2", "#D55E00", "#009E73"
 _LENGTH = 1.0
 
 
@@ -94,37 +95,12 @@ def continuous(case: Case) -> ocp.CollocationResult:
     return free.solve(guess, tol=1e-7, n_intervals=20)
 
 
-def _frames(motion: ocp.Motion, columns: int = 6) -> Axes:
+def _frames(motion: ocp.Motion) -> Axes:
     """The cart and its pendulum at equal distances in time."""
-    import matplotlib.pyplot as plt
-    from matplotlib.patches import FancyBboxPatch
-
-    figure = plt.figure(figsize=(11.0, 4.6), layout="constrained")
-    axes = figure.subplots(2, columns, sharex=True, sharey=True)
     r, angle = motion.q.T
-    tip = np.column_stack([r - _LENGTH * np.sin(angle), _LENGTH * np.cos(angle)])
-    x = np.concatenate([r, tip[:, 0]])
-    shown = np.linspace(0, len(motion.t) - 1, 2 * columns).round().astype(int)
-    for ax, k in zip(axes.flat, shown, strict=True):
-        ax.axhline(0.0, color="0.75", lw=3.0, zorder=0)
-        ax.plot(*tip[: k + 1].T, color=_BLUE, lw=1.0, alpha=0.45)
-        cart = FancyBboxPatch(
-            (r[k] - 0.2, -0.1), 0.4, 0.2, boxstyle="round,pad=0.02", fc=_GREY, ec="0.2", lw=0.8, zorder=2
-        )
-        ax.add_patch(cart)
-        ax.plot([r[k], tip[k, 0]], [0.0, tip[k, 1]], color="0.2", lw=3.0, solid_capstyle="round", zorder=3)
-        ax.plot(*tip[k], "o", ms=11, color=_ORANGE, mec="0.2", mew=0.8, zorder=4)
-        ax.set_title(f"{motion.t[k]:.2f} s", fontsize=10)
-        ax.set_aspect("equal")
-        ax.set(xlim=(x.min() - 0.3, x.max() + 0.3), ylim=(-1.25, 1.25), yticks=[-1, 0, 1])
-        for side in ("top", "right"):
-            ax.spines[side].set_visible(False)
-    for ax in axes[-1]:
-        ax.set_xlabel("x, m")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("z, m")
-    drawn: Axes = axes[0, 0]
-    return drawn
+    cart = np.column_stack([r, np.zeros_like(r)])
+    tip = cart + _LENGTH * np.column_stack([-np.sin(angle), np.cos(angle)])
+    return frames(motion.t, np.stack([cart, tip], axis=1))
 
 
 def _curves(motion: ocp.Motion, optimum: ocp.CollocationResult) -> Axes:
@@ -306,6 +282,7 @@ def write(page: Page, measurements: Measurements) -> None:
     )
     page.section("Other numbers")
     _others(page)
+    write_double_pendulum(page)
 
 
 def _others(page: Page) -> None:

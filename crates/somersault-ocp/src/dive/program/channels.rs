@@ -1,7 +1,7 @@
 //! Which parameters are free, and the bounds of the channels.
 
 use crate::dive::bounds::bezier_points;
-use crate::dive::{Channels, Dive, DiveError};
+use crate::dive::{Channels, Dive, DiveError, Range};
 use crate::motion::{MotionError, SplineMotion};
 use crate::nlp::Bounds;
 use somersault_multibody::Model;
@@ -24,12 +24,21 @@ pub(super) fn free_parameters(dive: &Dive, motion: &SplineMotion) -> Result<Vec<
     let (n, degree) = (motion.basis().n_coefficients(), motion.basis().degree());
     let n_intervals = motion.basis().n_intervals() as f64;
     let mut is_free = vec![true; motion.n_parameters()];
+    let mut moves = vec![false; motion.n_channels()];
     for (coefficient, parameter, _) in motion.dependences() {
         let Some(window) = dive.windows.get(coefficient / n) else { continue };
         let j = (coefficient % n) as f64;
         let from = ((j - degree as f64) / n_intervals).max(0.0);
         let to = ((j + 1.0) / n_intervals).min(1.0);
         is_free[parameter] &= from >= window.lower - NO_DEPENDENCE && to <= window.upper + NO_DEPENDENCE;
+    }
+    for (coefficient, parameter, _) in motion.dependences() {
+        moves[coefficient / n] |= is_free[parameter];
+    }
+    if let Some(channel) = moves.iter().position(|moves| !moves)
+        && let Some(&Range { lower, upper }) = dive.windows.get(channel)
+    {
+        return Err(DiveError::EmptyWindow { channel, lower, upper });
     }
     Ok((0..is_free.len()).filter(|p| is_free[*p]).collect())
 }

@@ -3,11 +3,17 @@
 //! ```text
 //! minimise  ½ Σ (violations of l ≤ c + J p ≤ u)² + ½ σ ‖p‖²   subject to  l_z ≤ z + p ≤ u_z
 //! ```
-//! A working set of bounds and of rows that are violated at the end of the step, exchanged as for Newton's step.
+//! A working set of bounds and of rows that are violated at the end of the step, exchanged as for Newton's step. At first
+//! it has the rows that are violated now and the bounds that hold variables against their pull.
 
-use super::{EXCHANGES, Subproblem};
+use super::Subproblem;
 use crate::solver::kkt::Activity;
 use crate::solver::program::Point;
+
+/// Exchanges of working sets before the last one is taken.
+const EXCHANGES: usize = 30;
+/// Distance at which a variable is at its bound.
+const AT_BOUND: f64 = 1e-12;
 
 /// What a step of restoration leaves.
 pub(in crate::solver) struct Rest {
@@ -23,12 +29,27 @@ impl Subproblem {
     pub(in crate::solver) fn restore(&mut self, point: &Point, shift: f64) -> Option<Rest> {
         self.set_bounds(point);
         let n = point.z.len();
+        let beyond = |i: usize| -self.lower[i].max(0.0) - self.upper[i].min(0.0);
+        let violations: Vec<f64> = (n..self.lower.len()).map(beyond).collect();
+        let mut slope = vec![0.0; n];
+        self.structure.jacobian.add_transposed_product(&point.jacobian, &violations, &mut slope);
+        let is_near = |bound: f64, z: f64| bound.abs() <= AT_BOUND * z.abs().max(1.0);
         for i in 0..self.trial_set.len() {
+            let is_lower = if i < n {
+                slope[i] > 0.0 && is_near(self.lower[i], point.z[i])
+            } else {
+                self.lower[i] > 0.0
+            };
+            let is_upper = if i < n {
+                slope[i] < 0.0 && is_near(self.upper[i], point.z[i])
+            } else {
+                self.upper[i] < 0.0
+            };
             self.trial_set[i] = if self.lower[i] == self.upper[i] {
                 Activity::Equal
-            } else if i >= n && self.lower[i] > 0.0 {
+            } else if is_lower {
                 Activity::Lower
-            } else if i >= n && self.upper[i] < 0.0 {
+            } else if is_upper {
                 Activity::Upper
             } else {
                 Activity::Free

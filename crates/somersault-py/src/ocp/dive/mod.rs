@@ -56,9 +56,11 @@ const ATTENTION: Duration = Duration::from_millis(20);
 /// square_out : float, optional
 ///     Share of the duration at which twists and tilt must be what they are at the entry.
 /// n_par : int, optional
-///     Coefficients of each spline, of degree 5; 10 unless given.
+///     Coefficients of each spline, of degree 5, of which the ends fix four; 10 unless given. Free are n_par − 4 for each
+///     channel without a window, and the momentum.
 /// somersaults, twists : float, optional
-///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given.
+///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given. Backward somersaults are negative
+///     and need a negative `momentum`.
 /// lean : float or tuple of float, optional
 ///     Forward lean at take-off, rad, or its range; 10° unless given.
 /// entry_lean : float, optional
@@ -68,7 +70,7 @@ const ATTENTION: Duration = Duration::from_millis(20);
 /// momentum : float or tuple of float, optional
 ///     Angular momentum about the lateral axis, kg m²/s, or its range; from 0 to 500 unless given.
 /// platform : float, optional
-///     Height of the feet over the water at take-off, m; 10 m unless given.
+///     Height of the feet over the water at take-off, m, not negative; 10 m unless given.
 /// entry_distance : float, optional
 ///     How far ahead the hands enter the water, m; 2 m unless given.
 /// momentum_penalty, rate_penalty, acceleration_penalty : float, optional

@@ -174,7 +174,8 @@ fn letters(names: &str) -> Vec<String> {
 
 /// The forward three and a half somersaults in pike position, 107B, in the plane (thesis 3.1).
 ///
-/// Postures A and H, ten coefficients, 1.7 s from the platform of 10 m. What the thesis leaves open is 10° of lean at
+/// Postures A and H, ten coefficients of which six are free, 1.7 s from the platform of 10 m; ``n_par=19`` has the
+/// thesis' count of 16 free parameters, 15 coefficients and the momentum. What the thesis leaves open is 10° of lean at
 /// take-off, an entry 2 m ahead, a = 1 and b = 10⁻³ s.
 ///
 /// Parameters

@@ -4,7 +4,7 @@ use super::{Dive, DiveVerification, LiteralDive};
 use crate::convert::array;
 use crate::error::Error;
 use crate::ocp::arguments::{count, integer};
-use crate::ocp::solver::{Report, status_name};
+use crate::ocp::solver::{Report, attended, status_name};
 use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -38,7 +38,8 @@ impl DiveSolution {
         Ok(Self {
             dive: dive.clone().unbind(),
             verifier: Verifier::new(move |py| {
-                Ok(Py::new(py, DiveVerification(py.detach(|| judged.report(&z))?))?.into_any())
+                Ok(Py::new(py, DiveVerification(attended(py, |go_on| judged.report_while(&z, go_on))?))?
+                    .into_any())
             }),
             motion: program.motion(&report.z)?,
             momentum: program.momentum(&report.z),

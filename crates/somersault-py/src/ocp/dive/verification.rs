@@ -16,7 +16,7 @@ pub(crate) struct DiveVerification(pub(super) DiveReport);
 #[pymethods]
 impl DiveVerification {
     /// bool: Whether both integrations agree with what was found: orientations to `allowed` rad at all times and at the
-    /// entry, the angular momentum to this share of it.
+    /// entry, the angular momentum to this share of its scale.
     #[getter]
     fn confirmed(&self) -> bool {
         self.0.is_confirmed(ALLOWED)
@@ -70,7 +70,8 @@ impl DiveVerification {
         numpy::PyArray1::from_slice(py, &self.0.defects).into_any()
     }
 
-    /// float: Change of the angular momentum in the full dynamics, relative.
+    /// float: Change of the angular momentum in the full dynamics over its scale: its size |L|, or the largest that the
+    /// joints alone have at a time of `DiveSolution.t`, with the torso at rest, or 10⁻³ m h²/(1 s), whichever is largest.
     #[getter]
     fn momentum_drift(&self) -> f64 {
         self.0.momentum_drift
