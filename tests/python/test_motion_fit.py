@@ -142,6 +142,14 @@ class TestFits:
         np.testing.assert_allclose(fit.frame_rms, np.sqrt(np.nanmean(distances**2, axis=1)))
         assert max(fit.iterations) <= 3 and "rms" in repr(fit) and len(fit) == 5
 
+    def test_perfect_fits_converge_where_markers_do_not_determine_all_joints(self) -> None:
+        markers = motion.MarkerSet.joint_centres(PLANAR.model)
+        q = np.linspace(PLANAR.configuration("A"), PLANAR.configuration("H"), 12)
+        whole = motion.place_markers(markers, np.linspace(0.0, 1.0, 12), q)
+        for seed in range(3):
+            fit = motion.MarkerFit(markers).fit(blurred(whole, 0.0, missing=0.2, seed=seed))
+            assert fit.success and fit.rms < 1e-9, (seed, fit.status, fit.rms)
+
     def test_weights_draw_the_model_to_a_marker(self) -> None:
         model = PLANAR.model
         places: dict[str, tuple[str | int, Any]] = {

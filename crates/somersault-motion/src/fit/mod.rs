@@ -13,9 +13,9 @@
 //! Method: Levenberg–Marquardt with the Jacobians of the tree, on the group of each joint; every step minimises the
 //! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
 //! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
-//! laid over the markers. Every eighth frame is then begun from these postures too: what is better leads the frames on
-//! both sides of it as far as they get better. That ends wrong minima of whole limbs, not all: joints that few markers see,
-//! as hands in noise, may be left in another minimum that is nearly as low.
+//! laid over the markers. That leads frames into wrong minima, which three things then leave: every eighth frame is
+//! begun from these postures too; in each frame every joint is turned through its range; and what is lower leads its neighbours,
+//! on both sides, as long as any gets lower. Nothing proves a minimum of so many angles to be the lowest.
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 
@@ -23,6 +23,7 @@ mod align;
 mod estimate;
 mod frame;
 mod markers;
+mod minima;
 mod motion;
 mod options;
 pub mod quadratic;

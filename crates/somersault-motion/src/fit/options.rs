@@ -87,7 +87,8 @@ pub struct FitOptions {
     pub starts: Vec<Vec<f64>>,
     /// Iterations in a frame, at most.
     pub max_iterations: usize,
-    /// A frame has converged when no unknown (m, rad) moves by more.
+    /// A frame has converged when no unknown (m, rad) moves by more; or when the cost falls by less than 1e-12 of itself, or less than
+    /// distances of 1e-11 of the coordinates make it, for angles that the markers do not determine never come to rest.
     pub step_tol: f64,
     /// Standard deviation of the noise in each coordinate of a marker of weight 1, m, where it is known; else the
     /// covariance is that of the residuals.
