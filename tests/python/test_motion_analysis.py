@@ -76,6 +76,7 @@ def test_one_basis_makes_weights_comparable_and_bases_of_single_motions_do_not()
         (np.eye(3), 0, "`n_components` must be between 1 and 2"),
         (np.full((3, 3), np.nan), 1, "`samples` must be finite, but is not in row 0"),
         (np.ones((4, 3)), 1, "do not differ"),
+        (np.diag([1.0, 2.0, 1e160]), 1, "`samples` must be within ±1e100, found 1e160 in row 2"),
         (np.zeros(3), 1, r"`samples` must be real numbers of shape \(n, m\), found shape \(3,\)"),
         ("abc", 1, "`samples` must be real numbers"),
     ],
@@ -198,6 +199,26 @@ class TestGroups:
             motion.GroupComparison({"a": [*self.best, other]}, "scale")
         with pytest.raises(errors.InputError, match="`q` must have 12 columns"):
             motion.turns_about(multibody.diver_planar().model, np.zeros((2, 5)))
+
+    def test_motions_without_markers_have_nothing_to_compare(self) -> None:
+        fit = self.best[0].fit
+        names = fit.markers.names
+        shape = (1, len(names))
+        nothing = fit.fit(motion.MarkerRecording(names, [0.0], np.zeros((*shape, 3)), np.zeros(shape, bool)))
+        message = r"`groups\['worst'\]\[1\]` must have markers, but has none in any frame"
+        for panel in ("marker_error", "scale", "rotation"):
+            with pytest.raises(errors.AnalysisInputError, match=message):
+                motion.GroupComparison({"best": self.best, "worst": [self.worst[0], nothing]}, panel)  # type: ignore[arg-type]
+
+    def test_numbers_whose_squares_overflow_are_refused(self) -> None:
+        with pytest.raises(
+            errors.AnalysisInputError, match="`series` must be within ±1e100, found 1e308 in row 1"
+        ):
+            motion.Band([[1.0, 2.0], [1e308, 2.0]])
+        with pytest.raises(
+            errors.AnalysisInputError, match="`values` must be within ±1e100, found 1e200 in row 0"
+        ):
+            motion.normalize_frames([0.0, 1.0], [1e200, 0.0], 3)
 
     def test_figure_4_1_has_four_panels(self) -> None:
         mpl = pytest.importorskip("matplotlib")

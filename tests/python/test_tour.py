@@ -23,7 +23,15 @@ mpl.use("Agg")
 ANIMATIONS = frozenset(
     f"{name}.html"
     for name in (
-        "top", "postures", "dive", "twist", "fit", "backflip", "swing_up_motion", "arm_motion", "arm_stages"
+        "top",
+        "postures",
+        "dive",
+        "twist",
+        "fit",
+        "backflip",
+        "swing_up_motion",
+        "arm_motion",
+        "arm_stages",
     )
 )
 

@@ -35,6 +35,7 @@ pub use markers::{Marker, MarkerSet};
 pub use motion::{MarkerFit, MotionFit};
 pub use options::{FitOptions, Loss, Scale, Shape};
 
+use crate::LARGEST;
 use somersault_multibody::DynamicsError;
 
 /// Why a model cannot be fitted.
@@ -77,6 +78,14 @@ pub enum FitError {
         /// Its value.
         found: f64,
     },
+    /// A number is so large that products of it are none.
+    #[error("`{argument}` must be within ±1e100, found {found:e}")]
+    TooLarge {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
     /// The bounds of the scale cross or are not positive.
     #[error("the bounds of the scale must be positive and grow, found {lower} and {upper}")]
     ScaleBounds {
@@ -113,5 +122,20 @@ pub(crate) fn expect_length(argument: &'static str, found: usize, expected: usiz
 }
 
 pub(crate) fn expect_positive(argument: &'static str, found: f64) -> Result<(), FitError> {
-    if found > 0.0 && found.is_finite() { Ok(()) } else { Err(FitError::NotPositive { argument, found }) }
+    if found > 0.0 && found.is_finite() {
+        expect_small(argument, [&found])
+    } else {
+        Err(FitError::NotPositive { argument, found })
+    }
+}
+
+/// Fails where products of a number may overflow.
+pub(crate) fn expect_small<'a>(
+    argument: &'static str,
+    numbers: impl IntoIterator<Item = &'a f64>,
+) -> Result<(), FitError> {
+    match numbers.into_iter().find(|x| x.abs() > LARGEST) {
+        Some(&found) => Err(FitError::TooLarge { argument, found }),
+        None => Ok(()),
+    }
 }

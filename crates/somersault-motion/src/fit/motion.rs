@@ -2,7 +2,7 @@
 
 use super::frame::{FitStatus, FrameFit, FrameFitter};
 use super::starts::Starts;
-use super::{FitError, FitOptions, MarkerSet, Scale, minima};
+use super::{FitError, FitOptions, MarkerSet, Scale, expect_small, minima};
 use crate::GoOn;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
@@ -157,7 +157,9 @@ impl MarkerFit {
             return Err(FitError::NoCommonMarker { expected, found });
         }
         let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
-        Ok(recording.frames().map(frame).collect())
+        let targets: Vec<Targets> = recording.frames().map(frame).collect();
+        expect_small("recording", targets.iter().flatten().flatten().flat_map(|y| y.iter()))?;
+        Ok(targets)
     }
 
     /// Makes the scale of all frames one: Newton's method on the sum of the frames' minima, a function of the scale

@@ -1,6 +1,6 @@
 //! What is fitted, and how.
 
-use super::{FitError, expect_length, expect_positive};
+use super::{FitError, expect_length, expect_positive, expect_small};
 use somersault_multibody::Model;
 use somersault_ocp::motion::EigenpostureBase;
 
@@ -117,6 +117,7 @@ impl FitOptions {
         if !(lower > 0.0 && upper >= lower && upper.is_finite()) {
             return Err(FitError::ScaleBounds { lower, upper });
         }
+        expect_small("scale", [&upper])?;
         if let Loss::Huber(threshold) | Loss::Cauchy(threshold) = self.loss {
             expect_positive("threshold", threshold)?;
         }
@@ -142,6 +143,7 @@ impl FitOptions {
             if let Some(&found) = start.iter().find(|x| !x.is_finite()) {
                 return Err(FitError::NonFinite { argument: "starts", found });
             }
+            expect_small("starts", start)?;
         }
         Ok(())
     }

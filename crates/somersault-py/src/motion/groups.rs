@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::motion::analysis::{self, Panel};
+use somersault::motion::analysis::{self, AnalysisError, Panel};
 
 /// Mean and spread of a group of motions at each frame.
 ///
@@ -138,7 +138,14 @@ impl GroupComparison {
         let motions: Vec<Vec<_>> =
             fits.iter().map(|group| group.iter().map(|fit| &fit.get().motion).collect()).collect();
         let motions: Vec<&[_]> = motions.iter().map(Vec::as_slice).collect();
-        let comparison = analysis::GroupComparison::try_new(model, &motions, panel, n_frames)?;
+        let comparison = analysis::GroupComparison::try_new(model, &motions, panel, n_frames);
+        let comparison = comparison.map_err(|error| match error {
+            AnalysisError::NothingSeen { group, motion } => Error::analysis_input(format!(
+                "`groups['{}'][{motion}]` must have markers, but has none in any frame",
+                names[group]
+            )),
+            error => error.into(),
+        })?;
         Ok(Self { names, comparison })
     }
 
