@@ -4,8 +4,7 @@
 //! somersault, seen by 20 markers with 5 mm of noise; with postures to start from and without;
 //! with a robust loss; with one marker in five missing.
 //!
-//! NumPy's singular values of the same shape, centred as here:
-//! `python -m timeit -s 'import numpy as np; x = np.random.rand(16, 100_000)' 'np.linalg.svd(x - x.mean(0), False)'`
+//! `make bench-peers` puts the components beside NumPy's singular values of the same matrix.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::DMatrix;
