@@ -157,6 +157,20 @@ impl GroupComparison {
         Ok(Self { n_frames, groups, panel })
     }
 
+    /// From the series of its groups, a row for each motion and a column for each frame, as [`series`](Self::series) gives them.
+    pub fn from_series(series: &[DMatrix<f64>], panel: Panel) -> Result<Self, AnalysisError> {
+        let n_frames = series.first().map_or(0, DMatrix::ncols);
+        if n_frames == 0 {
+            return Err(AnalysisError::TooFew { argument: "series", least: 1, found: 0 });
+        }
+        for group in series {
+            expect_length("columns of series", group.ncols(), n_frames)?;
+            expect_finite("series", group)?;
+        }
+        let rows = |group: &DMatrix<f64>| group.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Ok(Self { n_frames, groups: series.iter().map(rows).collect(), panel })
+    }
+
     /// What is compared.
     pub fn panel(&self) -> Panel {
         self.panel

@@ -1,6 +1,6 @@
 //! Groups of motions side by side.
 
-use super::matrix::{count, matrix, matrix_array, numbers_array};
+use super::matrix::{count, matrices, matrix, matrix_array, numbers_array, same_length};
 use super::motion_fit::MotionFit;
 use crate::convert::{a_type, real_numbers, with_shape};
 use crate::error::Error;
@@ -194,6 +194,34 @@ impl GroupComparison {
             found.set_item(name, Band { band })?;
         }
         Ok(found)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let groups = 0..own.names.len();
+        let series: Vec<_> =
+            groups.map(|g| matrix_array(py, &own.comparison.series(g))).collect::<PyResult<_>>()?;
+        let weight = match own.comparison.panel() {
+            Panel::Eigenweight(weight) => weight,
+            _ => 0,
+        };
+        let arguments = (own.names(py)?, own.panel(), weight, series).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled comparison.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        names: Vec<String>,
+        panel: &str,
+        weight: usize,
+        series: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let series = matrices("series", series)?;
+        same_length("series", series.len(), names.len())?;
+        let comparison = analysis::GroupComparison::from_series(&series, panel_of(panel, weight)?)?;
+        Ok(Self { names, comparison })
     }
 
     fn __repr__(&self) -> String {
