@@ -24,8 +24,9 @@ const N_POINTS: usize = 15;
 const SHORT: usize = 8;
 const BEST: usize = 3;
 
-/// A minimum is lower than another if it is by this share, 0.05 % of the residuals: searches that end sooner tell no less apart.
-const LOWER: f64 = 1e-3;
+/// A lower minimum is worth leaving another for if it is lower by this share, 1.5 % of the residuals. What differs by less are mostly
+/// branches of one shoulder, and jumps between them would be what principal components describe.
+const LOWER: f64 = 0.03;
 /// Costs below it are rounding, m².
 const ROUNDING: f64 = 1e-18;
 

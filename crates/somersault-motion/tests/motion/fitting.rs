@@ -172,10 +172,9 @@ fn frames_are_not_left_in_wrong_minima() {
             fit.frames[i].rms.unwrap() / from_truth.fit(&alone).unwrap().frames[0].rms.unwrap()
         };
         let ratios: Vec<f64> = motion.iter().enumerate().map(ratio).collect();
-        let wrong = ratios.iter().filter(|&&r| r > 1.02).count();
         let largest = ratios.iter().fold(0.0_f64, |a, r| a.max(*r));
-        println!("{noise} m: {wrong} of 60 frames, largest residual {largest:.3} of that from the truth");
-        assert!(wrong <= 1 && largest < 1.05, "{noise} m, seed {seed}: {wrong} frames, up to {largest}");
+        println!("{noise} m: largest residual {largest:.3} of that from the truth");
+        assert!(largest < 1.03, "{noise} m, seed {seed}: residuals up to {largest} of those from the truth");
     }
 }
 
