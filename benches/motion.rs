@@ -1,10 +1,10 @@
 //! Recorded motions: models fitted to markers, principal components, a synthetic dive.
 //!
 //! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a
-//! somersault, seen by 20 markers with 5 mm of noise; with a robust loss; with one marker in five missing.
+//! somersault, seen by 20 markers with 5 mm of noise; with postures to start from and without;
+//! with a robust loss; with one marker in five missing.
 //!
-//! NumPy's singular values of the same shape, centred as here:
-//! `python -m timeit -s 'import numpy as np; x = np.random.rand(16, 100_000)' 'np.linalg.svd(x - x.mean(0), False)'`
+//! `make bench-peers` puts the components beside NumPy's singular values of the same matrix.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::DMatrix;
@@ -61,14 +61,15 @@ fn fits(c: &mut Criterion) {
         let whole = synthetic_markers(&model, &set, &times, &positions, 0.005, 1).expect("of the model");
         let points = whole.frames().flatten().enumerate().map(|(k, p)| p.filter(|_| k % 5 != 3)).collect();
         let gapped = MarkerRecording::try_new(whole.names().to_vec(), times, points).expect("as before");
-        for (variant, recording, loss) in [
-            ("squares", &whole, Loss::Squares),
-            ("Huber", &whole, Loss::Huber(0.01)),
-            ("20 % missing", &gapped, Loss::Squares),
+        let root = model.positions_of(0).len();
+        let given =
+            [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("planar")[root..].to_vec());
+        for (variant, recording, loss, starts) in [
+            ("squares", &whole, Loss::Squares, &given[..]),
+            ("squares, no starts", &whole, Loss::Squares, &[]),
+            ("Huber", &whole, Loss::Huber(0.01), &given),
+            ("20 % missing", &gapped, Loss::Squares, &given),
         ] {
-            let root = model.positions_of(0).len();
-            let starts =
-                [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("planar")[root..].to_vec());
             let options = FitOptions { loss, starts: starts.to_vec(), ..FitOptions::default() };
             let fit = MarkerFit::try_new(&model, set.clone(), options).expect("valid");
             group.bench_function(format!("{name}, {variant}"), |b| {

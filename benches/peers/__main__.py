@@ -12,6 +12,7 @@ from pathlib import Path
 import arm
 import batch
 import box
+import components
 import contact
 import ftla
 import long_run
@@ -19,7 +20,7 @@ import multibody
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, arm, ftla, swing_up)
+COMPARISONS = (box, long_run, contact, batch, multibody, arm, ftla, swing_up, components)
 
 
 def main() -> None:

@@ -5,36 +5,28 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sklearn.decomposition import PCA
 
 from somersault import errors, motion, multibody, ocp
 
 Array = NDArray[np.float64]
 
 
-def closed_form(samples: Array, n: int) -> tuple[Array, Array, Array]:
-    """Mean, components and variances as scikit-learn's PCA defines them, by NumPy.
-
-    `compare_pca_with_sklearn.py` shows that it is so.
-    """
-    mean = samples.mean(axis=0)
-    _, singular, components = np.linalg.svd(samples - mean, full_matrices=False)
-    signs = np.sign(components[np.arange(len(components)), np.abs(components).argmax(axis=1)])
-    return mean, (signs[:, None] * components)[:n], (singular**2 / (len(samples) - 1))[:n]
-
-
-@pytest.mark.parametrize("shape", [(60, 7), (16, 500), (9, 9)])
-def test_components_are_those_of_the_singular_values(shape: tuple[int, int]) -> None:
+@pytest.mark.parametrize("shape", [(60, 7), (16, 500), (9, 9), (30, 3000)])
+def test_components_are_those_of_scikit_learn(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(2)
     samples = rng.normal(size=shape) * np.geomspace(3.0, 0.1, shape[1]) + 5.0
-    pca = motion.Pca(samples, 5)
-    mean, components, variance = closed_form(samples, 5)
-    np.testing.assert_allclose(pca.mean, mean, atol=1e-13)
-    np.testing.assert_allclose(pca.components, components, atol=1e-10)
-    np.testing.assert_allclose(pca.explained_variance, variance, rtol=1e-12)
+    pca, other = motion.Pca(samples, 5), PCA(5, svd_solver="full").fit(samples)
+    np.testing.assert_allclose(pca.mean, other.mean_, atol=1e-13)
+    signs = np.sign(np.sum(pca.components * other.components_, axis=1))
+    np.testing.assert_allclose(pca.components, signs[:, None] * other.components_, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(pca.explained_variance, other.explained_variance_, rtol=1e-12)
+    np.testing.assert_allclose(pca.explained_variance_ratio, other.explained_variance_ratio_, rtol=1e-12)
+    np.testing.assert_allclose(pca.scores(samples), signs * other.transform(samples), rtol=0, atol=1e-10)
+    largest = pca.components[np.arange(5), np.abs(pca.components).argmax(axis=1)]
+    assert (largest > 0.0).all()
     total = samples.var(axis=0, ddof=1).sum()
     assert pca.total_variance == pytest.approx(total, rel=1e-12)
-    np.testing.assert_allclose(pca.explained_variance_ratio, variance / total, rtol=1e-12)
-    np.testing.assert_allclose(pca.scores(samples), (samples - mean) @ components.T, atol=1e-11)
     assert (pca.n_components, pca.n_samples) == (5, shape[0]) and "5 components" in repr(pca)
 
 
@@ -76,6 +68,7 @@ def test_one_basis_makes_weights_comparable_and_bases_of_single_motions_do_not()
         (np.eye(3), 0, "`n_components` must be between 1 and 2"),
         (np.full((3, 3), np.nan), 1, "`samples` must be finite, but is not in row 0"),
         (np.ones((4, 3)), 1, "do not differ"),
+        (np.diag([1.0, 2.0, 1e160]), 1, "`samples` must be within ±1e100, found 1e160 in row 2"),
         (np.zeros(3), 1, r"`samples` must be real numbers of shape \(n, m\), found shape \(3,\)"),
         ("abc", 1, "`samples` must be real numbers"),
     ],
@@ -198,6 +191,26 @@ class TestGroups:
             motion.GroupComparison({"a": [*self.best, other]}, "scale")
         with pytest.raises(errors.InputError, match="`q` must have 12 columns"):
             motion.turns_about(multibody.diver_planar().model, np.zeros((2, 5)))
+
+    def test_motions_without_markers_have_nothing_to_compare(self) -> None:
+        fit = self.best[0].fit
+        names = fit.markers.names
+        shape = (1, len(names))
+        nothing = fit.fit(motion.MarkerRecording(names, [0.0], np.zeros((*shape, 3)), np.zeros(shape, bool)))
+        message = r"`groups\['worst'\]\[1\]` must have markers, but has none in any frame"
+        for panel in ("marker_error", "scale", "rotation"):
+            with pytest.raises(errors.AnalysisInputError, match=message):
+                motion.GroupComparison({"best": self.best, "worst": [self.worst[0], nothing]}, panel)  # type: ignore[arg-type]
+
+    def test_numbers_whose_squares_overflow_are_refused(self) -> None:
+        with pytest.raises(
+            errors.AnalysisInputError, match="`series` must be within ±1e100, found 1e308 in row 1"
+        ):
+            motion.Band([[1.0, 2.0], [1e308, 2.0]])
+        with pytest.raises(
+            errors.AnalysisInputError, match="`values` must be within ±1e100, found 1e200 in row 0"
+        ):
+            motion.normalize_frames([0.0, 1.0], [1e200, 0.0], 3)
 
     def test_figure_4_1_has_four_panels(self) -> None:
         mpl = pytest.importorskip("matplotlib")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import motion, multibody
+from somersault import errors, motion, multibody
 
 BAD: list[Any] = [np.nan, np.inf, -1, 0, -(10**30), "a", None, [], np.zeros((2, 3, 4, 5)), {}]
 
@@ -45,6 +45,8 @@ SKELETON = motion.Skeleton([motion.SkeletonJoint("hips", moves=True)])
 ROTATIONS = np.tile([0.0, 0.0, 0.0, 1.0], (12, 1, 1))
 FLIGHT = motion.SyntheticFlight(DIVER.model, TIMES, FOLDING)
 DIVES = motion.SyntheticSet(FLIGHT, MARKERS, n_dives=2)
+JUDGE = motion.SyntheticJudge(NO_FAULTS, asymmetry=3.0, noise=0.5, half_points=True)
+GROUPS = motion.GroupComparison({"b": [FIT, FIT], "a": [FIT]}, "marker_error", n_frames=7)
 
 BVH = """HIERARCHY ROOT a { OFFSET 0 0 0 CHANNELS 1 Xrotation End Site { OFFSET 0 1 0 } }
 MOTION Frames: 1 Frame Time: 1
@@ -99,6 +101,19 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "SkeletonRecording": (
         motion.SkeletonRecording,
         {"skeleton": SKELETON, "times": TIMES, "rotations": ROTATIONS, "places": PATH[:, None]},
+    ),
+    "Perturbation": (
+        motion.Perturbation,
+        {
+            "exit_delay": 0.1,
+            "looseness": 0.1,
+            "over_rotation": 0.1,
+            "wobble": 0.1,
+            "wobble_frequency": 5.0,
+            "wobble_phase": 0.5,
+            "asymmetry": 0.1,
+            "duration": 0.1,
+        },
     ),
     "SyntheticFlight": (motion.SyntheticFlight, {"model": DIVER.model, "times": TIMES, "q": FOLDING}),
     "SyntheticJudge": (motion.SyntheticJudge, {"reference": NO_FAULTS, "hip_opening": 1.0, "noise": 0.1}),
@@ -164,6 +179,60 @@ def test_what_is_no_file_is_refused_by_name(reader: str) -> None:
         getattr(motion, reader)("no such file", **more)
 
 
+#: Each that writes or reads a folder, with arguments that are allowed beside the path.
+FILES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
+    "read_judged": (
+        motion.read_judged,
+        {"unit": "m", "up": "z", "forward": "x", "nan_is_gap": True, "longest_gap": 0.1, "diver": DIVER},
+    ),
+    **{
+        name: (getattr(motion, name), {"recording": SEEN, "unit": "m", "up": "z", "forward": "x"})
+        for name in ("write_c3d", "write_csv", "write_trc")
+    },
+    "write_bvh": (
+        motion.write_bvh,
+        {
+            "recording": motion.SkeletonRecording(SKELETON, TIMES, ROTATIONS, PATH[:, None]),
+            "unit": "m",
+            "up": "z",
+            "forward": "x",
+        },
+    ),
+    "write_joint_motion": (
+        motion.write_joint_motion,
+        {
+            "recording": motion.read_joint_motion(
+                io.StringIO('{"Loop": "none", "Frames": [[' + ", ".join(["1"] * 44) + "]]}")
+            )
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_bad_arguments_of_files_are_refused_by_name(name: str, tmp_path: Path) -> None:
+    function, allowed = FILES[name]
+    path = tmp_path / "file"
+    if name == "read_judged":
+        motion.write_csv(tmp_path / "a.csv", SEEN)
+        path.write_text("motion,score\na.csv,7.5\n")
+    function(path, **allowed)
+    for argument in allowed:
+        for bad in BAD:
+            if argument == "diver" and bad is None:
+                continue
+            try:
+                function(path, **{**allowed, argument: bad})
+            except (ValueError, TypeError) as error:
+                assert argument in _shown(error), f"{argument}={bad!r}: {error!r}"
+            else:
+                # all that these have in common is that a number may be 0
+                assert (argument, bad) == ("longest_gap", 0), f"{argument}={bad!r} is allowed"
+    for bad in [np.nan, -1, 0, None, [], {}]:
+        with pytest.raises((ValueError, TypeError), match="path"):
+            function(bad, **allowed)
+
+
 def test_counts_are_refused_by_name() -> None:
     for n in (-1, 10**30):
         with pytest.raises(ValueError, match="`n_components` must be between 0 and"):
@@ -209,6 +278,11 @@ KEPT: dict[str, tuple[Any, list[str]]] = {
         ["wobble", "duration", "wobble_frequency"],
     ),
     "SyntheticDive": (DIVES.dives[0], ["times", "q", "angular_momentum"]),
+    "SyntheticFlight": (FLIGHT, []),
+    "SyntheticJudge": (JUDGE, ["deductions", "noise", "half_points"]),
+    "SyntheticSet": (DIVES, ["intended", "scores"]),
+    "JudgedSet": (DIVES.judged_set(), ["files", "scores", "synthetic"]),
+    "GroupComparison": (GROUPS, ["names", "panel"]),
 }
 
 
@@ -231,6 +305,53 @@ def test_pickled_fits_and_motions_do_as_before() -> None:
     np.testing.assert_array_equal(again.covariance(3), FIT.covariance(3))
     model = motion.ScoringModel(MOTIONS, SCORES, OPTIONS)
     assert model.score(pickle.loads(pickle.dumps(MOTIONS[0]))) == model.score(MOTIONS[0])
+
+
+def test_pickled_sets_and_groups_have_all_that_they_had(tmp_path: Path) -> None:
+    def again(kept: Any) -> Any:
+        somersault.save(tmp_path / "kept.som", kept)
+        return somersault.load(tmp_path / "kept.som")
+
+    groups, flight, judge, dives = again(GROUPS), again(FLIGHT), again(JUDGE), again(DIVES)
+    for name in GROUPS.names:
+        np.testing.assert_array_equal(groups.series(name), GROUPS.series(name))
+    perturbation = motion.Perturbation(looseness=0.1)
+    np.testing.assert_array_equal(flight.perturb(perturbation).q, FLIGHT.perturb(perturbation).q)
+    faults = motion.DiveFaults(0.1, 1.2, 0.6, 0.1, 6.0)
+    assert judge.intended(faults) == JUDGE.intended(faults)
+    assert repr(judge.reference) == repr(NO_FAULTS) and repr(dives.faults) == repr(DIVES.faults)
+    assert repr(dives.judge) == repr(DIVES.judge)
+    np.testing.assert_array_equal(dives.dives[1].q, DIVES.dives[1].q)
+    np.testing.assert_array_equal(dives.markers[1].points, DIVES.markers[1].points)
+    # a judged set as its files have it
+    (tmp_path / "list").mkdir()
+    for k, recording in enumerate(DIVES.markers):
+        motion.write_csv(tmp_path / "list" / f"{k}.csv", recording)
+    listed = "motion,score,synthetic,height,age\n0.csv,7.5,true,1.5,20\n1.csv,6.0,false,1.4,21\n"
+    (tmp_path / "list" / "list.csv").write_text(listed)
+    judged = motion.read_judged(tmp_path / "list" / "list.csv")
+    found = again(judged)
+    assert (
+        (found.files, found.synthetic)
+        == (judged.files, judged.synthetic)
+        == (("0.csv", "1.csv"), [True, False])
+    )
+    assert list(found.features) == list(judged.features) == ["height", "age"]
+    np.testing.assert_array_equal(found.features["age"], [20.0, 21.0])
+    np.testing.assert_array_equal(found.recordings[1].points, judged.recordings[1].points)
+    assert [p.synthetic for p in found.performances()] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("kind", "position"),
+    [("JudgedSet", k) for k in (1, 2, 3, 5)] + [("SyntheticSet", k) for k in (2, 3, 4, 5)],
+)
+def test_parts_of_pickled_sets_that_do_not_fit_are_refused(kind: str, position: int) -> None:
+    restore, arguments = KEPT[kind][0].__reduce__()
+    short = list(arguments)
+    short[position] = short[position][:1]
+    with pytest.raises(errors.InputError, match=r"entries, found 1|of shape"):
+        restore(*short)
 
 
 SCRIPT = """
@@ -261,3 +382,30 @@ def test_an_interrupt_ends_the_work() -> None:
         process.send_signal(signal.SIGINT)
         output = process.communicate(timeout=60)[0]
     assert float(output) < 0.1
+
+
+WRITING = """
+import pathlib, signal, tempfile, time, numpy as np
+from somersault import motion
+points = np.random.default_rng(1).normal(size=(10_000, 50, 3))
+seen = motion.MarkerRecording([f"m{k}" for k in range(50)], np.arange(10_000) / 100.0, points)
+path = pathlib.Path(tempfile.mkdtemp()) / "long.csv"
+begun = time.perf_counter()
+motion.write_csv(path, seen)
+whole = time.perf_counter() - begun
+path.unlink()
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+signal.setitimer(signal.ITIMER_REAL, 0.1 * whole)
+begun = time.perf_counter()
+try:
+    motion.write_csv(path, seen)
+except KeyboardInterrupt:
+    print((time.perf_counter() - begun) / whole, path.exists())
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no timers of signals there")
+def test_an_interrupt_ends_a_long_write() -> None:
+    run = subprocess.run([sys.executable, "-c", WRITING], check=True, capture_output=True, text=True)
+    share, exists = run.stdout.split()
+    assert float(share) < 0.4 and exists == "False"

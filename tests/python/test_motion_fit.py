@@ -142,6 +142,14 @@ class TestFits:
         np.testing.assert_allclose(fit.frame_rms, np.sqrt(np.nanmean(distances**2, axis=1)))
         assert max(fit.iterations) <= 3 and "rms" in repr(fit) and len(fit) == 5
 
+    def test_perfect_fits_converge_where_markers_do_not_determine_all_joints(self) -> None:
+        markers = motion.MarkerSet.joint_centres(PLANAR.model)
+        q = np.linspace(PLANAR.configuration("A"), PLANAR.configuration("H"), 12)
+        whole = motion.place_markers(markers, np.linspace(0.0, 1.0, 12), q)
+        for seed in range(3):
+            fit = motion.MarkerFit(markers).fit(blurred(whole, 0.0, missing=0.2, seed=seed))
+            assert fit.success and fit.rms < 1e-9, (seed, fit.status, fit.rms)
+
     def test_weights_draw_the_model_to_a_marker(self) -> None:
         model = PLANAR.model
         places: dict[str, tuple[str | int, Any]] = {
@@ -212,6 +220,10 @@ class TestRefused:
             ({"loss": "median"}, "`loss` must be"),
             ({"starts": [[0.0]]}, "`starts` must have 9 entries, found 1"),
             ({"step_tol": 0.0}, "`step_tol` must be positive"),
+            ({"scale": (0.5, 1e200)}, "`scale` must be within ±1e100, found 1e200"),
+            ({"starts": [[1e200] * 9]}, "`starts` must be within ±1e100, found 1e200"),
+            ({"loss": "cauchy", "threshold": 1e200}, "`threshold` must be within ±1e100, found 1e200"),
+            ({"noise": 1e200}, "`noise` must be within ±1e100, found 1e200"),
             ({"noise": np.nan}, "`noise` must be positive"),
             ({"base": ocp.EigenpostureBase([[0.0, 0.0], [1.0, 0.0]])}, "must have 9 entries, found 2"),
         ],
@@ -219,6 +231,18 @@ class TestRefused:
     def test_options(self, options: dict[str, Any], message: str) -> None:
         with pytest.raises(errors.InputError, match=message):
             motion.MarkerFit(motion.MarkerSet.joint_centres(PLANAR.model), **options)
+
+    def test_numbers_whose_squares_overflow(self) -> None:
+        markers = motion.MarkerSet.joint_centres(PLANAR.model)
+        seen = motion.place_markers(markers, [0.0], [PLANAR.configuration("A")])
+        for far in (1e150, -1e200):
+            points = seen.points
+            points[0, 3, 1] = far
+            with pytest.raises(errors.FitError, match=f"`recording` must be within ±1e100, found {far:.0e}"):
+                motion.MarkerFit(markers).fit(motion.MarkerRecording(seen.names, seen.times, points))
+        for place, weight in (((0.0, 1e200, 0.0), 1.0), ((0.0, 0.0, 0.0), 1e200)):
+            with pytest.raises(errors.FitError, match="must be within ±1e100, found 1e200"):
+                motion.MarkerSet(PLANAR.model, {"a": (0, place)}, {"a": weight})
 
     def test_recordings_of_something_else(self) -> None:
         fit = motion.MarkerFit(motion.MarkerSet.joint_centres(PLANAR.model))

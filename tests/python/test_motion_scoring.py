@@ -187,7 +187,11 @@ class TestValidation:
         [
             ({"level": 1.0}, "level"),
             ({"level": np.nan}, "level"),
-            ({"n_resamples": 0}, "`n_resamples` must be at least 1"),
+            ({"n_resamples": 0}, "`n_resamples` must be at least 2"),
+            ({"n_resamples": 1}, "`n_resamples` must be at least 2"),
+            ({"features": {"mean": [1.0] * 16}}, "`features` must have names .* named `mean`"),
+            ({"features": {"duration": [1.0] * 16}}, "`features` must have names .* named `duration`"),
+            ({"features": {"a": [1e300] * 16}}, "`features` must be within ±1e100, found 1e300"),
             ({"n_resamples": 2**62}, "`n_resamples` must be between 0 and"),
             ({"features": {"a": [1.0]}}, "`features` must have 16 entries, found 1"),
             ({"features": {"a": [np.inf] * 16}}, "`features` must be finite"),
@@ -196,6 +200,20 @@ class TestValidation:
     def test_what_cannot_be_validated_is_refused(self, options: dict[str, Any], message: str) -> None:
         with pytest.raises(errors.InputError, match=message):
             motion.validate(self.motions, self.scores, **options)
+
+    def test_numbers_whose_squares_overflow_are_refused(self) -> None:
+        message = "`scores` must be within ±1e100, found 1e300"
+        for learn in (motion.validate, motion.ScoringModel):
+            with pytest.raises(errors.ScoringError, match=message):
+                learn(self.motions, 1e300 * np.ones(16))
+        for name in ("postures", "path"):
+            numbers = {"postures": np.ones((2, 3)), "path": np.ones((2, 3))}
+            numbers[name][1, 2] = -1e200
+            with pytest.raises(errors.AnalysisInputError, match=rf"`{name}` must .* found -1e200 in row 1"):
+                motion.Performance([0.0, 1.0], **numbers)
+        far = motion.MarkerRecording(["a"], [0.0, 1.0], np.full((2, 1, 3), 1e200))
+        with pytest.raises(errors.ScoringError, match="`recording` must be within ±1e100, found 1e200"):
+            motion.Performance.from_markers(far)
 
     def test_scores_that_do_not_vary_are_refused(self) -> None:
         with pytest.raises(errors.ScoringError, match="does not vary"):

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import multibody, tour
+from somersault import errors, multibody, tour
 from somersault.__main__ import main
 from somersault.tour import chapters, comparison, mujoco_scene, page, thesis
-from somersault.tour.chapters import divers
+from somersault.tour.chapters import divers, recordings
 
 mpl.use("Agg")
 
@@ -23,7 +23,15 @@ mpl.use("Agg")
 ANIMATIONS = frozenset(
     f"{name}.html"
     for name in (
-        "top", "postures", "dive", "twist", "fit", "backflip", "swing_up_motion", "arm_motion", "arm_stages"
+        "top",
+        "postures",
+        "dive",
+        "twist",
+        "fit",
+        "backflip",
+        "swing_up_motion",
+        "arm_motion",
+        "arm_stages",
     )
 )
 
@@ -245,6 +253,13 @@ def test_known_dives_are_fitted_within_the_error_predicted(folder: Path) -> None
 def test_recordings_are_shown_or_said_to_be_absent(folder: Path) -> None:
     text = (folder / "recordings.html").read_text(encoding="utf-8")
     assert ("names no folder" in text) != ("backflip.html" in text)
+    assert ("names no folder" in text) != ("residual by marker, mm" in text)
+
+
+def test_a_folder_without_recordings_is_refused_by_the_name_of_its_variable() -> None:
+    message = r"`SOMERSAULT_MOTIONS` must name a folder .* humanoid3d_backflip.txt is not in '/nowhere'"
+    with pytest.raises(errors.InputError, match=message):
+        recordings.files("/nowhere")
 
 
 def test_table_a_1_reproduces_but_for_cases_c_and_f(folder: Path) -> None:

@@ -42,6 +42,7 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
     if times.is_empty() {
         return Err(AnalysisError::TooFew { argument: "times", least: 1, found: 0 });
     }
+    expect_finite("values", &DMatrix::from_column_slice(values.len(), 1, values))?;
     let points = values.iter().map(|x| Vector1::new(*x)).collect();
     let spline = CubicSpline::try_new(times.to_vec(), points)?;
     Ok(uniform_times(times, n_frames).into_iter().map(|t| spline.evaluate(t)[0]).collect())
@@ -120,12 +121,17 @@ impl GroupComparison {
         panel: Panel,
         n_frames: usize,
     ) -> Result<Self, AnalysisError> {
-        let series = |motion: &&MotionFit| -> Result<Vec<f64>, AnalysisError> {
+        let series = |group: usize, motion: usize| -> Result<Vec<f64>, AnalysisError> {
+            let number = motion;
+            let motion = groups[group][motion];
             let seen = || motion.frames.iter().filter(|f| f.rms.is_some());
             let times: Vec<f64> = (motion.times.iter().zip(&motion.frames))
                 .filter(|(_, f)| f.rms.is_some())
                 .map(|(t, _)| *t)
                 .collect();
+            if times.is_empty() {
+                return Err(AnalysisError::NothingSeen { group, motion: number });
+            }
             let values: Vec<f64> = match panel {
                 Panel::Eigenweight(k) => {
                     let weights = seen().map(|f| f.estimate.weights.get(k).copied());
@@ -146,9 +152,23 @@ impl GroupComparison {
             };
             normalize_frames(&times, &values, n_frames)
         };
-        let groups =
-            groups.iter().map(|group| group.iter().map(series).collect()).collect::<Result<_, _>>()?;
+        let of = |group: usize| (0..groups[group].len()).map(|motion| series(group, motion)).collect();
+        let groups = (0..groups.len()).map(of).collect::<Result<_, _>>()?;
         Ok(Self { n_frames, groups, panel })
+    }
+
+    /// From the series of its groups, a row for each motion and a column for each frame, as [`series`](Self::series) gives them.
+    pub fn from_series(series: &[DMatrix<f64>], panel: Panel) -> Result<Self, AnalysisError> {
+        let n_frames = series.first().map_or(0, DMatrix::ncols);
+        if n_frames == 0 {
+            return Err(AnalysisError::TooFew { argument: "series", least: 1, found: 0 });
+        }
+        for group in series {
+            expect_length("columns of series", group.ncols(), n_frames)?;
+            expect_finite("series", group)?;
+        }
+        let rows = |group: &DMatrix<f64>| group.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Ok(Self { n_frames, groups: series.iter().map(rows).collect(), panel })
     }
 
     /// What is compared.

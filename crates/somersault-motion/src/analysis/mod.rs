@@ -17,6 +17,7 @@ pub use groups::{Band, GroupComparison, Panel, normalize_frames, turns_about};
 pub use pca::Pca;
 pub use projection::{Projection, WeightBounds, project};
 
+use crate::LARGEST;
 use crate::recording::RecordingError;
 
 /// Why numbers cannot be analysed.
@@ -67,6 +68,24 @@ pub enum AnalysisError {
         /// Row, from 0.
         row: usize,
     },
+    /// A number is so large that its square is none.
+    #[error("`{argument}` must be within ±1e100, found {found:e} in row {row}")]
+    TooLarge {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Row, from 0.
+        row: usize,
+        /// The number.
+        found: f64,
+    },
+    /// A motion without markers in any frame has nothing to compare.
+    #[error("`groups` must have markers in every motion, but motion {motion} of group {group} has none")]
+    NothingSeen {
+        /// Group, from 0.
+        group: usize,
+        /// Motion of the group, from 0.
+        motion: usize,
+    },
     /// Parts that are no principal components.
     #[error("`{argument}` must be {allowed}")]
     Parts {
@@ -110,13 +129,17 @@ pub(crate) fn expect_length(
     if found == expected { Ok(()) } else { Err(AnalysisError::Length { argument, expected, found }) }
 }
 
-/// Fails unless every number is finite.
+/// Fails unless every number is finite, and its square too.
 pub(crate) fn expect_finite(
     argument: &'static str,
     rows: &nalgebra::DMatrix<f64>,
 ) -> Result<(), AnalysisError> {
-    match rows.iter().position(|x| !x.is_finite()) {
-        Some(k) => Err(AnalysisError::NonFinite { argument, row: k % rows.nrows() }),
+    let row = |k: usize| k % rows.nrows();
+    if let Some(k) = rows.iter().position(|x| !x.is_finite()) {
+        return Err(AnalysisError::NonFinite { argument, row: row(k) });
+    }
+    match rows.iter().position(|x| x.abs() > LARGEST) {
+        Some(k) => Err(AnalysisError::TooLarge { argument, row: row(k), found: rows[k] }),
         None => Ok(()),
     }
 }

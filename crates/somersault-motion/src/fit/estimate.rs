@@ -87,6 +87,13 @@ impl Unknowns {
         }
     }
 
+    /// Place in q and range of an unknown that is a joint's angle or way.
+    pub(super) fn range(&self, i: usize) -> Option<(usize, [f64; 2])> {
+        let at = self.coordinate[i].filter(|_| self.base.is_none())?;
+        let range = [self.lower[i], self.upper[i]];
+        range.iter().all(|x| x.is_finite()).then_some((at, range))
+    }
+
     /// An estimate at neutral pose with a start for the shape, brought within the bounds.
     pub(super) fn start(&self, model: &Model, shape: Option<&[f64]>) -> Estimate {
         let mut q = model.neutral();

@@ -3,14 +3,14 @@
 use super::estimate::{Estimate, Unknowns};
 use super::quadratic::{Activity, BoundedQuadratic};
 use super::{FitError, FitOptions, MarkerSet};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use serde::{Deserialize, Serialize};
 use somersault_multibody::{Axes, Data, DynamicsError, Model, Transform};
 
 /// How the search in a frame ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FitStatus {
-    /// No unknown moves any more.
+    /// No unknown moves any more, the cost falls by less than 1e-12 of itself, or there is none but rounding.
     Converged,
     /// The iterations allowed were not enough; the estimate is the best of them.
     IterationLimit,
@@ -62,13 +62,33 @@ pub(super) struct FrameFitter<'a> {
     /// √weight times derivative of the residuals, three rows for each marker.
     jacobian: DMatrix<f64>,
     /// √weight times residuals.
-    residual: Vec<f64>,
+    residual: DVector<f64>,
     /// Jᵀ W J and Jᵀ W e.
     normal: DMatrix<f64>,
     pub(super) gradient: Vec<f64>,
     program: BoundedQuadratic,
 }
 
+/// Where a search ends before it has converged.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Until {
+    /// Iterations, at most and no more than the options allow.
+    pub(super) iterations: usize,
+    /// The step would lower the cost by a share of less.
+    pub(super) share: f64,
+    /// The cost is above it, and [`HOPE`] steps of what is predicted would not bring it below.
+    pub(super) below: f64,
+}
+
+impl Until {
+    /// No sooner.
+    pub(super) const CONVERGED: Self = Self { iterations: usize::MAX, share: 1e-12, below: f64::INFINITY };
+}
+
+/// How much more than predicted a cost may fall before a search counts as hopeless.
+const HOPE: f64 = 4.0;
+/// Distances that are none, in shares of the coordinates.
+const NO_DISTANCE: f64 = 1e-11;
 /// Damping at the start, and where it is given up.
 const DAMPING: [f64; 2] = [1e-4, 1e12];
 
@@ -90,7 +110,7 @@ impl<'a> FrameFitter<'a> {
             of_marker: DMatrix::zeros(6, model.n_velocities()),
             of_root: DMatrix::zeros(6, model.n_velocities()),
             jacobian: DMatrix::zeros(rows, n),
-            residual: vec![0.0; rows],
+            residual: DVector::zeros(rows),
             normal: DMatrix::zeros(n, n),
             gradient: vec![0.0; n],
             program,
@@ -128,20 +148,20 @@ impl<'a> FrameFitter<'a> {
         start: &Estimate,
     ) -> Result<FrameFit, FitError> {
         let mut estimate = start.clone();
-        let (status, iterations, cost) = self.minimize(targets, &mut estimate, usize::MAX)?;
+        let (status, iterations, cost) = self.minimize(targets, &mut estimate, Until::CONVERGED)?;
         let residuals = self.distances(targets, &estimate)?;
         let rms = FrameFit::rms_of(&residuals);
         let covariance = if rms.is_none() { None } else { self.covariance(targets, &estimate)? };
         Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, covariance })
     }
 
-    /// `estimate` ← the minimum, in `at_most` so many iterations and no more than the options allow. Returns how, after how
-    /// many iterations, and the cost.
+    /// `estimate` ← the minimum, or where the search is to end before. Returns how it ended, after how many iterations, and the
+    /// cost.
     pub(super) fn minimize(
         &mut self,
         targets: &[Option<Vector3<f64>>],
         estimate: &mut Estimate,
-        at_most: usize,
+        until: Until,
     ) -> Result<(FitStatus, usize, f64), DynamicsError> {
         if targets.iter().all(Option::is_none) {
             return Ok((FitStatus::NoMarkers, 0, 0.0));
@@ -149,7 +169,8 @@ impl<'a> FrameFitter<'a> {
         let mut trial = estimate.clone();
         let mut damping = DAMPING[0];
         let mut cost = self.linearize(targets, estimate)?;
-        let max_iterations = self.options.max_iterations.min(at_most);
+        let max_iterations = self.options.max_iterations.min(until.iterations);
+        let none = self.no_cost(targets);
         for iteration in 1..=max_iterations {
             loop {
                 let predicted = self.step(estimate, damping);
@@ -160,6 +181,9 @@ impl<'a> FrameFitter<'a> {
                     }
                     continue;
                 };
+                if predicted <= (until.share * cost).max(none) || cost - HOPE * predicted > until.below {
+                    return Ok((FitStatus::Converged, iteration, cost));
+                }
                 let step = self.program.solution.as_slice();
                 let small = step.iter().all(|x| x.abs() <= self.options.step_tol);
                 self.unknowns.advance(self.model, estimate, step, &mut trial)?;
@@ -189,6 +213,14 @@ impl<'a> FrameFitter<'a> {
             }
         }
         Ok((FitStatus::IterationLimit, max_iterations, cost))
+    }
+
+    /// The cost of a perfect fit, which angles that no marker determines would take for ever to lower.
+    fn no_cost(&self, targets: &[Option<Vector3<f64>>]) -> f64 {
+        let of = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
+            target.map_or(0.0, |y| 0.5 * marker.weight * (NO_DISTANCE * y.amax()).powi(2))
+        };
+        self.markers.markers().iter().zip(targets).map(of).sum()
     }
 
     /// Solves for a step and returns by how much the quadratic model falls; none where that has no minimum.
@@ -225,7 +257,11 @@ impl<'a> FrameFitter<'a> {
     }
 
     /// ½ Σ c ρ(‖e‖²).
-    fn cost(&mut self, targets: &[Option<Vector3<f64>>], estimate: &Estimate) -> Result<f64, DynamicsError> {
+    pub(super) fn cost(
+        &mut self,
+        targets: &[Option<Vector3<f64>>],
+        estimate: &Estimate,
+    ) -> Result<f64, DynamicsError> {
         let positions = self.model.positions(&mut self.data, &estimate.q)?;
         let root = positions.pose(0)?.translation;
         let mut cost = 0.0;
@@ -271,10 +307,9 @@ impl<'a> FrameFitter<'a> {
         positions.jacobian_into(0, &Transform::identity(), Axes::World, &mut self.of_root)?;
         let mut cost = 0.0;
         for (k, (marker, target)) in self.markers.markers().iter().zip(targets).enumerate() {
-            let rows = 3 * k..3 * k + 3;
             let Some(target) = target else {
-                self.residual[rows.clone()].fill(0.0);
-                self.jacobian.rows_mut(rows.start, 3).fill(0.0);
+                self.residual.rows_mut(3 * k, 3).fill(0.0);
+                self.jacobian.rows_mut(3 * k, 3).fill(0.0);
                 continue;
             };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
@@ -304,11 +339,10 @@ impl<'a> FrameFitter<'a> {
                 }
             }
         }
-        let rows = self.residual.len();
-        for (j, column) in self.jacobian.as_slice().chunks_exact(rows).enumerate() {
-            self.gradient[j] = dot(column, &self.residual);
-            for (i, other) in self.jacobian.as_slice().chunks_exact(rows).enumerate().skip(j) {
-                self.normal[(i, j)] = dot(column, other);
+        for (j, column) in self.jacobian.column_iter().enumerate() {
+            self.gradient[j] = column.dot(&self.residual);
+            for i in j..self.normal.nrows() {
+                self.normal[(i, j)] = column.dot(&self.jacobian.column(i));
             }
         }
         Ok(cost)
@@ -356,7 +390,7 @@ impl<'a> FrameFitter<'a> {
         let n_measured = 3 * targets.iter().flatten().count();
         let variance = match self.options.noise {
             Some(noise) => noise * noise,
-            None if n_measured > n_free => dot(&self.residual, &self.residual) / (n_measured - n_free) as f64,
+            None if n_measured > n_free => self.residual.norm_squared() / (n_measured - n_free) as f64,
             None => return Ok(None),
         };
         Ok(Some(inverse * variance))
@@ -380,8 +414,4 @@ impl<'a> FrameFitter<'a> {
         };
         Ok([self.gradient[0], curvature])
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -1,6 +1,6 @@
 //! Where markers are on a model.
 
-use super::{FitError, expect_positive};
+use super::{FitError, expect_positive, expect_small};
 use nalgebra::Vector3;
 use somersault_multibody::Model;
 
@@ -43,6 +43,7 @@ impl MarkerSet {
             if let Some(&found) = marker.point.iter().find(|x| !x.is_finite()) {
                 return Err(FitError::NonFinite { argument: "point", found });
             }
+            expect_small("point", &marker.point)?;
             expect_positive("weight", marker.weight)?;
         }
         Ok(Self { markers })

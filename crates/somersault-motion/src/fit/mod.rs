@@ -13,9 +13,9 @@
 //! Method: Levenberg–Marquardt with the Jacobians of the tree, on the group of each joint; every step minimises the
 //! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
 //! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
-//! laid over the markers. Every eighth frame is then begun from these postures too: what is better leads the frames on
-//! both sides of it as far as they get better. That ends wrong minima of whole limbs, not all: joints that few markers see,
-//! as hands in noise, may be left in another minimum that is nearly as low.
+//! laid over the markers. That leads frames into wrong minima, which three things then leave: every eighth frame is
+//! begun from these postures too; in each frame every joint is turned through its range; and what is lower leads its neighbours,
+//! on both sides, as long as any gets lower. Nothing proves a minimum of so many angles to be the lowest.
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 
@@ -23,6 +23,7 @@ mod align;
 mod estimate;
 mod frame;
 mod markers;
+mod minima;
 mod motion;
 mod options;
 pub mod quadratic;
@@ -34,6 +35,7 @@ pub use markers::{Marker, MarkerSet};
 pub use motion::{MarkerFit, MotionFit};
 pub use options::{FitOptions, Loss, Scale, Shape};
 
+use crate::LARGEST;
 use somersault_multibody::DynamicsError;
 
 /// Why a model cannot be fitted.
@@ -76,6 +78,14 @@ pub enum FitError {
         /// Its value.
         found: f64,
     },
+    /// A number is so large that products of it are none.
+    #[error("`{argument}` must be within ±1e100, found {found:e}")]
+    TooLarge {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
     /// The bounds of the scale cross or are not positive.
     #[error("the bounds of the scale must be positive and grow, found {lower} and {upper}")]
     ScaleBounds {
@@ -112,5 +122,20 @@ pub(crate) fn expect_length(argument: &'static str, found: usize, expected: usiz
 }
 
 pub(crate) fn expect_positive(argument: &'static str, found: f64) -> Result<(), FitError> {
-    if found > 0.0 && found.is_finite() { Ok(()) } else { Err(FitError::NotPositive { argument, found }) }
+    if found > 0.0 && found.is_finite() {
+        expect_small(argument, [&found])
+    } else {
+        Err(FitError::NotPositive { argument, found })
+    }
+}
+
+/// Fails where products of a number may overflow.
+pub(crate) fn expect_small<'a>(
+    argument: &'static str,
+    numbers: impl IntoIterator<Item = &'a f64>,
+) -> Result<(), FitError> {
+    match numbers.into_iter().find(|x| x.abs() > LARGEST) {
+        Some(&found) => Err(FitError::TooLarge { argument, found }),
+        None => Ok(()),
+    }
 }

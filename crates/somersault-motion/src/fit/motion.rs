@@ -1,8 +1,8 @@
 //! A whole motion: frame after frame, or with one scale for all.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter};
-use super::starts::{Starts, is_better};
-use super::{FitError, FitOptions, MarkerSet, Scale};
+use super::starts::Starts;
+use super::{FitError, FitOptions, MarkerSet, Scale, expect_small, minima};
 use crate::GoOn;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
@@ -98,18 +98,15 @@ impl MotionFit {
     }
 }
 
-/// Frames between those that are begun anew.
-const STRIDE: usize = 8;
-
 /// Rounds of the search for a common scale, at most.
 const MAX_ROUNDS: usize = 50;
 
 /// Fails where the caller says that it is not to go on.
-fn expect(go_on: GoOn) -> Result<(), FitError> {
+pub(super) fn expect(go_on: GoOn) -> Result<(), FitError> {
     if go_on() { Ok(()) } else { Err(FitError::Interrupted) }
 }
 
-type Targets = Vec<Option<Vector3<f64>>>;
+pub(super) type Targets = Vec<Option<Vector3<f64>>>;
 
 impl MarkerFit {
     /// Fits `markers` of `model` as `options` say.
@@ -144,12 +141,13 @@ impl MarkerFit {
         let targets = self.targets(recording)?;
         let mut fitter = FrameFitter::new(&self.model, &self.markers, &self.options);
         let starts = Starts::new(&self.model, &self.options, &fitter.unknowns);
-        let first = match targets.iter().find(|t| t.iter().any(Option::is_some)) {
-            Some(first) => starts.best(&mut fitter, first)?,
-            None => None,
-        };
-        let neutral = || fitter.unknowns.start(&self.model, None);
-        let mut estimate = first.map_or_else(neutral, |(_, estimate)| estimate);
+        let mut estimate = fitter.unknowns.start(&self.model, None);
+        if let Some(first) = targets.iter().find(|t| t.iter().any(Option::is_some)) {
+            let start = starts.best(&mut fitter, first, f64::INFINITY)?.unwrap_or(estimate);
+            let mut found = fitter.fit(first, &start)?;
+            minima::turn_joints(&mut fitter, first, &mut found)?;
+            estimate = found.estimate;
+        }
         let mut frames = Vec::with_capacity(targets.len());
         for frame in &targets {
             expect(go_on)?;
@@ -157,7 +155,7 @@ impl MarkerFit {
             estimate.clone_from(&found.estimate);
             frames.push(found);
         }
-        self.leave_wrong_minima(&mut fitter, &starts, &targets, &mut frames, go_on)?;
+        minima::lower(self, &starts, &targets, &mut frames, go_on)?;
         for i in 1..frames.len() {
             if frames[i].status == FitStatus::NoMarkers {
                 frames[i].estimate = frames[i - 1].estimate.clone();
@@ -170,55 +168,6 @@ impl MarkerFit {
         Ok(motion)
     }
 
-    /// Leaves wrong minima that frames were led into: every frame of number [`STRIDE`], 2 [`STRIDE`], … and the last are begun from the
-    /// starts too, and what is better leads its neighbours, on both sides, as far as they get better by it.
-    fn leave_wrong_minima(
-        &self,
-        fitter: &mut FrameFitter,
-        starts: &Starts,
-        targets: &[Targets],
-        frames: &mut [FrameFit],
-        go_on: GoOn,
-    ) -> Result<(), FitError> {
-        let last = frames.len() - 1;
-        let far = (last % STRIDE > STRIDE / 2).then_some(last);
-        for i in (STRIDE..=last).step_by(STRIDE).chain(far) {
-            expect(go_on)?;
-            // nothing is better than no residual, or no marker
-            if !is_better(0.0, frames[i].cost) {
-                continue;
-            }
-            let Some((cost, estimate)) = starts.best(fitter, &targets[i])? else { continue };
-            if !is_better(cost, frames[i].cost) {
-                continue;
-            }
-            frames[i] = fitter.fit(&targets[i], &estimate)?;
-            self.lead(fitter, targets, frames, i, (i + 1)..=last)?;
-            self.lead(fitter, targets, frames, i, (0..=i - 1).rev())?;
-        }
-        Ok(())
-    }
-
-    /// Begins the frames in turn from the one before, the first from `leader`, until that is no better.
-    fn lead(
-        &self,
-        fitter: &mut FrameFitter,
-        targets: &[Targets],
-        frames: &mut [FrameFit],
-        leader: usize,
-        led: impl Iterator<Item = usize>,
-    ) -> Result<(), FitError> {
-        let mut estimate = frames[leader].estimate.clone();
-        for i in led.filter(|&i| targets[i].iter().any(Option::is_some)) {
-            let cost = fitter.minimize(&targets[i], &mut estimate, usize::MAX)?.2;
-            if !is_better(cost, frames[i].cost) {
-                break;
-            }
-            frames[i] = fitter.fit(&targets[i], &estimate)?;
-        }
-        Ok(())
-    }
-
     /// For each frame a target for each marker of the model.
     fn targets(&self, recording: &MarkerRecording) -> Result<Vec<Targets>, FitError> {
         let numbers: Vec<Option<usize>> =
@@ -229,7 +178,9 @@ impl MarkerFit {
             return Err(FitError::NoCommonMarker { expected, found });
         }
         let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
-        Ok(recording.frames().map(frame).collect())
+        let targets: Vec<Targets> = recording.frames().map(frame).collect();
+        expect_small("recording", targets.iter().flatten().flatten().flat_map(|y| y.iter()))?;
+        Ok(targets)
     }
 
     /// Makes the scale of all frames one: Newton's method on the sum of the frames' minima, a function of the scale

@@ -1,6 +1,6 @@
 //! What is fitted, and how.
 
-use super::{FitError, expect_length, expect_positive};
+use super::{FitError, expect_length, expect_positive, expect_small};
 use somersault_multibody::Model;
 use somersault_ocp::motion::EigenpostureBase;
 
@@ -87,7 +87,8 @@ pub struct FitOptions {
     pub starts: Vec<Vec<f64>>,
     /// Iterations in a frame, at most.
     pub max_iterations: usize,
-    /// A frame has converged when no unknown (m, rad) moves by more.
+    /// A frame has converged when no unknown (m, rad) moves by more; or when the cost falls by less than 1e-12 of itself, or less than
+    /// distances of 1e-11 of the coordinates make it, for angles that the markers do not determine never come to rest.
     pub step_tol: f64,
     /// Standard deviation of the noise in each coordinate of a marker of weight 1, m, where it is known; else the
     /// covariance is that of the residuals.
@@ -116,6 +117,7 @@ impl FitOptions {
         if !(lower > 0.0 && upper >= lower && upper.is_finite()) {
             return Err(FitError::ScaleBounds { lower, upper });
         }
+        expect_small("scale", [&upper])?;
         if let Loss::Huber(threshold) | Loss::Cauchy(threshold) = self.loss {
             expect_positive("threshold", threshold)?;
         }
@@ -141,6 +143,7 @@ impl FitOptions {
             if let Some(&found) = start.iter().find(|x| !x.is_finite()) {
                 return Err(FitError::NonFinite { argument: "starts", found });
             }
+            expect_small("starts", start)?;
         }
         Ok(())
     }

@@ -12,7 +12,7 @@
 //! 2018.
 
 use super::estimate::{Estimate, Unknowns};
-use super::frame::FrameFitter;
+use super::frame::{FrameFitter, Until};
 use super::{FitError, FitOptions, Shape};
 use nalgebra::Vector3;
 use somersault_multibody::{Joint, Model};
@@ -24,8 +24,9 @@ const N_POINTS: usize = 15;
 const SHORT: usize = 8;
 const BEST: usize = 3;
 
-/// A lower minimum is worth leaving another for if it is lower by this share: 5 % of the residuals.
-const LOWER: f64 = 0.1;
+/// A lower minimum is worth leaving another for if it is lower by this share, 1.5 % of the residuals. What differs by less are mostly
+/// branches of one shoulder, and jumps between them would be what principal components describe.
+const LOWER: f64 = 0.03;
 /// Costs below it are rounding, m².
 const ROUNDING: f64 = 1e-18;
 
@@ -60,18 +61,20 @@ impl Starts {
         Self(starts)
     }
 
-    /// The best minimum of a frame from all the starts, each laid over the markers, and its cost. Of minima that differ by less
-    /// than [`LOWER`] that of the first start is taken: angles that no marker sees then stay neutral.
+    /// The best minimum of a frame from all the starts, each laid over the markers. Searches that will not come below `below` are
+    /// given up. Of minima that are equally low that of the first start is taken: angles that no marker sees then stay neutral.
     pub(super) fn best(
         &self,
         fitter: &mut FrameFitter,
         frame: &[Option<Vector3<f64>>],
-    ) -> Result<Option<(f64, Estimate)>, FitError> {
+        below: f64,
+    ) -> Result<Option<Estimate>, FitError> {
+        let short = Until { iterations: SHORT, below, ..Until::CONVERGED };
         let mut found = Vec::with_capacity(self.0.len());
         for (k, start) in self.0.iter().enumerate() {
             let mut estimate = start.clone();
             fitter.align(frame, &mut estimate)?;
-            let (_, _, cost) = fitter.minimize(frame, &mut estimate, SHORT)?;
+            let (_, _, cost) = fitter.minimize(frame, &mut estimate, short)?;
             found.push((k, cost, estimate));
         }
         found.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -79,12 +82,12 @@ impl Starts {
         found.sort_by_key(|(k, ..)| *k);
         let mut best: Option<(f64, Estimate)> = None;
         for (_, _, mut estimate) in found {
-            let cost = fitter.minimize(frame, &mut estimate, usize::MAX)?.2;
+            let cost = fitter.minimize(frame, &mut estimate, Until { below, ..Until::CONVERGED })?.2;
             if best.as_ref().is_none_or(|(least, _)| is_better(cost, *least)) {
                 best = Some((cost, estimate));
             }
         }
-        Ok(best)
+        Ok(best.map(|(_, estimate)| estimate))
     }
 }
 

@@ -56,6 +56,7 @@ pub(crate) enum Turn {
 }
 
 #[derive(serde::Deserialize)]
+#[serde(expecting = "an object with Frames")]
 struct File {
     #[serde(rename = "Frames")]
     frames: Frames,
@@ -154,12 +155,16 @@ pub fn read(text: &str, diver: &Diver) -> Result<SkeletonRecording, ReadError> {
     let file: File = serde_json::from_str(text).map_err(|error| {
         let place = Place::Line(error.line());
         let allowed = format!("an object with Frames of {WIDTH} numbers each");
+        let message = error.to_string();
+        // where it is, is said before
+        let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(message, _)| message);
+        let mut reason = shorten(message, LONGEST_MESSAGE);
         match error.classify() {
-            serde_json::error::Category::Eof => ReadError::Truncated { place, allowed },
-            _ => {
-                ReadError::Unexpected { place, found: shorten(&error.to_string(), LONGEST_MESSAGE), allowed }
-            }
+            serde_json::error::Category::Eof => return ReadError::Truncated { place, allowed },
+            serde_json::error::Category::Data => {}
+            _ => reason = format!("{reason}; a motion is {allowed}, as JSON"),
         }
+        ReadError::Malformed { place, column: error.column(), reason }
     })?;
     let Frames(frames) = file.frames;
     if frames.is_empty() {

@@ -55,6 +55,16 @@ pub enum ReadError {
         /// What may be there.
         allowed: String,
     },
+    /// What stands there contradicts the format, for a reason that says what is allowed.
+    #[error("{place}: {reason} (column {column})")]
+    Malformed {
+        /// Where.
+        place: Place,
+        /// Column of the line, from 1.
+        column: usize,
+        /// What is there, and what may be.
+        reason: String,
+    },
     /// The file ends too early.
     #[error("{place}: the file ends where there must be {allowed}")]
     Truncated {
@@ -115,6 +125,7 @@ impl ReadError {
     pub fn place(&self) -> Option<Place> {
         match self {
             Self::Unexpected { place, .. }
+            | Self::Malformed { place, .. }
             | Self::Truncated { place, .. }
             | Self::Misdeclared { place, .. }
             | Self::NonFinite { place, .. }

@@ -27,6 +27,7 @@ pub use storage::StorageError;
 pub use validation::{Baseline, Validation, ValidationOptions, validate, validate_while};
 pub use vector::{Performance, VectorOptions};
 
+use crate::LARGEST;
 use crate::analysis::AnalysisError;
 use crate::recording::RecordingError;
 
@@ -70,6 +71,20 @@ pub enum ScoringError {
         /// Its value.
         found: f64,
     },
+    /// A number is so large that its square is none.
+    #[error("`{argument}` must be within ±1e100, found {found:e}")]
+    TooLarge {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The number.
+        found: f64,
+    },
+    /// A feature of the name of another baseline.
+    #[error("`features` must have names of their own, but a baseline named `{name}` is there already")]
+    DuplicateBaseline {
+        /// The name.
+        name: String,
+    },
     /// More components than motions can have.
     #[error("`{argument}` must be at most {most} for these motions, found {found}")]
     TooMany {
@@ -103,6 +118,22 @@ pub enum ScoringError {
     /// The principal components do not exist.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
+}
+
+/// Fails where a number is not finite, or its square is not.
+pub(crate) fn expect_numbers<'a>(
+    argument: &'static str,
+    numbers: impl IntoIterator<Item = &'a f64>,
+) -> Result<(), ScoringError> {
+    for &found in numbers {
+        if !found.is_finite() {
+            return Err(ScoringError::NonFinite { argument });
+        }
+        if found.abs() > LARGEST {
+            return Err(ScoringError::TooLarge { argument, found });
+        }
+    }
+    Ok(())
 }
 
 pub(crate) fn expect_length(

@@ -2,7 +2,7 @@
 
 use super::regression::ComponentScores;
 use super::vector::Normalized;
-use super::{Performance, ScoringError, VectorOptions, expect_least, expect_length};
+use super::{Performance, ScoringError, VectorOptions, expect_least, expect_length, expect_numbers};
 use crate::analysis::{Pca, eigenpostures};
 use nalgebra::DMatrix;
 
@@ -37,11 +37,7 @@ impl ScoringOptions {
         }
         expect_least("motions", n_motions, self.most().saturating_add(least))?;
         expect_length("scores", scores.len(), n_motions)?;
-        if scores.iter().all(|s| s.is_finite()) {
-            Ok(())
-        } else {
-            Err(ScoringError::NonFinite { argument: "scores" })
-        }
+        expect_numbers("scores", scores)
     }
 
     /// The most components that are asked for.

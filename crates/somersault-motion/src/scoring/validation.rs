@@ -3,7 +3,7 @@
 use super::model::{eigenpostures_of, normalize};
 use super::regression::LeftOut;
 use super::statistics::{Coefficients, Correlation, resampled};
-use super::{Performance, ScoringError, ScoringOptions, expect_least, expect_length};
+use super::{Performance, ScoringError, ScoringOptions, expect_least, expect_length, expect_numbers};
 use crate::GoOn;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -106,8 +106,9 @@ pub fn validate_while(
     // with four only the resample that has all of them can be validated, and the interval would be a point
     expect_least("motions", motions.len(), 5)?;
     let range = |argument, allowed, found| Err(ScoringError::Range { argument, allowed, found });
-    if validation.n_resamples == 0 {
-        return range("n_resamples", "at least 1", 0.0);
+    // the interval of one would be a point
+    if validation.n_resamples < 2 {
+        return range("n_resamples", "at least 2", validation.n_resamples as f64);
     }
     if !(validation.level > 0.0 && validation.level < 1.0) {
         return range("level", "between 0 and 1", validation.level);
@@ -147,10 +148,11 @@ pub fn validate_while(
     let mut baselines = vec![baseline("mean", means)];
     let durations: Vec<f64> = motions.iter().map(Performance::duration).collect();
     for (name, values) in [("duration", &durations[..])].iter().chain(features) {
-        expect_length("features", values.len(), scores.len())?;
-        if !values.iter().all(|x| x.is_finite()) {
-            return Err(ScoringError::NonFinite { argument: "features" });
+        if baselines.iter().any(|known: &Baseline| known.name == *name) {
+            return Err(ScoringError::DuplicateBaseline { name: (*name).to_owned() });
         }
+        expect_length("features", values.len(), scores.len())?;
+        expect_numbers("features", *values)?;
         let by_line = |i: usize| line(&without(i, values), &without(i, scores), values[i]);
         baselines.push(baseline(name, (0..scores.len()).map(by_line).collect()));
     }

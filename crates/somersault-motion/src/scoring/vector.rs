@@ -1,6 +1,6 @@
 //! What a motion is to a judge that counts: its vector.
 
-use super::{ScoringError, expect_least, expect_length};
+use super::{ScoringError, expect_least, expect_length, expect_numbers};
 use crate::analysis::{Pca, expect_finite, normalize_frames};
 use crate::recording::{MarkerRecording, expect_times};
 use nalgebra::{DMatrix, RowDVector};
@@ -42,6 +42,7 @@ impl Performance {
         let mut path = DMatrix::zeros(n, 3);
         for (i, frame) in recording.frames().enumerate() {
             let points: Vec<_> = frame.iter().flatten().collect();
+            expect_numbers("recording", points.iter().flat_map(|p| p.iter()))?;
             if let Some(k) = frame.iter().position(Option::is_none) {
                 return Err(ScoringError::Gap { marker: recording.names()[k].clone(), frame: i });
             }

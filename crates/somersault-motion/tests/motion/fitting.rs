@@ -149,6 +149,35 @@ fn a_fifth_of_the_markers_may_be_missing() {
     }
 }
 
+/// Twenty markers: one on each body with an extent, which hardly see hands and toes, and three more.
+fn few_markers(model: &Model) -> MarkerSet {
+    let all = markers(model).markers().to_vec();
+    let [first, second] = [0, 1].map(|k| all.iter().skip(k).step_by(2).cloned());
+    MarkerSet::try_new(model, first.chain(second).take(20).collect()).unwrap()
+}
+
+#[test]
+fn frames_are_not_left_in_wrong_minima() {
+    let diver = Diver::spatial();
+    let (model, motion) = (diver.model().unwrap(), motion(&diver, 60));
+    let set = few_markers(&model);
+    for (noise, seed) in [(0.002, 1), (0.005, 2), (0.01, 3)] {
+        let recording = record(&model, &set, &motion, 1.0, noise, seed);
+        let with = |starts| FitOptions { scale: Scale::Fixed(1.0), starts, ..FitOptions::default() };
+        let fit = MarkerFit::try_new(&model, set.clone(), with(Vec::new())).unwrap().fit(&recording).unwrap();
+        let ratio = |(i, q): (usize, &Vec<f64>)| {
+            let points = recording.frames().nth(i).unwrap().to_vec();
+            let alone = MarkerRecording::try_new(recording.names().to_vec(), vec![0.0], points).unwrap();
+            let from_truth = MarkerFit::try_new(&model, set.clone(), with(vec![q[7..].to_vec()])).unwrap();
+            fit.frames[i].rms.unwrap() / from_truth.fit(&alone).unwrap().frames[0].rms.unwrap()
+        };
+        let ratios: Vec<f64> = motion.iter().enumerate().map(ratio).collect();
+        let largest = ratios.iter().fold(0.0_f64, |a, r| a.max(*r));
+        println!("{noise} m: largest residual {largest:.3} of that from the truth");
+        assert!(largest < 1.03, "{noise} m, seed {seed}: residuals up to {largest} of those from the truth");
+    }
+}
+
 #[test]
 fn with_noise_estimates_are_unbiased_and_within_the_linearised_covariance() {
     const NOISE: f64 = 0.01;

@@ -318,10 +318,14 @@ fn a_wrong_joint_motion_is_named_with_its_line() {
     // the second frame is at the time of the first, or too far from it
     assert_eq!(line_of(change("0.05", "0")), Some(6));
     assert_eq!(line_of(joint_motion::read(&whole.replace("0.05", "1e308"), &diver)), Some(7));
-    let Err(ReadError::Unexpected { found, .. }) = change("1, 0, 0", "0.1, 0, 0") else { panic!() };
-    assert!(found.contains("norm 0.1, allowed is 0.5 to 2 at line 5"), "{found}");
+    let found = change("1, 0, 0", "0.1, 0, 0").unwrap_err().to_string();
+    let expected = "line 5: quaternion at number 4 of norm 0.1, allowed is 0.5 to 2 (column ";
+    assert!(found.starts_with(expected), "{found}");
+    let none = joint_motion::read("motion", &diver).unwrap_err().to_string();
+    let allowed = "a motion is an object with Frames of 44 numbers each, as JSON";
+    assert_eq!(none, format!("line 1: expected value; {allowed} (column 1)"));
     let long = format!("{{\"Frames\": \"{}\"}}", "x".repeat(1000));
-    let Err(ReadError::Unexpected { found, .. }) = joint_motion::read(&long, &diver) else { panic!() };
+    let Err(ReadError::Malformed { reason: found, .. }) = joint_motion::read(&long, &diver) else { panic!() };
     assert!(found.chars().count() == 121 && found.ends_with('…'), "{found}");
     let nobody = Diver { height: -1.0, ..diver };
     assert!(matches!(joint_motion::read(&whole, &nobody), Err(ReadError::Diver(_))));

@@ -17,7 +17,7 @@ pub(crate) fn motion(name: &str) -> Option<SkeletonRecording> {
     };
     let path = std::path::Path::new(&folder).join(format!("humanoid3d_{name}.txt"));
     let found = load(path, |bytes| joint_motion::read(text(bytes)?, &Diver::spatial()));
-    Some(found.unwrap_or_else(|error| panic!("{error}")))
+    Some(found.unwrap_or_else(|error| panic!("SOMERSAULT_MOTIONS must name a folder of motions: {error}")))
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::convert::real_numbers;
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis;
 use somersault::motion::synthetic;
 
@@ -223,6 +223,32 @@ impl SyntheticJudge {
     /// float
     fn intended(&self, faults: &Bound<'_, DiveFaults>) -> f64 {
         self.judge.intended(&faults.get().faults)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (own, judge) = (slf.get(), &slf.get().judge);
+        let numbers = [
+            judge.entry_angle,
+            judge.hip_opening,
+            judge.exit_share,
+            judge.asymmetry,
+            judge.roughness,
+            judge.noise,
+        ];
+        let arguments = (own.reference(), numbers, judge.half_points).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled judge.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        reference: &Bound<'_, DiveFaults>,
+        numbers: [f64; 6],
+        half_points: bool,
+    ) -> Result<Self, Error> {
+        let [a, b, c, d, e, f] = numbers.map(Some);
+        Self::new(reference, a, b, c, d, e, f, half_points)
     }
 
     fn __repr__(&self) -> String {

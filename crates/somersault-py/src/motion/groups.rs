@@ -1,13 +1,13 @@
 //! Groups of motions side by side.
 
-use super::matrix::{count, matrix, matrix_array, numbers_array};
+use super::matrix::{count, matrices, matrix, matrix_array, numbers_array, same_length};
 use super::motion_fit::MotionFit;
 use crate::convert::{a_type, real_numbers, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::motion::analysis::{self, Panel};
+use somersault::motion::analysis::{self, AnalysisError, Panel};
 
 /// Mean and spread of a group of motions at each frame.
 ///
@@ -138,7 +138,14 @@ impl GroupComparison {
         let motions: Vec<Vec<_>> =
             fits.iter().map(|group| group.iter().map(|fit| &fit.get().motion).collect()).collect();
         let motions: Vec<&[_]> = motions.iter().map(Vec::as_slice).collect();
-        let comparison = analysis::GroupComparison::try_new(model, &motions, panel, n_frames)?;
+        let comparison = analysis::GroupComparison::try_new(model, &motions, panel, n_frames);
+        let comparison = comparison.map_err(|error| match error {
+            AnalysisError::NothingSeen { group, motion } => Error::analysis_input(format!(
+                "`groups['{}'][{motion}]` must have markers, but has none in any frame",
+                names[group]
+            )),
+            error => error.into(),
+        })?;
         Ok(Self { names, comparison })
     }
 
@@ -187,6 +194,34 @@ impl GroupComparison {
             found.set_item(name, Band { band })?;
         }
         Ok(found)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let groups = 0..own.names.len();
+        let series: Vec<_> =
+            groups.map(|g| matrix_array(py, &own.comparison.series(g))).collect::<PyResult<_>>()?;
+        let weight = match own.comparison.panel() {
+            Panel::Eigenweight(weight) => weight,
+            _ => 0,
+        };
+        let arguments = (own.names(py)?, own.panel(), weight, series).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled comparison.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        names: Vec<String>,
+        panel: &str,
+        weight: usize,
+        series: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let series = matrices("series", series)?;
+        same_length("series", series.len(), names.len())?;
+        let comparison = analysis::GroupComparison::from_series(&series, panel_of(panel, weight)?)?;
+        Ok(Self { names, comparison })
     }
 
     fn __repr__(&self) -> String {

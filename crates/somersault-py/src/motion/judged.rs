@@ -2,14 +2,15 @@
 
 use super::convention::convention;
 use super::markers::MarkerRecording;
-use super::matrix::numbers_array;
+use super::matrix::{numbers_array, same_length};
 use super::scoring::Performance;
 use super::worker::attended;
+use crate::convert::with_shape;
 use crate::error::Error;
 use crate::named_models::Diver;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::judged::{self, JudgedError, JudgedOptions};
 use somersault::motion::readers::{LoadError, Place};
 use somersault::multibody::models;
@@ -112,6 +113,48 @@ impl JudgedSet {
 
     fn __len__(&self) -> usize {
         self.set.recordings.len()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let lines: Vec<usize> = own.set.list.motions.iter().map(|motion| motion.line).collect();
+        let (features, recordings) = (own.features(py)?, own.recordings());
+        let arguments = (own.files(py)?, own.scores(py), own.synthetic(), lines, features, recordings);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled set.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        files: Vec<String>,
+        scores: &Bound<'_, PyAny>,
+        synthetic: Vec<bool>,
+        lines: Vec<usize>,
+        features: &Bound<'_, PyDict>,
+        recordings: Vec<Bound<'_, MarkerRecording>>,
+    ) -> Result<Self, Error> {
+        let n = files.len();
+        let scores = with_shape("scores", &[n], scores)?;
+        same_length("synthetic", synthetic.len(), n)?;
+        same_length("lines", lines.len(), n)?;
+        same_length("recordings", recordings.len(), n)?;
+        let (mut feature_names, mut columns) = (Vec::new(), Vec::new());
+        for (name, values) in features.iter() {
+            feature_names.push(name.extract::<String>()?);
+            columns.push(with_shape("features", &[n], &values)?);
+        }
+        let motion = |(k, file): (usize, String)| judged::JudgedMotion {
+            file,
+            score: scores[k],
+            synthetic: synthetic[k],
+            features: columns.iter().map(|column| column[k]).collect(),
+            line: lines[k],
+        };
+        let motions = files.into_iter().enumerate().map(motion).collect();
+        let recordings = recordings.iter().map(|recording| recording.get().recording.clone()).collect();
+        let list = judged::JudgedList { feature_names, motions };
+        Ok(Self { set: judged::JudgedSet { list, recordings } })
     }
 
     fn __repr__(&self) -> String {

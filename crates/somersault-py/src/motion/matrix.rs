@@ -50,6 +50,15 @@ pub(super) fn count(argument: &str, n: i128) -> Result<usize, Error> {
     }
 }
 
+/// Fails unless a part of what was pickled is as long as the others.
+pub(super) fn same_length(argument: &str, found: usize, expected: usize) -> Result<(), Error> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(Error::input(format!("`{argument}` must have {expected} entries, found {found}")))
+    }
+}
+
 /// A number that a generator begins with.
 pub(super) fn seed(n: i128) -> Result<u64, Error> {
     let most = u64::MAX;

@@ -177,6 +177,8 @@ pub(crate) struct SyntheticFlight {
     flight: synthetic::SyntheticFlight,
     model: Py<Model>,
     faults: analysis::DiveFaults,
+    times: Vec<f64>,
+    positions: Vec<f64>,
 }
 
 #[pymethods]
@@ -184,10 +186,10 @@ impl SyntheticFlight {
     #[new]
     fn new(model: &Bound<'_, Model>, times: &Bound<'_, PyAny>, q: &Bound<'_, PyAny>) -> Result<Self, Error> {
         let tree = &model.get().model;
-        let (times, q) = (real_numbers("times", times)?, configurations(tree, q)?);
-        let flight = synthetic::SyntheticFlight::try_new(tree, &times, &q)?;
-        let faults = analysis::DiveFaults::of(tree, &times, &q)?;
-        Ok(Self { flight, model: model.clone().unbind(), faults })
+        let (times, positions) = (real_numbers("times", times)?, configurations(tree, q)?);
+        let flight = synthetic::SyntheticFlight::try_new(tree, &times, &positions)?;
+        let faults = analysis::DiveFaults::of(tree, &times, &positions)?;
+        Ok(Self { flight, model: model.clone().unbind(), faults, times, positions })
     }
 
     /// Model: The model.
@@ -220,9 +222,22 @@ impl SyntheticFlight {
         Ok(SyntheticDive { dive: attended(py, move || flight.perturb(&perturbation))? })
     }
 
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let q = frames_array(py, &own.positions, own.times.len())?;
+        let arguments = (own.model(py), numbers_array(py, &own.times), q).into_pyobject(py)?;
+        Ok((slf.get_type().into_any(), arguments))
+    }
+
     fn __repr__(&self) -> String {
         format!("<SyntheticFlight: SYNTHETIC, {} bodies>", self.flight.model().n_bodies())
     }
+}
+
+/// Configurations, one after the other, as an array with a row for each.
+fn frames_array<'py>(py: Python<'py>, positions: &[f64], n_frames: usize) -> PyResult<Bound<'py, PyAny>> {
+    let n_positions = positions.len().checked_div(n_frames).unwrap_or(0);
+    Ok(array(py, positions.to_vec(), &[n_frames, n_positions])?.into_any())
 }
 
 /// A SYNTHETIC dive.
@@ -243,8 +258,7 @@ impl SyntheticDive {
     /// ndarray, shape (n, n_positions): Configurations.
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.dive.times.len();
-        Ok(array(py, self.dive.positions.clone(), &[n, self.dive.positions.len() / n])?.into_any())
+        frames_array(py, &self.dive.positions, self.dive.times.len())
     }
 
     /// Perturbation: What made it.
@@ -408,6 +422,43 @@ impl SyntheticSet {
 
     fn __len__(&self) -> usize {
         self.set.dives.len()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments =
+            (own.judge(), own.dives(), own.faults(), own.markers(), own.intended(py), own.scores(py));
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled set.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        judge: &Bound<'_, SyntheticJudge>,
+        dives: Vec<Bound<'_, SyntheticDive>>,
+        faults: Vec<Bound<'_, DiveFaults>>,
+        markers: Vec<Bound<'_, MarkerRecording>>,
+        intended: &Bound<'_, PyAny>,
+        scores: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let set = synthetic::SyntheticSet {
+            dives: dives.iter().map(|dive| dive.get().dive.clone()).collect(),
+            faults: faults.iter().map(|faults| faults.get().faults).collect(),
+            markers: markers.iter().map(|markers| markers.get().recording.clone()).collect(),
+            intended: real_numbers("intended", intended)?,
+            scores: real_numbers("scores", scores)?,
+        };
+        let n = set.dives.len();
+        for (argument, found) in [
+            ("faults", set.faults.len()),
+            ("markers", set.markers.len()),
+            ("intended", set.intended.len()),
+            ("scores", set.scores.len()),
+        ] {
+            matrix::same_length(argument, found, n)?;
+        }
+        Ok(Self { set, judge: judge.get().judge })
     }
 
     fn __repr__(&self) -> String {

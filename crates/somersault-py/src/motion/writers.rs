@@ -4,6 +4,7 @@ use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix;
 use super::skeleton::SkeletonRecording;
+use super::worker::attended;
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -38,7 +39,8 @@ pub(crate) fn write_csv(
     forward: &str,
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
-    put(path, writers::csv::write(&recording.get().recording, &convention)?.as_bytes())
+    let recording = recording.get().recording.clone();
+    put(path, attended(path.py(), move || writers::csv::write(&recording, &convention))?.as_bytes())
 }
 
 /// Writes markers as TRC, as OpenSim reads them, with all digits.
@@ -65,7 +67,8 @@ pub(crate) fn write_trc(
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
     let name: String = matrix::path("path", path)?.getattr("name")?.extract()?;
-    put(path, writers::trc::write(&recording.get().recording, &name, &convention)?.as_bytes())
+    let recording = recording.get().recording.clone();
+    put(path, attended(path.py(), move || writers::trc::write(&recording, &name, &convention))?.as_bytes())
 }
 
 /// Writes markers as C3D, in single precision.
@@ -95,7 +98,8 @@ pub(crate) fn write_c3d(
     forward: &str,
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
-    put(path, &writers::c3d::write(&recording.get().recording, &convention)?)
+    let recording = recording.get().recording.clone();
+    put(path, &attended(path.py(), move || writers::c3d::write(&recording, &convention))?)
 }
 
 /// Writes a skeleton and its motion as BVH.
@@ -127,7 +131,8 @@ pub(crate) fn write_bvh(
     forward: &str,
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
-    put(path, writers::bvh::write(&recording.get().recording, &convention)?.as_bytes())
+    let recording = recording.get().recording.clone();
+    put(path, attended(path.py(), move || writers::bvh::write(&recording, &convention))?.as_bytes())
 }
 
 /// Writes a motion in the format of DeepMimic, without lengths.
@@ -149,5 +154,6 @@ pub(crate) fn write_joint_motion(
     path: &Bound<'_, PyAny>,
     recording: &Bound<'_, SkeletonRecording>,
 ) -> Result<(), Error> {
-    put(path, writers::joint_motion::write(&recording.get().recording)?.as_bytes())
+    let recording = recording.get().recording.clone();
+    put(path, attended(path.py(), move || writers::joint_motion::write(&recording))?.as_bytes())
 }

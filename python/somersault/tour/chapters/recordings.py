@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from somersault import motion, multibody, ocp, viewer
+from somersault import errors, motion, multibody, ocp, viewer
 from somersault.tour.chapters.divers import inertia
 from somersault.tour.chapters.motions import frame, postures
 from somersault.tour.measurements import Measurements
@@ -40,6 +40,18 @@ def markers_of_recordings(model: multibody.Model) -> motion.MarkerSet:
         for joint, body in (*_JOINTS, *_ARM):
             places[f"{side}_{joint}"] = (f"{side}_{body}", (0, 0, 0))
     return motion.MarkerSet(model, places)
+
+
+def files(folder: str) -> dict[str, Path]:
+    """The recordings of a folder, by their names."""
+    found = {name: Path(folder) / f"humanoid3d_{name}.txt" for name in _RECORDED}
+    for path in found.values():
+        if not path.is_file():
+            raise errors.InputError(
+                f"`{VARIABLE}` must name a folder with the motions of DeepMimic or be unset, but"
+                f" {path.name} is not in {folder!r}"
+            )
+    return found
 
 
 def turned(q: Array) -> Array:
@@ -135,9 +147,7 @@ def write(page: Page, measurements: Measurements) -> None:
         return
     diver = multibody.diver_spatial()
     markers = markers_of_recordings(diver.model)
-    recordings = {
-        name: motion.read_joint_motion(Path(folder) / f"humanoid3d_{name}.txt", diver) for name in _RECORDED
-    }
+    recordings = {name: motion.read_joint_motion(path, diver) for name, path in files(folder).items()}
     fit = motion.MarkerFit(markers, scale=1.0, starts=postures(diver))
     fits = {name: fit.fit(recording.joint_centres()) for name, recording in recordings.items()}
     page.lead(
@@ -148,7 +158,6 @@ def write(page: Page, measurements: Measurements) -> None:
     )
     rows: list[list[str | Cell]] = []
     for name, found in fits.items():
-        worst = sorted(found.marker_rms.items(), key=lambda entry: -entry[1])[:3]
         done = sum(status == "converged" for status in found.status)
         turns = turned(np.asarray(recordings[name].configurations))[-1]
         rows.append(
@@ -158,7 +167,6 @@ def write(page: Page, measurements: Measurements) -> None:
                 number(recordings[name].duration),
                 f"{done}",
                 number(1e3 * found.rms, 0),
-                words(", ".join(f"{marker.replace('_', ' ')} {1e3 * rms:.0f}" for marker, rms in worst)),
                 *(number(round(float(x), 2) + 0.0) for x in turns),
             ]
         )
@@ -180,7 +188,6 @@ def write(page: Page, measurements: Measurements) -> None:
             "duration, s",
             "converged",
             "residual, mm",
-            words("largest by marker, mm"),
             "turns: forward axis",
             "left axis",
             "long axis",
@@ -191,6 +198,18 @@ def write(page: Page, measurements: Measurements) -> None:
         " added up; about the axis to the left, forward somersaults count positive. Frames that have not"
         " converged"
         " are the best of 100 iterations.",
+    )
+    page.table(
+        (words("residual by marker, mm"), *map(words, fits)),
+        [
+            [
+                words(marker.replace("_", " ")),
+                *(number(1e3 * found.marker_rms[marker], 0) for found in fits.values()),
+            ]
+            for marker in markers.names
+        ],
+        "Root mean square, over the frames of a motion, of the distance between each joint centre of the"
+        " recording and that of the diver.",
     )
     page.figure(
         "recorded-turns",
