@@ -1,5 +1,5 @@
-//! Extremals from boundary states and horizon alone: of any system by [`cold_start`], of the two-link arm from the way it
-//! folds by [`ArmTravel`].
+//! Extremals from boundary states and horizon alone: of any system by [`cold_start`], of trees by [`TreeTravel`], of the
+//! two-link arm from the way it folds by [`ArmTravel`].
 //!
 //! For the arm:
 //!
@@ -13,16 +13,28 @@
 
 mod least_effort;
 mod linearised;
+mod tree;
 
 use crate::continuation::{Continuation, Continued, Member};
 use crate::flow::Work;
 use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
 use crate::system::{ArmMinimumTorque, OptimalControlSystem, VectorField};
-use least_effort::Spline;
+use least_effort::{Driven, Spline};
 pub(crate) use least_effort::{Motion, Torque};
 pub use linearised::cold_start;
 use nalgebra::{SVector, Vector2};
 use std::f64::consts::PI;
+pub use tree::TreeTravel;
+
+impl Driven<2> for ArmMinimumTorque {
+    fn weights(&self) -> [f64; 2] {
+        self.weights()
+    }
+
+    fn torque(&self, motion: &Motion<2>) -> Torque<2> {
+        self.inverse_dynamics(motion)
+    }
+}
 
 /// From rest to rest in a given time, link 2 folded to one side on the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,8 +79,8 @@ const LONGEST: f64 = 1e4;
 /// Newton steps allowed from the spline.
 const DIRECT: usize = 40;
 
-/// Part of an interval over which λ̇_v is taken.
-const SIDE: f64 = 1e-3;
+/// Relative fall of the effort in a step at which the descent ends.
+const ENOUGH: f64 = 1e-5;
 
 /// What is tried in turn: the longest segments, s, and the part of the time in which the first motion folds. The shortest
 /// segments, at the ends, are a quarter of the longest.
@@ -186,27 +198,8 @@ impl ArmTravel {
     ) -> (Vec<SVector<f64, 8>>, usize) {
         let knots = times.iter().map(|&t| self.folded(t, folding)).collect();
         let mut spline = Spline { times: times.to_vec(), knots };
-        let steps = spline.descend(&self.system.weights(), |m| self.system.inverse_dynamics(m), 100, goes_on);
-        let costate = |motion: &Motion<2>| self.system.node_on(motion).fixed_rows::<2>(6).into_owned();
-        let intervals = times.len() - 1;
-        let node = |k: usize| {
-            // λ̇_v to both sides of a knot, where q̈ has a kink
-            let (early, late) = (k.saturating_sub(1), k.min(intervals - 1));
-            let (before, after) = if k == 0 {
-                (0.0, SIDE)
-            } else if k == intervals {
-                (1.0 - SIDE, 1.0)
-            } else {
-                (1.0 - SIDE, SIDE)
-            };
-            let (first, last) = (spline.at(early, before), spline.at(late, after));
-            let time = |k: usize, s: f64| times[k] + s * (times[k + 1] - times[k]);
-            let rate = (costate(&last) - costate(&first)) / (time(late, after) - time(early, before));
-            let mut p = self.system.node_on(&spline.knots[k]);
-            (p[4], p[5]) = (p[4] - rate.x, p[5] - rate.y);
-            p
-        };
-        ((0..times.len()).map(node).collect(), steps)
+        let steps = spline.descend(&self.system, ENOUGH, 100, goes_on);
+        (spline.nodes(&self.system), steps)
     }
 
     /// θ₁ by the cubic between the ends, θ₂ folding in a part `folding` of the time and unfolding in as much.

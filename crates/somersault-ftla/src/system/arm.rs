@@ -176,14 +176,6 @@ impl ArmMinimumTorque {
         Torque { u, by: [by_angle, pose.c_rate, inertia] }
     }
 
-    /// The state on a motion with the costates for which its torques are optimal; of λ_q the part C_vᵀμ, without λ̇_v.
-    pub(crate) fn node_on(&self, motion: &Motion<2>) -> SVector<f64, 8> {
-        let Torque { u, by: [_, rate, inertia] } = self.inverse_dynamics(motion);
-        let mu = -u.component_mul(&Vector2::from(self.weights));
-        let (of_angles, of_rates, [q, v, _]) = (rate.tr_mul(&mu), inertia * mu, motion);
-        SVector::from([q.x, q.y, v.x, v.y, of_angles.x, of_angles.y, of_rates.x, of_rates.y])
-    }
-
     #[inline(always)]
     fn effort(&self, Pose { torque, .. }: &Pose) -> f64 {
         0.5 * (self.weights[0] * torque.x * torque.x + self.weights[1] * torque.y * torque.y)
