@@ -9,7 +9,8 @@
 //! 3. Multiple shooting takes these to rounding.
 //!
 //! With torque limits the extremal without them is led there by continuation. Where shooting fails from the spline, the
-//! arm is led from a rest instead: folded, to travel folded, to unfold at the ends.
+//! arm is led from a rest instead: folded, to travel folded, to unfold at the ends. Where that breaks off too, the thesis'
+//! problem is led to it in all its parameters at once.
 
 mod least_effort;
 mod linearised;
@@ -78,6 +79,9 @@ const LONGEST: f64 = 1e4;
 
 /// Newton steps allowed from the spline.
 const DIRECT: usize = 40;
+
+/// Longest segments on the way from the thesis' problem, s.
+const LED: f64 = 0.1;
 
 /// Relative fall of the effort in a step at which the descent ends.
 const ENOUGH: f64 = 1e-5;
@@ -151,7 +155,15 @@ impl ArmTravel {
             Some(extremal) => {
                 Continued { extremal, s: 1.0, steps: [1, 0], iterations: 0, work: Work::default() }
             }
-            None => self.by_continuation(continuation, &watched, [initial, last])?,
+            None => {
+                let folded = self.by_continuation(continuation, &watched, [initial, last])?;
+                let solved = folded.extremal.status == Status::Converged;
+                match if solved { None } else { self.by_thesis(continuation, &watch)? } {
+                    Some(led) if led.extremal.status == Status::Converged => led.after(&folded),
+                    Some(led) => folded.after(&led),
+                    None => folded,
+                }
+            }
         };
         found.steps[1] += spent.failures;
         found.iterations += spent.iterations;
@@ -187,6 +199,34 @@ impl ArmTravel {
         let longest = ATTEMPTS[0].0 / self.horizon;
         let fractions = graded_times(1.0, 0.25 * longest, longest)?;
         continuation.through(system, &[[middle.clone(), middle], folded, ends], self.horizon, &fractions)
+    }
+
+    /// By way of the thesis' problem folded to the same side, whose parameters, ends and horizon go to these; nothing if
+    /// that is not solved.
+    fn by_thesis<W: VectorField<8> + Sync>(
+        &self,
+        continuation: &Continuation,
+        watch: &impl Fn(ArmMinimumTorque) -> W,
+    ) -> Result<Option<Continued<8>>, ShootingError> {
+        let thesis = Self { fold: PI.copysign(self.fold), ..Self::default() };
+        let end = |[one, two]: [f64; 2]| End::from_values([one, two, 0.0, 0.0].into_iter());
+        let times = graded_times(thesis.horizon, 0.25 * LED, LED)?;
+        let (nodes, descents) = thesis.guess(&times, ATTEMPTS[0].1, &|| true);
+        let ends = [end(thesis.initial), end(thesis.last)];
+        let Ok(start) = continuation.polish.solve(&watch(thesis.system), &ends, &times, &nodes) else {
+            return Ok(None);
+        };
+        let family = |s: f64| {
+            let pair = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| a[i] + s * (b[i] - a[i]));
+            let ends = [end(pair(thesis.initial, self.initial)), end(pair(thesis.last, self.last))];
+            let horizon = thesis.horizon + s * (self.horizon - thesis.horizon);
+            Member { system: watch(thesis.system.towards(&self.system, s)), ends, horizon }
+        };
+        let fractions: Vec<f64> = times.iter().map(|t| t / thesis.horizon).collect();
+        let mut found = continuation.follow(family, &fractions, &start.nodes)?;
+        found.iterations += descents + start.iterations;
+        found.work += start.work;
+        Ok(Some(found))
     }
 
     /// Nodes from the motion of least effort, and the steps that it took.
