@@ -38,6 +38,9 @@ class ArmExtremal:
     cost: float
     extremal: Extremal
 
+    def __reduce__(self) -> tuple[type[ArmExtremal], tuple[float, int, float, Extremal]]:
+        return ArmExtremal, (self.fold, self.turns, self.cost, self.extremal)
+
 
 def solve_arm(
     initial_state: ArrayLike,

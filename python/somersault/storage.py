@@ -207,9 +207,14 @@ def _name(maker: Any) -> str:
 
 
 def _maker(name: str) -> Any:
-    """What makes objects of a name. Nothing but types and tables of the extension is ever called."""
+    """What makes objects of a name. Nothing but types and tables of the extension, and the one class of
+    results that is written in Python, is ever called."""
     if name in ("method", "methods"):
         return getattr(_somersault, name)
+    if name == "ArmExtremal":
+        from somersault.ftla import ArmExtremal
+
+        return ArmExtremal
     kind, _, restore = name.partition(".")
     found = getattr(_somersault, kind, None)
     if kind not in _somersault.__all__ or not isinstance(found, type) or restore not in ("", "_restore"):

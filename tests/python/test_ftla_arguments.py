@@ -242,6 +242,50 @@ def test_results_come_back_from_files_and_pickles(name: str, tmp_path: Path) -> 
     _same(thing, somersault.load(tmp_path / "thing.som"))
 
 
+def test_ranked_extremals_come_back_from_files_and_pickles(tmp_path: Path) -> None:
+    (ranked,) = ftla.arm_extremals(STATE, [0.1, 3.0, 0.0, 0.0], 2.0, folds=[3.0], turns=[0])
+    somersault.save(tmp_path / "ranked.som", [ranked])
+    for other in (pickle.loads(pickle.dumps(ranked)), *somersault.load(tmp_path / "ranked.som")):
+        assert (other.fold, other.turns, other.cost) == (ranked.fold, ranked.turns, ranked.cost)
+        _same(other.extremal, ranked.extremal)
+
+
+def drift(x: Any, u: Any) -> Any:
+    return -x + u
+
+
+def effort(x: Any, u: Any) -> float:
+    return float(0.5 * (x @ x + u @ u))
+
+
+def slopes(x: Any, u: Any) -> Any:
+    return [[-1.0, 1.0]]
+
+
+def efforts(x: Any, u: Any) -> Any:
+    return [x[0], u[0]]
+
+
+def ones(x: Any, u: Any, costate: Any) -> Any:
+    return np.eye(2)
+
+
+def test_problems_of_ones_own_come_back_from_pickles_and_are_refused_by_files(tmp_path: Path) -> None:
+    own = ftla.state_costate(
+        drift, effort, 1, 1, jacobian=slopes, gradient=efforts, hessian=ones, control_bounds=[[-0.5], [2.0]]
+    )
+    back = pickle.loads(pickle.dumps(own))
+    assert repr(back) == repr(own)
+    p = [[1.0, 0.4], [0.3, 0.9]]
+    for name in ("field", "jacobian", "hamiltonian", "control", "running_cost"):
+        np.testing.assert_array_equal(getattr(back, name)(p), getattr(own, name)(p))
+    found = ftla.shoot(own, [1.0], [1.2], TIMES, np.zeros((9, 2)))
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(found))([0.3, 2.7]), found([0.3, 2.7]))
+    for thing in (own, found):
+        with pytest.raises(errors.StorageError, match="cannot be written"):
+            somersault.save(tmp_path / "own.som", thing)
+
+
 def test_what_comes_back_goes_on_working(tmp_path: Path) -> None:
     somersault.save(tmp_path / "match.som", MATCHING.least_squares())
     matched = somersault.load(tmp_path / "match.som")

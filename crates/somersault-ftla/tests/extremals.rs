@@ -260,8 +260,10 @@ fn one_and_two_turns_in_twenty_and_forty_seconds_are_found_too() {
 
 #[test]
 fn arms_at_random_are_found_from_boundary_states_and_fold_alone() {
-    // the first of the fifty of examples/random_arms.rs
-    for Travel { arm, travel, horizon, fold } in random_travels(2017, 5) {
+    // of the fifty of examples/random_arms.rs the first, and the one that takes the way from the thesis' problem
+    let mut travels = random_travels(2017, 14);
+    travels.drain(5..13);
+    for Travel { arm, travel, horizon, fold } in travels {
         let system = ArmMinimumTorque::try_new(arm, [1.0, 0.5]).expect("in range");
         let [initial, last] = [-0.5, 0.5].map(|s| [s * travel, 0.05]);
         let extremal = assert_solved(&ArmTravel { system, initial, last, fold, horizon });

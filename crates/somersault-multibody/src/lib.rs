@@ -71,6 +71,7 @@ pub use error::DynamicsError;
 pub use inertia::SpatialInertia;
 pub use joint::Joint;
 pub use kinematics::{Accelerations, Axes, Positions, Velocities};
+pub use lie::cotangent_ratio;
 pub use model::Model;
 pub use nalgebra;
 pub use scalar::Scalar;

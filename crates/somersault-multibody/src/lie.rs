@@ -59,8 +59,12 @@ fn sine_defect<T: Scalar>(x: T) -> T {
     }
 }
 
-/// (1 − (θ/2) cot(θ/2))/θ² as a function of θ² < 4π²: Σ |B₂ₖ| x^{k−1}/(2k)! near zero.
-fn cotangent_ratio<T: Scalar>(x: T) -> T {
+/// k(x) = (1 − (θ/2) cot(θ/2))/θ² and dk/dx as functions of x = θ² < 4π², to rounding.
+///
+/// The coefficients of the inverse of the exponential map of SO(3), J⁻¹(φ) = 1 + ½ φ̂ + k φ̂². Below x = 1 by
+/// Σ |B₂ⱼ| x^{j−1}/(2j)!, whose first neglected term is below 1e-18.
+#[inline]
+pub fn cotangent_ratio<T: Scalar>(x: T) -> [T; 2] {
     const SERIES: [f64; 11] = [
         1.0 / 12.0,
         1.0 / 720.0,
@@ -75,11 +79,19 @@ fn cotangent_ratio<T: Scalar>(x: T) -> T {
         77_683.0 / 14_101_100_039_391_805_440_000.0,
     ];
     if x < T::one() {
-        horner(&SERIES, x)
-    } else {
-        let half = x.sqrt() * constant(0.5);
-        (T::one() - half * half.cos() / half.sin()) / x
+        let (mut value, mut slope) = (T::zero(), T::zero());
+        for &coefficient in SERIES.iter().rev() {
+            slope = slope * x + value;
+            value = value * x + constant(coefficient);
+        }
+        return [value, slope];
     }
+    let half = x.sqrt() * constant(0.5);
+    let (sin, cos) = half.sin_cos();
+    let value = (T::one() - half * cos / sin) / x;
+    // d(h cot h)/dx for h = √x/2
+    let slope = (cos / sin - half / (sin * sin)) / (half * constant(8.0));
+    [value, -(slope + value) / x]
 }
 
 /// The unit quaternion of the rotation by ‖u‖ about u.
@@ -115,7 +127,7 @@ pub(crate) fn exp_se3_translation<T: Scalar>(rho: &Vector3<T>, u: &Vector3<T>) -
 /// ρ with `exp_se3_translation(ρ, u) = p`: p − ½ u × p + (1 − (θ/2) cot(θ/2))/θ² u × (u × p).
 pub(crate) fn log_se3_translation<T: Scalar>(p: &Vector3<T>, u: &Vector3<T>) -> Vector3<T> {
     let cross = u.cross(p);
-    p - cross * constant::<T>(0.5) + u.cross(&cross) * cotangent_ratio(u.norm_squared())
+    p - cross * constant::<T>(0.5) + u.cross(&cross) * cotangent_ratio(u.norm_squared())[0]
 }
 
 /// v turned by a quarter turn.
@@ -133,7 +145,7 @@ pub(crate) fn exp_se2_translation<T: Scalar>(rho: &Vector2<T>, angle: T) -> Vect
 /// ρ with `exp_se2_translation(ρ, θ) = p`: (θ/2) cot(θ/2) p − (θ/2) Jp, for |θ| < 2π.
 pub(crate) fn log_se2_translation<T: Scalar>(p: &Vector2<T>, angle: T) -> Vector2<T> {
     let square = angle * angle;
-    let along = T::one() - square * cotangent_ratio(square);
+    let along = T::one() - square * cotangent_ratio(square)[0];
     p * along - quarter_turn(p) * (angle * constant(0.5))
 }
 

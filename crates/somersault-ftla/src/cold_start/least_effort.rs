@@ -16,6 +16,17 @@ pub(crate) struct Torque<const Q: usize> {
     pub(crate) by: [SMatrix<f64, Q, Q>; 3],
 }
 
+/// What gives the torques of a motion.
+pub(super) trait Driven<const Q: usize> {
+    /// γ of each torque.
+    fn weights(&self) -> [f64; Q];
+
+    fn torque(&self, motion: &Motion<Q>) -> Torque<Q>;
+}
+
+/// Part of an interval over which λ̇_v is taken.
+const SIDE: f64 = 1e-3;
+
 /// A motion by its knots.
 pub(super) struct Spline<const Q: usize> {
     pub(super) times: Vec<f64>,
@@ -55,9 +66,6 @@ fn shapes(s: f64, h: f64) -> [[f64; 6]; 3] {
     shapes
 }
 
-/// Relative fall of the cost in a step at which the descent ends; a guess needs no more.
-const ENOUGH: f64 = 1e-5;
-
 impl<const Q: usize> Spline<Q> {
     /// q, q̇ and q̈ in interval `k` at s in [0, 1].
     pub(super) fn at(&self, k: usize, s: f64) -> Motion<Q> {
@@ -66,21 +74,23 @@ impl<const Q: usize> Spline<Q> {
         shapes.map(|row| (0..6).fold(SVector::zeros(), |sum, j| sum + values(j) * row[j]))
     }
 
-    /// Goes down to less effort ½ ∫ Σ γᵢuᵢ² with q and q̇ held at both ends, and returns the steps made.
+    /// Goes down to less effort ½ ∫ Σ γᵢuᵢ² with q and q̇ held at both ends until a step wins less than a part `enough`, and
+    /// returns the steps made.
     pub(super) fn descend(
         &mut self,
-        weights: &[f64; Q],
-        torque: impl Fn(&Motion<Q>) -> Torque<Q>,
+        driven: &impl Driven<Q>,
+        enough: f64,
         max_steps: usize,
         goes_on: impl Fn() -> bool,
     ) -> usize {
+        let weights = driven.weights();
         let block = 3 * Q;
         let size = self.knots.len() * block;
         let held = |i: usize| i < 2 * Q || (i >= size - block && i < size - Q);
         let cost_of = |spline: &Self| {
             let mut cost = 0.0;
             for (k, s, w) in spline.points() {
-                let u = torque(&spline.at(k, s)).u;
+                let u = driven.torque(&spline.at(k, s)).u;
                 cost += 0.5 * w * (0..Q).map(|i| weights[i] * u[i] * u[i]).sum::<f64>();
             }
             cost
@@ -96,7 +106,7 @@ impl<const Q: usize> Spline<Q> {
             let mut gradient = vec![0.0; size];
             for (k, s, w) in self.points() {
                 let shapes = shapes(s, self.times[k + 1] - self.times[k]);
-                let Torque { u, by } = torque(&self.at(k, s));
+                let Torque { u, by } = driven.torque(&self.at(k, s));
                 // u by the twice three vectors of the interval
                 let slope = |j: usize| (0..3).fold(SMatrix::zeros(), |sum, d| sum + by[d] * shapes[d][j]);
                 let slopes: [SMatrix<f64, Q, Q>; 6] = std::array::from_fn(slope);
@@ -138,11 +148,44 @@ impl<const Q: usize> Spline<Q> {
                 }
                 damping *= 8.0;
             }
-            if cost > (1.0 - ENOUGH) * before {
+            if cost > (1.0 - enough) * before {
                 return step + 1;
             }
         }
         max_steps
+    }
+
+    /// p at the knots, with the costates for which the torques are optimal: λ_v = −MΓu and λ_q = C_vᵀμ − λ̇_v, μ = −Γu.
+    pub(super) fn nodes<const N: usize>(&self, driven: &impl Driven<Q>) -> Vec<SVector<f64, N>> {
+        const { assert!(N == 4 * Q) };
+        let weights = SVector::<f64, Q>::from(driven.weights());
+        // λ_v, and C_vᵀμ
+        let costates = |motion: &Motion<Q>| {
+            let Torque { u, by: [_, rate, inertia] } = driven.torque(motion);
+            let mu = -u.component_mul(&weights);
+            [inertia * mu, rate.tr_mul(&mu)]
+        };
+        let intervals = self.times.len() - 1;
+        let node = |k: usize| {
+            // λ̇_v to both sides of a knot, where q̈ has a kink
+            let (early, late) = (k.saturating_sub(1), k.min(intervals - 1));
+            let (before, after) = if k == 0 {
+                (0.0, SIDE)
+            } else if k == intervals {
+                (1.0 - SIDE, 1.0)
+            } else {
+                (1.0 - SIDE, SIDE)
+            };
+            let time = |k: usize, s: f64| self.times[k] + s * (self.times[k + 1] - self.times[k]);
+            let [[first, _], [last, _]] =
+                [self.at(early, before), self.at(late, after)].map(|motion| costates(&motion));
+            let rate = (last - first) / (time(late, after) - time(early, before));
+            let knot = &self.knots[k];
+            let [of_rates, of_angles] = costates(knot);
+            let parts = [knot[0], knot[1], of_angles - rate, of_rates];
+            SVector::from_fn(|i, _| parts[i / Q][i % Q])
+        };
+        (0..self.times.len()).map(node).collect()
     }
 
     /// Interval, place in it and weight of every point of the rule.

@@ -89,6 +89,27 @@ const SEGMENTS: [[f64; 2]; 2] = [[0.5, 4.0], [0.25, 1.0]];
 /// Most segments.
 const MOST: f64 = 2e4;
 
+/// Both ends, if they and the horizon are ones.
+pub(super) fn expect_states<const N: usize>(
+    states: [&[f64]; 2],
+    horizon: f64,
+) -> Result<[End<N>; 2], ShootingError> {
+    if !horizon.is_finite() || horizon <= 0.0 {
+        let allowed = "positive and finite";
+        return Err(ShootingError::Argument { argument: "horizon", allowed, found: horizon });
+    }
+    let end = |argument, x: &[f64]| {
+        if x.len() != N / 2 {
+            return Err(ShootingError::Length { argument, expected: N / 2, found: x.len() });
+        }
+        match x.iter().find(|x| !x.is_finite()) {
+            Some(&found) => Err(ShootingError::Argument { argument, allowed: "finite", found }),
+            None => End::try_state(x),
+        }
+    };
+    Ok([end("initial", states[0])?, end("last", states[1])?])
+}
+
 /// An extremal from `initial` to `last` in `horizon`, from nothing else. What comes back has arrived if its `s` is one and
 /// its extremal has converged; its counts are of all attempts.
 ///
@@ -100,20 +121,7 @@ pub fn cold_start<S: VectorField<N> + Sync, const N: usize>(
     horizon: f64,
     continuation: &Continuation,
 ) -> Result<Continued<N>, ShootingError> {
-    if !horizon.is_finite() || horizon <= 0.0 {
-        let allowed = "positive and finite";
-        return Err(ShootingError::Argument { argument: "horizon", allowed, found: horizon });
-    }
-    let [first, second] = [("initial", initial), ("last", last)].map(|(argument, x)| {
-        if x.len() != N / 2 {
-            return Err(ShootingError::Length { argument, expected: N / 2, found: x.len() });
-        }
-        match x.iter().find(|x| !x.is_finite()) {
-            Some(&found) => Err(ShootingError::Argument { argument, allowed: "finite", found }),
-            None => End::<N>::try_state(x),
-        }
-    });
-    let ends = [first?, second?];
+    let ends = expect_states::<N>([initial, last], horizon)?;
     let node =
         |weight: f64| {
             SVector::<f64, N>::from_fn(|i, _| {

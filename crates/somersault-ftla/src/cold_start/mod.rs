@@ -1,5 +1,5 @@
-//! Extremals from boundary states and horizon alone: of any system by [`cold_start`], of the two-link arm from the way it
-//! folds by [`ArmTravel`].
+//! Extremals from boundary states and horizon alone: of any system by [`cold_start`], of trees by [`TreeTravel`], of the
+//! two-link arm from the way it folds by [`ArmTravel`].
 //!
 //! For the arm:
 //!
@@ -9,20 +9,33 @@
 //! 3. Multiple shooting takes these to rounding.
 //!
 //! With torque limits the extremal without them is led there by continuation. Where shooting fails from the spline, the
-//! arm is led from a rest instead: folded, to travel folded, to unfold at the ends.
+//! arm is led from a rest instead: folded, to travel folded, to unfold at the ends. Where that breaks off too, the thesis'
+//! problem is led to it in all its parameters at once.
 
 mod least_effort;
 mod linearised;
+mod tree;
 
 use crate::continuation::{Continuation, Continued, Member};
 use crate::flow::Work;
 use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
 use crate::system::{ArmMinimumTorque, OptimalControlSystem, VectorField};
-use least_effort::Spline;
+use least_effort::{Driven, Spline};
 pub(crate) use least_effort::{Motion, Torque};
 pub use linearised::cold_start;
 use nalgebra::{SVector, Vector2};
 use std::f64::consts::PI;
+pub use tree::TreeTravel;
+
+impl Driven<2> for ArmMinimumTorque {
+    fn weights(&self) -> [f64; 2] {
+        self.weights()
+    }
+
+    fn torque(&self, motion: &Motion<2>) -> Torque<2> {
+        self.inverse_dynamics(motion)
+    }
+}
 
 /// From rest to rest in a given time, link 2 folded to one side on the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,8 +80,11 @@ const LONGEST: f64 = 1e4;
 /// Newton steps allowed from the spline.
 const DIRECT: usize = 40;
 
-/// Part of an interval over which λ̇_v is taken.
-const SIDE: f64 = 1e-3;
+/// Longest segments on the way from the thesis' problem, s.
+const LED: f64 = 0.1;
+
+/// Relative fall of the effort in a step at which the descent ends.
+const ENOUGH: f64 = 1e-5;
 
 /// What is tried in turn: the longest segments, s, and the part of the time in which the first motion folds. The shortest
 /// segments, at the ends, are a quarter of the longest.
@@ -139,7 +155,15 @@ impl ArmTravel {
             Some(extremal) => {
                 Continued { extremal, s: 1.0, steps: [1, 0], iterations: 0, work: Work::default() }
             }
-            None => self.by_continuation(continuation, &watched, [initial, last])?,
+            None => {
+                let folded = self.by_continuation(continuation, &watched, [initial, last])?;
+                let solved = folded.extremal.status == Status::Converged;
+                match if solved { None } else { self.by_thesis(continuation, &watch)? } {
+                    Some(led) if led.extremal.status == Status::Converged => led.after(&folded),
+                    Some(led) => folded.after(&led),
+                    None => folded,
+                }
+            }
         };
         found.steps[1] += spent.failures;
         found.iterations += spent.iterations;
@@ -177,6 +201,34 @@ impl ArmTravel {
         continuation.through(system, &[[middle.clone(), middle], folded, ends], self.horizon, &fractions)
     }
 
+    /// By way of the thesis' problem folded to the same side, whose parameters, ends and horizon go to these; nothing if
+    /// that is not solved.
+    fn by_thesis<W: VectorField<8> + Sync>(
+        &self,
+        continuation: &Continuation,
+        watch: &impl Fn(ArmMinimumTorque) -> W,
+    ) -> Result<Option<Continued<8>>, ShootingError> {
+        let thesis = Self { fold: PI.copysign(self.fold), ..Self::default() };
+        let end = |[one, two]: [f64; 2]| End::from_values([one, two, 0.0, 0.0].into_iter());
+        let times = graded_times(thesis.horizon, 0.25 * LED, LED)?;
+        let (nodes, descents) = thesis.guess(&times, ATTEMPTS[0].1, &|| true);
+        let ends = [end(thesis.initial), end(thesis.last)];
+        let Ok(start) = continuation.polish.solve(&watch(thesis.system), &ends, &times, &nodes) else {
+            return Ok(None);
+        };
+        let family = |s: f64| {
+            let pair = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| a[i] + s * (b[i] - a[i]));
+            let ends = [end(pair(thesis.initial, self.initial)), end(pair(thesis.last, self.last))];
+            let horizon = thesis.horizon + s * (self.horizon - thesis.horizon);
+            Member { system: watch(thesis.system.towards(&self.system, s)), ends, horizon }
+        };
+        let fractions: Vec<f64> = times.iter().map(|t| t / thesis.horizon).collect();
+        let mut found = continuation.follow(family, &fractions, &start.nodes)?;
+        found.iterations += descents + start.iterations;
+        found.work += start.work;
+        Ok(Some(found))
+    }
+
     /// Nodes from the motion of least effort, and the steps that it took.
     fn guess(
         &self,
@@ -186,27 +238,8 @@ impl ArmTravel {
     ) -> (Vec<SVector<f64, 8>>, usize) {
         let knots = times.iter().map(|&t| self.folded(t, folding)).collect();
         let mut spline = Spline { times: times.to_vec(), knots };
-        let steps = spline.descend(&self.system.weights(), |m| self.system.inverse_dynamics(m), 100, goes_on);
-        let costate = |motion: &Motion<2>| self.system.node_on(motion).fixed_rows::<2>(6).into_owned();
-        let intervals = times.len() - 1;
-        let node = |k: usize| {
-            // λ̇_v to both sides of a knot, where q̈ has a kink
-            let (early, late) = (k.saturating_sub(1), k.min(intervals - 1));
-            let (before, after) = if k == 0 {
-                (0.0, SIDE)
-            } else if k == intervals {
-                (1.0 - SIDE, 1.0)
-            } else {
-                (1.0 - SIDE, SIDE)
-            };
-            let (first, last) = (spline.at(early, before), spline.at(late, after));
-            let time = |k: usize, s: f64| times[k] + s * (times[k + 1] - times[k]);
-            let rate = (costate(&last) - costate(&first)) / (time(late, after) - time(early, before));
-            let mut p = self.system.node_on(&spline.knots[k]);
-            (p[4], p[5]) = (p[4] - rate.x, p[5] - rate.y);
-            p
-        };
-        ((0..times.len()).map(node).collect(), steps)
+        let steps = spline.descend(&self.system, ENOUGH, 100, goes_on);
+        (spline.nodes(&self.system), steps)
     }
 
     /// θ₁ by the cubic between the ends, θ₂ folding in a part `folding` of the time and unfolding in as much.

@@ -164,6 +164,17 @@ impl ArmMinimumTorque {
         Self { limits: std::array::from_fn(between), ..*self }
     }
 
+    /// With parameters on the way to those of `other`, without limits. Between two arms all are in range.
+    pub(crate) fn towards(&self, other: &Self, s: f64) -> Self {
+        let pair = |a: [f64; 2], b: [f64; 2]| [0, 1].map(|i| a[i] + s * (b[i] - a[i]));
+        let arm = TwoLinkArm {
+            masses: pair(self.arm.masses, other.arm.masses),
+            lengths: pair(self.arm.lengths, other.arm.lengths),
+            damping: pair(self.arm.damping, other.arm.damping),
+        };
+        Self::new_unchecked(arm, pair(self.weights, other.weights))
+    }
+
     /// u = M q̈ + C with its derivatives by q, q̇ and q̈.
     pub(crate) fn inverse_dynamics(&self, [q, v, a]: &Motion<2>) -> Torque<2> {
         let pose = self.pose(&SVector::from([q.x, q.y, v.x, v.y, 0.0, 0.0, 0.0, 0.0]));
@@ -174,14 +185,6 @@ impl ArmMinimumTorque {
         let u = inertia * (a - pose.acceleration);
         let by_angle = Matrix2::from_columns(&[Vector2::zeros(), turned + pose.c_angle]);
         Torque { u, by: [by_angle, pose.c_rate, inertia] }
-    }
-
-    /// The state on a motion with the costates for which its torques are optimal; of λ_q the part C_vᵀμ, without λ̇_v.
-    pub(crate) fn node_on(&self, motion: &Motion<2>) -> SVector<f64, 8> {
-        let Torque { u, by: [_, rate, inertia] } = self.inverse_dynamics(motion);
-        let mu = -u.component_mul(&Vector2::from(self.weights));
-        let (of_angles, of_rates, [q, v, _]) = (rate.tr_mul(&mu), inertia * mu, motion);
-        SVector::from([q.x, q.y, v.x, v.y, of_angles.x, of_angles.y, of_rates.x, of_rates.y])
     }
 
     #[inline(always)]

@@ -12,7 +12,7 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3, convert};
 use somersault_multibody::joint::Joint;
-use somersault_multibody::{DynamicsError, Model, Scalar};
+use somersault_multibody::{DynamicsError, Model, Scalar, cotangent_ratio};
 use std::ops::Range;
 
 /// The joints whose coordinates do not change at the rate of their velocities.
@@ -63,6 +63,11 @@ impl Charts {
         charts
     }
 
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.joints.is_empty()
+    }
+
     /// Positions at coordinates `c`: places first, then turns, so that a place is one in the axes of the parent.
     pub(super) fn place<T: Scalar>(
         &self,
@@ -70,7 +75,7 @@ impl Charts {
         c: &[T],
         scratch: &mut Scratch<T>,
     ) -> Result<(), DynamicsError> {
-        if self.joints.is_empty() {
+        if self.is_empty() {
             scratch.positions.copy_from_slice(c);
             return Ok(());
         }
@@ -191,35 +196,4 @@ fn bent<T: Scalar>(phi: &Vector3<T>, lambda: &Vector3<T>, omega: &Vector3<T>) ->
     omega.cross(lambda) * convert::<f64, T>(0.5)
         + (lambda * a + omega * b - phi * (both * two)) * k
         + phi * ((a * b - square * both) * slope * two)
-}
-
-/// k and dk/dx as functions of x = θ²: near zero Σ |B₂ⱼ| x^{j−1}/(2j)!, whose first neglected term is below 1e-18 at x = 1.
-fn cotangent_ratio<T: Scalar>(x: T) -> [T; 2] {
-    const SERIES: [f64; 11] = [
-        1.0 / 12.0,
-        1.0 / 720.0,
-        1.0 / 30_240.0,
-        1.0 / 1_209_600.0,
-        1.0 / 47_900_160.0,
-        691.0 / 1_307_674_368_000.0,
-        1.0 / 74_724_249_600.0,
-        3617.0 / 10_670_622_842_880_000.0,
-        43_867.0 / 5_109_094_217_170_944_000.0,
-        174_611.0 / 802_857_662_698_291_200_000.0,
-        77_683.0 / 14_101_100_039_391_805_440_000.0,
-    ];
-    if x < T::one() {
-        let (mut value, mut slope) = (T::zero(), T::zero());
-        for &coefficient in SERIES.iter().rev() {
-            slope = slope * x + value;
-            value = value * x + convert::<f64, T>(coefficient);
-        }
-        return [value, slope];
-    }
-    let half = x.sqrt() * convert::<f64, T>(0.5);
-    let (sin, cos) = half.sin_cos();
-    let value = (T::one() - half * cos / sin) / x;
-    // d(h cot h)/dx for h = √x/2
-    let slope = (cos / sin - half / (sin * sin)) / (half * convert::<f64, T>(8.0));
-    [value, -(slope + value) / x]
 }

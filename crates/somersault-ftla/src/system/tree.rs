@@ -3,7 +3,7 @@
 //! x = (c, v) with as many coordinates c as velocities (those of joints that turn freely in `chart`), v̇ = a(c, v, u) by
 //! forward dynamics, ℓ = ½ Σ γᵢuᵢ². The partials of `somersault-multibody` give
 //! u* = −Γ⁻¹M⁻¹λ_v, cut off at the limits, and the field; the Jacobian is the same code over dual numbers, one pass for
-//! each entry of p. M⁻¹ is diagonal in nothing, but K is a sum over the controls, so that each is cut off by itself.
+//! each state, the other half following from its being Hamiltonian. M⁻¹ is diagonal in nothing, but K is a sum over the controls, so that each is cut off by itself.
 
 use super::chart::{Charts, Scratch};
 use super::piece::{Bounds, expect_limit};
@@ -11,6 +11,7 @@ use super::{
     HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
     expect_positive,
 };
+use crate::cold_start::{Motion, Torque};
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
 use somersault_multibody::{DerivativeData, DynamicsError, Model, Scalar};
@@ -28,8 +29,41 @@ pub struct TreeMinimumTorque<const N: usize> {
     duals: Kernel<Dual64>,
 }
 
+impl Kernel<f64> {
+    /// ∂v̇/∂λ_v = −M⁻¹Γ⁻¹M⁻ᵀ over the torques that move, into its place in D.
+    fn by_costates<const N: usize>(
+        &self,
+        effort: &Effort,
+        piece: &Piece<N>,
+        p: &SVector<f64, N>,
+        jacobian: &mut SMatrix<f64, N, N>,
+    ) -> Result<(), DynamicsError> {
+        let n = N / 4;
+        self.with_workspace(|Workspace { data, torque, scratch }| {
+            self.charts.place(&self.model, &p.as_slice()[..n], scratch)?;
+            torque.fill(0.0);
+            let v = &p.as_slice()[n..2 * n];
+            let inverse =
+                self.model.forward_dynamics_partials(data, &scratch.positions, v, torque, &[])?.input;
+            let moves = |k: &usize| effort.driven[*k] && piece.sides[*k] == Side::Free;
+            for k in (0..n).filter(moves) {
+                for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                    jacobian[(n + i, 3 * n + j)] -= inverse[(i, k)] * inverse[(j, k)] / effort.weights[k];
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+impl<const N: usize> Clone for TreeMinimumTorque<N> {
+    fn clone(&self) -> Self {
+        Self::with_effort(&self.values.model, self.effort.clone())
+    }
+}
+
 /// Weights, limits and which joints are driven.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Effort {
     weights: Vec<f64>,
     bounds: Vec<Bounds>,
@@ -70,14 +104,17 @@ impl<T: Scalar> Kernel<T> {
         piece: &Piece<N>,
         p: &SVector<T, N>,
     ) -> Result<Values<T, N>, DynamicsError> {
-        let n = N / 4;
+        self.with_workspace(|work| self.evaluate_with(work, effort, piece, p))
+    }
+
+    fn with_workspace<R>(&self, run: impl FnOnce(&mut Workspace<T>) -> R) -> R {
         let pooled = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut work = pooled.unwrap_or_else(|| Workspace {
             data: DerivativeData::new(&self.model),
-            torque: vec![T::zero(); n],
+            torque: vec![T::zero(); self.model.n_velocities()],
             scratch: Scratch::new(&self.model),
         });
-        let result = self.evaluate_with(&mut work, effort, piece, p);
+        let result = run(&mut work);
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(work);
         result
     }
@@ -143,12 +180,15 @@ impl<const N: usize> TreeMinimumTorque<N> {
         }
         weights.iter().try_for_each(|&w| expect_positive("weights", w))?;
         let bounds = vec![Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY }; n];
-        let effort = Effort { weights: weights.to_vec(), bounds, driven: vec![true; n] };
-        Ok(Self {
+        Ok(Self::with_effort(model, Effort { weights: weights.to_vec(), bounds, driven: vec![true; n] }))
+    }
+
+    fn with_effort(model: &Model, effort: Effort) -> Self {
+        Self {
             effort,
             values: Kernel::new(model.clone(), Charts::of(model)),
             duals: Kernel::new(model.cast(), Charts::of(model)),
-        })
+        }
     }
 
     /// Bounds |uᵢ| by `limits`, N m or N; infinite for none.
@@ -171,6 +211,66 @@ impl<const N: usize> TreeMinimumTorque<N> {
         Ok(self)
     }
 
+    /// γ of every degree of freedom, driven or not.
+    pub(crate) fn weights(&self) -> &[f64] {
+        &self.effort.weights
+    }
+
+    /// Whether no degree of freedom is passive.
+    pub(crate) fn is_fully_driven(&self) -> bool {
+        self.effort.driven.iter().all(|driven| *driven)
+    }
+
+    /// Of every torque the largest that is allowed.
+    pub(crate) fn torque_limits(&self) -> Vec<f64> {
+        self.effort.bounds.iter().map(|b| b.upper).collect()
+    }
+
+    /// Whether every coordinate is the integral of its velocity.
+    pub(crate) fn is_flat(&self) -> bool {
+        self.values.charts.is_empty()
+    }
+
+    /// Without limits, and with what is passive driven at γ/(1 − s): at s = 1 not at all.
+    pub(crate) fn released(&self, s: f64) -> Self {
+        let mut effort = self.effort.clone();
+        effort.bounds.fill(Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY });
+        if s < 1.0 {
+            for (weight, driven) in effort.weights.iter_mut().zip(&mut effort.driven) {
+                if !std::mem::replace(driven, true) {
+                    *weight /= 1.0 - s;
+                }
+            }
+        }
+        Self::with_effort(&self.values.model, effort)
+    }
+
+    /// With limits on the way from `peaks` to its own, where these are lower.
+    pub(crate) fn limited_from(&self, peaks: &[f64], s: f64) -> Self {
+        let mut effort = self.effort.clone();
+        for (bounds, &peak) in effort.bounds.iter_mut().zip(peaks) {
+            if bounds.upper < peak {
+                let limit = peak + s * (bounds.upper - peak);
+                *bounds = Bounds { lower: -limit, upper: limit };
+            }
+        }
+        Self::with_effort(&self.values.model, effort)
+    }
+
+    /// The torques of a motion in angles and lengths, with their derivatives; NaN where there are none.
+    pub(crate) fn inverse_dynamics<const Q: usize>(&self, motion: &Motion<Q>) -> Torque<Q> {
+        let [q, v, a] = motion.each_ref().map(|x| x.as_slice());
+        self.values.with_workspace(|work| {
+            match self.values.model.inverse_dynamics_partials(&mut work.data, q, v, a, &[]) {
+                Ok(found) => Torque {
+                    u: SVector::from_column_slice(found.value),
+                    by: [found.q, found.v, found.input].map(|m| SMatrix::from_column_slice(m.as_slice())),
+                },
+                Err(_) => Torque { u: SVector::repeat(f64::NAN), by: [SMatrix::repeat(f64::NAN); 3] },
+            }
+        })
+    }
+
     fn values_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Result<Values<f64, N>, DynamicsError> {
         self.values.evaluate(&self.effort, piece, p)
     }
@@ -189,15 +289,23 @@ impl<const N: usize> TreeMinimumTorque<N> {
     }
 
     fn jacobian_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        let mut jacobian = SMatrix::<f64, N, N>::repeat(f64::NAN);
-        for j in 0..N {
+        let n = N / 4;
+        let mut jacobian = SMatrix::<f64, N, N>::zeros();
+        for j in 0..2 * n {
             let mut seeded = p.map(Dual64::from_re);
             seeded[j].eps = 1.0;
-            if let Ok(values) = self.duals.evaluate(&self.effort, piece, &seeded) {
-                jacobian.set_column(j, &values.field.map(|h| h.eps));
-            }
+            let Ok(values) = self.duals.evaluate(&self.effort, piece, &seeded) else {
+                return SMatrix::repeat(f64::NAN);
+            };
+            jacobian.set_column(j, &values.field.map(|h| h.eps));
         }
-        jacobian
+        for (i, j) in (0..2 * n).flat_map(|i| (0..2 * n).map(move |j| (i, j))) {
+            jacobian[(2 * n + i, 2 * n + j)] = -jacobian[(j, i)];
+        }
+        match self.values.by_costates(&self.effort, piece, p, &mut jacobian) {
+            Ok(()) => jacobian,
+            Err(_) => SMatrix::repeat(f64::NAN),
+        }
     }
 
     fn cost_of(&self, torque: &SVector<f64, N>) -> f64 {

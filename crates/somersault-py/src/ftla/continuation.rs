@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::ftla::cold_start::ArmTravel;
+use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
 use somersault::ftla::continuation::{self, Continuation, Member};
 use somersault::ftla::shooting::Shooting;
 use std::sync::Arc;
@@ -119,7 +119,13 @@ impl Way {
     }
 }
 
-fn continuation_of(polish: Shooting, first_step: f64, min_step: f64) -> Result<Continuation, Error> {
+/// Settings of a continuation: those of `shoot` for its last member, then those of its steps.
+fn continuation_of(
+    [tol, rtol, atol]: [f64; 3],
+    max_iterations: usize,
+    [first_step, min_step]: [f64; 2],
+) -> Result<Continuation, Error> {
+    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
     for (name, found) in [("first_step", first_step), ("min_step", min_step)] {
         if !found.is_finite() || found <= 0.0 || found > 1.0 {
             return Err(input(format!("`{name}` must be above 0 and not above 1, found {found}")));
@@ -199,8 +205,7 @@ pub(crate) fn continue_through(
     first_step: f64,
     min_step: f64,
 ) -> Result<Continued, Error> {
-    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
-    let continuation = continuation_of(polish, first_step, min_step)?;
+    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step])?;
     let fractions = fractions_of(fractions)?;
     let pair = |pair: &Bound<'_, PyAny>| {
         let [initial, last]: [Bound<'_, PyAny>; 2] = pair
@@ -214,7 +219,7 @@ pub(crate) fn continue_through(
     let way = attend(py, |run| {
         for_dimension!(n, through(&continuation, system.get(), run, &stages, horizon, &fractions))
     })??;
-    way.into_python(py, system, &polish)
+    way.into_python(py, system, &continuation.polish)
 }
 
 fn start_cold<const N: usize>(
@@ -228,10 +233,28 @@ fn start_cold<const N: usize>(
     Ok(Way::of(&somersault::ftla::cold_start::cold_start(&system, initial, last, horizon, continuation)?))
 }
 
+/// For a tree of `Q` degrees of freedom, `N` = 4`Q`; nothing for another system.
+fn start_tree<const Q: usize, const N: usize>(
+    py: Python<'_>,
+    continuation: &Continuation,
+    system: &System,
+    [initial, last]: [&[f64]; 2],
+    horizon: f64,
+) -> Result<Option<Way>, Error> {
+    let Some(tree) = system.tree::<N>(py)? else { return Ok(None) };
+    let found = attend(py, |run| {
+        let watch = |tree| Source::<N>::Compiled(Arc::new(tree)).watched(run);
+        TreeTravel::<Q, N> { system: &tree, initial, last, horizon }.solve_as(continuation, watch)
+    })??;
+    Ok(Some(Way::of(&found)))
+}
+
 /// An extremal of any system from nothing but its boundary states and the horizon.
 ///
-/// The problem linearised halfway between the ends, which one Newton step solves, is led to the problem itself; where that
-/// breaks off, the same at the start, and the ends are moved apart afterwards. Of several extremals it finds one.
+/// A tree of hinges and sliders starts from a spline of least effort, whose torques tell the costates; what is passive is driven
+/// at first and released by continuation, and limits come down on it. For any other system the problem linearised halfway
+/// between the ends, which one Newton step solves, is led to the problem itself; where that breaks off, the same at the
+/// start, and the ends are moved apart afterwards. Of several extremals it finds one.
 ///
 /// Parameters
 /// ----------
@@ -274,16 +297,27 @@ pub(crate) fn cold_start(
     first_step: f64,
     min_step: f64,
 ) -> Result<Continued, Error> {
-    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
-    let continuation = continuation_of(polish, first_step, min_step)?;
+    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step])?;
     positive("horizon", horizon)?;
     let n = system.get().dimension;
     let initial = entries("initial_state", n / 2, initial_state)?;
     let last = entries("final_state", n / 2, final_state)?;
     let ends: [&[f64]; 2] = [&initial, &last];
-    let way =
-        attend(py, |run| for_dimension!(n, start_cold(&continuation, system.get(), run, ends, horizon)))??;
-    way.into_python(py, system, &polish)
+    let (given, settings) = (system.get(), &continuation);
+    let of_tree = match n {
+        4 => start_tree::<1, 4>(py, settings, given, ends, horizon),
+        8 => start_tree::<2, 8>(py, settings, given, ends, horizon),
+        12 => start_tree::<3, 12>(py, settings, given, ends, horizon),
+        16 => start_tree::<4, 16>(py, settings, given, ends, horizon),
+        20 => start_tree::<5, 20>(py, settings, given, ends, horizon),
+        24 => start_tree::<6, 24>(py, settings, given, ends, horizon),
+        _ => Ok(None),
+    }?;
+    let way = match of_tree {
+        Some(way) => way,
+        None => attend(py, |run| for_dimension!(n, start_cold(settings, given, run, ends, horizon)))??,
+    };
+    way.into_python(py, system, &continuation.polish)
 }
 
 /// An extremal of the two-link arm between two rests, from the way it folds alone.
@@ -334,7 +368,7 @@ pub(crate) fn travel_arm(
     })??;
     // with limits that were not reached the motion is one of another arm
     let reached = if found.system == arm { system } else { Py::new(py, of_arm(found.system))? };
-    Way::of(&found.continued).into_python(py, reached, &polish)
+    Way::of(&found.continued).into_python(py, reached, &continuation.polish)
 }
 
 /// A member of a family as a callable gives it.
@@ -413,8 +447,7 @@ pub(crate) fn py_follow(
     first_step: f64,
     min_step: f64,
 ) -> Result<Continued, Error> {
-    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
-    let continuation = continuation_of(polish, first_step, min_step)?;
+    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step])?;
     check_callable("family", "of s", family)?;
     let callable = family.clone().unbind();
     let given = |s: f64| -> PyResult<GivenMember> {
@@ -433,5 +466,5 @@ pub(crate) fn py_follow(
         attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))??;
     // the nodes are those of the member that was reached
     let reached = given(way.s)?.0;
-    way.into_python(py, reached, &polish)
+    way.into_python(py, reached, &continuation.polish)
 }

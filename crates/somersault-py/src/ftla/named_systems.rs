@@ -91,6 +91,27 @@ pub(crate) fn cubic_regulator() -> System {
     System::compiled(CubicRegulator, "cubic regulator".to_owned(), Origin::Regulator("cubic_regulator"))
 }
 
+/// What the system of a tree is made from.
+pub(super) struct GivenTree {
+    pub(super) model: Py<Model>,
+    pub(super) weights: Vec<f64>,
+    pub(super) limits: Vec<f64>,
+    pub(super) passive: Vec<usize>,
+}
+
+impl GivenTree {
+    /// The system, made anew; `N` is four times the degrees of freedom.
+    pub(super) fn system<const N: usize>(&self, py: Python<'_>) -> Result<TreeMinimumTorque<N>, Error> {
+        let tree = &self.model.bind(py).get().model;
+        let mut system =
+            TreeMinimumTorque::try_new(tree, &self.weights)?.try_with_torque_limits(&self.limits)?;
+        for &joint in &self.passive {
+            system = system.try_with_passive(joint)?;
+        }
+        Ok(system)
+    }
+}
+
 /// Limits may be infinite.
 fn check_limits(limits: &[f64]) -> Result<(), Error> {
     match limits.iter().find(|limit| limit.is_nan() || **limit <= 0.0) {
@@ -149,26 +170,20 @@ pub(crate) fn tree(
         format!("tree of {n} degrees of freedom, weights={weights:?}, passive={passive:?}{limited}");
     fn of<const N: usize>(
         model: &Bound<'_, Model>,
-        weights: Vec<f64>,
-        limits: Vec<f64>,
-        passive: Vec<usize>,
+        given: GivenTree,
         description: String,
     ) -> Result<System, Error> {
-        let tree = &model.get().model;
-        let mut system = TreeMinimumTorque::<N>::try_new(tree, &weights)?.try_with_torque_limits(&limits)?;
-        for &joint in &passive {
-            system = system.try_with_passive(joint)?;
-        }
-        let origin = Origin::Tree { model: model.clone().unbind(), weights, limits, passive };
-        Ok(System::compiled(system, description, origin))
+        let system = given.system::<N>(model.py())?;
+        Ok(System::compiled(system, description, Origin::Tree(given)))
     }
+    let given = GivenTree { model: model.clone().unbind(), weights, limits, passive };
     match n {
-        1 => of::<4>(model, weights, limits, passive, description),
-        2 => of::<8>(model, weights, limits, passive, description),
-        3 => of::<12>(model, weights, limits, passive, description),
-        4 => of::<16>(model, weights, limits, passive, description),
-        5 => of::<20>(model, weights, limits, passive, description),
-        6 => of::<24>(model, weights, limits, passive, description),
+        1 => of::<4>(model, given, description),
+        2 => of::<8>(model, given, description),
+        3 => of::<12>(model, given, description),
+        4 => of::<16>(model, given, description),
+        5 => of::<20>(model, given, description),
+        6 => of::<24>(model, given, description),
         other => Err(input(format!("`model` must have one to six degrees of freedom, found {other}"))),
     }
 }

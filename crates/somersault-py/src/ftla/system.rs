@@ -4,7 +4,7 @@ use super::argument::whole;
 use super::control_problem::{Problem, state_costate};
 use super::dimension::{DIMENSIONS, by_rows, for_dimension, no_such, vector};
 use super::error::input;
-use super::named_systems::{arm, cubic_regulator, linear_regulator, tree};
+use super::named_systems::{GivenTree, arm, cubic_regulator, linear_regulator, tree};
 use super::run::{Run, attend};
 use super::watched::{Callables, Compiled, Source, Watched};
 use crate::error::Error;
@@ -13,7 +13,9 @@ use crate::plan::check_callable;
 use crate::rows::Rows;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::ftla::system::{ArmMinimumTorque, HamiltonianSystem, OptimalControlSystem, VectorField};
+use somersault::ftla::system::{
+    ArmMinimumTorque, HamiltonianSystem, OptimalControlSystem, TreeMinimumTorque, VectorField,
+};
 use somersault::multibody::models::TwoLinkArm;
 use std::any::Any;
 use std::sync::Arc;
@@ -77,13 +79,21 @@ pub(super) enum Origin {
     Problem(Arc<Problem>),
     Arm(ArmMinimumTorque),
     Regulator(&'static str),
-    Tree { model: Py<Model>, weights: Vec<f64>, limits: Vec<f64>, passive: Vec<usize> },
+    Tree(GivenTree),
 }
 
 impl System {
     /// The arm that it is of, if it is of one.
     pub(crate) fn arm(&self) -> Option<ArmMinimumTorque> {
         if let Origin::Arm(arm) = self.origin { Some(arm) } else { None }
+    }
+
+    /// The tree that it is of, made anew, if it is of one.
+    pub(super) fn tree<const N: usize>(&self, py: Python<'_>) -> Result<Option<TreeMinimumTorque<N>>, Error> {
+        match &self.origin {
+            Origin::Tree(given) => given.system(py).map(Some),
+            _ => Ok(None),
+        }
     }
 
     pub(super) fn compiled<const N: usize>(
@@ -337,7 +347,7 @@ impl System {
                 tuple(given.into_pyobject(py)?, "arm")?
             }
             Origin::Regulator(name) => tuple(PyTuple::empty(py), name)?,
-            Origin::Tree { model, weights, limits, passive } => {
+            Origin::Tree(GivenTree { model, weights, limits, passive }) => {
                 tuple((model, weights, limits, passive).into_pyobject(py)?, "tree")?
             }
         };
