@@ -10,6 +10,7 @@ use super::mesh::{Grid, GridInterval, Mesh};
 use super::problem::expect_length;
 use super::transcription::Transcription;
 use crate::nlp::Nlp;
+use std::ops::Deref;
 
 /// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
 /// times have the end of the phase as a last row.
@@ -19,6 +20,20 @@ pub struct PhaseSolution {
     pub(super) horizon: (f64, f64),
     /// t.
     pub times: Vec<f64>,
+    rows: PhaseRows,
+}
+
+impl Deref for PhaseSolution {
+    type Target = PhaseRows;
+
+    fn deref(&self) -> &PhaseRows {
+        &self.rows
+    }
+}
+
+/// Rows of a [`PhaseSolution`], or those to be put on a mesh.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PhaseRows {
     /// x.
     pub states: Vec<Vec<f64>>,
     /// u; nothing is collocated at the end.
@@ -28,23 +43,6 @@ pub struct PhaseSolution {
     /// Multipliers of the path constraints as functions of time: positive at upper bounds.
     pub path_multipliers: Vec<Vec<f64>>,
     /// L + λᵀf at the collocation points.
-    pub hamiltonian: Vec<f64>,
-    /// p.
-    pub parameters: Vec<f64>,
-}
-
-/// Rows of a solution as [`PhaseSolution`] has them, to be put on a mesh.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct PhaseRows {
-    /// x.
-    pub states: Vec<Vec<f64>>,
-    /// u.
-    pub controls: Vec<Vec<f64>>,
-    /// λ.
-    pub costates: Vec<Vec<f64>>,
-    /// Multipliers of the path constraints.
-    pub path_multipliers: Vec<Vec<f64>>,
-    /// L + λᵀf.
     pub hamiltonian: Vec<f64>,
     /// p.
     pub parameters: Vec<f64>,
@@ -60,12 +58,12 @@ impl PhaseSolution {
         }
         let grid = Grid::try_new(mesh)?;
         let n = grid.n_points();
-        let PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters } = rows;
+        let PhaseRows { states, controls, costates, path_multipliers, hamiltonian, .. } = &rows;
         for (argument, table, expected) in [
-            ("states", &states, n + 1),
-            ("controls", &controls, n),
-            ("costates", &costates, n + 1),
-            ("path_multipliers", &path_multipliers, n),
+            ("states", states, n + 1),
+            ("controls", controls, n),
+            ("costates", costates, n + 1),
+            ("path_multipliers", path_multipliers, n),
         ] {
             expect_length(None, argument, table.len(), expected)?;
             let width = table.first().map_or(0, Vec::len);
@@ -75,17 +73,7 @@ impl PhaseSolution {
         }
         expect_length(None, "costates", costates[0].len(), states[0].len())?;
         expect_length(None, "hamiltonian", hamiltonian.len(), n)?;
-        let mut solution = Self {
-            grid,
-            horizon,
-            times: Vec::new(),
-            states,
-            controls,
-            costates,
-            path_multipliers,
-            hamiltonian,
-            parameters,
-        };
+        let mut solution = Self { grid, horizon, times: Vec::new(), rows };
         solution.times = solution.times_of_nodes();
         Ok(solution)
     }
@@ -227,10 +215,7 @@ impl Transcription<'_> {
                 costs[i * (n_path + 1)] + along.sum::<f64>()
             })
             .collect();
-        let mut solution = PhaseSolution {
-            grid: grid.clone(),
-            horizon,
-            times: Vec::new(),
+        let rows = PhaseRows {
             states: (0..=n).map(|i| slice(layout.state(i), sizes.states)).collect(),
             controls: (0..n).map(|i| slice(layout.control(i), sizes.controls)).collect(),
             costates,
@@ -238,6 +223,7 @@ impl Transcription<'_> {
             hamiltonian,
             parameters: slice(layout.parameters(), sizes.parameters),
         };
+        let mut solution = PhaseSolution { grid: grid.clone(), horizon, times: Vec::new(), rows };
         solution.times = solution.times_of_nodes();
         solution
     }
