@@ -1,7 +1,9 @@
 //! Random programs with quadratic cost, linear constraints and a known feasible point.
 
 use somersault_ocp::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
-use somersault_ocp::solver::{Flow, HessianSource, NlpSolver, Report, Sqp, Start, Status, samples};
+use somersault_ocp::solver::{
+    Flow, Globalisation, HessianSource, NlpSolver, Report, Sqp, Start, Status, samples,
+};
 
 /// ½ zᵀ H z + gᵀ z, A z within bounds; all matrices dense by columns.
 struct Quadratic {
@@ -44,6 +46,19 @@ impl Quadratic {
             hessian: Pattern::upper_triangle(n),
         };
         Self { structure, h, g: g.to_vec(), a: a.to_vec() }
+    }
+
+    /// With three rows that contradict each other, wherever z is: they add up to zero and are to be ½ together.
+    fn contradicted(mut self) -> Self {
+        let constraints = &mut self.structure.constraints;
+        let m = constraints.len();
+        for column in self.a.chunks_mut(m) {
+            column[m - 1] = -(column[0] + column[1]);
+        }
+        for (row, lower) in [(0, 0.0), (1, 0.0), (m - 1, 0.5)] {
+            (constraints.lower[row], constraints.upper[row]) = (lower, f64::INFINITY);
+        }
+        self
     }
 
     fn slope(&self, z: &[f64], i: usize) -> f64 {
@@ -131,6 +146,22 @@ fn solve_all(concave: f64, hessian: HessianSource) -> Vec<usize> {
             report.iterations
         })
         .collect()
+}
+
+#[test]
+fn contradicted_quadratic_programs_are_infeasible() {
+    for globalisation in [Globalisation::Merit, Globalisation::Filter] {
+        let solver = Sqp { globalisation, ..Sqp::default() };
+        for seed in 0..100u64 {
+            let (n, m) = (1 + seed as usize % 12, 3 + (seed as usize * 7) % 14);
+            let mut program = Quadratic::new(n, m, n, 0.0, seed).contradicted();
+            let start = Start::from(vec![1.0; n]);
+            let report = solver.solve(&mut program, &start, &mut |_| Flow::Continue).unwrap();
+            assert_eq!(report.status, Status::Infeasible, "seed {seed} n {n} m {m}: {report:?}");
+            // a third of ½ at least in one of the three rows
+            assert!(report.residuals.feasibility > 0.16, "seed {seed} n {n} m {m}: {report:?}");
+        }
+    }
 }
 
 #[test]

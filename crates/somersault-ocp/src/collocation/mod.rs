@@ -10,8 +10,8 @@
 //! | x, u, p | states, controls, parameters that are constant in time | [`Point`], [`PhaseSolution`] |
 //! | L, Φ | running cost, end cost | [`Terms::running_cost`], [`Terms::end_cost`] |
 //! | g, b | path constraints, end constraints | [`Terms::path_constraints`], [`Terms::end_constraints`] |
-//! | λ | costates: ∂(least cost from here on)/∂x | [`PhaseSolution::costates`] |
-//! | H | L + λᵀf | [`PhaseSolution::hamiltonian`] |
+//! | λ | costates: ∂(least cost from here on)/∂x | [`PhaseRows::costates`] |
+//! | H | L + λᵀf | [`PhaseRows::hamiltonian`] |
 //!
 //! Equations and costs are written once over a scalar ([`Dynamics`], [`Terms`]) and differentiated by dual numbers;
 //! trees of bodies are [`TreeDynamics`]; functions that bring their derivatives are [`VectorFunction`]s.

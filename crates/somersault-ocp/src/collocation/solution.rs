@@ -11,6 +11,7 @@ use super::problem::expect_length;
 use super::transcription::Transcription;
 use crate::nlp::Nlp;
 use serde::{Deserialize, Serialize};
+use std::ops::Deref;
 
 /// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
 /// times have the end of the phase as a last row.
@@ -21,6 +22,20 @@ pub struct PhaseSolution {
     pub(super) horizon: (f64, f64),
     /// t.
     pub times: Vec<f64>,
+    rows: PhaseRows,
+}
+
+impl Deref for PhaseSolution {
+    type Target = PhaseRows;
+
+    fn deref(&self) -> &PhaseRows {
+        &self.rows
+    }
+}
+
+/// Rows of a [`PhaseSolution`], or those to be put on a mesh.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhaseRows {
     /// x.
     pub states: Vec<Vec<f64>>,
     /// u; nothing is collocated at the end.
@@ -35,23 +50,6 @@ pub struct PhaseSolution {
     pub parameters: Vec<f64>,
 }
 
-/// Rows of a solution as [`PhaseSolution`] has them, to be put on a mesh.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct PhaseRows {
-    /// x.
-    pub states: Vec<Vec<f64>>,
-    /// u.
-    pub controls: Vec<Vec<f64>>,
-    /// λ.
-    pub costates: Vec<Vec<f64>>,
-    /// Multipliers of the path constraints.
-    pub path_multipliers: Vec<Vec<f64>>,
-    /// L + λᵀf.
-    pub hamiltonian: Vec<f64>,
-    /// p.
-    pub parameters: Vec<f64>,
-}
-
 /// A solution as files hold it.
 #[derive(Serialize, Deserialize)]
 struct Parts {
@@ -61,19 +59,7 @@ struct Parts {
 }
 
 impl From<PhaseSolution> for Parts {
-    fn from(solution: PhaseSolution) -> Self {
-        let PhaseSolution {
-            grid,
-            horizon,
-            states,
-            controls,
-            costates,
-            path_multipliers,
-            hamiltonian,
-            parameters,
-            ..
-        } = solution;
-        let rows = PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters };
+    fn from(PhaseSolution { grid, horizon, rows, .. }: PhaseSolution) -> Self {
         Self { mesh: grid.mesh, horizon, rows }
     }
 }
@@ -96,12 +82,12 @@ impl PhaseSolution {
         }
         let grid = Grid::try_new(mesh)?;
         let n = grid.n_points();
-        let PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters } = rows;
+        let PhaseRows { states, controls, costates, path_multipliers, hamiltonian, .. } = &rows;
         for (argument, table, expected) in [
-            ("states", &states, n + 1),
-            ("controls", &controls, n),
-            ("costates", &costates, n + 1),
-            ("path_multipliers", &path_multipliers, n),
+            ("states", states, n + 1),
+            ("controls", controls, n),
+            ("costates", costates, n + 1),
+            ("path_multipliers", path_multipliers, n),
         ] {
             expect_length(None, argument, table.len(), expected)?;
             let width = table.first().map_or(0, Vec::len);
@@ -111,17 +97,7 @@ impl PhaseSolution {
         }
         expect_length(None, "costates", costates[0].len(), states[0].len())?;
         expect_length(None, "hamiltonian", hamiltonian.len(), n)?;
-        let mut solution = Self {
-            grid,
-            horizon,
-            times: Vec::new(),
-            states,
-            controls,
-            costates,
-            path_multipliers,
-            hamiltonian,
-            parameters,
-        };
+        let mut solution = Self { grid, horizon, times: Vec::new(), rows };
         solution.times = solution.times_of_nodes();
         Ok(solution)
     }
@@ -263,10 +239,7 @@ impl Transcription<'_> {
                 costs[i * (n_path + 1)] + along.sum::<f64>()
             })
             .collect();
-        let mut solution = PhaseSolution {
-            grid: grid.clone(),
-            horizon,
-            times: Vec::new(),
+        let rows = PhaseRows {
             states: (0..=n).map(|i| slice(layout.state(i), sizes.states)).collect(),
             controls: (0..n).map(|i| slice(layout.control(i), sizes.controls)).collect(),
             costates,
@@ -274,6 +247,7 @@ impl Transcription<'_> {
             hamiltonian,
             parameters: slice(layout.parameters(), sizes.parameters),
         };
+        let mut solution = PhaseSolution { grid: grid.clone(), horizon, times: Vec::new(), rows };
         solution.times = solution.times_of_nodes();
         solution
     }

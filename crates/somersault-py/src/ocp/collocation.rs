@@ -783,7 +783,8 @@ impl CollocationResult {
         self.verifier.get(py)
     }
 
-    /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`.
+    /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases both are
+    /// accurate.
     #[getter]
     fn cost(&self) -> f64 {
         self.report.cost

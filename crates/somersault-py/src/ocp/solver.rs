@@ -22,6 +22,7 @@ pub(crate) const ATTENTION: Duration = Duration::from_millis(50);
 /// What a solver found: always the best iterate, with the residuals it has, and what an accurate integration makes of it.
 ///
 /// The motion is integrated anew when `verification`, `confirmed`, `message` or the text of the report is first asked for.
+/// Ctrl-C ends that with a KeyboardInterrupt; the report stays, and integrates again when it is asked again.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Report {
     pub(crate) report: solver::Report,
