@@ -189,15 +189,7 @@ impl SyntheticJudge {
     /// dict of str to float: What a unit of each fault costs, points.
     #[getter]
     fn deductions(&self) -> std::collections::BTreeMap<&'static str, f64> {
-        let judge = &self.judge;
-        [
-            ("entry_angle", judge.entry_angle),
-            ("hip_opening", judge.hip_opening),
-            ("exit_share", judge.exit_share),
-            ("asymmetry", judge.asymmetry),
-            ("roughness", judge.roughness),
-        ]
-        .into()
+        self.prices().into()
     }
 
     /// float: Standard deviation of the noise, points.
@@ -226,16 +218,10 @@ impl SyntheticJudge {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (own, judge) = (slf.get(), &slf.get().judge);
-        let numbers = [
-            judge.entry_angle,
-            judge.hip_opening,
-            judge.exit_share,
-            judge.asymmetry,
-            judge.roughness,
-            judge.noise,
-        ];
-        let arguments = (own.reference(), numbers, judge.half_points).into_pyobject(slf.py())?;
+        let own = slf.get();
+        let [a, b, c, d, e] = own.prices().map(|(_, points)| points);
+        let numbers = [a, b, c, d, e, own.judge.noise];
+        let arguments = (own.reference(), numbers, own.judge.half_points).into_pyobject(slf.py())?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
 
@@ -253,5 +239,19 @@ impl SyntheticJudge {
 
     fn __repr__(&self) -> String {
         format!("<SyntheticJudge: SYNTHETIC, noise {} points>", self.judge.noise)
+    }
+}
+
+impl SyntheticJudge {
+    /// What a unit of each fault costs, in the order of the arguments.
+    fn prices(&self) -> [(&'static str, f64); 5] {
+        let judge = &self.judge;
+        [
+            ("entry_angle", judge.entry_angle),
+            ("hip_opening", judge.hip_opening),
+            ("exit_share", judge.exit_share),
+            ("asymmetry", judge.asymmetry),
+            ("roughness", judge.roughness),
+        ]
     }
 }

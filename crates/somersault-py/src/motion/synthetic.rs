@@ -116,18 +116,7 @@ impl Perturbation {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, ([f64; 8],))> {
-        let p = &slf.get().perturbation;
-        let numbers = [
-            p.exit_delay,
-            p.looseness,
-            p.over_rotation,
-            p.wobble,
-            p.wobble_frequency,
-            p.wobble_phase,
-            p.asymmetry,
-            p.duration,
-        ];
-        Ok((slf.get_type().getattr("_restore")?, (numbers,)))
+        Ok((slf.get_type().getattr("_restore")?, (slf.get().numbers().map(|(_, number)| number),)))
     }
 
     /// A pickled perturbation.
@@ -138,19 +127,25 @@ impl Perturbation {
     }
 
     fn __repr__(&self) -> String {
+        let numbers = self.numbers().map(|(name, number)| format!("{name}={number}"));
+        format!("Perturbation({})", numbers.join(", "))
+    }
+}
+
+impl Perturbation {
+    /// Its numbers by the names of the arguments, in their order.
+    fn numbers(&self) -> [(&'static str, f64); 8] {
         let p = &self.perturbation;
-        format!(
-            "Perturbation(exit_delay={}, looseness={}, over_rotation={}, wobble={}, wobble_frequency={}, \
-             wobble_phase={}, asymmetry={}, duration={})",
-            p.exit_delay,
-            p.looseness,
-            p.over_rotation,
-            p.wobble,
-            p.wobble_frequency,
-            p.wobble_phase,
-            p.asymmetry,
-            p.duration
-        )
+        [
+            ("exit_delay", p.exit_delay),
+            ("looseness", p.looseness),
+            ("over_rotation", p.over_rotation),
+            ("wobble", p.wobble),
+            ("wobble_frequency", p.wobble_frequency),
+            ("wobble_phase", p.wobble_phase),
+            ("asymmetry", p.asymmetry),
+            ("duration", p.duration),
+        ]
     }
 }
 
