@@ -76,9 +76,12 @@ def solve_arm(
     """
     initial, final = _numbers("initial_state", initial_state, 4), _numbers("final_state", final_state, 4)
     horizon, fold = float(_numbers("horizon", horizon)), float(_numbers("fold", fold))
+    _expect_options("solve_arm", options)
     if not 0.0 < horizon <= _LONGEST:
         raise FtlaInputError(f"`horizon` must be positive and at most {_LONGEST:g} s, found {horizon}")
     system = arm() if system is None else system
+    if isinstance(system, System) and system.dimension != 8:
+        raise FtlaInputError(f"`system` must be an arm, as `ftla.arm` makes it, found {system!r}")
     if not (initial[2:].any() or final[2:].any()):
         return travel_arm(system, initial[:2].tolist(), final[:2].tolist(), horizon, fold, **options)
     middle = 0.5 * (initial[0] + final[0])
@@ -123,6 +126,7 @@ def arm_extremals(
     final = _numbers("final_state", final_state, 4)
     ways = _numbers("folds", folds, None)
     whole = _numbers("turns", turns, None)
+    _expect_options("arm_extremals", options)
     if (whole != np.round(whole)).any():
         raise FtlaInputError(f"`turns` must be whole numbers, found {turns!r}")
     found = []
@@ -134,6 +138,13 @@ def arm_extremals(
                 extremal = continued.extremal
                 found.append(ArmExtremal(float(fold), int(turn), extremal.cost(), extremal))
     return sorted(found, key=lambda each: each.cost)
+
+
+def _expect_options(function: str, options: dict[str, Any]) -> None:
+    """Options are those of `shoot`, and are told of under the name of what was called."""
+    for name in options:
+        if name not in ("tol", "max_iterations", "rtol", "atol"):
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
 
 
 def _numbers(name: str, value: Any, *shape: int | None) -> NDArray[np.float64]:

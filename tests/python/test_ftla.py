@@ -1,5 +1,6 @@
 """Flows, spectra, subspaces and placement from Python, against closed forms and against SciPy."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -225,6 +226,19 @@ def test_the_arm_is_placed_with_the_schedule_of_its_spectrum(arm: ftla.Variation
     assert placed.success and placed.time == placement.times[-1]
     np.testing.assert_array_equal(placed.p[[0, 1, 2, 3, 4, 6]], off[[0, 1, 2, 3, 4, 6]])
     np.testing.assert_allclose(placed.p, START, atol=1e-6)
+
+
+@pytest.mark.parametrize("held", list(itertools.combinations(range(4), 2)))
+def test_any_two_costates_may_be_held(arm: ftla.VariationalFlow, held: tuple[int, int]) -> None:
+    free = [i for i in range(4) if i not in held]
+    off = START.copy()
+    off[[4 + i for i in free]] += (0.01, -0.01)
+    placed = ftla.Placement((2, 4, 2), held, np.arange(0.25, 3.6, 0.25)).place(arm, off)
+    assert placed.success and placed.angle <= 1e-8 and placed.time == 3.5
+    kept = [0, 1, 2, 3, *(4 + i for i in held)]
+    np.testing.assert_array_equal(placed.p[kept], off[kept])
+    # as near as the choice's singular value in `rank_held_costates` allows
+    np.testing.assert_allclose(placed.p, START, atol=1e-6 if held == (0, 2) else 1e-4)
 
 
 def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:

@@ -147,6 +147,75 @@ def test_errors_name_what_was_typed(named: str, call: Callable[[], Any]) -> None
         call()
 
 
+@pytest.mark.parametrize(
+    ("named", "call"),
+    [
+        (r"solve_arm\(\) .* 'tolerance'", lambda: ftla.solve_arm(STATE, STATE, 1.0, tolerance=1e-9)),
+        (r"solve_arm\(\) .* 'first_step'", lambda: ftla.solve_arm([0.0, 3.0, 0.1, 0.0], STATE, 1.0, first_step=0.5)),
+        (r"arm_extremals\(\) .* 'fold'", lambda: ftla.arm_extremals(STATE, STATE, 1.0, fold=3.0)),
+        (r"cold_start\(\) .* 'toll'", lambda: ftla.cold_start(FLOW.system, [1.0], [1.5], 4.0, toll=1e-9)),  # type: ignore[call-arg]
+        (r"state_costate\(\) .* 'bounds'", lambda: ftla.state_costate(drift, effort, 1, 1, jacobian=slopes, gradient=efforts, hessian=ones, bounds=1)),  # type: ignore[call-arg]
+    ],
+)  # fmt: skip
+def test_misspelt_names_are_type_errors_of_what_was_called(named: str, call: Callable[[], Any]) -> None:
+    with pytest.raises(TypeError, match=named):
+        call()
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.1])
+def test_what_is_no_arm_is_told_from_rest_and_in_motion(rate: float) -> None:
+    with pytest.raises(errors.InputError, match="`system` must be an arm"):
+        ftla.solve_arm([0.0, 3.0, rate, 0.0], STATE, 1.0, system=FLOW.system)
+
+
+def test_systems_that_fail_within_a_cold_start_say_how() -> None:
+    def zero(p: Any) -> Any:
+        raise ZeroDivisionError("out of order")
+
+    for field, jacobian, kind, told in (
+        (zero, rates, errors.FieldError, "`field` raised"),
+        (free, zero, errors.FieldError, "`jacobian` raised"),
+        (lambda p: np.full(2, np.nan), rates, errors.FieldError, "`field` is not finite"),
+        (free, lambda p: np.full((2, 2), np.nan), errors.FieldError, "`jacobian` is not finite"),
+        (lambda p: np.zeros(3), rates, errors.FtlaInputError, r"`field\(p\)` .* found shape \(3,\)"),
+        (free, lambda p: np.eye(3), errors.FtlaInputError, r"`jacobian\(p\)` .* found shape \(3, 3\)"),
+    ):
+        with pytest.raises(kind, match=told):
+            ftla.cold_start(ftla.System(field, jacobian, 2), [1.0], [1.5], 4.0)
+    # no control moves the state: a status, and the last nodes
+    still = ftla.System(lambda p: 0.0 * p, lambda p: np.zeros((2, 2)), 2)
+    found = ftla.cold_start(still, [1.0], [2.0], 4.0, min_step=0.05)
+    assert not found.success and found.extremal.status != "converged"
+    assert np.isfinite(found.extremal.nodes).all()
+
+
+def test_a_singular_control_hessian_is_told_wherever_it_is_met() -> None:
+    system = ftla.state_costate(
+        drift, effort, 1, 1, jacobian=slopes, gradient=efforts,
+        hessian=lambda x, u, costate: np.diag([1.0, 0.0]),
+    )  # fmt: skip
+    flow, p = ftla.VariationalFlow(system), [1.0, 0.4]
+    for call in (
+        lambda: system.field(p), lambda: system.jacobian(p), lambda: system.control(p), lambda: system.hamiltonian(p),
+        lambda: flow.transition(p, 1.0), lambda: flow.spectrum(p, 1.0), lambda: flow.cost(p, 1.0),
+        lambda: ftla.shoot(system, [1.0], [1.5], TIMES, np.zeros((9, 2))),
+        lambda: ftla.cold_start(system, [1.0], [1.5], 4.0),
+    ):  # fmt: skip
+        with pytest.raises(errors.FieldError, match="the control Hessian must be positive definite"):
+            call()
+    placed = PLACEMENT.place(flow, p)
+    assert placed.status == "flow" and "control Hessian" in placed.message
+    np.testing.assert_array_equal(placed.p, p)
+
+
+def test_states_out_of_reach_of_the_averaging_window_have_a_status_and_the_last_point() -> None:
+    flow = ftla.VariationalFlow(ftla.arm(), rtol=1e-8, atol=1e-10, max_steps=300)
+    far = [-1.57, 0.05, 50.0, 80.0, -0.2, 0.0, -1.3, 30.0]
+    placed = ftla.Placement((2, 4, 2), [0, 2], [6.0]).place(flow, far)
+    assert placed.status == "flow" and "averaging time" in placed.message
+    np.testing.assert_array_equal(placed.p, far)
+
+
 def test_a_jacobian_without_a_value_is_told_from_a_field_without_one() -> None:
     flow = ftla.VariationalFlow(ftla.System(free, lambda p: np.full((2, 2), np.nan), 2))
     assert np.isfinite(flow.state([1.0, 0.4], 1.0)).all()
@@ -279,8 +348,8 @@ def test_problems_of_ones_own_come_back_from_pickles_and_are_refused_by_files(tm
     p = [[1.0, 0.4], [0.3, 0.9]]
     for name in ("field", "jacobian", "hamiltonian", "control", "running_cost"):
         np.testing.assert_array_equal(getattr(back, name)(p), getattr(own, name)(p))
-    found = ftla.shoot(own, [1.0], [1.2], TIMES, np.zeros((9, 2)))
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(found))([0.3, 2.7]), found([0.3, 2.7]))
+    found = ftla.shoot(own, [1.0], [1.2], [0.0, 0.5, 1.0], np.zeros((3, 2)), rtol=1e-9, atol=1e-11)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(found)).nodes, found.nodes)
     for thing in (own, found):
         with pytest.raises(errors.StorageError, match="cannot be written"):
             somersault.save(tmp_path / "own.som", thing)

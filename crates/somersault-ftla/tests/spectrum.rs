@@ -1,6 +1,7 @@
 //! Exponents and vectors against linear systems, extended precision and the literature; splittings and subspaces.
 
 mod common;
+mod extended;
 
 use common::{Random, START, arm_nodes};
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
@@ -110,6 +111,27 @@ fn all_eight_exponents_of_the_arm_are_right_to_1e_8_at_five_seconds() {
     let phi = flow.transition(&SVector::from(START), 5.0).expect("regular").matrix;
     let plain = phi.singular_values()[7].ln() / 5.0;
     assert!((plain + REFERENCE[3].1[3]).abs() > 1e-8, "{plain}");
+}
+
+#[test]
+fn all_eight_exponents_are_those_of_extended_precision_at_both_ends_and_the_middle() {
+    let arm = ArmMinimumTorque::default();
+    let flow = VariationalFlow::try_new(&arm, TIGHT).expect("in range");
+    let nodes = arm_nodes();
+    // the literals of another program in 60 digits
+    for (found, literal) in extended::exponents(&SVector::from(START), 5.0)[4..].iter().zip(REFERENCE[3].1) {
+        assert!((found - literal).abs() < 1e-13, "{found} {literal}");
+    }
+    let panels = [(nodes[0].1, 1.0), (nodes[20].1, 1.0), (nodes[20].1, -1.0), (nodes[40].1, -1.0)];
+    for (p, sign) in panels {
+        let direction = if sign > 0.0 { TimeDirection::Forward } else { TimeDirection::Backward };
+        for mut s in spectra(&flow, &p, direction, &[1.0, 2.5, 5.0]).expect("regular") {
+            s.exponents.as_mut_slice().sort_by(f64::total_cmp);
+            for (found, expected) in s.exponents.iter().zip(extended::exponents(&p, sign * s.time)) {
+                assert!((found - expected).abs() < 1e-8, "{direction:?} {}: {found}, {expected}", s.time);
+            }
+        }
+    }
 }
 
 /// The same script with the nodes of tests/reference/arm_nodes.txt, over ten seconds.

@@ -213,7 +213,8 @@ impl ArmTravel {
         let times = graded_times(thesis.horizon, 0.25 * LED, LED)?;
         let (nodes, descents) = thesis.guess(&times, ATTEMPTS[0].1, &|| true);
         let ends = [end(thesis.initial), end(thesis.last)];
-        let Ok(start) = continuation.polish.solve(&watch(thesis.system), &ends, &times, &nodes) else {
+        let start = continuation.polish.solve(&watch(thesis.system), &ends, &times, &nodes);
+        let Some(start) = start.ok().filter(|start| start.status == Status::Converged) else {
             return Ok(None);
         };
         let family = |s: f64| {

@@ -27,6 +27,9 @@ pub(crate) struct Problem {
 
 const NAMES: [&str; 5] = ["dynamics", "running_cost", "jacobian", "gradient", "hessian"];
 
+/// How far a Hessian may be from symmetric, as a part of its largest entry: differences of first order get there.
+const UNEVEN: f64 = 1e-6;
+
 /// A problem in one run. Controls are filled up to as many as there are states with ones that do nothing and cost ½u².
 struct Posed {
     problem: Arc<Problem>,
@@ -58,7 +61,17 @@ impl Posed {
         u: &[f64],
     ) -> (Vec<f64>, usize) {
         let width = NX + u.len();
-        (self.call(4, &[x.as_slice(), u, costate.as_slice()], &[width, width]), width)
+        let found = self.call(4, &[x.as_slice(), u, costate.as_slice()], &[width, width]);
+        let largest = found.iter().fold(0.0, |m: f64, entry| m.max(entry.abs()));
+        let pairs = (0..width).flat_map(|i| (0..i).map(move |j| (i, j)));
+        for (below, above) in pairs.map(|(i, j)| (found[i * width + j], found[j * width + i])) {
+            if (below - above).abs() > UNEVEN * largest && !self.run.is_stopped() {
+                let message =
+                    format!("`hessian(x, u, costate)` must be symmetric, found {above} and {below}");
+                self.run.stop(input(message).into());
+            }
+        }
+        (found, width)
     }
 
     /// The gradient of λᵀf + ℓ by (x, u).

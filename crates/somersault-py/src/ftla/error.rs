@@ -50,14 +50,19 @@ fn with_place(class: &'static str, message: String, t: f64, state: &[f64]) -> Er
     })
 }
 
+/// What ended a motion, with what the system says of it.
+pub(super) fn told(error: &FlowError) -> String {
+    match error {
+        FlowError::NonFinite { source: Some(why), .. } => format!("{error}: {why}"),
+        _ => error.to_string(),
+    }
+}
+
 /// The error of a motion, after words that say which motion it was.
 pub(super) fn of_motion(which: &str, error: FlowError) -> Error {
-    let message = format!("{which}{error}");
+    let message = format!("{which}{}", told(&error));
     match error {
-        FlowError::NonFinite { t, state, source, .. } => {
-            let message = source.map_or(message.clone(), |why| format!("{message}: {why}"));
-            with_place("FieldError", message, t, &state)
-        }
+        FlowError::NonFinite { t, state, .. } => with_place("FieldError", message, t, &state),
         FlowError::StepUnderflow { t, state } | FlowError::TooManySteps { t, state, .. } => {
             with_place("FlowError", message, t, &state)
         }

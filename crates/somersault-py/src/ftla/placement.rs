@@ -2,7 +2,7 @@
 
 use super::argument::{triple, whole, wholes};
 use super::dimension::{DIMENSIONS, for_dimension, vector};
-use super::error::{input, positive};
+use super::error::{input, positive, told};
 use super::flow::VariationalFlow;
 use super::run::{Run, attend};
 use super::settings::Settings;
@@ -288,7 +288,7 @@ impl Placed {
             PlacementStatus::Flow(_) => "the motion cannot be followed for the averaging time",
         };
         let message = match &placed.status {
-            PlacementStatus::Flow(error) => format!("{message}: {error}"),
+            PlacementStatus::Flow(error) => format!("{message}: {}", told(error)),
             _ => message.to_owned(),
         };
         Self {
