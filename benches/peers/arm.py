@@ -88,7 +88,7 @@ def guess(t: Any, case: Case = THESIS) -> Any:
 
 
 def _ours(guess: str, tolerance: float) -> float:
-    command = [str(program("somersault-ocp", "arm")), repr(tolerance), str(RUNS), guess]
+    command = [str(program("somersault-ocp", "arm_collocation")), repr(tolerance), str(RUNS), guess]
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 

@@ -1,6 +1,6 @@
 //! The two-link arm of thesis 8.4 by collocation. `benches/peers/arm.py` times it.
 //!
-//! `cargo run --release -p somersault-ocp --example arm` lists extremals, from a straight and from folded guesses,
+//! `cargo run --release -p somersault-ocp --example arm_collocation` lists extremals, from a straight and from folded guesses,
 //! to the same final arm with θ₂ as it is and less by a turn. `-- 1e-6 20 folded` solves 20 times to that tolerance, set-up
 //! included, from a folded guess, or from a straight one, and prints the cost.
 
