@@ -48,11 +48,17 @@ impl DiveSearch {
     }
 
     /// For dives in space: four soft stages, and two hundred steps until the last. The stages with constraints accept
-    /// steps by a filter, for a merit function shortens them along the curved constraints of the entry.
+    /// steps by a filter, for a merit function shortens them along the curved constraints of the entry; but none that leaves
+    /// the dive that the soft stages have found.
     pub fn staged() -> Self {
         let soft = Sqp { stationarity_tol: 1e-3, max_iterations: 40, ..Sqp::default() };
-        let globalisation = Globalisation::Filter;
-        let hard = Sqp { stationarity_tol: 1e-6, max_iterations: 200, globalisation, ..Sqp::default() };
+        let hard = Sqp {
+            stationarity_tol: 1e-6,
+            globalisation: Globalisation::Filter,
+            violation_limit: 0.03,
+            max_iterations: 200,
+            ..Sqp::default()
+        };
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(200) }
     }
 

@@ -50,6 +50,9 @@ pub struct Sqp {
     pub complementarity_tol: f64,
     /// Which points along a step are progress.
     pub globalisation: Globalisation,
+    /// With a filter, the sum of violations above which no point is accepted, in those of the start or in ones where these
+    /// are less: 10⁴ as in IPOPT. With a small one what starts nearly feasible stays so.
+    pub violation_limit: f64,
     /// Limit of steps.
     pub max_iterations: usize,
     /// Limit of time, looked at after each step and before each evaluation, the first excepted.
@@ -66,6 +69,7 @@ impl Default for Sqp {
             feasibility_tol: 1e-8,
             complementarity_tol: 1e-8,
             globalisation: Globalisation::Merit,
+            violation_limit: 1e4,
             max_iterations: 500,
             max_time: None,
             cost_floor: -1e15,
@@ -90,6 +94,7 @@ impl NlpSolver for Sqp {
         check_positive("stationarity_tol", self.stationarity_tol)?;
         check_positive("feasibility_tol", self.feasibility_tol)?;
         check_positive("complementarity_tol", self.complementarity_tol)?;
+        check_positive("violation_limit", self.violation_limit)?;
         let began = Instant::now();
         let mut run = Run::new(self, nlp, start)?;
         let outcome = run.run(start, began, on_iteration);
@@ -155,7 +160,7 @@ impl<'a> Run<'a> {
             y_z: vec![0.0; n],
             residuals: KktResiduals::UNKNOWN,
             gradient_scale: 0.0,
-            filter: Filter::new(0.0, 1.0),
+            filter: Filter::new(0.0, options.violation_limit, 1.0),
             restoration: None,
             penalty: 0.0,
             reductions: 0,
@@ -184,7 +189,8 @@ impl<'a> Run<'a> {
         self.program.deadline = self.options.max_time.and_then(|limit| began.checked_add(limit));
         self.gradient_scale = max_norm(&self.point.gradient);
         let violation = self.program.violation(&self.point.constraints);
-        self.filter = Filter::new(violation, self.gradient_scale.max(100.0) / 100.0);
+        let cost_scale = self.gradient_scale.max(100.0) / 100.0;
+        self.filter = Filter::new(violation, self.options.violation_limit, cost_scale);
         if start.constraint_multipliers.is_empty() {
             self.subproblem.estimate_multipliers(&self.point, &mut self.y);
         } else {

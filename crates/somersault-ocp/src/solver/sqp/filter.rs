@@ -27,10 +27,11 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    /// For a start with this violation.
-    pub(super) fn new(violation: f64, cost_scale: f64) -> Self {
+    /// For a start with this violation, and `limit` times as much or as one at most.
+    pub(super) fn new(violation: f64, limit: f64, cost_scale: f64) -> Self {
         let size = violation.max(1.0);
-        Self { entries: Vec::new(), largest: 1e4 * size, small: 1e-4 * size, cost_scale }
+        let largest = (limit * size).max(violation);
+        Self { entries: Vec::new(), largest, small: 1e-4 * size, cost_scale }
     }
 
     /// Whether no entry dominates a point.
@@ -63,6 +64,20 @@ impl Filter {
         Measures {
             violation: (1.0 - MARGIN) * point.violation,
             cost: point.cost - MARGIN * self.cost_scale * point.violation,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_accepted_beyond_the_limit_but_what_is_no_worse_than_the_start() {
+        for (start, limit, largest) in [(1e-3, 0.03, 0.03), (2.0, 0.03, 2.0), (2.0, 1e4, 2e4)] {
+            let filter = Filter::new(start, limit, 1.0);
+            let accepts = |violation| filter.accepts(Measures { violation, cost: 0.0 });
+            assert!(accepts(largest) && !accepts(1.01 * largest), "{start} {limit}");
         }
     }
 }
