@@ -30,6 +30,7 @@ class _Page(HTMLParser):
 
 def broken(folder: Path, without: tuple[str, ...] = ()) -> tuple[list[str], int]:
     """Links that lead nowhere, and how many were followed; folders in `without` are not built yet."""
+    folder = folder.resolve()
     pages: dict[Path, _Page] = {}
 
     def page(path: Path) -> _Page:
@@ -48,7 +49,7 @@ def broken(folder: Path, without: tuple[str, ...] = ()) -> tuple[list[str], int]
             if parts.scheme or parts.netloc:
                 continue
             target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
-            inside = target.relative_to(folder.resolve()) if target.is_relative_to(folder.resolve()) else None
+            inside = target.relative_to(folder) if target.is_relative_to(folder) else None
             if inside is not None and inside.parts and inside.parts[0] in without:
                 continue
             count += 1
