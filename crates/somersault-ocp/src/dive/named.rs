@@ -43,9 +43,10 @@ impl Dive {
     /// D, E and I, and H for the somersaults after the twists; 2 s, from the platform of 10 m into the water 2 m ahead.
     ///
     /// The order is that of a competition dive: D, E and I, the postures of throw and twists, have weights until the
-    /// square-out at 0.6 of the duration, H, the pike, from 0.5 on. With 30 coefficients for each of five weights
-    /// these windows leave 75 free parameters; with the twelve numbers of the start, in the thesis' count, 87 where it
-    /// has 92. Lean 10°, a = 1, b = 2 ms.
+    /// square-out at 0.6 of the duration, H, the pike, from 0.5 on. A somersault before the throw is allowed, not asked
+    /// for: the dive of least momentum throws at once. With 30 coefficients for each of five weights these windows leave
+    /// 75 free parameters; with the twelve numbers of the start, in the thesis' count, 87 where it has 92. Lean 10°,
+    /// a = 1, b = 2 ms.
     pub fn forward_twisting() -> Self {
         let (all, twisting) = (Range::new(0.0, 1.0), Range::new(0.0, 0.6));
         let postures = [Posture::C, Posture::A, Posture::D, Posture::E, Posture::I, Posture::H];
