@@ -42,13 +42,13 @@ impl Dive {
     /// 5174D, the forward three and a half somersaults with two twists, free (thesis 3.2), in space: postures C, A,
     /// D, E and I, and H for the somersaults after the twists; 2 s, from the platform of 10 m into the water 2 m ahead.
     ///
-    /// The order is that of a competition dive: D, E and I, the postures of throw and twists, have weights until the
-    /// square-out at 0.6 of the duration, H, the pike, from 0.5 on. A somersault before the throw is allowed, not asked
-    /// for: the dive of least momentum throws at once. With 30 coefficients for each of five weights these windows leave
-    /// 75 free parameters; with the twelve numbers of the start, in the thesis' count, 87 where it has 92. Lean 10°,
-    /// a = 1, b = 2 ms.
+    /// The order is that of a competition dive: a somersault in layout, throw, twists, square-out, pike, entry. D, E and I,
+    /// the postures of throw and twists, have weights from 0.22 of the duration to the square-out at 0.7, H, the pike, from
+    /// 0.64 on. The window has to begin late: the dive of least momentum throws at once. With 40 coefficients for each of
+    /// five weights these windows leave 79 free parameters; with the twelve numbers of the start, in the thesis' count, 91
+    /// where it has 92. Lean 10°, a = 1, b = 2 ms.
     pub fn forward_twisting() -> Self {
-        let (all, twisting) = (Range::new(0.0, 1.0), Range::new(0.0, 0.6));
+        let (all, twisting) = (Range::new(0.0, 1.0), Range::new(0.22, 0.7));
         let postures = [Posture::C, Posture::A, Posture::D, Posture::E, Posture::I, Posture::H];
         Self {
             diver: Diver::spatial(),
@@ -56,9 +56,9 @@ impl Dive {
             first: 0,
             last: 1,
             channels: Channels::Weights,
-            windows: vec![all, twisting, twisting, twisting, Range::new(0.5, 1.0)],
-            square_out: 0.6,
-            n_par: 30,
+            windows: vec![all, twisting, twisting, twisting, Range::new(0.64, 1.0)],
+            square_out: 0.7,
+            n_par: 40,
             somersaults: 3.5,
             twists: 2.0,
             lean: Range::fixed(10f64.to_radians()),
@@ -69,7 +69,7 @@ impl Dive {
             entry_distance: 2.0,
             penalties: Penalties { momentum: 1.0, rate: 2e-3, acceleration: 0.0 },
             clearance: Some(Clearance { distance: 0.005, n_times: 35 }),
-            n_steps: 400,
+            n_steps: 840,
             n_pieces: 1,
         }
     }
@@ -82,17 +82,18 @@ impl Dive {
     }
 
     /// Key frames for [`forward_twisting`](Self::forward_twisting): somersault with arms sideways, throw, twists
-    /// wrapped, square-out, pike, entry.
+    /// with arms overhead, square-out, pike, entry.
     pub fn twisting_template() -> Vec<KeyFrame> {
         [
             (0.0, 0),
-            (0.08, 0),
-            (0.2, 3),
-            (0.32, 4),
-            (0.55, 4),
-            (0.62, 2),
-            (0.68, 0),
-            (0.76, 5),
+            (0.26, 0),
+            (0.34, 3),
+            (0.4, 1),
+            (0.52, 1),
+            (0.58, 3),
+            (0.66, 0),
+            (0.72, 0),
+            (0.8, 5),
             (0.9, 5),
             (1.0, 1),
         ]

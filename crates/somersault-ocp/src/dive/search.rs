@@ -47,7 +47,7 @@ impl DiveSearch {
         Self { soft_weights: Vec::new(), soft: Sqp::default(), hard, coarse_steps: None }
     }
 
-    /// For dives in space: four soft stages, and two hundred steps until the last. The stages with constraints accept
+    /// For dives in space: four soft stages, and 280 steps until the last. The stages with constraints accept
     /// steps by a filter, for a merit function shortens them along the curved constraints of the entry; but none that leaves
     /// the dive that the soft stages have found.
     pub fn staged() -> Self {
@@ -59,7 +59,7 @@ impl DiveSearch {
             max_iterations: 200,
             ..Sqp::default()
         };
-        Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(200) }
+        Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(280) }
     }
 
     /// Searches from `z`. `on_iteration` sees all stages and may end the search.

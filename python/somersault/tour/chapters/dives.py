@@ -198,6 +198,16 @@ def _phases(dive: ocp.DiveSolution) -> str:
     return ", ".join(f"{name} {start:.2f}–{end:.2f} s" for name, start, end in dive.phases)
 
 
+def _throw(dive: ocp.DiveSolution) -> str:
+    """When the twists begin and end."""
+    tilted = int(np.argmax(np.abs(dive.tilt) > np.radians(1.0)))
+    whole = int(np.argmax(np.abs(dive.twists - dive.twists[-1]) < 1e-3))
+    return (
+        f"The tilt passes 1° after {dive.somersaults[tilted]:.2f} somersaults, {dive.t[tilted]:.2f} s, and the"
+        f" twists are whole at {dive.t[whole]:.2f} s."
+    )
+
+
 def _pike(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     page.section("107B: forward three and a half somersaults, pike")
     page.text(
@@ -320,9 +330,11 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     page.text(
         "Postures C, A, D, E and I of the thesis, and H for the somersaults after the twists. The search"
         " begins with"
-        " a template of phases: somersault with the arms sideways, throw, twists wrapped, square-out,"
-        " pike, entry."
+        " a template of phases: somersault with the arms sideways, throw, twists with the arms overhead,"
+        " square-out, pike, entry, which is the order of a competition dive. The postures of throw and twists"
+        " may have weights from 0.22 of the flight on; from 0 on, the dive of least momentum throws at once."
         f" In the dive found these weigh most: {_phases(dive)}."
+        f" {_throw(dive)}"
     )
     if not dive.success:
         page.text(
@@ -340,8 +352,8 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         "As Figure 3.5: equally spaced frames from the side, left to right, top to bottom, each about its"
         " centre of"
         " mass (cross).",
-        "Twenty frames: the diver somersaults, drops an arm, twists wrapped, opens, folds and enters hands"
-        " first",
+        "Twenty frames: the diver somersaults with the arms sideways, drops an arm, twists with the arms"
+        " overhead, opens, folds and enters hands first",
     )
     page.figure(
         "twist-front",
@@ -354,7 +366,7 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         "twist-turns",
         _turns(dive),
         "Somersaults, twists and tilt, and the weights that make them.",
-        "Somersaults rise throughout, twists in the first half alone; below, five weights",
+        "Somersaults rise throughout, twists between throw and square-out alone; below, five weights",
     )
     page.figure(
         "twist-rates",

@@ -79,20 +79,17 @@ impl OrientationPath {
             time: Dual64::from_re(0.0),
         };
         let flight = Flight::try_new(&dual, take_off)?;
-        let acts: Vec<bool> = inputs.row_iter().map(|row| row.iter().any(|by| *by != 0.0)).collect();
+        let acting: Vec<usize> =
+            (0..inputs.nrows()).filter(|row| inputs.row(*row).iter().any(|by| *by != 0.0)).collect();
+        let active = self.active_channels(&acting);
         let bend = |room: &mut Room, step: usize| {
-            room.find_active(self, &acts, step);
+            room.make(self, &active[self.first[step]]);
             room.bend_step(self, &flight, step, &adjoints[step])
         };
-        let n = self.motion.n_coefficients();
-        let mut derivatives = NodeDerivatives::new(n);
+        let mut derivatives = NodeDerivatives::new(self.motion.n_coefficients());
         derivatives.begin();
         let mut bent: Vec<DMatrix<f64>> = Vec::new();
-        let mut total = Total {
-            sum: DMatrix::zeros(COEFFICIENTS + n, COEFFICIENTS + n),
-            tangents: DMatrix::zeros(3, COEFFICIENTS + n),
-            columns: Vec::new(),
-        };
+        let mut total = Total::new(&acting, inputs.nrows());
         for step in 0..self.n_steps {
             if step % CHUNK == 0 {
                 bent = (step..self.n_steps.min(step + CHUNK))
@@ -100,14 +97,8 @@ impl OrientationPath {
                     .map_init(|| Room::new(self, &dual), bend)
                     .collect::<Result<_, _>>()?;
             }
-            total.columns.clear();
-            total.columns.extend(MOMENTUM..COEFFICIENTS);
-            for channel in 0..self.motion.n_channels() {
-                let first = COEFFICIENTS + channel * self.motion.basis().n_coefficients() + self.first[step];
-                total.columns.extend(first..first + self.motion.basis().n_active());
-            }
             total.read(&derivatives);
-            total.add_step(&bent[step % CHUNK]);
+            total.add_step(&bent[step % CHUNK], self.columns(step, &active[self.first[step]]));
             self.carry_to_arrival(step, &mut derivatives);
             if self.restart.as_ref().is_some_and(|restart| restart.node == step + 1) {
                 total.read(&derivatives);
@@ -117,26 +108,64 @@ impl OrientationPath {
         }
         total.read(&derivatives);
         total.add_node(&last.hessian);
-        Ok(inputs.tr_mul(&(total.sum * inputs)))
+        let inputs = inputs.select_rows(&acting);
+        Ok(inputs.tr_mul(&(total.sum * &inputs)))
+    }
+
+    /// For each interval of the splines the channels that variables move there, one at least.
+    fn active_channels(&self, acting: &[usize]) -> Vec<Vec<usize>> {
+        let basis = self.motion.basis();
+        let of_interval = |interval: usize| {
+            let moves = |channel: &usize| {
+                let first = COEFFICIENTS + channel * basis.n_coefficients() + interval;
+                acting.iter().any(|row| (first..first + basis.n_active()).contains(row))
+            };
+            let active: Vec<usize> = (0..self.motion.n_channels()).filter(moves).collect();
+            if active.is_empty() { vec![0] } else { active }
+        };
+        (0..basis.n_intervals()).map(of_interval).collect()
+    }
+
+    /// All but the displacement that a step depends on, by the rows of the inputs.
+    fn columns<'a>(&'a self, step: usize, active: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
+        let basis = self.motion.basis();
+        let coefficients = active.iter().flat_map(move |channel| {
+            let first = COEFFICIENTS + channel * basis.n_coefficients() + self.first[step];
+            first..first + basis.n_active()
+        });
+        (MOMENTUM..COEFFICIENTS).chain(coefficients)
     }
 }
 
-/// The sum over the steps.
-struct Total {
+/// The sum over the steps, by the inputs that act.
+struct Total<'a> {
+    acting: &'a [usize],
+    /// Where each input stands among them.
+    place: Vec<Option<usize>>,
     sum: DMatrix<f64>,
     /// Of the displacement of a node.
     tangents: DMatrix<f64>,
-    /// All but the displacement that a step depends on.
-    columns: Vec<usize>,
+    /// What a step depends on: its number in the step, and among the acting.
+    columns: Vec<(usize, usize)>,
 }
 
-impl Total {
+impl<'a> Total<'a> {
+    fn new(acting: &'a [usize], n_inputs: usize) -> Self {
+        let mut place = vec![None; n_inputs];
+        acting.iter().enumerate().for_each(|(k, row)| place[*row] = Some(k));
+        let n = acting.len();
+        let (sum, tangents) = (DMatrix::zeros(n, n), DMatrix::zeros(3, n));
+        Self { acting, place, sum, tangents, columns: Vec::new() }
+    }
+
     fn read(&mut self, derivatives: &NodeDerivatives) {
         let NodeDerivatives { by_start, by_momentum, by_coefficients } = derivatives;
-        self.tangents.fixed_columns_mut::<3>(START).copy_from(by_start);
-        self.tangents.fixed_columns_mut::<3>(MOMENTUM).copy_from(by_momentum);
-        for (k, by) in by_coefficients.iter().enumerate() {
-            self.tangents.set_column(COEFFICIENTS + k, by);
+        for (row, mut column) in self.acting.iter().zip(self.tangents.column_iter_mut()) {
+            match *row {
+                MOMENTUM..COEFFICIENTS => column.copy_from(&by_momentum.column(row - MOMENTUM)),
+                COEFFICIENTS.. => column.copy_from(&by_coefficients[row - COEFFICIENTS]),
+                _ => column.copy_from(&by_start.column(row - START)),
+            }
         }
     }
 
@@ -145,16 +174,19 @@ impl Total {
         self.sum.gemm_tr(1.0, &self.tangents, &bent, 1.0);
     }
 
-    fn add_step(&mut self, bent: &DMatrix<f64>) {
+    fn add_step(&mut self, bent: &DMatrix<f64>, columns: impl Iterator<Item = usize>) {
         self.add_node(&bent.fixed_view::<3, 3>(START, START).into_owned());
-        let mixed = self.tangents.tr_mul(&bent.rows(START, 3).columns(MOMENTUM, self.columns.len()));
-        for (k, column) in self.columns.iter().enumerate() {
-            let mixed = mixed.column(k);
+        self.columns.clear();
+        let acting = columns.zip(MOMENTUM..).filter_map(|(row, k)| Some((k, self.place[row]?)));
+        self.columns.extend(acting);
+        let mixed = self.tangents.tr_mul(&bent.rows(START, 3));
+        for (k, column) in &self.columns {
+            let mixed = mixed.column(*k);
             self.sum.column_mut(*column).axpy(1.0, &mixed, 1.0);
             let mut row = self.sum.row_mut(*column);
             row += mixed.transpose();
-            for (l, row) in self.columns.iter().enumerate() {
-                self.sum[(*row, *column)] += bent[(MOMENTUM + l, MOMENTUM + k)];
+            for (l, row) in &self.columns {
+                self.sum[(*row, *column)] += bent[(*l, *k)];
             }
         }
     }
@@ -167,7 +199,7 @@ struct Room {
     v: Vec<Dual64>,
     joints: Vec<f64>,
     channels: Vec<f64>,
-    /// Channels that variables move in the step, one at least.
+    /// Channels that variables move in the step, one at least; the only ones in what follows.
     active: Vec<usize>,
     /// Of a stage, by what the step depends on.
     tangents: DMatrix<f64>,
@@ -178,33 +210,30 @@ struct Room {
 
 impl Room {
     fn new(path: &OrientationPath, dual: &Model<Dual64>) -> Self {
-        let n_channels = path.motion.n_channels();
-        let n_stage = CHANNELS + 2 * n_channels;
-        let n_step = COEFFICIENTS + n_channels * path.motion.basis().n_active();
         Self {
             data: FlightData::new(dual),
             q: dual.neutral(),
             v: vec![Dual64::from_re(0.0); dual.n_velocities()],
             joints: vec![0.0; path.motion.base().n_joints()],
-            channels: vec![0.0; n_channels],
-            active: Vec::with_capacity(n_channels),
-            tangents: DMatrix::zeros(n_stage, n_step),
-            weights: DMatrix::zeros(n_stage, n_stage),
-            product: DMatrix::zeros(n_stage, n_step),
+            channels: vec![0.0; path.motion.n_channels()],
+            active: Vec::new(),
+            tangents: DMatrix::zeros(0, 0),
+            weights: DMatrix::zeros(0, 0),
+            product: DMatrix::zeros(0, 0),
         }
     }
 
-    fn find_active(&mut self, path: &OrientationPath, acts: &[bool], step: usize) {
-        let basis = path.motion.basis();
-        let moves = |channel: &usize| {
-            let first = COEFFICIENTS + channel * basis.n_coefficients() + path.first[step];
-            acts[first..first + basis.n_active()].contains(&true)
-        };
-        self.active.clear();
-        self.active.extend((0..path.motion.n_channels()).filter(moves));
-        if self.active.is_empty() {
-            self.active.push(0);
+    /// Makes room for a step with these channels.
+    fn make(&mut self, path: &OrientationPath, active: &[usize]) {
+        if self.active.len() != active.len() {
+            let n_stage = CHANNELS + 2 * active.len();
+            let n_step = COEFFICIENTS + active.len() * path.motion.basis().n_active();
+            self.tangents = DMatrix::zeros(n_stage, n_step);
+            self.weights = DMatrix::zeros(n_stage, n_stage);
+            self.product = DMatrix::zeros(n_stage, n_step);
         }
+        self.active.clear();
+        self.active.extend_from_slice(active);
     }
 
     /// Second derivatives of λ · δ at the end of a step by what the step depends on.
@@ -277,7 +306,7 @@ impl Room {
         a: &Vector3<f64>,
     ) -> Result<StageRate, DynamicsError> {
         let [values, slopes] = &path.basis[step * SAMPLES + SAMPLE_OF[stage]];
-        let (n_channels, base) = (path.motion.n_channels(), path.motion.base());
+        let (n_active, base) = (self.active.len(), path.motion.base());
         let (first_joint, n_root) = (self.q.len() - base.n_joints(), self.v.len() - base.n_joints());
         let turn = path.orientations[step] * so3::exp(u);
         if path.is_planar {
@@ -302,17 +331,19 @@ impl Room {
                 *q = Dual64::new(*joint, *along);
             }
             let dual = flight.derivatives(&mut self.data, &self.q, &self.v)?;
-            let row = CHANNELS + channel;
+            let row = CHANNELS + k;
             for (first, columns) in
-                [(CHANNELS, dual.by_shape), (CHANNELS + n_channels, dual.by_shape_velocity)]
+                [(CHANNELS, dual.by_shape), (CHANNELS + n_active, dual.by_shape_velocity)]
             {
                 let weighted = DVector::from_iterator(
                     columns.len(),
                     columns.iter().map(|c| c.iter().zip(a.iter()).map(|(c, a)| c.eps * a).sum()),
                 );
-                let bent = base.directions().tr_mul(&weighted);
-                self.weights.view_mut((row, first), (1, n_channels)).tr_copy_from(&bent);
-                self.weights.view_mut((first, row), (n_channels, 1)).copy_from(&bent);
+                for (l, other) in self.active.iter().enumerate() {
+                    let bent = base.directions().column(*other).dot(&weighted);
+                    self.weights[(row, first + l)] = bent;
+                    self.weights[(first + l, row)] = bent;
+                }
             }
             for (first, matrix) in [(PLACE, dual.by_orientation), (OF_STAGE, dual.by_angular_momentum)] {
                 let bent = matrix.map(|entry| entry.eps).tr_mul(a);
@@ -342,18 +373,19 @@ impl Room {
 
     /// Leaves the tangents of channels and rates, and returns what they and the momentum are for ω.
     fn read_inputs(&mut self, path: &OrientationPath, step: usize, stage: usize) -> Matrix3xX<f64> {
-        let (n_channels, n_active) = (path.motion.n_channels(), path.motion.basis().n_active());
+        let (n_channels, n_values) = (path.motion.n_channels(), path.motion.basis().n_active());
         let [values, slopes] = &path.basis[step * SAMPLES + SAMPLE_OF[stage]];
         let at = step * STAGES + stage;
         let mut omega = Matrix3xX::zeros(self.tangents.ncols());
         omega.fixed_columns_mut::<3>(MOMENTUM).copy_from(&path.by_momentum[at]);
-        for channel in 0..n_channels {
+        let n_active = self.active.len();
+        for (k, channel) in self.active.iter().enumerate() {
             let (by_channel, by_rate) =
                 (path.by_channel[at * n_channels + channel], path.by_rate[at * n_channels + channel]);
-            for j in 0..n_active {
-                let column = COEFFICIENTS + channel * n_active + j;
-                self.tangents[(CHANNELS + channel, column)] = values[j];
-                self.tangents[(CHANNELS + n_channels + channel, column)] = slopes[j];
+            for j in 0..n_values {
+                let column = COEFFICIENTS + k * n_values + j;
+                self.tangents[(CHANNELS + k, column)] = values[j];
+                self.tangents[(CHANNELS + n_active + k, column)] = slopes[j];
                 omega.set_column(column, &(by_channel * values[j] + by_rate * slopes[j]));
             }
         }

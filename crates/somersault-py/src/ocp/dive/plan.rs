@@ -206,7 +206,7 @@ pub(crate) fn dive_107b(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Err
 /// The forward three and a half somersaults with two twists, free, 5174D, in space (thesis 3.2).
 ///
 /// Postures C, A, D, E, I and H, 2 s from the platform of 10 m into the water 2 m ahead. The search starts from a template:
-/// somersault with the arms sideways, throw, twists wrapped, square-out, pike, entry.
+/// somersault with the arms sideways, throw, twists with the arms overhead, square-out, pike, entry.
 ///
 /// Parameters
 /// ----------
