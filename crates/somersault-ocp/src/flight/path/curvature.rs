@@ -332,8 +332,7 @@ impl Room {
             }
             let dual = flight.derivatives(&mut self.data, &self.q, &self.v)?;
             let row = CHANNELS + k;
-            for (first, columns) in
-                [(CHANNELS, dual.by_shape), (CHANNELS + n_active, dual.by_shape_velocity)]
+            for (first, columns) in [(CHANNELS, dual.by_shape), (CHANNELS + n_active, dual.by_shape_velocity)]
             {
                 let weighted = DVector::from_iterator(
                     columns.len(),
