@@ -16,7 +16,7 @@ use somersault_ocp::flight::{
 };
 use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::Flow;
+use somersault_ocp::solver::{Flow, Report};
 use somersault_ocp::transcription::{RolloutGradient, Transcription};
 use std::f64::consts::{PI, TAU};
 
@@ -482,13 +482,40 @@ fn the_planar_dive_with_sixteen_unknowns_does_what_is_asked() {
     assert!((many.somersaults - 3.5).abs() < 1e-5 && many.entry_angle < 1f64.to_radians(), "{many:?}");
     assert!(many.momentum_drift < 1e-12 && many.least_channel > -1e-12, "{many:?}");
     // faster into the pike and out of it, so that less momentum is enough
-    assert!((few.momentum - 66.55).abs() < 0.01, "{}", few.momentum);
-    assert!((many.momentum - 60.165).abs() < 0.01, "{}", many.momentum);
+    assert!((few.momentum - 66.558).abs() < 1e-3, "{}", few.momentum);
+    assert!((many.momentum - 60.165).abs() < 1e-3, "{}", many.momentum);
     // and six coefficients more save hardly any
     let program = Dive { n_par: 25, ..Dive::forward_pike().unwrap() }.program().unwrap();
     let z = found(&program, &DiveSearch::direct(), &Dive::pike_template());
     let more = program.report(&z).unwrap();
     assert!(more.momentum < many.momentum && more.momentum > many.momentum - 0.05, "{}", more.momentum);
+}
+
+/// The cost of rates is ill-conditioned in many coefficients; steps that begin with its Hessian are as few as with seven.
+#[test]
+fn steps_are_as_few_with_many_unknowns() {
+    let pike = Dive::forward_pike().unwrap();
+    let free = Dive { lean: Range::new(0.0, 0.3), duration: Range::new(1.5, 1.75), ..pike.clone() };
+    let joints = Dive { channels: Channels::Joints, ..pike.clone() };
+    let mut third = pike.clone();
+    third.postures.push(Posture::G.planar().unwrap().to_vec());
+    let dives = [(pike, 31, 12), (third, 31, 12), (free, 31, 12), (joints, 10, 30)];
+    let dives = dives.into_iter().chain([(Dive::forward_pike().unwrap(), 54, 12)]);
+    for (dive, n_par, most) in dives {
+        let dive = Dive { n_par, ..dive };
+        let program = dive.program().unwrap();
+        let z = program.start(&Dive::pike_template()).unwrap();
+        let solved = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
+        let Report { status, iterations, residuals, .. } = &solved;
+        assert!(status.is_converged() && *iterations <= most, "{status} after {iterations}: {dive:?}");
+        assert!(residuals.stationarity <= 1e-6 && residuals.feasibility <= 1e-8, "{residuals:?}");
+    }
+    // without penalties on rates there is no such Hessian to begin with
+    let penalties = Penalties { momentum: 1.0, rate: 0.0, acceleration: 0.0 };
+    let program = Dive { penalties, ..Dive::forward_pike().unwrap() }.program().unwrap();
+    let z = program.start(&Dive::pike_template()).unwrap();
+    let solved = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
+    assert!(solved.status.is_converged(), "{}", solved.status);
 }
 
 #[test]
