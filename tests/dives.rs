@@ -9,7 +9,7 @@ use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
     ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame,
-    Penalties, Range, nearest_points,
+    LiteralDive, Penalties, Range, nearest_points,
 };
 use somersault_ocp::flight::{
     Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
@@ -656,6 +656,40 @@ fn explicit_euler_loses_the_momentum_with_order_one() {
     for n_steps in [0, 1_000_000_000] {
         let refused = program.momentum_in_coordinates(&z, n_steps);
         assert!(matches!(refused, Err(DiveError::OutOfRange { argument: "n_steps", .. })), "{refused:?}");
+    }
+}
+
+/// A dive stepped by explicit Euler, of these somersaults from an upright start.
+fn rolled_out(somersaults: f64, momentum: f64) -> LiteralDive {
+    let dive = Dive {
+        somersaults,
+        lean: Range::fixed(0.0),
+        momentum: Range::new(-500.0, 500.0),
+        ..Dive::forward_pike().unwrap()
+    };
+    let program = dive.program().unwrap();
+    let mut z = program.start(&Dive::pike_template()).unwrap();
+    *z.last_mut().unwrap() = momentum / (dive.diver.mass * dive.diver.height.powi(2));
+    program.literal_motion(&z, 200).unwrap()
+}
+
+#[test]
+fn a_change_of_momentum_is_relative_to_that_at_take_off() {
+    let unit = Diver::planar().mass * Diver::planar().height.powi(2);
+    for momentum in [60.0, -60.0] {
+        let dive = rolled_out(3.5f64.copysign(momentum), momentum);
+        let [first, last] = [0, 200].map(|k| dive.angular_momentum[k]);
+        assert!((first - momentum).abs() < 1e-9, "{first}");
+        let grown = (last.abs() - first.abs()) / first.abs();
+        assert!(grown.abs() > 0.01 && (dive.momentum_change() - grown).abs() < 1e-12, "{grown}");
+    }
+    // rounding has no size, and no sense
+    for momentum in [1e-14, 0.0, -1e-14] {
+        let dive = rolled_out(0.0, momentum);
+        let change = dive.angular_momentum[200] - dive.angular_momentum[0];
+        assert!(change.abs() > 1e-3, "{change}");
+        let expected = change / (1e-3 * unit);
+        assert!((dive.momentum_change() - expected).abs() < 1e-9 * expected.abs());
     }
 }
 
