@@ -8,8 +8,8 @@ use somersault_multibody::models::{Dimension, Diver, Posture};
 use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
-    ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame,
-    LiteralDive, Penalties, Range, nearest_points,
+    ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, DiveSearchError,
+    KeyFrame, LiteralDive, Penalties, Range, nearest_points,
 };
 use somersault_ocp::flight::{
     Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
@@ -516,6 +516,18 @@ fn steps_are_as_few_with_many_unknowns() {
     let z = program.start(&Dive::pike_template()).unwrap();
     let solved = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
     assert!(solved.status.is_converged(), "{}", solved.status);
+}
+
+#[test]
+fn bad_starts_of_a_planar_dive_are_refused() {
+    let program = Dive::forward_pike().unwrap().program().unwrap();
+    let z = program.start(&Dive::pike_template()).unwrap();
+    let solve = |z: Vec<f64>| DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue);
+    for wrong in [Vec::new(), vec![0.0; z.len() + 1], vec![f64::NAN; z.len()]] {
+        assert!(matches!(solve(wrong), Err(DiveSearchError::Solver(_))));
+    }
+    // without somersaults yet, and far from the weights allowed
+    assert!(solve(vec![0.0; z.len()]).is_ok() && solve(vec![1e3; z.len()]).is_ok());
 }
 
 #[test]

@@ -135,10 +135,11 @@ impl DiveSearch {
 /// unit matrix they would have to learn ∫ ẇ² dt, whose condition grows with the square of the coefficients.
 fn curvature_of_cost(program: &mut DiveProgram, z: &[f64]) -> Option<Vec<f64>> {
     let Penalties { rate, acceleration, .. } = program.dive().penalties;
-    if rate == 0.0 && acceleration == 0.0 {
+    let Structure { variables, constraints, jacobian, hessian } = program.structure();
+    // a start of another length is refused by the solver
+    if (rate == 0.0 && acceleration == 0.0) || z.len() != variables.len() {
         return None;
     }
-    let Structure { constraints, jacobian, hessian, .. } = program.structure();
     let mut hessian = vec![0.0; hessian.n_entries()];
     let (mut gradient, mut jacobian) = (vec![0.0; z.len()], vec![0.0; jacobian.n_entries()]);
     let (mut values, none) = (vec![0.0; constraints.len()], vec![0.0; constraints.len()]);
