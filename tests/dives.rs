@@ -8,15 +8,15 @@ use somersault_multibody::models::{Dimension, Diver, Posture};
 use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
-    ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, KeyFrame,
-    Penalties, Range, nearest_points,
+    ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, DiveSearchError,
+    KeyFrame, LiteralDive, Penalties, Range, nearest_points,
 };
 use somersault_ocp::flight::{
     Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
 };
 use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::Flow;
+use somersault_ocp::solver::{Flow, Report};
 use somersault_ocp::transcription::{RolloutGradient, Transcription};
 use std::f64::consts::{PI, TAU};
 
@@ -482,13 +482,52 @@ fn the_planar_dive_with_sixteen_unknowns_does_what_is_asked() {
     assert!((many.somersaults - 3.5).abs() < 1e-5 && many.entry_angle < 1f64.to_radians(), "{many:?}");
     assert!(many.momentum_drift < 1e-12 && many.least_channel > -1e-12, "{many:?}");
     // faster into the pike and out of it, so that less momentum is enough
-    assert!((few.momentum - 66.55).abs() < 0.01, "{}", few.momentum);
-    assert!((many.momentum - 60.165).abs() < 0.01, "{}", many.momentum);
+    assert!((few.momentum - 66.558).abs() < 1e-3, "{}", few.momentum);
+    assert!((many.momentum - 60.165).abs() < 1e-3, "{}", many.momentum);
     // and six coefficients more save hardly any
     let program = Dive { n_par: 25, ..Dive::forward_pike().unwrap() }.program().unwrap();
     let z = found(&program, &DiveSearch::direct(), &Dive::pike_template());
     let more = program.report(&z).unwrap();
     assert!(more.momentum < many.momentum && more.momentum > many.momentum - 0.05, "{}", more.momentum);
+}
+
+/// The cost of rates is ill-conditioned in many coefficients; steps that begin with its Hessian are as few as with seven.
+#[test]
+fn steps_are_as_few_with_many_unknowns() {
+    let pike = Dive::forward_pike().unwrap();
+    let free = Dive { lean: Range::new(0.0, 0.3), duration: Range::new(1.5, 1.75), ..pike.clone() };
+    let joints = Dive { channels: Channels::Joints, ..pike.clone() };
+    let mut third = pike.clone();
+    third.postures.push(Posture::G.planar().unwrap().to_vec());
+    let dives = [(pike, 31, 12), (third, 31, 12), (free, 31, 12), (joints, 10, 30)];
+    let dives = dives.into_iter().chain([(Dive::forward_pike().unwrap(), 54, 12)]);
+    for (dive, n_par, most) in dives {
+        let dive = Dive { n_par, ..dive };
+        let program = dive.program().unwrap();
+        let z = program.start(&Dive::pike_template()).unwrap();
+        let solved = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
+        let Report { status, iterations, residuals, .. } = &solved;
+        assert!(status.is_converged() && *iterations <= most, "{status} after {iterations}: {dive:?}");
+        assert!(residuals.stationarity <= 1e-6 && residuals.feasibility <= 1e-8, "{residuals:?}");
+    }
+    // without penalties on rates there is no such Hessian to begin with
+    let penalties = Penalties { momentum: 1.0, rate: 0.0, acceleration: 0.0 };
+    let program = Dive { penalties, ..Dive::forward_pike().unwrap() }.program().unwrap();
+    let z = program.start(&Dive::pike_template()).unwrap();
+    let solved = DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue).unwrap();
+    assert!(solved.status.is_converged(), "{}", solved.status);
+}
+
+#[test]
+fn bad_starts_of_a_planar_dive_are_refused() {
+    let program = Dive::forward_pike().unwrap().program().unwrap();
+    let z = program.start(&Dive::pike_template()).unwrap();
+    let solve = |z: Vec<f64>| DiveSearch::direct().solve(&program, z, &mut |_| Flow::Continue);
+    for wrong in [Vec::new(), vec![0.0; z.len() + 1], vec![f64::NAN; z.len()]] {
+        assert!(matches!(solve(wrong), Err(DiveSearchError::Solver(_))));
+    }
+    // without somersaults yet, and far from the weights allowed
+    assert!(solve(vec![0.0; z.len()]).is_ok() && solve(vec![1e3; z.len()]).is_ok());
 }
 
 #[test]
@@ -639,6 +678,40 @@ fn explicit_euler_loses_the_momentum_with_order_one() {
     for n_steps in [0, 1_000_000_000] {
         let refused = program.momentum_in_coordinates(&z, n_steps);
         assert!(matches!(refused, Err(DiveError::OutOfRange { argument: "n_steps", .. })), "{refused:?}");
+    }
+}
+
+/// A dive stepped by explicit Euler, of these somersaults from an upright start.
+fn rolled_out(somersaults: f64, momentum: f64) -> LiteralDive {
+    let dive = Dive {
+        somersaults,
+        lean: Range::fixed(0.0),
+        momentum: Range::new(-500.0, 500.0),
+        ..Dive::forward_pike().unwrap()
+    };
+    let program = dive.program().unwrap();
+    let mut z = program.start(&Dive::pike_template()).unwrap();
+    *z.last_mut().unwrap() = momentum / (dive.diver.mass * dive.diver.height.powi(2));
+    program.literal_motion(&z, 200).unwrap()
+}
+
+#[test]
+fn a_change_of_momentum_is_relative_to_that_at_take_off() {
+    let unit = Diver::planar().mass * Diver::planar().height.powi(2);
+    for momentum in [60.0, -60.0] {
+        let dive = rolled_out(3.5f64.copysign(momentum), momentum);
+        let [first, last] = [0, 200].map(|k| dive.angular_momentum[k]);
+        assert!((first - momentum).abs() < 1e-9, "{first}");
+        let grown = (last.abs() - first.abs()) / first.abs();
+        assert!(grown.abs() > 0.01 && (dive.momentum_change() - grown).abs() < 1e-12, "{grown}");
+    }
+    // rounding has no size, and no sense
+    for momentum in [1e-14, 0.0, -1e-14] {
+        let dive = rolled_out(0.0, momentum);
+        let change = dive.angular_momentum[200] - dive.angular_momentum[0];
+        assert!(change.abs() > 1e-3, "{change}");
+        let expected = change / (1e-3 * unit);
+        assert!((dive.momentum_change() - expected).abs() < 1e-9 * expected.abs());
     }
 }
 

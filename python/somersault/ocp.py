@@ -30,6 +30,7 @@ two examples of the thesis.
 from somersault._arm import arm_motion, arm_problem
 from somersault._somersault import (
     CartPendulumProblem,
+    CollocationOutcome,
     CollocationProblem,
     CollocationResult,
     Constraint,
@@ -63,6 +64,7 @@ from somersault._somersault import (
 
 __all__ = [
     "CartPendulumProblem",
+    "CollocationOutcome",
     "CollocationProblem",
     "CollocationResult",
     "Constraint",

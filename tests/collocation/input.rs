@@ -77,6 +77,21 @@ fn bad_bounds_are_refused_by_name() {
 }
 
 #[test]
+fn a_problem_whose_bounds_leave_nothing_free_is_refused() {
+    let still = || line().final_state([0.0]).state_bounds([Interval::fixed(0.0)]);
+    let resting = || still().control_bounds([Interval::fixed(0.0)]);
+    assert!(matches!(refused(resting()), CollocationError::NothingFree));
+    for phases in [vec![resting(), still()], vec![resting().horizon(0.0, Interval::new(1.0, 2.0))]] {
+        assert!(Problem::try_of_phases(phases, Vec::new()).is_ok());
+    }
+    // one point of one interval has the ends for all its states
+    let mut problem = Problem::try_new(line().control_bounds([Interval::fixed(0.0)])).unwrap();
+    let coarse = [Mesh::try_uniform(1, 1).unwrap()];
+    assert!(matches!(Transcription::try_new(&mut problem, &coarse), Err(CollocationError::NothingFree)));
+    assert!(Transcription::try_new(&mut problem, &[mesh()]).is_ok());
+}
+
+#[test]
 fn bad_guesses_are_refused_by_name() {
     let guess = |times: &[f64], state: f64| Guess {
         times: times.to_vec(),

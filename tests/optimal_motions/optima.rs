@@ -7,6 +7,7 @@
 use nalgebra::Vector3;
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::{Joint, Link, MassProperties, Model, Split};
+use somersault_ocp::OcpError;
 use somersault_ocp::dynamics::Tree;
 use somersault_ocp::motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_ocp::nlp::Bounds;
@@ -209,4 +210,23 @@ fn a_soft_end_falls_short_by_what_its_weight_allows() {
         let end = problem.transcription().node(STEPS).position[0];
         assert!((end - weight / (3.0 + weight)).abs() < 1e-7, "{end}");
     }
+}
+
+#[test]
+fn a_motion_with_nothing_to_vary_is_refused() {
+    let at = |end, derivative, value| Condition { end, derivative, value };
+    let ends =
+        [at(End::Start, 0, 0.0), at(End::Start, 1, 0.0), at(End::Finish, 0, 1.0), at(End::Finish, 1, 0.0)];
+    let driven = |duration| {
+        let start = Start::fixed(&[0.0], &[0.0]);
+        let phases = vec![phase(3, &ends, duration)];
+        let shooting = Shooting::try_new(block(true), start, phases, ShootingOptions::default()).unwrap();
+        with_effort(MotionProblem::builder(shooting)).build()
+    };
+    assert_eq!(driven(Duration::Fixed(1.0)).err(), Some(OcpError::NoVariables));
+    assert!(driven(Duration::Free { lower: 0.5, upper: 2.0 }).is_ok());
+    let held = |builder: Builder, variable| builder.bound_variable(variable, 0.0, 0.0).unwrap();
+    let half = held(with_effort(pushed(0.0, 1, &[Duration::Fixed(1.0)])), 0);
+    assert_eq!(held(half, 1).build().err(), Some(OcpError::NothingFree { n_variables: 2 }));
+    assert!(held(with_effort(pushed(0.0, 1, &[Duration::Fixed(1.0)])), 0).build().is_ok());
 }

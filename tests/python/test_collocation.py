@@ -179,6 +179,7 @@ def test_a_waypoint_is_passed_as_in_closed_form() -> None:
     assert found.cost == pytest.approx(effort, abs=1e-8) == pytest.approx(9.84)
     assert found.verified_cost == pytest.approx(effort, abs=1e-8)
     first, second = found.phases
+    assert all(isinstance(part, ocp.CollocationOutcome) for part in (found, first))
     np.testing.assert_allclose(first.x[-1], [0.3, 1.5], atol=1e-8)
     np.testing.assert_allclose(second.x[0], [0.3, 1.5], atol=1e-8)
     assert (first.t[0], first.t[-1], second.t[0], second.t[-1]) == (0.0, 0.5, 0.5, 1.0)

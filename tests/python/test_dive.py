@@ -141,6 +141,28 @@ class TestForwardPike:
         along = pike.literal_momentum(200)
         assert along.shape == (201,) and abs(along[-1] / along[0] - 1.0) > 0.01
 
+    def test_momentum_is_lost_relative_to_what_there_was(self, pike: ocp.DiveSolution) -> None:
+        back = ocp.dive_107b(somersaults=-2.5, lean=-0.1, momentum=(-500.0, 0.0)).solve()
+        assert back.success and back.momentum < 0.0
+        for found in (pike, back):
+            literal = found.literal()
+            first, last = np.abs(literal.angular_momentum[[0, -1]])
+            assert literal.momentum_change == pytest.approx(last / first - 1.0, rel=1e-12)
+            assert f"momentum {100.0 * literal.momentum_change:+.1f} %" in repr(literal)
+        # a fall without rotation has none that anything could be relative to
+        falling = ocp.dive_107b(somersaults=0.0, lean=0.0, momentum=(-500.0, 500.0))
+        z = falling.start()
+        z[-1] = 0.0
+        literal = falling.solve(z, max_iterations=0).literal()
+        change = literal.angular_momentum[-1] - literal.angular_momentum[0]
+        unit = falling.diver.mass * falling.diver.height**2
+        assert abs(change) > 1e-3 and literal.momentum_change == pytest.approx(1e3 * change / unit, rel=1e-9)
+
+    def test_many_coefficients_take_no_more_steps(self) -> None:
+        for n_par in (31, 54):
+            found = ocp.dive_107b(n_par=n_par).solve(max_iterations=12)
+            assert found.success and found.confirmed, (n_par, found.status)
+
     def test_the_literal_dive_is_solved(self, pike: ocp.DiveSolution) -> None:
         literal = pike.literal(optimise=True)
         assert literal.report is not None and literal.report.success

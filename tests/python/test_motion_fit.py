@@ -199,12 +199,12 @@ class TestRefused:
         model = PLANAR.model
         with pytest.raises(errors.FitError, match="at least one marker"):
             motion.MarkerSet(model, {})
-        with pytest.raises(errors.DynamicsInputError, match="tail"):
+        with pytest.raises(errors.DynamicsInputError, match=r"`markers\['a'\]`: .*tail"):
             motion.MarkerSet(model, {"a": ("tail", (0, 0, 0))})
         with pytest.raises(errors.InputError, match=r"markers\['a'\]"):
             motion.MarkerSet(model, {"a": (0, (0, np.nan, 0))})
-        with pytest.raises(errors.FitError, match="`weight` must be positive"):
-            motion.MarkerSet(model, {"a": (0, (0, 0, 0))}, {"a": -1.0})
+        with pytest.raises(errors.FitError, match=r"`weights\['b'\]` must be positive"):
+            motion.MarkerSet(model, {"a": (0, (0, 0, 0)), "b": (0, (0, 0, 0))}, {"b": -1.0})
         with pytest.raises(errors.InputError, match="names no marker 'b'"):
             motion.MarkerSet(model, {"a": (0, (0, 0, 0))}, {"b": 1.0})
 
@@ -240,8 +240,9 @@ class TestRefused:
             points[0, 3, 1] = far
             with pytest.raises(errors.FitError, match=f"`recording` must be within ±1e100, found {far:.0e}"):
                 motion.MarkerFit(markers).fit(motion.MarkerRecording(seen.names, seen.times, points))
-        for place, weight in (((0.0, 1e200, 0.0), 1.0), ((0.0, 0.0, 0.0), 1e200)):
-            with pytest.raises(errors.FitError, match="must be within ±1e100, found 1e200"):
+        for place, weight, name in (((0.0, 1e200, 0.0), 1.0, "markers"), ((0.0, 0.0, 0.0), 1e200, "weights")):
+            message = rf"`{name}\['a'\]` must be within ±1e100, found 1e200"
+            with pytest.raises(errors.FitError, match=message):
                 motion.MarkerSet(PLANAR.model, {"a": (0, place)}, {"a": weight})
 
     def test_recordings_of_something_else(self) -> None:

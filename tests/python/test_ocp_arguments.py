@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import multibody, ocp
+from somersault import errors, multibody, ocp
 
 NAN, INF = float("nan"), float("inf")
 #: Beyond 64 bits, within them, and within a double.
@@ -425,3 +425,25 @@ def test_bad_values_are_refused_by_the_name_of_their_argument(
             else:
                 faults.append(f"{name}={value!r}: {found!r}")
     assert not faults, "\n".join(faults)
+
+
+def test_problems_with_nothing_to_vary_are_refused() -> None:
+    # four conditions leave no coefficient of a cubic free
+    cubic = ocp.SplineMotion(1, 4, AT_REST, degree=3)
+
+    def posed(duration: Any, **options: Any) -> ocp.MotionProblem:
+        phases = [ocp.Phase(cubic, duration, 20)]
+        model = multibody.cart_pendulum()
+        return ocp.MotionProblem(model, [0.0, np.pi], [0.0, 0.0], phases, active=["cart"], **options)
+
+    with pytest.raises(errors.OcpInputError, match=r"nothing to vary: .*`q` and `v`.*`phases`"):
+        posed(1.0)
+    assert posed((0.5, 1.0)).n_variables == 1
+    assert posed(1.0, free_velocities=[False, True]).n_variables == 1
+    with pytest.raises(errors.OcpInputError, match="`lower` and `upper` must leave something to vary"):
+        posed((0.5, 1.0), lower=0.7, upper=0.7)
+    rest: dict[str, Any] = {"initial_state": [0, 0], "final_state": [0, 0], "duration": 1.0}
+    still: dict[str, Any] = {"state_lower": 0.0, "state_upper": 0.0, "control_upper": 0.0}
+    assert ocp.CollocationProblem(block(), **rest, **still).solve().success
+    with pytest.raises(errors.OcpInputError, match="`state_lower` and `state_upper`, `control_lower` and"):
+        ocp.CollocationProblem(block(), **rest, **still, control_lower=0.0)

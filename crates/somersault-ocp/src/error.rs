@@ -72,6 +72,17 @@ pub enum OcpError {
         /// Upper bound.
         upper: f64,
     },
+    /// The transcription has no variables.
+    #[error(
+        "the motion has nothing to vary: no entry of `start` is free, and `phases` have no free parameter of a spline and no free duration"
+    )]
+    NoVariables,
+    /// Bounds leave one value to each variable.
+    #[error("`variables` must leave something to vary, found all {n_variables} variables fixed")]
+    NothingFree {
+        /// Variables there are.
+        n_variables: usize,
+    },
     /// There is no such thing.
     #[error("`{argument}` must be below {limit}, found {found}")]
     OutOfRange {

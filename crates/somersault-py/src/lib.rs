@@ -84,11 +84,11 @@ mod _somersault {
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
     #[pymodule_export]
     use crate::ocp::{
-        CartPendulumProblem, CollocationProblem, CollocationResult, Constraint, Cost, Dive, DiveSolution,
-        DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem, MultiphaseProblem,
-        MultiphaseResult, Phase, Report, SearchResult, SplineMotion, SwingUpVerification, Term, Verification,
-        axis_direction, body_orientation, displacement, dive_107b, dive_5174d, entries, function, momentum,
-        point_position,
+        CartPendulumProblem, CollocationOutcome, CollocationProblem, CollocationResult, Constraint, Cost,
+        Dive, DiveSolution, DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem,
+        MultiphaseProblem, MultiphaseResult, Phase, Report, SearchResult, SplineMotion, SwingUpVerification,
+        Term, Verification, axis_direction, body_orientation, displacement, dive_107b, dive_5174d, entries,
+        function, momentum, point_position,
     };
     #[pymodule_export]
     use crate::scene::{

@@ -2,7 +2,7 @@
 
 use super::{FitError, expect_positive, expect_small};
 use nalgebra::Vector3;
-use somersault_multibody::Model;
+use somersault_multibody::{DynamicsError, Model};
 
 /// A point of a body.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,20 @@ pub struct Marker {
     pub point: Vector3<f64>,
     /// What its squared distance counts.
     pub weight: f64,
+}
+
+impl Marker {
+    fn check(&self, model: &Model) -> Result<(), FitError> {
+        let n_bodies = model.n_bodies();
+        if self.body >= n_bodies {
+            return Err(DynamicsError::NoSuchBody { found: self.body, n_bodies }.into());
+        }
+        if let Some(&found) = self.point.iter().find(|x| !x.is_finite()) {
+            return Err(FitError::NonFinite { argument: "point", found });
+        }
+        expect_small("point", &self.point)?;
+        expect_positive("weight", self.weight)
+    }
 }
 
 /// The markers of a model.
@@ -34,17 +48,8 @@ impl MarkerSet {
             if !names.insert(marker.name.as_str()) {
                 return Err(FitError::DuplicateMarker { name: marker.name.clone() });
             }
-            if marker.body >= model.n_bodies() {
-                let n_bodies = model.n_bodies();
-                return Err(
-                    somersault_multibody::DynamicsError::NoSuchBody { found: marker.body, n_bodies }.into()
-                );
-            }
-            if let Some(&found) = marker.point.iter().find(|x| !x.is_finite()) {
-                return Err(FitError::NonFinite { argument: "point", found });
-            }
-            expect_small("point", &marker.point)?;
-            expect_positive("weight", marker.weight)?;
+            let named = |source| FitError::Marker { name: marker.name.clone(), source: Box::new(source) };
+            marker.check(model).map_err(named)?;
         }
         Ok(Self { markers })
     }

@@ -48,6 +48,14 @@ pub enum FitError {
     /// There is no marker to fit.
     #[error("`markers` must have at least one marker, found none")]
     NoMarkers,
+    /// One of the markers.
+    #[error("marker `{name}`: {source}")]
+    Marker {
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        source: Box<FitError>,
+    },
     /// Two markers of one name.
     #[error("a marker named `{name}` was given before")]
     DuplicateMarker {

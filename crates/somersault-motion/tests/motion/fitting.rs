@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use somersault_motion::fit::{
-    FitError, FitOptions, FitStatus, Loss, MarkerFit, MarkerSet, MotionFit, Scale, Shape,
+    FitError, FitOptions, FitStatus, Loss, Marker, MarkerFit, MarkerSet, MotionFit, Scale, Shape,
 };
 use somersault_motion::recording::MarkerRecording;
 use somersault_multibody::models::{Diver, Posture};
@@ -354,6 +354,12 @@ fn what_cannot_be_fitted_is_refused() {
     let found = MarkerFit::try_new(&model, set.clone(), options()).unwrap().fit(&other);
     assert!(matches!(found, Err(FitError::NoCommonMarker { .. })));
     assert_eq!(MarkerSet::try_new(&model, vec![]), Err(FitError::NoMarkers));
+    let mut chin = Marker { name: "chin".to_owned(), body: 0, point: Vector3::zeros(), weight: -1.0 };
+    let found = MarkerSet::try_new(&model, vec![chin.clone()]).unwrap_err();
+    assert_eq!(found.to_string(), "marker `chin`: `weight` must be positive and finite, found -1");
+    chin.body = 99;
+    let found = MarkerSet::try_new(&model, vec![chin]).unwrap_err();
+    assert!(found.to_string().starts_with("marker `chin`: "), "{found}");
     let unknown = MarkerSet::on_bodies(&model, [("a", "wing", [0.0; 3])]);
     assert!(matches!(unknown, Err(FitError::Model(_))));
 }

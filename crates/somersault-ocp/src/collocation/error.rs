@@ -129,7 +129,9 @@ pub enum CollocationError {
     #[error("the problem has no phase")]
     NoPhase,
     /// Nothing is left to be decided.
-    #[error("all variables of the problem are fixed")]
+    #[error(
+        "`state_bounds`, `control_bounds` or the horizon must leave something free, found every variable fixed"
+    )]
     NothingFree,
     /// A joint whose positions are no vector: its tree is not described by states in ℝⁿ.
     #[error(

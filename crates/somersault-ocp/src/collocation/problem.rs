@@ -214,6 +214,13 @@ impl Phase {
         names.get(k).cloned().unwrap_or_else(|| format!("{kind} {k}"))
     }
 
+    /// Whether bounds leave one value to everything, on any mesh.
+    fn is_fixed(&self) -> bool {
+        let PhaseBounds { state, control, parameters, initial_time, final_time, .. } = &self.bounds;
+        let all = [state, control, parameters].into_iter().flatten().chain([initial_time, final_time]);
+        all.into_iter().all(Interval::is_fixed)
+    }
+
     /// Whether the bounds of the horizon allow it.
     fn may_run_backwards(&self) -> bool {
         self.bounds.initial_time.upper > self.bounds.final_time.lower
@@ -332,6 +339,9 @@ impl Problem {
         let several = phases.len() > 1;
         for (number, phase) in phases.iter_mut().enumerate() {
             phase.validate(several.then_some(number))?;
+        }
+        if phases.iter().all(Phase::is_fixed) {
+            return Err(CollocationError::NothingFree);
         }
         for (linkage, Linkage { left, right, difference }) in linkages.iter().enumerate() {
             for place in [left, right] {

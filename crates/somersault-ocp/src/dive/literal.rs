@@ -29,10 +29,24 @@ pub struct LiteralDive {
     pub velocities: Vec<f64>,
     /// About the centre of mass along the lateral axis, kg m²/s.
     pub angular_momentum: Vec<f64>,
+    /// L₀ = m h²/(1 s), kg m²/s.
+    pub momentum_unit: f64,
     /// Somersault angle, rad, counted from the upright as that of [`DiveMotion`](super::DiveMotion): the first is the lean.
     pub somersault: Vec<f64>,
     /// Of the solver; none where a motion was only rolled out.
     pub report: Option<Report>,
+}
+
+impl LiteralDive {
+    /// (L(T) − L(0))/L(0): positive where the momentum grows, forward or backward. An L(0) of less than L₀/1000 says nothing
+    /// of its own size and counts as that, forward.
+    pub fn momentum_change(&self) -> f64 {
+        let (Some(first), Some(last)) = (self.angular_momentum.first(), self.angular_momentum.last()) else {
+            return f64::NAN;
+        };
+        let least = 1e-3 * self.momentum_unit;
+        (last - first) / if first.abs() < least { least } else { *first }
+    }
 }
 
 impl DiveProgram {
@@ -69,6 +83,7 @@ impl DiveProgram {
             positions: Vec::new(),
             velocities: Vec::new(),
             angular_momentum: momentum_along(self.path().model(), motion)?,
+            momentum_unit: self.momentum_unit(),
             somersault: Vec::new(),
             report,
         };

@@ -8,7 +8,7 @@ impl Dive {
     /// 1.7 s, ten coefficients, from the platform of 10 m.
     ///
     /// Of the coefficients the ends fix four: with the momentum there are 7 unknowns. `n_par: 19` gives the 16 parameters of the
-    /// thesis, and the same dive but for sharper turns into the pike and out of it, for 60.16 instead of 66.55 kg m²/s;
+    /// thesis, and the same dive but for sharper turns into the pike and out of it, for 60.16 instead of 66.56 kg m²/s;
     /// six more coefficients save 0.03 kg m²/s.
     ///
     /// The thesis gives neither lean nor penalties: here 10° and a = 1, b = 1 ms.

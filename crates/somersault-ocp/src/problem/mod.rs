@@ -237,8 +237,19 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         }
     }
 
+    /// Fails where there is nothing to choose.
+    fn expect_variables(&self) -> Result<(), OcpError> {
+        let Bounds { lower, upper } = &self.variables;
+        match lower.len() {
+            0 => Err(OcpError::NoVariables),
+            n_variables if lower == upper => Err(OcpError::NothingFree { n_variables }),
+            _ => Ok(()),
+        }
+    }
+
     /// The problem.
     pub fn build(self) -> Result<MotionProblem<T>, OcpError> {
+        self.expect_variables()?;
         if self.exact {
             self.expect_curvature()?;
         }

@@ -10,7 +10,7 @@ use crate::model::{Model, Which};
 use crate::ocp::EigenpostureBase;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::motion::fit::{self, FitOptions, Loss, Marker, Scale, Shape};
+use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, Shape};
 
 /// Where markers are on a model.
 ///
@@ -58,8 +58,9 @@ impl MarkerSet {
                 let found = a_type(&place);
                 Error::input(format!("`markers['{name}']` must be a body and a point, found {found}"))
             })?;
-            let body = model.get().which(body)?;
-            let point = vector(&format!("markers['{name}']"), &point)?;
+            let argument = format!("markers['{name}']");
+            let body = model.get().which(body).map_err(|error| error.within(&argument))?;
+            let point = vector(&argument, &point)?;
             found.push(Marker { name, body, point, weight: 1.0 });
         }
         for (name, weight) in weights.into_iter().flatten() {
@@ -70,7 +71,7 @@ impl MarkerSet {
                 Error::input(format!("`weights['{name}']` must be a number, found {}", a_type(&weight)))
             })?;
         }
-        let markers = fit::MarkerSet::try_new(&model.get().model, found)?;
+        let markers = fit::MarkerSet::try_new(&model.get().model, found).map_err(in_dicts)?;
         Ok(Self { model: model.clone().unbind(), markers })
     }
 
@@ -139,6 +140,17 @@ impl MarkerSet {
 
     fn __repr__(&self) -> String {
         format!("<MarkerSet: {} markers>", self.markers.markers().len())
+    }
+}
+
+/// What is wrong with a marker, by where Python has it.
+fn in_dicts(error: FitError) -> Error {
+    match error {
+        FitError::Marker { name, source } => {
+            let [point, weight] = ["markers", "weights"].map(|dict| format!("{dict}['{name}']"));
+            Error::from(*source).with_names(&[("point", &point), ("weight", &weight)])
+        }
+        error => error.into(),
     }
 }
 

@@ -4,7 +4,6 @@ mod arguments;
 mod collocation;
 mod dive;
 mod joint_motion;
-mod multiphase;
 mod problem;
 mod search;
 mod solver;
@@ -12,10 +11,11 @@ mod swing_up;
 mod term;
 mod verification;
 
-pub(crate) use collocation::{CollocationProblem, CollocationResult};
+pub(crate) use collocation::{
+    CollocationOutcome, CollocationProblem, CollocationResult, MultiphaseProblem, MultiphaseResult,
+};
 pub(crate) use dive::{Dive, DiveSolution, DiveVerification, LiteralDive, dive_107b, dive_5174d};
 pub(crate) use joint_motion::{EigenpostureBase, SplineMotion};
-pub(crate) use multiphase::{MultiphaseProblem, MultiphaseResult};
 pub(crate) use problem::{Constraint, Cost, Motion, MotionProblem, Phase};
 pub(crate) use search::SearchResult;
 pub(crate) use solver::Report;

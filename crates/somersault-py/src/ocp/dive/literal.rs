@@ -77,13 +77,11 @@ impl LiteralDive {
         numpy::PyArray1::from_vec(py, self.0.somersault.iter().map(|a| a / TAU).collect()).into_any()
     }
 
-    /// float: Change of the angular momentum from take-off to entry, relative.
+    /// float: Change of the angular momentum from take-off to entry over that at take-off: positive where it grows, forward or
+    /// backward. One of less than 10⁻³ m h²/(1 s) says nothing of its own size and counts as that, forward.
     #[getter]
     fn momentum_change(&self) -> f64 {
-        match self.0.angular_momentum[..] {
-            [first, .., last] => last / first - 1.0,
-            _ => f64::NAN,
-        }
+        self.0.momentum_change()
     }
 
     /// Report or None: What the solver says; None where a motion was only rolled out. It has no verification: how far explicit
@@ -101,7 +99,8 @@ impl LiteralDive {
         let (py, dive) = (slf.py(), slf.get());
         let angles = numpy::PyArray1::from_slice(py, &dive.0.somersault);
         let rows = (dive.q(py)?, dive.v(py)?);
-        let arguments = (dive.t(py), rows, dive.angular_momentum(py), angles, dive.report());
+        let momentum = (dive.angular_momentum(py), dive.0.momentum_unit);
+        let arguments = (dive.t(py), rows, momentum, angles, dive.report());
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
     }
 
@@ -111,7 +110,7 @@ impl LiteralDive {
         _: &Bound<'_, PyType>,
         t: &Bound<'_, PyAny>,
         rows: (Bound<'_, PyAny>, Bound<'_, PyAny>),
-        angular_momentum: &Bound<'_, PyAny>,
+        momentum: (Bound<'_, PyAny>, f64),
         somersault: &Bound<'_, PyAny>,
         report: Option<&Bound<'_, Report>>,
     ) -> Result<Self, Error> {
@@ -127,7 +126,8 @@ impl LiteralDive {
         Ok(Self(dive::LiteralDive {
             positions: table("q", &rows.0)?,
             velocities: table("v", &rows.1)?,
-            angular_momentum: with_shape("angular_momentum", &[n], angular_momentum)?,
+            angular_momentum: with_shape("angular_momentum", &[n], &momentum.0)?,
+            momentum_unit: momentum.1,
             somersault: with_shape("somersault", &[n], somersault)?,
             report: report.map(|report| report.get().report.clone()),
             times,

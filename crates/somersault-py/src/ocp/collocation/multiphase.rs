@@ -1,20 +1,15 @@
 //! Motions of several phases by direct collocation.
 
-use super::arguments::{integer, integer_or_none};
-use super::collocation::{
-    CollocationProblem, CollocationResult, SearchOptions, ends, guess_of, message, status, summary, verifier,
-};
-use super::solver::Report;
-use super::verification::Verifier;
+use super::arguments::{ends, pairs};
+use super::guess::guess_of;
+use super::search::SearchOptions;
+use super::{CollocationProblem, MultiphaseResult};
 use crate::convert::a_type;
 use crate::error::Error;
+use crate::ocp::arguments::{integer, integer_or_none};
 use pyo3::prelude::*;
-use pyo3::types::{PyString, PyTuple, PyType};
-use somersault::ocp::collocation::{
-    CollocationReport, CollocationStatus, Confirmation, End, Guess, Interval, Linkage, MeshRecord, Place,
-    Problem, Quantity,
-};
-use std::sync::Arc;
+use pyo3::types::{PyString, PyTuple};
+use somersault::ocp::collocation::{End, Guess, Interval, Linkage, Place, Problem, Quantity};
 
 /// A motion of several phases by direct collocation, one after the other in time.
 ///
@@ -151,7 +146,7 @@ impl MultiphaseProblem {
     /// One guess for each phase, each moved to where the one before it ends.
     fn guesses(&self, value: &Bound<'_, PyAny>) -> Result<Vec<Guess>, Error> {
         if let Ok(result) = value.cast::<MultiphaseResult>() {
-            let report = &result.get().report;
+            let report = &result.as_super().get().report;
             if report.phases.len() != self.phases.len() {
                 let (n, found) = (self.phases.len(), report.phases.len());
                 return Err(Error::ocp_input(format!("`guess` must have {n} phases, found {found}")));
@@ -260,178 +255,18 @@ impl MultiphaseProblem {
             let guesses = guess.map(|guess| self.guesses(guess)).transpose()?;
             self.problem(guesses.unwrap_or_default())
         };
-        let found = |report| self.result(py, report, tol);
+        let found = |report| MultiphaseResult::of(py, &self.phases, report, tol);
         options.run(py, self.phases.len(), problem, found)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let pair = |jump: &Interval| (jump.lower, jump.upper);
-        let links: Vec<Vec<(f64, f64)>> =
-            own.links.iter().map(|jumps| jumps.iter().map(pair).collect()).collect();
+        let links: Vec<_> = own.links.iter().map(|jumps| pairs(jumps)).collect();
         Ok((slf.get_type().into_any(), (own.phases(py), links).into_pyobject(py)?))
     }
 
     fn __repr__(&self) -> String {
         let n = self.phases.first().map_or(0, |phase| phase.get().states.len());
         format!("<MultiphaseProblem: {} phases of {n} states>", self.phases.len())
-    }
-}
-
-impl MultiphaseProblem {
-    fn result(
-        &self,
-        py: Python<'_>,
-        report: CollocationReport,
-        tol: f64,
-    ) -> Result<Py<MultiphaseResult>, Error> {
-        let phase = |(k, problem): (usize, &Py<CollocationProblem>)| {
-            Py::new(py, CollocationResult::of(of_phase(&report, k), &problem.get().model, tol)?)
-                .map_err(Error::from)
-        };
-        let phases = self.phases.iter().enumerate().map(phase).collect::<Result<Vec<_>, Error>>()?;
-        Ok(Py::new(py, MultiphaseResult::of(report, phases, tol))?)
-    }
-}
-
-/// What a report has of one phase.
-fn of_phase(report: &CollocationReport, k: usize) -> CollocationReport {
-    let confirmed = report.confirmation.phases[k].clone();
-    let cost = confirmed.running_cost + confirmed.end_cost;
-    let of_mesh =
-        |record: &MeshRecord| MeshRecord { meshes: vec![record.meshes[k].clone()], ..record.clone() };
-    CollocationReport {
-        status: report.status,
-        phases: vec![report.phases[k].clone()],
-        cost,
-        confirmation: Confirmation { phases: vec![confirmed], cost },
-        history: report.history.iter().map(of_mesh).collect(),
-        program: report.program.clone(),
-    }
-}
-
-/// What collocation of several phases found.
-#[pyclass(frozen, module = "somersault.ocp")]
-pub(crate) struct MultiphaseResult {
-    report: CollocationReport,
-    phases: Vec<Py<CollocationResult>>,
-    tol: f64,
-    verifier: Arc<Verifier>,
-}
-
-impl MultiphaseResult {
-    fn of(report: CollocationReport, phases: Vec<Py<CollocationResult>>, tol: f64) -> Self {
-        let models = phases.iter().map(|phase| phase.get().model.clone()).collect();
-        let verifier = verifier(&report, models, tol);
-        Self { report, phases, tol, verifier }
-    }
-}
-
-#[pymethods]
-impl MultiphaseResult {
-    /// str: As of `CollocationResult`.
-    #[getter]
-    fn status(&self) -> &'static str {
-        status(self.report.status)
-    }
-
-    /// str: The status in a sentence, and another where bounds are exceeded between the points.
-    #[getter]
-    fn message(&self) -> String {
-        message(&self.report, self.tol)
-    }
-
-    /// bool: Whether the status is ``'converged'``.
-    #[getter]
-    fn success(&self) -> bool {
-        self.report.status == CollocationStatus::Converged
-    }
-
-    /// bool: Whether each interval of each phase, integrated anew, ends within the tolerance of where it should.
-    #[getter]
-    fn confirmed(&self) -> bool {
-        self.report.confirmation.is_confirmed(self.tol)
-    }
-
-    /// Verification: The motion integrated anew, interval by interval, phase after phase.
-    #[getter]
-    fn verification(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
-        self.verifier.get(py)
-    }
-
-    /// list of CollocationResult: What was found of each phase, with times from the start of the whole motion. Its `cost` is
-    /// that of an accurate integration; status, meshes and report are those of the whole.
-    #[getter]
-    fn phases(&self, py: Python<'_>) -> Vec<Py<CollocationResult>> {
-        self.phases.iter().map(|phase| phase.clone_ref(py)).collect()
-    }
-
-    /// float: Cost of all phases as the program sees it; that of an accurate integration is `verified_cost`.
-    #[getter]
-    fn cost(&self) -> f64 {
-        self.report.cost
-    }
-
-    /// float: Cost with the running costs integrated accurately along the motion.
-    #[getter]
-    fn verified_cost(&self) -> f64 {
-        self.report.confirmation.cost
-    }
-
-    /// float: The largest defect of all phases.
-    #[getter]
-    fn max_defect(&self) -> f64 {
-        self.report.confirmation.max_defect()
-    }
-
-    /// float: Largest violation of a bound or path constraint of all phases, between the points and at the ends too.
-    #[getter]
-    fn violation(&self) -> f64 {
-        self.report.confirmation.max_violation()
-    }
-
-    /// Report: Of the last program.
-    #[getter]
-    fn report(&self) -> Report {
-        Report { report: self.report.program.clone(), verifier: Some(self.verifier.clone()) }
-    }
-
-    fn __len__(&self) -> usize {
-        self.phases.len()
-    }
-
-    fn __repr__(&self) -> String {
-        format!("<MultiphaseResult: {} phases, {}>", self.phases.len(), summary(&self.report, self.tol))
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.phases(py), own.report.cost, own.report.confirmation.cost);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
-    }
-
-    /// A pickled result.
-    #[classmethod]
-    fn _restore(
-        _: &Bound<'_, PyType>,
-        phases: Vec<Py<CollocationResult>>,
-        cost: f64,
-        accurate: f64,
-    ) -> Result<Self, Error> {
-        let Some(first) = phases.first().map(|phase| phase.get()) else {
-            return Err(Error::ocp_input("`phases` must have at least one phase, found none".to_owned()));
-        };
-        let mut report = CollocationReport { cost, ..first.report.clone() };
-        report.confirmation.cost = accurate;
-        for phase in &phases[1..] {
-            let other = &phase.get().report;
-            report.phases.extend(other.phases.iter().cloned());
-            report.confirmation.phases.extend(other.confirmation.phases.iter().cloned());
-            for (record, other) in report.history.iter_mut().zip(&other.history) {
-                record.meshes.extend(other.meshes.iter().cloned());
-            }
-        }
-        let tol = first.tol;
-        Ok(Self::of(report, phases, tol))
     }
 }

@@ -1,0 +1,145 @@
+//! What a search found as a whole, of one phase or several.
+
+use crate::error::Error;
+use crate::ocp::solver::{Report, status_name};
+use crate::ocp::verification::{Verification, Verifier};
+use pyo3::prelude::*;
+use somersault::multibody;
+use somersault::ocp::collocation::{CollocationReport, CollocationStatus};
+use somersault::ocp::solver::Status;
+use somersault::ocp::verification::{self, momentum_drift};
+use std::sync::Arc;
+
+/// What collocation found, of a motion of one phase or several.
+#[pyclass(frozen, subclass, module = "somersault.ocp")]
+pub(crate) struct CollocationOutcome {
+    pub(super) report: Arc<CollocationReport>,
+    pub(super) tol: f64,
+    verifier: Arc<Verifier>,
+}
+
+impl CollocationOutcome {
+    /// One tree for each phase.
+    pub(super) fn of(report: Arc<CollocationReport>, models: Vec<multibody::Model>, tol: f64) -> Self {
+        let judged = report.clone();
+        let verifier = Verifier::new(move |py| {
+            let confirmation = &judged.confirmation;
+            let mut drift: f64 = 0.0;
+            for (model, phase) in models.iter().zip(&judged.phases) {
+                let states = phase.states.iter().map(|x| x.split_at(model.n_velocities()));
+                drift = drift.max(momentum_drift(model, states)?);
+            }
+            let found = verification::Verification {
+                defects: confirmation.phases.iter().flat_map(|phase| phase.defects.iter().copied()).collect(),
+                terminal_error: confirmation.end_to_end_error(),
+                momentum_drift: drift,
+            };
+            let (confirmed, message) = (confirmation.is_confirmed(tol), confirmation.sentence(tol));
+            Ok(Py::new(py, Verification::judged(found, tol, confirmed, message))?.into_any())
+        });
+        Self { report, tol, verifier }
+    }
+
+    /// What stands for it in the texts of its subclasses.
+    pub(super) fn summary(&self) -> String {
+        let (cost, meshes) = (self.report.cost, self.report.history.len());
+        let (status, defect) = (self.status(), self.max_defect());
+        let confirmed = if self.confirmed() { "confirmed" } else { "NOT confirmed by integration" };
+        format!("{status}, {confirmed}, cost {cost:.8}, {meshes} meshes, largest defect {defect:.1e}")
+    }
+}
+
+#[pymethods]
+impl CollocationOutcome {
+    /// str: ``'converged'``; ``'false_convergence'`` where the program was solved and its motion is none;
+    /// ``'mesh_limit'`` where the last mesh does not meet the tolerance; else how the last program ended, as for `Report`.
+    #[getter]
+    pub(super) fn status(&self) -> &'static str {
+        match self.report.status {
+            CollocationStatus::Converged => "converged",
+            CollocationStatus::FalseConvergence => "false_convergence",
+            CollocationStatus::MeshLimit => "mesh_limit",
+            CollocationStatus::NotSolved(status) => status_name(status),
+            // statuses to come end a search as well
+            _ => "failed",
+        }
+    }
+
+    /// str: The status in a sentence, and another where bounds or path constraints are exceeded by more than the tolerance
+    /// between the collocation points or at an end, where they are not asked for: what, by how much and when.
+    #[getter]
+    fn message(&self) -> String {
+        let defect = self.max_defect();
+        let said = match self.report.status {
+            CollocationStatus::Converged => {
+                format!("converged and confirmed: integrated anew the largest defect is {defect:.1e}")
+            }
+            CollocationStatus::FalseConvergence => format!(
+                "false convergence: the program was solved, but integrated anew its motion leaves its own nodes by \
+                 {defect:.1e}"
+            ),
+            CollocationStatus::NotSolved(Status::Interrupted)
+                if self.report.program.status.is_converged() =>
+            {
+                return "interrupted while the motion was integrated anew; its program was solved".to_owned();
+            }
+            CollocationStatus::NotSolved(status) => {
+                return format!("the program of the last mesh was not solved: {}", status.message());
+            }
+            _ => "the last mesh allowed does not meet the tolerance".to_owned(),
+        };
+        match self.report.confirmation.violation_sentence(self.tol) {
+            Some(violation) => format!("{said}. {violation}"),
+            None => said,
+        }
+    }
+
+    /// bool: Whether the status is ``'converged'``.
+    #[getter]
+    fn success(&self) -> bool {
+        self.report.status == CollocationStatus::Converged
+    }
+
+    /// bool: Whether each interval, integrated anew, ends within the tolerance of where it should.
+    #[getter]
+    fn confirmed(&self) -> bool {
+        self.report.confirmation.is_confirmed(self.tol)
+    }
+
+    /// Verification: The motion integrated anew, interval by interval, phase after phase.
+    #[getter]
+    fn verification(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
+        self.verifier.get(py)
+    }
+
+    /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases both are
+    /// accurate.
+    #[getter]
+    fn cost(&self) -> f64 {
+        self.report.cost
+    }
+
+    /// float: Cost with the running cost integrated accurately along the motion.
+    #[getter]
+    fn verified_cost(&self) -> f64 {
+        self.report.confirmation.cost
+    }
+
+    /// float: The largest relative error at the end of an interval of a mesh, integrated accurately from its start.
+    #[getter]
+    fn max_defect(&self) -> f64 {
+        self.report.confirmation.max_defect()
+    }
+
+    /// float: Largest violation of a bound or path constraint, between the points and at the ends too.
+    #[getter]
+    fn violation(&self) -> f64 {
+        self.report.confirmation.max_violation()
+    }
+
+    /// Report: Of the last program.
+    #[getter]
+    fn report(&self) -> Report {
+        Report { report: self.report.program.clone(), verifier: Some(self.verifier.clone()) }
+    }
+}

@@ -1,0 +1,287 @@
+//! What a search found of one phase.
+
+use super::CollocationOutcome;
+use crate::convert::{array, times};
+use crate::error::Error;
+use crate::model::Model;
+use crate::ocp::solver::{Report, status_name, status_of};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple, PyType};
+use somersault::multibody;
+use somersault::ocp::collocation::{
+    CollocationReport, CollocationStatus, Confirmation, Mesh, MeshRecord, PhaseConfirmation, PhaseRows,
+    PhaseSolution,
+};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// What collocation found of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
+/// last row.
+#[pyclass(frozen, extends = CollocationOutcome, module = "somersault.ocp")]
+pub(crate) struct CollocationResult {
+    pub(super) report: Arc<CollocationReport>,
+    pub(super) model: multibody::Model,
+}
+
+fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>> {
+    let shape = [rows.len(), rows.first().map_or(0, Vec::len)];
+    Ok(array(py, rows.concat(), &shape)?.into_any())
+}
+
+/// Status, cost, tolerance.
+type Outcome = (String, f64, f64);
+/// Bounds and points of a mesh, ends of the horizon.
+type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
+/// Defects, error and state of one integration from start to end, violation and what it is of, running and end cost, cost.
+type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), (f64, f64), f64);
+/// Of a mesh: bounds, points, cost, error, status, steps, seconds.
+type Tried = (Vec<f64>, Vec<usize>, f64, f64, String, usize, f64);
+
+impl CollocationResult {
+    pub(super) fn of(
+        py: Python<'_>,
+        report: CollocationReport,
+        model: &multibody::Model,
+        tol: f64,
+    ) -> PyResult<Py<Self>> {
+        let report = Arc::new(report);
+        let outcome = CollocationOutcome::of(report.clone(), vec![model.clone()], tol);
+        let own = Self { report, model: model.clone() };
+        Py::new(py, PyClassInitializer::from(outcome).add_subclass(own))
+    }
+
+    /// The problem has one phase.
+    pub(super) fn phase(&self) -> &PhaseSolution {
+        &self.report.phases[0]
+    }
+
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+        value: impl Fn(&PhaseSolution, f64) -> Vec<f64>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (single, times) = times("t", t)?;
+        if let Some(found) = times.iter().find(|t| !t.is_finite()) {
+            return Err(Error::input(format!("`t` must be finite, found {found}")));
+        }
+        let rows: Vec<Vec<f64>> = times.iter().map(|&t| value(self.phase(), t)).collect();
+        match (single, rows.first()) {
+            (true, Some(row)) => Ok(numpy::PyArray1::from_slice(py, row).into_any()),
+            _ => Ok(table(py, &rows)?),
+        }
+    }
+}
+
+#[pymethods]
+impl CollocationResult {
+    /// ndarray, shape (n + 1,): Times, s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.phase().times).into_any()
+    }
+
+    /// ndarray, shape (n + 1, n_states): States.
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        table(py, &self.phase().states)
+    }
+
+    /// ndarray, shape (n, n_controls): Controls.
+    #[getter]
+    fn u<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        table(py, &self.phase().controls)
+    }
+
+    /// ndarray, shape (n + 1, n_states): Costates λ, the change of the least cost from there on with the state.
+    #[getter]
+    fn costates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        table(py, &self.phase().costates)
+    }
+
+    /// ndarray, shape (n,): Hamiltonian L + λᵀ ẋ.
+    #[getter]
+    fn hamiltonian<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.phase().hamiltonian).into_any()
+    }
+
+    /// float: Largest minus smallest Hamiltonian; zero for the optimum.
+    #[getter]
+    fn hamiltonian_spread(&self) -> f64 {
+        self.phase().hamiltonian_spread()
+    }
+
+    /// States at times, by the polynomials of collocation.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     Times outside of the motion count as its ends.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_states,) or (m, n_states)
+    fn state<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        self.at(py, t, PhaseSolution::state)
+    }
+
+    /// Controls at times.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_controls,) or (m, n_controls)
+    fn control<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        self.at(py, t, PhaseSolution::control)
+    }
+
+    /// Costates at times.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_states,) or (m, n_states)
+    fn costate<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        self.at(py, t, PhaseSolution::costate)
+    }
+
+    /// ndarray, shape (n_intervals,): Relative error at the end of each interval of the mesh, integrated accurately from
+    /// its start; infinite where that broke off.
+    #[getter]
+    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.report.confirmation.phases[0].defects).into_any()
+    }
+
+    /// float: Relative error at the end of the motion, integrated from its start in one piece. It grows where the motion
+    /// is hyper-sensitive, however good the solution is.
+    #[getter]
+    fn terminal_error(&self) -> f64 {
+        self.report.confirmation.end_to_end_error()
+    }
+
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``cost``, ``error`` (largest relative one estimated),
+    /// ``status`` of the program, ``nit`` and ``seconds``.
+    #[getter]
+    fn meshes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let record = |record: &MeshRecord| {
+            let entry = PyDict::new(py);
+            entry.set_item("n_intervals", record.meshes[0].n_intervals())?;
+            entry.set_item("n_points", record.meshes[0].n_points())?;
+            entry.set_item("cost", record.cost)?;
+            entry.set_item("error", record.error)?;
+            entry.set_item("status", status_name(record.status))?;
+            entry.set_item("nit", record.iterations)?;
+            entry.set_item("seconds", record.time.as_secs_f64())?;
+            Ok(entry)
+        };
+        self.report.history.iter().map(record).collect()
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> String {
+        format!("<CollocationResult: {}>", slf.as_super().get().summary())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own, outcome) = (slf.py(), slf.get(), slf.as_super().get());
+        let (report, phase) = (&own.report, own.phase());
+        let confirmed = &report.confirmation.phases[0];
+        let tables = [&phase.states, &phase.controls, &phase.costates, &phase.path_multipliers];
+        let tables = tables.map(|rows| rows.clone());
+        let tried = |record: &MeshRecord| -> Tried {
+            let mesh = &record.meshes[0];
+            let (status, seconds) = (status_name(record.status).to_owned(), record.time.as_secs_f64());
+            let points = mesh.points().to_vec();
+            (mesh.bounds().to_vec(), points, record.cost, record.error, status, record.iterations, seconds)
+        };
+        let on_mesh: OnMesh =
+            (phase.mesh().bounds().to_vec(), phase.mesh().points().to_vec(), phase.horizon());
+        let integrated: Confirmed = (
+            confirmed.defects.clone(),
+            confirmed.end_to_end_error,
+            confirmed.end_to_end_state.clone(),
+            (confirmed.violation, confirmed.violated.clone()),
+            (confirmed.running_cost, confirmed.end_cost),
+            report.confirmation.cost,
+        );
+        let arguments = (
+            Model::of(own.model.clone()),
+            (outcome.status(), report.cost, outcome.tol),
+            on_mesh,
+            tables,
+            phase.hamiltonian.clone(),
+            integrated,
+            report.history.iter().map(tried).collect::<Vec<_>>(),
+            Report { report: report.program.clone(), verifier: None },
+        );
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled result.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        model: &Bound<'_, Model>,
+        outcome: Outcome,
+        on_mesh: OnMesh,
+        tables: [Vec<Vec<f64>>; 4],
+        hamiltonian: Vec<f64>,
+        integrated: Confirmed,
+        history: Vec<Tried>,
+        program: &Bound<'_, Report>,
+    ) -> Result<Py<Self>, Error> {
+        let (status, cost, tol) = outcome;
+        let status = match status.as_str() {
+            "converged" => CollocationStatus::Converged,
+            "false_convergence" => CollocationStatus::FalseConvergence,
+            "mesh_limit" => CollocationStatus::MeshLimit,
+            other => CollocationStatus::NotSolved(status_of(other)?),
+        };
+        let (bounds, points, horizon) = on_mesh;
+        let [states, controls, costates, path_multipliers] = tables;
+        let rows =
+            PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters: Vec::new() };
+        let mesh = Mesh::try_new(bounds, points)?;
+        let (defects, end_to_end_error, end_to_end_state, violation, costs, accurate) = integrated;
+        let ((violation, violated), (running_cost, end_cost)) = (violation, costs);
+        if defects.len() != mesh.n_intervals() {
+            let (n, found) = (mesh.n_intervals(), defects.len());
+            return Err(Error::input(format!("`defects` must have {n} entries, found {found}")));
+        }
+        let phase = PhaseSolution::try_new(mesh, horizon, rows)?;
+        let model = &model.get().model;
+        if phase.states[0].len() != 2 * model.n_velocities() {
+            let (n, found) = (2 * model.n_velocities(), phase.states[0].len());
+            return Err(Error::input(format!("`states` must have {n} columns, found {found}")));
+        }
+        let tried = |(bounds, points, cost, error, status, iterations, seconds): Tried| {
+            let time = Duration::try_from_secs_f64(seconds)
+                .map_err(|_| Error::input(format!("`seconds` must not be negative, found {seconds}")))?;
+            let meshes = vec![Mesh::try_new(bounds, points)?];
+            Ok(MeshRecord { meshes, cost, error, status: status_of(&status)?, iterations, time })
+        };
+        let confirmed = PhaseConfirmation {
+            defects,
+            end_to_end_error,
+            end_to_end_state,
+            violation,
+            violated,
+            running_cost,
+            end_cost,
+        };
+        let report = CollocationReport {
+            status,
+            phases: vec![phase],
+            cost,
+            confirmation: Confirmation { phases: vec![confirmed], cost: accurate },
+            history: history.into_iter().map(tried).collect::<Result<_, Error>>()?,
+            program: program.get().report.clone(),
+        };
+        Ok(Self::of(cls.py(), report, model, tol)?)
+    }
+}

@@ -1,0 +1,85 @@
+//! The search, as Python asks for it and watches it.
+
+use super::NAMES;
+use crate::error::Error;
+use crate::ocp::arguments::{count, limit, tolerance};
+use crate::ocp::solver::{Watcher, duration};
+use crate::plan::returns_interrupted;
+use pyo3::PyClass;
+use pyo3::prelude::*;
+use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
+use somersault::ocp::solver::{Flow, Iteration, Sqp, Status};
+use std::sync::{Mutex, PoisonError};
+
+/// Collocation points of a first mesh, at most.
+const MOST_POINTS: usize = 100_000;
+
+/// How a search is to go.
+pub(super) struct SearchOptions<'a, 'py> {
+    pub(super) tol: f64,
+    /// Intervals of the first mesh of each phase, and points of each.
+    pub(super) sizes: (i64, i64),
+    pub(super) max_meshes: i64,
+    pub(super) max_iterations: Option<i64>,
+    pub(super) max_time: Option<f64>,
+    pub(super) callback: Option<&'a Bound<'py, PyAny>>,
+    pub(super) on_interrupt: &'a str,
+}
+
+impl SearchOptions<'_, '_> {
+    /// Searches without the interpreter, and looks for callback and Ctrl-C meanwhile.
+    pub(super) fn run<R: PyClass>(
+        self,
+        py: Python<'_>,
+        n_phases: usize,
+        problem: impl FnOnce() -> Result<Problem, Error>,
+        result: impl FnOnce(CollocationReport) -> Result<Py<R>, Error>,
+    ) -> Result<Py<R>, Error> {
+        let returned = returns_interrupted(self.on_interrupt)?;
+        let default = Collocation::default();
+        tolerance("tol", Some(self.tol))?;
+        let most = limit("max_iterations", self.max_iterations, 0)?;
+        let (n_intervals, n_points) =
+            (count("n_intervals", self.sizes.0, 1)?, count("n_points", self.sizes.1, 1)?);
+        let collocation = Collocation {
+            tolerance: self.tol,
+            max_meshes: count("max_meshes", self.max_meshes, 1)?,
+            solver: Sqp {
+                max_iterations: most.unwrap_or(default.solver.max_iterations),
+                max_time: duration(self.max_time)?,
+                ..default.solver
+            },
+            ..default
+        };
+        if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
+            return Err(Error::ocp_input(format!(
+                "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
+            )));
+        }
+        let meshes = vec![Mesh::try_uniform(n_intervals, n_points)?; n_phases];
+        let mut problem = problem()?;
+        let watcher = Mutex::new(Watcher::new(self.callback)?);
+        let watch = || watcher.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = py.detach(|| {
+            let mut look = |iteration: &Iteration<'_>| -> Flow { watch().look(iteration) };
+            collocation.solve_while(&mut problem, &meshes, &mut look, &mut || watch().goes_on())
+        });
+        let watcher = watcher.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
+        if watcher.is_interrupted(py) {
+            report.program = report.program.interrupted();
+            if let CollocationStatus::NotSolved(status @ Status::Stopped) = &mut report.status {
+                *status = Status::Interrupted;
+            }
+        }
+        let result = result(report)?;
+        match watcher.into_raised(py, returned) {
+            Some(error) => {
+                // An exception that takes no attributes is still the one to raise.
+                let _ = error.value(py).setattr("result", result);
+                Err(error.into())
+            }
+            None => Ok(result),
+        }
+    }
+}

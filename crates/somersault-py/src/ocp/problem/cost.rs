@@ -1,0 +1,98 @@
+//! Parts of the cost.
+
+use super::place::Place;
+use crate::convert::numbers_or_one;
+use crate::error::Error;
+use crate::ocp::arguments::integer_or_none;
+use crate::ocp::term::Term;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::ocp::problem::{At, Loss};
+
+/// Part of the cost: ½ Σ wᵢ (rᵢ − tᵢ)² of the rows r of a term, or Σ wᵢ rᵢ.
+///
+/// Parameters
+/// ----------
+/// term : Term
+/// weights : float or array_like, shape (n_rows,), optional
+///     w.
+/// target : float or array_like, shape (n_rows,), optional
+///     t.
+/// at : {'path', 'start', 'finish', 'node'}, optional
+///     Integrated over the whole motion (Lagrange), or taken at one time (Mayer).
+/// node : int, optional
+///     Which node, where `at` is ``'node'``; counted through all phases.
+/// linear : bool, optional
+///     Σ wᵢ rᵢ instead of squares.
+/// phase : int, optional
+///     Of which phase path, start or finish are meant; of the whole motion unless given.
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct Cost {
+    pub(super) term: Py<Term>,
+    weights: Option<Py<PyAny>>,
+    target: Option<Py<PyAny>>,
+    place: Place,
+    pub(super) nodes: At,
+    linear: bool,
+}
+
+#[pymethods]
+impl Cost {
+    #[new]
+    #[pyo3(signature = (term, weights=None, target=None, *, at="path", node=None, linear=false, phase=None))]
+    fn new(
+        term: Py<Term>,
+        weights: Option<Py<PyAny>>,
+        target: Option<Py<PyAny>>,
+        at: &str,
+        #[pyo3(from_py_with = integer_or_none)] node: Option<i64>,
+        linear: bool,
+        #[pyo3(from_py_with = integer_or_none)] phase: Option<i64>,
+    ) -> Result<Self, Error> {
+        if linear && target.is_some() {
+            return Err(Error::input("`target` is for squares; leave out `linear`"));
+        }
+        if at == "integral" {
+            return Err(Error::input("`at` of a cost must be 'start', 'finish', 'node' or 'path'"));
+        }
+        let place = Place { at: at.to_owned(), node, phase };
+        Ok(Self { term, weights, target, nodes: place.nodes()?, place, linear })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let copy = |value: &Option<Py<PyAny>>| value.as_ref().map(|value| value.clone_ref(py));
+        let Place { at, node, phase } = own.place.clone();
+        let place = (at, node, own.linear, phase);
+        let arguments = (own.term.clone_ref(py), copy(&own.weights), copy(&own.target), place);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled cost.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        term: Py<Term>,
+        weights: Option<Py<PyAny>>,
+        target: Option<Py<PyAny>>,
+        place: (String, Option<i64>, bool, Option<i64>),
+    ) -> Result<Self, Error> {
+        let (at, node, linear, phase) = place;
+        Self::new(term, weights, target, &at, node, linear, phase)
+    }
+}
+
+impl Cost {
+    pub(super) fn loss(&self, py: Python<'_>, n_rows: usize) -> Result<Loss, Error> {
+        let numbers = |name, value: &Option<Py<PyAny>>, default| match value {
+            Some(value) => numbers_or_one(name, n_rows, value.bind(py)),
+            None => Ok(vec![default; n_rows]),
+        };
+        let weights = numbers("weights", &self.weights, 1.0)?;
+        Ok(if self.linear {
+            Loss::Linear { weights }
+        } else {
+            Loss::HalfSquares { weights, target: numbers("target", &self.target, 0.0)? }
+        })
+    }
+}

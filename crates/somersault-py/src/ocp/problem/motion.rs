@@ -1,0 +1,127 @@
+//! A motion at the nodes of a transcription.
+
+use crate::convert::{array, real_numbers, with_shape};
+use crate::error::Error;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::ocp::transcription::Transcription;
+
+/// A motion at the nodes of a transcription, time first.
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct Motion {
+    times: Vec<f64>,
+    parts: [(usize, Vec<f64>); 7],
+}
+
+impl Motion {
+    pub(crate) fn of(transcription: &impl Transcription) -> Self {
+        let n_nodes = transcription.outline().n_nodes();
+        let mut motion = Self { times: Vec::with_capacity(n_nodes), parts: Default::default() };
+        for k in 0..n_nodes {
+            let node = transcription.node(k);
+            motion.times.push(node.time);
+            let parts = [
+                node.position,
+                node.velocity,
+                node.acceleration,
+                node.torque,
+                node.channel,
+                node.channel_rate,
+                node.channel_second_rate,
+            ];
+            for ((width, values), part) in motion.parts.iter_mut().zip(parts) {
+                *width = part.len();
+                values.extend_from_slice(part);
+            }
+        }
+        motion
+    }
+
+    fn part<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyAny>> {
+        let (width, values) = &self.parts[index];
+        Ok(array(py, values.clone(), &[self.times.len(), *width])?.into_any())
+    }
+}
+
+#[pymethods]
+impl Motion {
+    /// ndarray, shape (n,): Times, s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_slice(py, &self.times).into_any()
+    }
+
+    /// ndarray, shape (n, n_positions): Configurations.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 0)
+    }
+
+    /// ndarray, shape (n, n_velocities): Velocities.
+    #[getter]
+    fn v<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 1)
+    }
+
+    /// ndarray, shape (n, n_velocities): Accelerations.
+    #[getter]
+    fn a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 2)
+    }
+
+    /// ndarray, shape (n, n_velocities): Joint forces.
+    #[getter]
+    fn torque<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 3)
+    }
+
+    /// ndarray, shape (n, n_channels): Weights of eigenpostures, or driven joints.
+    #[getter]
+    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 4)
+    }
+
+    /// ndarray, shape (n, n_channels): Rates of the channels, 1/s.
+    #[getter]
+    fn channel_rates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 5)
+    }
+
+    /// ndarray, shape (n, n_channels): Second rates of the channels, 1/s².
+    #[getter]
+    fn channel_second_rates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.part(py, 6)
+    }
+
+    fn __len__(&self) -> usize {
+        self.times.len()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, motion) = (slf.py(), slf.get());
+        let parts = (0..motion.parts.len()).map(|k| motion.part(py, k)).collect::<PyResult<Vec<_>>>()?;
+        Ok((slf.get_type().getattr("_restore")?, (motion.t(py), parts).into_pyobject(py)?))
+    }
+
+    /// A pickled motion.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        t: &Bound<'_, PyAny>,
+        parts: [Bound<'_, PyAny>; 7],
+    ) -> Result<Self, Error> {
+        let times = real_numbers("t", t)?;
+        let mut motion = Self { times, parts: Default::default() };
+        for ((width, values), part) in motion.parts.iter_mut().zip(&parts) {
+            let shape: (usize, usize) = part.getattr("shape")?.extract()?;
+            *width = shape.1;
+            *values = with_shape("parts", &[motion.times.len(), shape.1], part)?;
+        }
+        Ok(motion)
+    }
+
+    fn __repr__(&self) -> String {
+        let (first, last) = (self.times.first().unwrap_or(&0.0), self.times.last().unwrap_or(&0.0));
+        format!("<Motion: {} nodes, t = {first} to {last} s>", self.times.len())
+    }
+}

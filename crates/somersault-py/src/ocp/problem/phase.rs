@@ -1,0 +1,79 @@
+//! A phase of a motion.
+
+use crate::error::Error;
+use crate::ocp::arguments::{count, integer, number_or_range};
+use crate::ocp::joint_motion::SplineMotion;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::ocp::shooting::{self, Duration};
+
+/// A phase of a motion.
+///
+/// Parameters
+/// ----------
+/// motion : SplineMotion
+///     Of the driven joints, or of their torques.
+/// duration : float or tuple of float
+///     s; a pair makes the duration a variable between the two.
+/// n_steps : int
+///     Steps of equal length.
+/// n_segments : int, optional
+///     1 for single shooting; more for multiple shooting, whose starts are variables.
+#[pyclass(frozen, module = "somersault.ocp")]
+pub(crate) struct Phase {
+    pub(super) phase: shooting::Phase,
+    motion: Py<SplineMotion>,
+}
+
+#[pymethods]
+impl Phase {
+    #[new]
+    #[pyo3(signature = (motion, duration, n_steps, *, n_segments=1))]
+    fn new(
+        motion: &Bound<'_, SplineMotion>,
+        duration: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = integer)] n_steps: i64,
+        #[pyo3(from_py_with = integer)] n_segments: i64,
+    ) -> Result<Self, Error> {
+        let (lower, upper) = number_or_range("duration", duration)?;
+        // a NaN is not below
+        if !(0.0 < lower && lower <= upper && upper.is_finite()) {
+            return Err(Error::ocp_input(format!(
+                "`duration` must be positive and finite, or a pair of such numbers in their order, found ({lower}, {upper})"
+            )));
+        }
+        let duration = if lower == upper { Duration::Fixed(lower) } else { Duration::Free { lower, upper } };
+        let n_steps = count("n_steps", n_steps, 1)?;
+        let n_segments = count("n_segments", n_segments, 1)?;
+        if n_segments > n_steps {
+            return Err(Error::ocp_input(format!(
+                "`n_segments` must be at most `n_steps` = {n_steps}, found {n_segments}"
+            )));
+        }
+        let phase = shooting::Phase { motion: motion.get().motion.clone(), n_steps, duration, n_segments };
+        Ok(Self { phase, motion: motion.clone().unbind() })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let shooting::Phase { n_steps, duration, n_segments, .. } = own.phase;
+        let duration = match duration {
+            Duration::Fixed(duration) => (duration, duration),
+            Duration::Free { lower, upper } => (lower, upper),
+        };
+        let arguments = (own.motion.clone_ref(py), duration, n_steps, n_segments).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled phase.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        motion: &Bound<'_, SplineMotion>,
+        duration: &Bound<'_, PyAny>,
+        n_steps: i64,
+        n_segments: i64,
+    ) -> Result<Self, Error> {
+        Self::new(motion, duration, n_steps, n_segments)
+    }
+}

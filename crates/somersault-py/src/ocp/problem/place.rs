@@ -1,0 +1,39 @@
+//! Where costs and constraints are taken.
+
+use crate::error::Error;
+use crate::ocp::arguments::index;
+use somersault::ocp::problem::At;
+
+/// Where a term is taken, as Python says it.
+#[derive(Clone)]
+pub(super) struct Place {
+    pub(super) at: String,
+    pub(super) node: Option<i64>,
+    pub(super) phase: Option<i64>,
+}
+
+impl Place {
+    pub(super) fn nodes(&self) -> Result<At, Error> {
+        let node = self.node.map(|node| index("node", node)).transpose()?;
+        let phase = self.phase.map(|phase| index("phase", phase)).transpose()?;
+        match (self.at.as_str(), node, phase) {
+            ("start", None, None) => Ok(At::Start),
+            ("finish", None, None) => Ok(At::End),
+            ("path" | "integral", None, None) => Ok(At::EveryNode),
+            ("start", None, Some(phase)) => Ok(At::StartOf(phase)),
+            ("finish", None, Some(phase)) => Ok(At::EndOf(phase)),
+            ("path" | "integral", None, Some(phase)) => Ok(At::EveryNodeOf(phase)),
+            ("node", Some(node), None) => Ok(At::Node(node)),
+            ("node", None, _) => Err(Error::input("`node` must be given where `at` is 'node'")),
+            ("node", Some(_), Some(_)) => {
+                Err(Error::input("`phase` is not for `at` = 'node': nodes are counted through all phases"))
+            }
+            ("start" | "finish" | "path" | "integral", Some(_), _) => {
+                Err(Error::input("`node` is for `at` = 'node'"))
+            }
+            (other, ..) => Err(Error::input(format!(
+                "`at` must be 'start', 'finish', 'node' or 'path', or 'integral' of a constraint, found '{other}'"
+            ))),
+        }
+    }
+}
