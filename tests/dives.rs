@@ -16,7 +16,7 @@ use somersault_ocp::flight::{
 };
 use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::{Flow, Report};
+use somersault_ocp::solver::{Flow, Iteration, Report, Status};
 use somersault_ocp::transcription::{RolloutGradient, Transcription};
 use std::f64::consts::{PI, TAU};
 
@@ -565,6 +565,22 @@ fn the_twisting_dive_does_what_is_asked() {
     assert!(mirror == 0.0 && throw == 0.0 && wrap == 0.0 && pike > 0.9, "{:?}", weights(0.82));
     // what the twists cost: half as much momentum again as the planar dive has in its 1.7 s
     assert!((report.momentum - 100.885).abs() < 0.01, "{}", report.momentum);
+}
+
+#[test]
+fn a_search_that_is_stopped_keeps_what_it_has() {
+    let program = Dive::forward_twisting().program().unwrap();
+    let start = program.start(&Dive::twisting_template()).unwrap();
+    let mut calls = 0;
+    let stop = &mut |_: &Iteration<'_>| {
+        calls += 1;
+        Flow::Stop
+    };
+    let report = DiveSearch::staged().solve(&program, start.clone(), stop).unwrap();
+    assert_eq!((report.status, calls), (Status::Stopped, 1));
+    assert_eq!(report.z, start);
+    // of the dive itself, whose entry is far off yet
+    assert!(report.residuals.feasibility > 0.1 && report.residuals.stationarity.is_finite());
 }
 
 #[test]

@@ -13,6 +13,7 @@ use crate::solver::{
 };
 use crate::verification::Verified;
 use rayon::prelude::*;
+use std::cell::Cell;
 
 /// How a dive is searched for.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,28 +64,28 @@ impl DiveSearch {
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(280) }
     }
 
-    /// Searches from `z`. `on_iteration` sees all stages and may end the search.
+    /// Searches from `z`. `on_iteration` sees all stages and may end the search: of the stages that are left then the last
+    /// alone begins, to give what was found its residuals.
     pub fn solve(
         &self,
         program: &DiveProgram,
         z: Vec<f64>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
     ) -> Result<Report, DiveSearchError> {
-        let mut has_ended = false;
+        let has_ended = Cell::new(false);
         let mut watch = |iteration: &Iteration<'_>| {
-            // one answer ends all stages that are left
-            has_ended = has_ended || on_iteration(iteration) == Flow::Stop;
-            if has_ended { Flow::Stop } else { Flow::Continue }
+            has_ended.set(has_ended.get() || on_iteration(iteration) == Flow::Stop);
+            if has_ended.get() { Flow::Stop } else { Flow::Continue }
         };
         let steps = self.coarse_steps.filter(|steps| *steps < program.dive().n_steps);
         let coarse = steps.map(|n_steps| Dive { n_steps, ..program.dive().clone() }.program()).transpose()?;
         let mut start = Start::from(z);
-        for weight in &self.soft_weights {
+        for weight in self.soft_weights.iter().take_while(|_| !has_ended.get()) {
             let mut stage = coarse.as_ref().unwrap_or(program).softened(*weight)?;
             let report = self.soft.solve(&mut stage, &start, &mut watch)?;
             start = following(&mut stage, report);
         }
-        if let Some(mut coarse) = coarse {
+        if let Some(mut coarse) = coarse.filter(|_| !has_ended.get()) {
             let Report { z, constraint_multipliers, .. } =
                 self.constrained(&mut coarse, start, &mut watch)?;
             start = Start { z, constraint_multipliers, hessian: None };
