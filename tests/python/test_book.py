@@ -139,6 +139,12 @@ def test_the_book_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_pa
     assert not [
         name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
     ]
+    assert not [
+        name
+        for name, text in pages.items()
+        if re.search(r'–\s*<div class="doc-md-description">\s*</div>', text)
+    ]
+    assert "(xᵢ − x*ᵢ)²" in pages[Path("reference/ocp.html")]
 
 
 def test_the_tables_of_the_book_have_every_method_once() -> None:
