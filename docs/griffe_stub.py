@@ -10,7 +10,8 @@ from somersault import _somersault
 
 # From a prompt to the next empty line.
 _EXAMPLE = re.compile(r"^>>> .*?(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
-
+# The star of x*, which Markdown takes for emphasis.
+_STAR = re.compile(r"(?<=[A-Za-z])\*(?!\*)")
 
 #: Options that are passed on as a whole are described by name.
 _OPTIONS = griffe.NumpyOptions(warn_unknown_params=False, warn_missing_types=False)
@@ -34,6 +35,7 @@ class Texts(griffe.Extension):
             found = getattr(found, name, None)
         text = inspect.getdoc(found) if found is not None else None
         if text and not obj.name.startswith("_"):
+            text = _STAR.sub(r"\\*", text)
             obj.docstring = griffe.Docstring(text, parent=obj, parser="numpy", parser_options=_OPTIONS)
 
     def on_class(self, *, cls: griffe.Class, **_: Any) -> None:

@@ -20,11 +20,13 @@ from somersault import studies
 from somersault.cli.documents import schema
 
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+# What the template of the reference puts before a description, where there is none.
+_DASH = re.compile(r'\s*–\s*(?=<div class="doc-md-description">\s*</div>)')
 _INSERT = re.compile(r"^<!-- insert: ([\w. ]+) -->$", re.MULTILINE)
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """Turns formulas into MathML."""
+    """Turns formulas into MathML, and takes out dashes that introduce nothing."""
 
     def formula(match: re.Match[str]) -> str:
         display = "block" if match[2] == "[" else "inline"
@@ -32,7 +34,7 @@ def on_page_content(html: str, **_: Any) -> str:
         # Where there is no font for mathematics, dots above letters would fall onto them.
         return drawn.replace("<mo>&#x002D9;</mo>", "<mo>.</mo>").replace("<mo>&#x000A8;</mo>", "<mo>..</mo>")
 
-    return _FORMULA.sub(formula, html)
+    return _DASH.sub("\n", _FORMULA.sub(formula, html))
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -49,8 +49,9 @@ def save(path: str | PathLike[str], thing: Any) -> None:
     path : path-like
         Of the file.
     thing : object
-        A model, a solution, a body, a law, or numbers, strings, arrays, lists, tuples and dictionaries of
-        them. What a dense output holds is not written.
+        A model, a solution, a problem, a body, a law, or numbers, strings, arrays, lists, tuples and
+        dictionaries of them. The dense output of a solution is not written and is None when it comes back:
+        save the `Trajectory` that it gives at the times needed. Callables are not written.
 
     Raises
     ------
@@ -187,9 +188,11 @@ def _encode_object(thing: Any, array: Callable[[NDArray[Any]], Any], where: str)
     try:
         maker, arguments = thing.__reduce__()[:2]
         name = _name(maker)
-    except (TypeError, ValueError, AttributeError):
+    except (TypeError, ValueError, AttributeError) as fault:
+        # What forbids its pickling says why.
+        reason = f": {fault}" if isinstance(fault, TypeError) else ""
         raise StorageError(
-            f"{where} is a {kind.__module__}.{kind.__qualname__}, which cannot be written"
+            f"{where} is a {kind.__module__}.{kind.__qualname__}, which cannot be written{reason}"
         ) from None
     return {
         "$object": name,

@@ -139,6 +139,12 @@ def test_the_book_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_pa
     assert not [
         name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
     ]
+    assert not [
+        name
+        for name, text in pages.items()
+        if re.search(r'–\s*<div class="doc-md-description">\s*</div>', text)
+    ]
+    assert "(xᵢ − x*ᵢ)²" in pages[Path("reference/ocp.html")]
 
 
 def test_the_tables_of_the_book_have_every_method_once() -> None:
@@ -182,6 +188,7 @@ def test_pictures_are_small() -> None:
         ("vendor.github-workflows", ".github/workflows/*.yml"),
         ("vendor.github-issue-forms", ".github/ISSUE_TEMPLATE/*_*.yml"),
         ("vendor.github-issue-config", ".github/ISSUE_TEMPLATE/config.yml"),
+        ("vendor.dependabot", ".github/dependabot.yml"),
     ],
 )
 def test_workflows_and_forms_are_what_their_reader_takes(schema: str, pattern: str) -> None:
@@ -190,3 +197,15 @@ def test_workflows_and_forms_are_what_their_reader_takes(schema: str, pattern: s
     command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *files]
     checked = subprocess.run(command, capture_output=True, text=True, check=False)
     assert files and checked.returncode == 0, checked.stdout
+
+
+def test_workflows_pin_their_actions_to_commits() -> None:
+    used = [
+        line.partition("uses: ")[2]
+        for path in (ROOT / ".github" / "workflows").glob("*.yml")
+        for line in path.read_text("utf-8").splitlines()
+        if "uses: " in line
+    ]
+    assert used
+    for action in used:
+        assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action), action

@@ -122,7 +122,7 @@ BODY = "[body]\nmass = 1.0\nbox = [1, 1, 1]\n\n[run]\ninterval = [0, 1]\ndt = 0.
         (BODY.replace("mass = 1.0", 'mass = "1"'), 2, "body.mass: must be a number, found '1'"),
         (BODY.replace("box", "cube"), 3, "body.cube: is not known here; allowed are box, "),
         (BODY.replace("box", "#"), 1, "body: needs exactly one of box, .*; found none"),
-        (BODY.replace("box = [1, 1, 1]", "box = [1, 1]"), 3, r"body.box: \[1, 1\] is too short"),
+        (BODY.replace("box = [1, 1, 1]", "box = [1, 1]"), 3, "body.box: must have 3 entries, found 2"),
         (BODY.replace("box = [1, 1, 1]", "box = [\n 1,\n 1,\n 'c']"), 6, "body.box.2: must be a number"),
         (BODY.replace("box = [1, 1, 1]", "inertia = [1, 1, 5]"), 3, "body.inertia: the largest"),
         (BODY.replace("dt = 0.1", ""), 5, "run: needs one of dt, rtol, atol; found none"),
@@ -300,3 +300,33 @@ def test_a_reader_may_stop_reading() -> None:
 def test_a_bar_is_shown_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "rkmk_b", "--repeats", "1", "--progress"]) == 0
     assert "1/1" in capsys.readouterr().err
+
+
+def test_a_mark_of_the_byte_order_is_no_part_of_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "marked.toml"
+    path.write_text(BODY, "utf-8-sig")
+    assert path.read_bytes().startswith(b"\xef\xbb\xbf")
+    assert main(["integrate", str(path)]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--repeats", "-3"], "--repeats: must be between 1 and 1000, found -3"),
+        (["--repeats", "0"], "--repeats: must be between 1 and 1000, found 0"),
+        (["--repeats", "x"], "--repeats: must be a whole number, found 'x'"),
+        (["--target", "x"], "--target: must be a number, found 'x'"),
+        (["--target", "nan"], "--target: must be positive and finite, found nan"),
+        (["--target", "0"], "--target: must be positive and finite, found 0"),
+    ],
+)
+def test_the_bench_refuses_numbers_that_mean_nothing(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["bench", "rkmk", *arguments])
+    assert stopped.value.code == 2
+    assert message in capsys.readouterr().err

@@ -103,6 +103,94 @@ def test_studies_can_be_saved(tmp_path: Path) -> None:
     assert same(found, somersault.load(tmp_path / "studies"))
 
 
+def test_a_saved_problem_is_the_problem(
+    tmp_path: Path, body: somersault.RigidBody, state: somersault.State
+) -> None:
+    acting = [forces.Gravity(), forces.Torque((1.0, 2.0, 3.0), "body")]
+    fine = somersault.integrate(body, state, (0.0, 0.3), dt=0.01, forces=acting)[-1]
+    problems = [
+        *(studies.Problem.case(number) for number in (1, 2, 3)),
+        studies.Problem.asymmetric_body(),
+        studies.Problem.spring_pendulum(),
+        studies.Problem.damped_spring_pendulum(),
+        studies.Problem(body, state, 0.3, reference=state),
+        studies.Problem(body, state, 0.3, reference=fine, forces=acting),
+    ]
+    for problem in problems:
+        somersault.save(tmp_path / "problem", problem)
+        found = somersault.load(tmp_path / "problem")
+        assert (found.body, found.state, found.t_end) == (problem.body, problem.state, problem.t_end)
+        assert found.reference == problem.reference
+        assert [repr(model) for model in found.forces] == [repr(model) for model in problem.forces]
+        assert repr(found) == repr(problem) and same(found, problem)
+        steps = [0.03, 0.015]
+        assert same(*(studies.convergence(p, "rkmk", steps) for p in (problem, found)))
+
+
+def test_sensitivities_can_be_saved(tmp_path: Path) -> None:
+    top = contact.spinning_top()
+    for parameters in ([], ["mass", ("stiffness", 0)]):
+        run = contact.differentiate(
+            top.body,
+            top.state,
+            (0.0, 0.05),
+            dt=1e-4,
+            forces=top.forces,
+            contacts=top.contacts,
+            parameters=parameters,
+        )
+        somersault.save(tmp_path / "run", run)
+        found = somersault.load(tmp_path / "run")
+        assert found.events and same(run, found) and repr(found) == repr(run)
+        assert (found.t, found.state) == (run.t, run.state)
+        for name in ("by_state", "by_parameters", "event_times"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(run, name))
+            assert getattr(found, name).shape == getattr(run, name).shape
+
+
+def test_parts_that_do_not_fit_are_refused(tmp_path: Path, state: somersault.State) -> None:
+    restore: Any = contact.Sensitivities._restore  # type: ignore[attr-defined]
+    whole = (np.eye(12), np.zeros((12, 1)), np.zeros((13, 0)))
+    assert restore(0.0, state, [], whole).by_parameters.shape == (12, 1)
+    for i, name, wrong in (
+        (0, "by_state", np.eye(11)),
+        (1, "by_parameters", np.zeros((12, 2))),
+        (2, "event_times", np.zeros((13, 1))),
+    ):
+        with pytest.raises(somersault.InputError, match=f"`{name}` must be real numbers of shape"):
+            restore(0.0, state, [], (*whole[:i], wrong, *whole[i + 1 :]))
+    # A file is checked as an argument is.
+    somersault.save(tmp_path / "a", studies.Problem.case(1))
+    with zipfile.ZipFile(tmp_path / "a") as file:
+        content = json.loads(file.read("header.json"))["content"]
+    content["arguments"][2] = -1.0
+    rewritten(tmp_path / "a", content=content)
+    with pytest.raises(StorageError, match="the Problem in it is not allowed: `t_end` must be"):
+        somersault.load(tmp_path / "a")
+
+
+def test_curves_are_refused_and_what_to_save_is_said(
+    tmp_path: Path, body: somersault.RigidBody, state: somersault.State
+) -> None:
+    run = somersault.integrate(body, state, (0.0, 0.1), dt=0.01, dense_output=True)
+    arm = multibody.two_link_arm()
+    swing = multibody.integrate(arm, [0.0, 0.3], [0.0, 0.0], (0.0, 0.1), dt=0.01, dense_output=True)
+    for kind, curves, instead in (
+        ("DenseOutput", run.sol, "take the Trajectory that it gives"),
+        ("TreeDenseOutput", swing.sol, "take the arrays that it gives"),
+    ):
+        with pytest.raises(StorageError, match=rf"the value\['sol'\] is a .*{kind}.*: {instead}"):
+            somersault.save(tmp_path / "a", {"sol": curves})
+        with pytest.raises(TypeError, match=instead):
+            pickle.dumps(curves)
+    assert run.sol is not None and swing.sol is not None
+    times = [0.0, 0.05, 0.1]
+    somersault.save(tmp_path / "a", [run, run.sol(times), swing, swing.sol(times)])
+    found = somersault.load(tmp_path / "a")
+    assert found[0].sol is None and found[2].sol is None
+    assert same(found[1], run.sol(times)) and same(found[3], swing.sol(times))
+
+
 def test_a_run_of_what_was_saved_is_the_run(tmp_path: Path) -> None:
     for scene in (
         contact.spinning_top(),

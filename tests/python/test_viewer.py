@@ -349,3 +349,15 @@ def test_times_beside_a_solution_and_nameless_shapes_of_several_are_refused(
         viewer.Scene().add(tumble, TIMES)
     with pytest.raises(ViewerError, match="must be a mapping from the names of bodies"):
         viewer.Scene().add(DIVER.model, [0.0], [DIVER.configuration("A")], shapes=viewer.Sphere(0.1))
+
+
+def test_a_centre_of_mass_in_flight_does_not_waver_between_samples(dive: multibody.TreeSolution) -> None:
+    rare = slice(None, None, 5)
+    step = dive.t[5] - dive.t[0]
+    page = data(viewer.Scene("Rare").add(dive.model, dive.t[rare], dive.q[rare]))["motions"][0]
+    t, center = unpacked(page["times"]).astype(float), unpacked(page["center"], 3)
+    assert len(t) > len(dive.t[rare])
+    whole = np.asarray(dive.model.center_of_mass(dive.q))
+    path = np.column_stack([np.interp(t, dive.t, axis) for axis in whole.T])
+    # A chord of the parabola is nowhere farther from it than g h²/8; single precision rounds at 10 m.
+    assert np.abs(center - path).max() < 9.81 * step**2 / 8 + 2e-6

@@ -145,6 +145,13 @@ impl Gravity {
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Spring(force::Spring);
 
+impl Spring {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, spring: force::Spring) -> PyResult<Py<Self>> {
+        Py::new(py, build(spring, Self))
+    }
+}
+
 #[pymethods]
 impl Spring {
     #[new]
@@ -242,6 +249,13 @@ impl Spring {
 ///     c₃, N m s.
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Drag(force::Drag);
+
+impl Drag {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, drag: force::Drag) -> PyResult<Py<Self>> {
+        Py::new(py, build(drag, Self))
+    }
+}
 
 #[pymethods]
 impl Drag {
@@ -575,47 +589,51 @@ impl Reader {
 
 /// Built-in models that add up, to be run without the interpreter.
 #[derive(Clone, Default)]
-pub(crate) struct Models(Vec<Shared>);
+pub(crate) struct Models(Arc<[Py<ForceModel>]>);
 
 impl Models {
     /// One built-in model or several.
     pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
         let model = |value: &Bound<'_, PyAny>| match value.cast::<ForceModel>() {
-            Ok(model) => Ok(model.get().0.clone()),
+            Ok(model) => Ok(model.clone().unbind()),
             Err(_) => {
                 Err(Error::input(format!("`{argument}` must hold force models, found {}", a_type(value))))
             }
         };
-        let models = match sequence(value) {
+        let models: Arc<[_]> = match sequence(value) {
             Some(list) => list.try_iter()?.map(|f| model(&f?)).collect::<Result<_, _>>()?,
-            None => vec![model(value)?],
+            None => Arc::new([model(value)?]),
         };
         Ok(Self(models))
-    }
-
-    /// The sum of models of the library.
-    pub(crate) fn of<const N: usize>(models: [Box<dyn force::ForceModel + Send + Sync>; N]) -> Self {
-        Self(models.into_iter().map(|model| Shared(Arc::from(model))).collect())
     }
 
     /// Whether there is none.
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
+
+    /// The models as they were given.
+    pub(crate) fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        PyList::new(py, self.0.iter())
+    }
+
+    fn models(&self) -> impl Iterator<Item = &Shared> {
+        self.0.iter().map(|model| &model.get().0)
+    }
 }
 
 impl force::ForceModel for Models {
     fn wrench(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
-        self.0.iter().fold(Wrench::default(), |sum, model| sum + model.wrench(t, body, x))
+        self.models().fold(Wrench::default(), |sum, model| sum + model.wrench(t, body, x))
     }
     fn is_free(&self) -> bool {
-        self.0.iter().all(force::ForceModel::is_free)
+        self.models().all(force::ForceModel::is_free)
     }
     fn is_torque_free(&self) -> bool {
-        self.0.iter().all(force::ForceModel::is_torque_free)
+        self.models().all(force::ForceModel::is_torque_free)
     }
     fn depends_on_velocity(&self) -> bool {
-        self.0.iter().any(force::ForceModel::depends_on_velocity)
+        self.models().any(force::ForceModel::depends_on_velocity)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Derivatives of a body's motion through contacts.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{a_type, array, vector};
+use crate::convert::{a_type, array, vector, with_shape};
 use crate::error::Error;
 use crate::event::Event;
 use crate::forces::{Failure, Reader, sequence};
@@ -10,7 +10,9 @@ use crate::methods;
 use crate::monitor::Monitor;
 use crate::plan::{Plan, Steps};
 use numpy::PyArrayDyn;
+use numpy::prelude::*;
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
@@ -26,62 +28,84 @@ use somersault::integrators::variation::Varied;
 ///
 /// Rows of a derivative are position, m, orientation, rad (the small rotation δφ in the world frame,
 /// R → exp(δφ̂) R), velocity, m/s, and angular velocity, rad/s, three components each.
-#[pyclass(frozen, module = "somersault.contact")]
+#[pyclass(frozen, get_all, module = "somersault.contact")]
 pub(crate) struct Sensitivities {
-    found: sensitivity::Sensitivities,
-    contacts: usize,
+    /// float: Time reached, s.
+    t: f64,
+    /// State: State reached.
+    state: State,
+    /// list of Event: What happened in contacts.
+    events: Vec<Py<Event>>,
+    /// ndarray, shape (12, 12): Derivative of the state reached by the state at the start.
+    by_state: Py<PyArrayDyn<f64>>,
+    /// ndarray, shape (12, parameters): Derivative of the state reached by the parameters.
+    by_parameters: Py<PyArrayDyn<f64>>,
+    /// ndarray, shape (12 + parameters, events): Derivative of the times of the events, s, by the state at the
+    /// start and the parameters. NaN at an event that changes nothing.
+    event_times: Py<PyArrayDyn<f64>>,
+}
+
+impl Sensitivities {
+    fn of(py: Python<'_>, contacts: usize, found: &sensitivity::Sensitivities) -> PyResult<Self> {
+        let sensitivity::Sensitivities { run, state, parameters, event_times } = found;
+        let columns = parameters.ncols();
+        let event = |event| Py::new(py, Event::of(py, contacts, event)?);
+        Ok(Self {
+            t: run.t,
+            state: State(run.state),
+            events: run.events.iter().map(event).collect::<PyResult<_>>()?,
+            by_state: matrix(py, &DMatrix::from_iterator(12, 12, state.iter().copied()))?,
+            by_parameters: matrix(py, &DMatrix::from_iterator(12, columns, parameters.iter().copied()))?,
+            event_times: matrix(py, event_times)?,
+        })
+    }
 }
 
 #[pymethods]
 impl Sensitivities {
-    /// float: Time reached, s.
-    #[getter]
-    fn t(&self) -> f64 {
-        self.found.run.t
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let parameters = self.by_parameters.bind(py).shape()[1];
+        format!("<Sensitivities at t = {}: {} events, {parameters} parameters>", self.t, self.events.len())
     }
 
-    /// State: State reached.
-    #[getter]
-    fn state(&self) -> State {
-        State(self.found.run.state)
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let derivatives = (&own.by_state, &own.by_parameters, &own.event_times);
+        let arguments = (own.t, own.state, &own.events, derivatives).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
     }
 
-    /// list of Event: What happened in contacts.
-    #[getter]
-    fn events(&self, py: Python<'_>) -> PyResult<Vec<Event>> {
-        self.found.run.events.iter().map(|event| Event::of(py, self.contacts, event)).collect()
-    }
-
-    /// ndarray, shape (12, 12): Derivative of the state reached by the state at the start.
-    #[getter]
-    fn by_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        matrix(py, &DMatrix::from_iterator(12, 12, self.found.state.iter().copied()))
-    }
-
-    /// ndarray, shape (12, parameters): Derivative of the state reached by the parameters.
-    #[getter]
-    fn by_parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let columns = &self.found.parameters;
-        matrix(py, &DMatrix::from_iterator(12, columns.ncols(), columns.iter().copied()))
-    }
-
-    /// ndarray, shape (12 + parameters, events): Derivative of the times of the events, s, by the state at the
-    /// start and the parameters. NaN at an event that changes nothing.
-    #[getter]
-    fn event_times<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        matrix(py, &self.found.event_times)
-    }
-
-    fn __repr__(&self) -> String {
-        let (events, parameters) = (self.found.run.events.len(), self.found.parameters.ncols());
-        format!("<Sensitivities at t = {}: {events} events, {parameters} parameters>", self.t())
+    /// Pickled sensitivities.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        t: f64,
+        state: State,
+        events: Vec<Py<Event>>,
+        derivatives: [Bound<'_, PyAny>; 3],
+    ) -> Result<Self, Error> {
+        let py = cls.py();
+        let [by_state, by_parameters, event_times] = &derivatives;
+        let read = |name: &str, value: &Bound<'_, PyAny>, rows: usize, columns: usize| {
+            let values = with_shape(name, &[rows, columns], value)?;
+            Ok::<_, Error>(array(py, values, &[rows, columns])?.unbind())
+        };
+        let parameters = event_times.len()?.saturating_sub(12);
+        Ok(Self {
+            by_state: read("by_state", by_state, 12, 12)?,
+            by_parameters: read("by_parameters", by_parameters, 12, parameters)?,
+            event_times: read("event_times", event_times, 12 + parameters, events.len())?,
+            t,
+            state,
+            events,
+        })
     }
 }
 
-fn matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+fn matrix(py: Python<'_>, matrix: &DMatrix<f64>) -> PyResult<Py<PyArrayDyn<f64>>> {
     let mut values = vec![0.0; matrix.len()];
     write(matrix, &mut values);
-    array(py, values, &[matrix.nrows(), matrix.ncols()])
+    Ok(array(py, values, &[matrix.nrows(), matrix.ncols()])?.unbind())
 }
 
 /// A constant of the equations: a name, or a name with a contact or a direction.
@@ -224,6 +248,6 @@ pub(crate) fn differentiate(
             (so_far, Err(reason.into()))
         }
     };
-    let solution = Py::new(py, Sensitivities { found, contacts: count })?;
+    let solution = Py::new(py, Sensitivities::of(py, count, &found)?)?;
     plan.deliver(py, monitor.finish(py, status).failed, solution)
 }

@@ -3,14 +3,15 @@
 use crate::bodies::{RigidBody, State};
 use crate::convert::{array, finite, real_numbers, vector_or};
 use crate::error::Error;
-use crate::forces::Models;
+use crate::forces::{Drag, Gravity, Models, Spring};
 use crate::methods;
 use crate::plan::start_up_of;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use somersault::integrators::body;
 use somersault::integrators::driver::Flow;
+use somersault::integrators::force;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::studies::energy::{
     Behaviour, EnergyExtremes, EnergySetup, initial_angular_velocity,
@@ -397,16 +398,21 @@ impl Problem {
         forces: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
         let models = forces.map_or(Ok(Models::default()), |f| Models::extract("forces", f))?;
-        match reference {
-            None if models.is_empty() => {
-                Ok(Self(Chosen::Free(problem::free_rotation(body.0, state.0, finite("t_end", t_end)?)?)))
+        let chosen = match (reference, models.is_empty()) {
+            (None, true) => Chosen::Free(problem::free_rotation(body.0, state.0, finite("t_end", t_end)?)?),
+            (None, false) => {
+                return Err(Error::input("`reference` must be given where there are `forces`"));
             }
-            None => Err(Error::input("`reference` must be given where there are `forces`")),
-            Some(reference) => {
+            (Some(reference), true) => {
+                let system = RigidBodySystem::free(body.0);
+                Chosen::Free(problem::Problem::try_new(system, state.0, t_end, reference.0)?)
+            }
+            (Some(reference), false) => {
                 let system = RigidBodySystem::new(body.0, models);
-                Ok(Self(Chosen::Forced(problem::Problem::try_new(system, state.0, t_end, reference.0)?)))
+                Chosen::Forced(problem::Problem::try_new(system, state.0, t_end, reference.0)?)
             }
-        }
+        };
+        Ok(Self(chosen))
     }
 
     /// A freely rotating body of section 7.2.1 of the thesis, for 10 s.
@@ -432,21 +438,20 @@ impl Problem {
 
     /// A unit mass on a spring in gravity, for 2 s: a force that depends on the position.
     #[classmethod]
-    fn spring_pendulum(_: &Bound<'_, PyType>) -> Result<Self, Error> {
-        let p = problem::spring_pendulum()?;
-        let (gravity, spring) = p.system().forces;
-        let system = RigidBodySystem::new(p.system().body, Models::of([Box::new(gravity), Box::new(spring)]));
-        Ok(Self(Chosen::Forced(problem::Problem::try_new(system, *p.initial(), p.t_end(), *p.reference())?)))
+    fn spring_pendulum(cls: &Bound<'_, PyType>) -> Result<Self, Error> {
+        let (py, problem) = (cls.py(), problem::spring_pendulum()?);
+        let (gravity, spring) = problem.system().forces;
+        let forces = (Gravity::of(py, gravity)?, Spring::of(py, spring)?).into_pyobject(py)?;
+        under(&problem, &forces)
     }
 
     /// As `spring_pendulum`, with damping and drag: forces that depend on the velocity.
     #[classmethod]
-    fn damped_spring_pendulum(_: &Bound<'_, PyType>) -> Result<Self, Error> {
-        let p = problem::damped_spring_pendulum()?;
-        let (gravity, (spring, drag)) = p.system().forces;
-        let models = Models::of([Box::new(gravity), Box::new(spring), Box::new(drag)]);
-        let system = RigidBodySystem::new(p.system().body, models);
-        Ok(Self(Chosen::Forced(problem::Problem::try_new(system, *p.initial(), p.t_end(), *p.reference())?)))
+    fn damped_spring_pendulum(cls: &Bound<'_, PyType>) -> Result<Self, Error> {
+        let (py, problem) = (cls.py(), problem::damped_spring_pendulum()?);
+        let (gravity, (spring, drag)) = problem.system().forces;
+        let forces = (Gravity::of(py, gravity)?, Spring::of(py, spring)?, Drag::of(py, drag)?);
+        under(&problem, &forces.into_pyobject(py)?)
     }
 
     /// RigidBody: The body.
@@ -485,6 +490,15 @@ impl Problem {
         }
     }
 
+    /// list of ForceModel: What acts on the body.
+    #[getter]
+    fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        match &self.0 {
+            Chosen::Free(_) => Ok(PyList::empty(py)),
+            Chosen::Forced(p) => p.system().forces.to_python(py),
+        }
+    }
+
     fn __repr__(&self) -> String {
         let kind = match &self.0 {
             Chosen::Free(_) => "free body",
@@ -492,6 +506,34 @@ impl Problem {
         };
         format!("<Problem: {kind}, {} s>", self.t_end())
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.body(), own.state(), own.t_end(), own.reference(), own.forces(py)?);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled problem.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        body: RigidBody,
+        state: State,
+        t_end: f64,
+        reference: State,
+        forces: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        Self::new(body, state, t_end, Some(reference), Some(forces))
+    }
+}
+
+/// A problem of the library, with its forces as Python has them.
+fn under<F: force::ForceModel>(
+    problem: &problem::Problem<RigidBodySystem<F>>,
+    forces: &Bound<'_, PyTuple>,
+) -> Result<Problem, Error> {
+    let (body, state) = (RigidBody(problem.system().body), State(*problem.initial()));
+    Problem::new(body, state, problem.t_end(), Some(State(*problem.reference())), Some(forces))
 }
 
 fn errors_dict<'py>(py: Python<'py>, errors: &[Errors]) -> PyResult<Bound<'py, PyDict>> {

@@ -5,7 +5,7 @@ use crate::convert::{a_type, any_vectors, array, components, quaternions, rotati
 use crate::error::Error;
 use crate::event::{Event, Events};
 use crate::forces::sequence;
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple, PyType};
@@ -317,7 +317,7 @@ enum Curves {
 /// The state at any time of an integration.
 ///
 /// Called with a number it gives the `State`, or a list of them for several bodies; called with an
-/// array of times, a `Trajectory`.
+/// array of times, a `Trajectory`. Its curves are not written to files or pickles; a `Trajectory` is.
 #[pyclass(frozen, module = "somersault")]
 pub(crate) struct DenseOutput {
     cast: Cast,
@@ -372,6 +372,12 @@ impl DenseOutput {
 
     fn __repr__(&self) -> String {
         format!("<DenseOutput from t = {} to {}>", self.t_min(), self.t_max())
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(PyTypeError::new_err(
+            "the curves of a DenseOutput cannot be written or pickled: take the Trajectory that it gives at the times needed",
+        ))
     }
 }
 

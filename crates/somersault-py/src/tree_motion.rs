@@ -9,6 +9,7 @@ use crate::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::plan::{self, Plan, StepArguments, Steps, start_up_of};
 use crate::trajectory::Report;
 use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::integrators::driver::Outcome;
@@ -108,7 +109,8 @@ fn rows(model: &multibody::Model, states: &[TreeState]) -> Result<(Vec<f64>, Vec
 
 /// Configuration and velocity of a tree at any time of an integration.
 ///
-/// Called with a number it gives (q, v); called with n times, arrays with n rows each.
+/// Called with a number it gives (q, v); called with n times, arrays with n rows each. Its curves are not written to
+/// files or pickles; arrays are.
 #[pyclass(frozen, module = "somersault.multibody")]
 pub(crate) struct TreeDenseOutput {
     model: Py<Model>,
@@ -152,6 +154,12 @@ impl TreeDenseOutput {
 
     fn __repr__(&self) -> String {
         format!("<TreeDenseOutput from t = {} to {}>", self.t_min(), self.t_max())
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(PyTypeError::new_err(
+            "the curves of a TreeDenseOutput cannot be written or pickled: take the arrays that it gives at the times needed",
+        ))
     }
 }
 

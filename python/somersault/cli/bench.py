@@ -35,6 +35,26 @@ def bench(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _repeats(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a whole number, found {text!r}") from None
+    if not 1 <= number <= 1000:
+        raise argparse.ArgumentTypeError(f"must be between 1 and 1000, found {number}")
+    return number
+
+
+def _target(text: str) -> float:
+    try:
+        error = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be a number, found {text!r}") from None
+    if not 0.0 < error < np.inf:
+        raise argparse.ArgumentTypeError(f"must be positive and finite, found {error:g}")
+    return error
+
+
 def _shown(names: list[str], progress: bool) -> Iterable[str]:
     if not progress:
         return names
@@ -67,7 +87,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("methods", nargs="*", metavar="METHOD", help="names; all unless given")
     parser.add_argument("--case", type=int, choices=(1, 2, 3), default=2, help="of the thesis (%(default)s)")
-    parser.add_argument("--target", type=float, nargs="+", default=[1e-2, 1e-5, 1e-8], help="errors, rad")
-    parser.add_argument("--repeats", type=int, default=3, help="the shortest time counts (%(default)s)")
+    parser.add_argument("--target", type=_target, nargs="+", default=[1e-2, 1e-5, 1e-8], help="errors, rad")
+    parser.add_argument("--repeats", type=_repeats, default=3, help="the shortest time counts (%(default)s)")
     parser.add_argument("--out", type=Path, help="file of all runs: .parquet, .csv or .json")
     parser.set_defaults(command=bench)

@@ -70,7 +70,8 @@ def read(path: Path, name: str) -> Document:
     """Reads a document, JSON if its name ends so and TOML otherwise, and checks it against a schema."""
     toml = path.suffix.lower() != ".json"
     try:
-        text = path.read_text("utf-8")
+        # Some editors begin a file with a mark of the byte order.
+        text = path.read_text("utf-8-sig")
     except OSError as fault:
         raise DocumentError(f"{path}: {fault.strerror}") from None
     except UnicodeDecodeError as fault:
@@ -162,6 +163,15 @@ def _words(error: Any) -> str:
             return f"must be one of {', '.join(map(str, error.validator_value))}, found {error.instance!r}"
         case "type":
             return f"must be {_kind(error.validator_value)}, found {error.instance!r:.60}"
+        case "minItems" | "maxItems":
+            bounds = [error.schema.get(bound) for bound in ("minItems", "maxItems")]
+            if bounds[0] == bounds[1]:
+                allowed = f"have {bounds[0]}"
+            else:
+                allowed = (
+                    f"have at {'least' if error.validator == 'minItems' else 'most'} {error.validator_value}"
+                )
+            return f"must {allowed} entries, found {len(error.instance)}"
         case "oneOf" | "anyOf" if all("required" in option for option in error.validator_value):
             names = [" and ".join(option["required"]) for option in error.validator_value]
             found = [name for name in names if all(key in error.instance for key in name.split(" and "))]

@@ -88,15 +88,21 @@ def _of_solution(solution: TreeSolution) -> Track:
 
 def _of_tree(model: Model, t: Array, q: Array, v: Array | None) -> Track:
     q = model.normalize(q)
+    moments, center = t, np.asarray(model.center_of_mass(q))
     t, q, v = _refined(model, t, q, v)
-    poses = _from_matrices(model.poses(q))
+    poses, drawn = _from_matrices(model.poses(q)), np.asarray(model.center_of_mass(q))
+    if model.links[0].joint in ("free", "planar"):
+        # Between samples the root goes about the centre of mass, and not the centre about the root.
+        steady = np.column_stack([np.interp(t, moments, axis) for axis in center.T])
+        poses[..., :3] += (steady - drawn)[:, None]
+        drawn = steady
     kept = _thinned(t, poses)
-    t, q, poses = t[kept], q[kept], poses[kept]
+    t, q, poses, drawn = t[kept], q[kept], poses[kept], drawn[kept]
     momentum = rate = None
     if v is not None:
         momentum = np.asarray(model.centroidal_momentum(q, v[kept]))[:, 3:]
         rate = _mean_rate(model, q, momentum)
-    return Track(tuple(model.names), t, poses, np.asarray(model.center_of_mass(q)), momentum, rate)
+    return Track(tuple(model.names), t, poses, drawn, momentum, rate)
 
 
 def _refined(model: Model, t: Array, q: Array, v: Array | None) -> tuple[Array, Array, Array | None]:
