@@ -335,3 +335,12 @@ def test_a_trajectory_can_be_made_from_arrays(body: RigidBody, state: State) -> 
     np.testing.assert_array_equal(again.angular_momentum, motion.angular_momentum)
     with pytest.raises(somersault.InputError, match=r"`quaternion` must be real numbers of shape \(11, 4\)"):
         somersault.Trajectory(body, motion.t, motion.position, motion.position, *parts[3:])
+
+
+@pytest.mark.parametrize("found", [0, -1, -(2**70)])
+@pytest.mark.parametrize("argument", ["max_steps", "every"])
+def test_numbers_of_steps_are_refused_by_their_names(
+    argument: str, found: int, body: RigidBody, state: State
+) -> None:
+    with pytest.raises(ValueError, match=f"`{argument}` must be a positive number of steps"):
+        integrate(body, state, (0.0, 1.0), method="rkmk8_b", **{argument: found})  # type: ignore[arg-type]

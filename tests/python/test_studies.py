@@ -85,3 +85,13 @@ def test_a_problem_of_your_own(body: RigidBody, state: State) -> None:
     with pytest.raises(somersault.errors.TorqueError):
         torque = studies.Problem(body, state, 1.0, reference=fine, forces=forces.Torque((1, 0, 0)))
         studies.convergence(torque, "dmv2", [0.1])
+
+
+@pytest.mark.parametrize("found", [0, -3, 2**70, 1001])
+def test_counts_are_refused_by_their_names(found: int) -> None:
+    with pytest.raises(ValueError, match="`repeats` must be from 1 to 1000"):
+        studies.work_precision(studies.Problem.case(1), "rk4", [0.1], repeats=found)
+    with pytest.raises(ValueError, match="`n` must be from 1 to 1000"):
+        studies.prisms(found)
+    with pytest.raises(ValueError, match="`number` must be 1, 2 or 3"):
+        studies.Problem.case(found)

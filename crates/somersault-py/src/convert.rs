@@ -6,6 +6,7 @@
 use crate::error::Error;
 use numpy::prelude::*;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
+use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
@@ -14,6 +15,21 @@ use somersault::integrators::nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuat
 /// How far RᵀR of a rotation matrix may be from the identity: what is left of one written to eight
 /// digits.
 const ORTHOGONAL: f64 = 1e-7;
+
+/// An integer; one beyond 64 bits is the nearest of them.
+pub(crate) fn integer(value: &Bound<'_, PyAny>) -> PyResult<i64> {
+    match value.extract::<i64>() {
+        Err(error) if error.is_instance_of::<PyOverflowError>(value.py()) => {
+            Ok(if value.lt(0)? { i64::MIN } else { i64::MAX })
+        }
+        found => found,
+    }
+}
+
+/// The same for an argument that may be None.
+pub(crate) fn integer_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
+    if value.is_none() { Ok(None) } else { integer(value).map(Some) }
+}
 
 /// Real numbers in the order of C, with their shape.
 struct Numbers {

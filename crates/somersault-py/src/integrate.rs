@@ -1,5 +1,6 @@
 //! The front door: integration of one body or of several.
 
+use crate::convert::{integer, integer_or_none};
 use crate::error::Error;
 use crate::event::Events;
 use crate::forces::{Failure, Reader};
@@ -238,10 +239,10 @@ pub(crate) fn integrate<'py>(
     atol: Option<f64>,
     max_step: Option<f64>,
     first_step: Option<f64>,
-    max_steps: Option<usize>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
     start_up: &str,
     dense_output: bool,
-    every: i64,
+    #[pyo3(from_py_with = integer)] every: i64,
     observer: Option<Bound<'py, PyAny>>,
     on_interrupt: &str,
     progress: bool,

@@ -53,7 +53,7 @@ pub(crate) struct StepArguments {
     pub(crate) atol: Option<f64>,
     pub(crate) max_step: Option<f64>,
     pub(crate) first_step: Option<f64>,
-    pub(crate) max_steps: Option<usize>,
+    pub(crate) max_steps: Option<i64>,
 }
 
 impl StepArguments {
@@ -93,12 +93,19 @@ impl StepArguments {
                         },
                         first_step: self.first_step,
                         max_step: self.max_step.unwrap_or(default.max_step),
-                        max_steps: self.max_steps.unwrap_or(default.max_steps),
+                        max_steps: self.max_steps.map_or(Ok(default.max_steps), max_steps_of)?,
                     },
                 ))
             }
         }
     }
+}
+
+fn max_steps_of(max_steps: i64) -> Result<usize, Error> {
+    let positive = usize::try_from(max_steps).ok().filter(|n| *n > 0);
+    positive.ok_or_else(|| {
+        Error::input(format!("`max_steps` must be a positive number of steps, found {max_steps}"))
+    })
 }
 
 /// A number of steps.

@@ -1,7 +1,7 @@
 //! Studies of stability and accuracy.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{array, finite, real_numbers, vector_or};
+use crate::convert::{array, finite, integer, real_numbers, vector_or};
 use crate::error::Error;
 use crate::forces::{Drag, Gravity, Models, Spring};
 use crate::methods;
@@ -298,15 +298,20 @@ impl EnergyStudy {
 /// Parameters
 /// ----------
 /// n : int
-///     Sides to try; n² bodies.
+///     Sides to try, from 1 to 1000; n² bodies.
 ///
 /// Returns
 /// -------
 /// list of RigidBody
 ///     The bodies.
 #[pyfunction]
-pub(crate) fn prisms(n: usize) -> Result<Vec<RigidBody>, Error> {
-    Ok(energy::prisms(n)?.into_iter().map(RigidBody).collect())
+pub(crate) fn prisms(#[pyo3(from_py_with = integer)] n: i64) -> Result<Vec<RigidBody>, Error> {
+    Ok(energy::prisms(at_most_a_thousand("n", n)?)?.into_iter().map(RigidBody).collect())
+}
+
+fn at_most_a_thousand(argument: &str, found: i64) -> Result<usize, Error> {
+    let few = usize::try_from(found).ok().filter(|n| (1..=1000).contains(n));
+    few.ok_or_else(|| Error::input(format!("`{argument}` must be from 1 to 1000, found {found}")))
 }
 
 /// Extremes of the rotational energy of free bodies at large steps.
@@ -422,10 +427,10 @@ impl Problem {
     /// number : {1, 2, 3}
     ///     A symmetric rod, a box about its middle axis, or a symmetric plate.
     #[classmethod]
-    fn case(_: &Bound<'_, PyType>, number: usize) -> Result<Self, Error> {
-        let case = number
-            .checked_sub(1)
-            .and_then(|i| Case::ALL.get(i))
+    fn case(_: &Bound<'_, PyType>, #[pyo3(from_py_with = integer)] number: i64) -> Result<Self, Error> {
+        let case = usize::try_from(number)
+            .ok()
+            .and_then(|number| Case::ALL.get(number.checked_sub(1)?))
             .ok_or_else(|| Error::input(format!("`number` must be 1, 2 or 3, found {number}")))?;
         Ok(Self(Chosen::Free(case.problem()?)))
     }
@@ -748,7 +753,7 @@ impl WorkPrecision {
 ///     Relative tolerances in the place of steps, for the adaptive methods; the absolute ones are a
 ///     hundredth of them.
 /// repeats : int, optional
-///     How often each run is timed; the least time counts.
+///     How often each run is timed, from 1 to 1000; the least time counts.
 /// start_up : {'one_step', 'ladder'}, optional
 ///     How the Adams methods start.
 ///
@@ -769,10 +774,11 @@ pub(crate) fn work_precision_study(
     method: &Bound<'_, PyAny>,
     dts: Option<&Bound<'_, PyAny>>,
     tolerances: Option<&Bound<'_, PyAny>>,
-    repeats: usize,
+    #[pyo3(from_py_with = integer)] repeats: i64,
     start_up: &str,
 ) -> Result<WorkPrecision, Error> {
     let (method, options) = method_and_options(method, start_up)?;
+    let repeats = at_most_a_thousand("repeats", repeats)?;
     let choices: Vec<StepChoice> = match (dts, tolerances) {
         (Some(dts), None) => real_numbers("dts", dts)?.into_iter().map(StepChoice::Fixed).collect(),
         (None, Some(t)) => real_numbers("tolerances", t)?.into_iter().map(StepChoice::Tolerance).collect(),

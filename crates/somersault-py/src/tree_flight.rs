@@ -1,6 +1,6 @@
 //! Momentum-reduced flight of trees.
 
-use crate::convert::with_shape;
+use crate::convert::{integer, integer_or_none, with_shape};
 use crate::error::Error;
 use crate::forces::{Failure, call, callable_name};
 use crate::methods;
@@ -109,9 +109,9 @@ pub(crate) fn integrate_flight<'py>(
     atol: Option<f64>,
     max_step: Option<f64>,
     first_step: Option<f64>,
-    max_steps: Option<usize>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
     start_up: &str,
-    every: i64,
+    #[pyo3(from_py_with = integer)] every: i64,
     on_interrupt: &str,
     progress: bool,
 ) -> Result<Py<TreeSolution>, Error> {

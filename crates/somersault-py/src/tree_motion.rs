@@ -1,6 +1,6 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
-use crate::convert::{array, times, with_shape};
+use crate::convert::{array, integer, integer_or_none, times, with_shape};
 use crate::error::Error;
 use crate::forces::{Failure, call, callable_name};
 use crate::methods;
@@ -383,10 +383,10 @@ pub(crate) fn integrate_tree<'py>(
     atol: Option<f64>,
     max_step: Option<f64>,
     first_step: Option<f64>,
-    max_steps: Option<usize>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
     start_up: &str,
     dense_output: bool,
-    every: i64,
+    #[pyo3(from_py_with = integer)] every: i64,
     observer: Option<Bound<'py, PyAny>>,
     on_interrupt: &str,
     progress: bool,

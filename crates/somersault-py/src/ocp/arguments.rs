@@ -1,27 +1,12 @@
 //! Arguments as Python gives them, refused by their names.
 
 use crate::convert::a_type;
+pub(crate) use crate::convert::{integer, integer_or_none};
 use crate::error::Error;
-use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 
 /// Most entries of anything that is kept in memory: steps, coefficients, starts.
 const MOST: i64 = 1_000_000;
-
-/// An integer; one beyond 64 bits is the nearest of them.
-pub(crate) fn integer(value: &Bound<'_, PyAny>) -> PyResult<i64> {
-    match value.extract::<i64>() {
-        Err(error) if error.is_instance_of::<PyOverflowError>(value.py()) => {
-            Ok(if value.lt(0)? { i64::MIN } else { i64::MAX })
-        }
-        found => found,
-    }
-}
-
-/// The same for an argument that may be None.
-pub(crate) fn integer_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
-    if value.is_none() { Ok(None) } else { integer(value).map(Some) }
-}
 
 /// A sequence of integers, or None.
 pub(crate) fn integers_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<Vec<i64>>> {
