@@ -53,7 +53,7 @@ impl DiveSearch {
     /// steps by a filter, for a merit function shortens them along the curved constraints of the entry; but none that leaves
     /// the dive that the soft stages have found.
     pub fn staged() -> Self {
-        let soft = Sqp { stationarity_tol: 1e-3, max_iterations: 40, ..Sqp::default() };
+        let soft = Sqp { stationarity_tol: 1e-3, max_iterations: 20, ..Sqp::default() };
         let hard = Sqp {
             stationarity_tol: 1e-6,
             globalisation: Globalisation::Filter,
