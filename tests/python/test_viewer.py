@@ -184,6 +184,83 @@ def test_the_camera_follows_what_goes_far(dive: multibody.TreeSolution) -> None:
     assert not data(viewer.Scene().add(dive).camera(follow=False))["camera"]["follow"]
 
 
+# Contacts
+
+
+LEG = multibody.Model(
+    [
+        multibody.Link("thigh", "planar", body=BODY),
+        multibody.Link(
+            "shank", "revolute", parent="thigh", axis=(0, 1, 0), origin=(0.0, 0.0, -0.4), body=BODY
+        ),
+    ]
+)
+
+
+def contacts_sent(forces: Array, t: Array) -> list[dict[str, Any]]:
+    q = np.zeros((len(t), LEG.n_positions))
+    shapes = {"thigh": viewer.Sphere(0.1)}
+    scene = viewer.Scene().add(LEG, t, q, shapes=shapes, contacts=[("shank", (0.0, 0.1, -0.4), forces)])
+    (motion,) = data(scene)["motions"]
+    # The body that touches goes with those that are drawn.
+    assert motion["bodies"] == 2
+    np.testing.assert_allclose(unpacked(motion["poses"], 2, 7)[0, :, 2], [0.0, -0.4], atol=1e-6)
+    sent: list[dict[str, Any]] = motion["force"]
+    return sent
+
+
+def test_contacts_go_to_the_page_with_times_of_their_own() -> None:
+    t = np.linspace(2.0, 4.0, 20_001)
+    # A touch that begins and ends slowly, a blow of 2 ms, and a push that sways.
+    touch, blow = (np.sin(np.pi * np.clip((t - at) / span, 0, 1)) for at, span in ((2.2, 0.2), (2.5, 2e-3)))
+    push = np.where(t > 3.0, 50.0 + 20.0 * np.sin(9.0 * t), 0.0)
+    up = 60.0 * touch**2 + 900.0 * blow + push
+    up[up < 1e-9] = 0.0
+    forces = np.column_stack([0.3 * push, np.zeros_like(t), up])
+    (sent,) = contacts_sent(forces, t)
+    assert sent["body"] == 1 and sent["point"] == [0.0, 0.1, -0.4]
+    found, drawn = unpacked(sent["times"]).astype(float) + 2.0, unpacked(sent["forces"], 3).astype(float)
+    assert len(found) < 150
+    back = np.column_stack([np.interp(t, found, axis) for axis in drawn.T])
+    assert np.linalg.norm(back - forces, axis=1).max() < 0.01 * np.linalg.norm(forces, axis=1).max()
+    # It touches when it does, to a sample of the motion.
+    touching = forces.any(axis=1)
+    assert not back[~(touching | np.roll(touching, 1) | np.roll(touching, -1))].any()
+    assert back[touching].any(axis=1).all()
+
+
+def test_a_contact_that_never_touches_is_two_samples() -> None:
+    (sent,) = contacts_sent(np.zeros((500, 3)), np.linspace(0.0, 1.0, 500))
+    assert len(unpacked(sent["times"])) == 2 and not unpacked(sent["forces"]).any()
+    (motion,) = data(viewer.Scene().add(BODY, TIMES, STILL))["motions"]
+    assert "force" not in motion
+
+
+def test_forces_on_a_body_are_at_the_times_of_its_solution() -> None:
+    law = somersault.contact.CompliantLaw.from_restitution(1.0, 1e4, 0.5)
+    ball = somersault.contact.bouncing_ball(1.0, 0.1, law, height=1.0)
+    motion = somersault.integrate(
+        ball.body, ball.state, (0.0, 0.6), dt=1e-3, forces=ball.forces, contacts=ball.contacts
+    )
+    (touch,) = ball.contacts
+    size = np.array([law.force(*touch.gap(motion[n])) for n in range(len(motion))])
+    forces = size[:, None] * [0.0, 0.0, 1.0]
+    (page,) = data(viewer.Scene().add(motion, contacts=[("body", touch.point, forces)]))["motions"]
+    (sent,) = page["force"]
+    t, found = unpacked(sent["times"]), unpacked(sent["forces"], 3)
+    down, up = (event.t for event in motion.events)
+    touching = t[found.any(axis=1)]
+    assert len(touching) > 5 and down - 1e-3 <= touching[0] <= touching[-1] <= up + 1e-3
+    assert found.max() == pytest.approx(size.max())
+
+
+def test_a_contact_that_would_fill_a_page_is_refused() -> None:
+    t = np.arange(60_000) * 1e-4
+    noise = np.random.default_rng(3).normal(size=(len(t), 3))
+    with pytest.raises(ViewerError, match="would need 60000 samples of a force and has at most 50000"):
+        contacts_sent(noise, t)
+
+
 # Figures
 
 
@@ -287,6 +364,7 @@ def add(**arguments: Any) -> Callable[[], object]:
 
 
 PAIR = {"torso": viewer.Sphere(0.1), "limb": viewer.Sphere(0.1)}
+PUSH = np.tile([0.0, 0.0, 10.0], (3, 1))
 
 
 @pytest.mark.parametrize(
@@ -315,6 +393,31 @@ PAIR = {"torso": viewer.Sphere(0.1), "limb": viewer.Sphere(0.1)}
             "`trails` must be names, or names and points, found (1.0, 2.0, 3.0)",
         ),
         (add(trails=(("body", (1.0, 2.0)),)), "`trails` must be of shape (3,), found (2,)"),
+        (
+            add(contacts=("body", (0.0, 0.0, 0.0), PUSH)),
+            "`contacts` must be names, points and forces, found 'body'",
+        ),
+        (
+            add(contacts=(("body", PUSH),)),
+            "`contacts` must be names, points and forces, found ('body', array(",
+        ),
+        (
+            add(contacts=(("foot", (0.0, 0.0, 0.0), PUSH),)),
+            "`contacts` names no body 'foot'; there are body",
+        ),
+        (add(contacts=(("body", 0.0, PUSH),)), "`contacts` must be of shape (3,), found ()"),
+        (
+            add(contacts=(("body", (0.0, 0.0, 0.0), PUSH[:2]),)),
+            "`contacts` must have a row for each of the 3 times, found 2",
+        ),
+        (
+            add(contacts=(("body", (0.0, 0.0, 0.0), PUSH[:, 2]),)),
+            "`contacts` must be of shape (n, 3), found (3,)",
+        ),
+        (
+            add(contacts=(("body", (0.0, 0.0, 0.0), np.nan * PUSH),)),
+            "`contacts` must be finite, found nan",
+        ),
         (lambda: viewer.Scene().html(), "the scene must have a motion"),
         (lambda: viewer.Scene().ground(np.nan), "`height` must be finite, found nan"),
         (lambda: viewer.Scene().water("deep"), "`height` must be real numbers, found 'deep'"),  # type: ignore[arg-type]

@@ -1,5 +1,6 @@
 """The viewer in a browser without a window, and the films that come out of it."""
 
+import base64
 import io
 import json
 import re
@@ -169,6 +170,69 @@ def test_a_shadow_falls_on_the_ground() -> None:
 
     assert dark(-0.12) > 0.01
     assert dark(-40.0) == 0.0
+
+
+@in_browser
+def test_a_tree_is_seen_to_touch_and_how_hard(tmp_path: Path) -> None:
+    thigh, shank = (RigidBody.box(1.0, (0.1, 0.1, 0.4)) for _ in range(2))
+    leg = multibody.Model(
+        [
+            multibody.Link("thigh", "planar", body=thigh, center=(0.0, 0.0, -0.2)),
+            multibody.Link(
+                "shank",
+                "revolute",
+                parent="thigh",
+                axis=(0, 1, 0),
+                origin=(0.0, 0.0, -0.4),
+                body=shank,
+                center=(0.0, 0.0, -0.2),
+            ),
+        ]
+    )
+    t = np.linspace(0.0, 1.0, 1001)
+    q = np.column_stack([0.1 * t, 0.8 - 0.3 * t**2, 0.8 * t, -1.6 * t])
+    sole = np.array([0.0, 0.0, -0.4])
+    forces = np.zeros((len(t), 3))
+    forces[t >= 0.5] = 5.0, 0.0, 40.0
+    # The knee is hit for 2 ms.
+    hit = np.zeros((len(t), 3))
+    hit[900:903] = 0.0, 0.0, 80.0
+    scene = viewer.Scene().ground().camera("side").play(arrows=("contact_force",))
+    scene.add(leg, t, q, trails=(), contacts=[("shank", sole, forces), ("shank", np.zeros(3), hit)])
+
+    at = (0.25, 0.4985, 0.75, 0.901)
+    script = f"""
+    const [motion] = player.scene.motions, form = document.getElementById("controls").elements;
+    const touching = {list(at)}.map(t => motion.touching(t)), pictures = [];
+    pictures.push(player.picture(0.75, 640, 480));
+    form.force.click(); pictures.push(player.picture(0.75, 640, 480));
+    const hidden = [form.force, form.momentum].map(control => control.parentElement.hidden);
+    const scale = player.stage.arrowScale.force, {{ radius }} = player.scene;
+    return {{ touching, hidden, pictures, scale, radius }};
+    """
+    found = run(scene, tmp_path, script)
+    assert [len(touching) for touching in found["touching"]] == [0, 0, 1, 2]
+    assert found["hidden"] == [False, True]
+    for moment, touching in zip(at, found["touching"], strict=True):
+        k = round(1000 * moment)
+        pose = leg.poses(q[k])[leg.body("shank")]
+        points, sizes = (pose[:3, :3] @ sole + pose[:3, 3], pose[:3, 3]), (forces[k], hit[k])
+        for (place, force), point, size in zip(touching, points, sizes, strict=False):
+            np.testing.assert_allclose(place, point, atol=1e-3)
+            np.testing.assert_allclose(force, size, rtol=1e-6)
+    # The largest force of all is 1.4 radii of the figure long.
+    assert found["scale"] * 80.0 == pytest.approx(1.4 * found["radius"])
+
+    def painted(picture: str) -> tuple[int, int]:
+        """Pixels in the colours of marks and of arrows, in the address of an image."""
+        red, green, blue = np.moveaxis(seen(base64.b64decode(picture.partition(",")[2])), -1, 0)
+        mark = (red > 150) & (green > 100) & (blue < 60)
+        return int(mark.sum()), int(((green > red + 50) & (green > blue + 30)).sum())
+
+    (mark, arrow), (alone, none) = (painted(picture) for picture in found["pictures"])
+    assert mark > 20 and alone > 20 and arrow > 100 and none == 0
+    (before,) = film.pictures(scene, [0.25], (640, 480))
+    assert painted("," + base64.b64encode(before).decode()) == (0, 0)
 
 
 @in_browser

@@ -1,8 +1,9 @@
 """Motions on a page: rigid bodies, trees and dives, in a browser, without a server.
 
 A `Scene` holds motions and what stands around them, and writes one file of HTML that loads nothing. It
-plays them with a slider of time, a camera that turns by mouse or touch, trails, and arrows of angular
-momentum and angular velocity; two motions can be put side by side. `Scene.export` makes a GIF or an MP4.
+plays them with a slider of time, a camera that turns by mouse or touch, trails, points that touch, and
+arrows of contact forces, angular momentum and angular velocity; two motions can be put side by side.
+`Scene.export` makes a GIF or an MP4.
 
 >>> import numpy as np
 >>> from somersault import multibody, viewer

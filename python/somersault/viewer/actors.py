@@ -16,7 +16,7 @@ from somersault._somersault import Model, Trajectory, TreeSolution
 from somersault.errors import ViewerError
 from somersault.viewer.figures import equivalent_ellipsoid, figure
 from somersault.viewer.shapes import Box, Ellipsoid, Shape, rgb
-from somersault.viewer.tracks import Moving, Track
+from somersault.viewer.tracks import Moving, Touch, Track
 
 __all__ = ["Actor", "Shapes", "View", "body_index", "default_shapes", "named_shapes", "shape_data"]
 
@@ -38,6 +38,7 @@ class Actor:
     label: str
     panel: int
     trails: Sequence[tuple[int | None, Array]]
+    touches: Sequence[Touch]
 
     @cached_property
     def _skin(self) -> tuple[Array, NDArray[np.intp]]:
@@ -81,8 +82,9 @@ class Actor:
         """What the page needs of the motion, times from `start` on."""
         moving = self.track
         drawn = [i for i, name in enumerate(moving.names) if name in self.shapes]
-        # Trails may belong to bodies without a shape.
-        drawn += sorted({body for body, _ in self.trails if body is not None} - set(drawn))
+        # Trails and contacts may belong to bodies without a shape.
+        others = {body for body, _ in self.trails if body is not None} | {at.body for at in self.touches}
+        drawn += sorted(others - set(drawn))
         data: dict[str, Any] = {
             "label": self.label,
             "colour": np.round(rgb("color", self.color), 3).tolist(),
@@ -109,6 +111,16 @@ class Actor:
             values: Array | None = getattr(moving, name)
             if values is not None:
                 data[name] = packed(values)
+        if self.touches:
+            data["force"] = [
+                {
+                    "body": drawn.index(at.body),
+                    "point": at.point.tolist(),
+                    "times": packed(at.t - start),
+                    "forces": packed(at.forces),
+                }
+                for at in self.touches
+            ]
         return data
 
 

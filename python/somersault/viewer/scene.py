@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import reprlib
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
@@ -28,17 +29,18 @@ from somersault.viewer.actors import (
 )
 from somersault.viewer.figures import is_cart_pendulum, rail
 from somersault.viewer.shapes import Box, Shape, numbers, positive, rgb
-from somersault.viewer.tracks import Moving, track
+from somersault.viewer.tracks import Moving, Touch, touch, track
 
 __all__ = ["Scene", "animate"]
 
 Array = NDArray[np.float64]
-Arrow: TypeAlias = Literal["angular_momentum", "angular_velocity"]
+Arrow: TypeAlias = Literal["angular_momentum", "angular_velocity", "contact_force"]
+Contact: TypeAlias = tuple[str, ArrayLike, ArrayLike]
 Trail: TypeAlias = str | tuple[str, ArrayLike]
 
 _VIEWS = ("corner", "side", "front", "top")
 _SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
-_ARROWS = {"angular_momentum": "momentum", "angular_velocity": "rate"}
+_ARROWS = {"angular_momentum": "momentum", "angular_velocity": "rate", "contact_force": "force"}
 _SCRIPTS = ("linear", "meshes", "motion", "shaders", "stage", "camera", "player")
 _CENTER = "center_of_mass"
 
@@ -57,6 +59,13 @@ def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
     if not (isinstance(trail, tuple) and len(trail) == 2):
         raise ViewerError(f"`trails` must be names, or names and points, found {trail!r}")
     return body_index("trails", trail[0], names), numbers("trails", trail[1], (3,))
+
+
+def _touch(contact: Contact, moving: Moving, t: ArrayLike | None, names: tuple[str, ...]) -> Touch:
+    if not (isinstance(contact, tuple) and len(contact) == 3):
+        raise ViewerError(f"`contacts` must be names, points and forces, found {reprlib.repr(contact)}")
+    name, point, forces = contact
+    return touch(moving, t, body_index("contacts", name, names), numbers("contacts", point, (3,)), forces)
 
 
 class Scene:
@@ -103,6 +112,7 @@ class Scene:
         label: str = "",
         panel: int = 0,
         trails: Sequence[Trail] = (_CENTER,),
+        contacts: Sequence[Contact] = (),
     ) -> Scene:
         """Adds a motion.
 
@@ -133,6 +143,11 @@ class Scene:
         trails : sequence of str or (str, array_like)
             Points that leave a trail: `"center_of_mass"`, the name of a body for its origin, or a name
             and a point in the axes of that body.
+        contacts : sequence of (str, array_like, array_like)
+            Points that touch: the name of a body, a point in the axes of that body, and the forces on it at
+            the times of the motion, of shape (n, 3), N, in world axes, linear between them. While its force
+            is not zero a point is marked, and the arrow of the force starts there; both are seen through
+            bodies and ground.
 
         Raises
         ------
@@ -146,7 +161,8 @@ class Scene:
         paint = COLORS[len(self._actors) % len(COLORS)] if color is None else color
         rgb("color", paint)
         points = [_trail(trail, found.names) for trail in trails]
-        self._actors.append(Actor(found, looks, paint, label, panel, points))
+        touches = [_touch(contact, moving, t, found.names) for contact in contacts]
+        self._actors.append(Actor(found, looks, paint, label, panel, points, touches))
         model = moving.model if isinstance(moving, TreeSolution) else moving
         if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):
             way = found.poses[:, 0, 0]

@@ -1,4 +1,4 @@
-"""What of a motion the viewer draws: the poses of bodies at times, the centre of mass, momentum and rate."""
+"""What of a motion the viewer draws: poses at times, the centre of mass, momentum, rate and contacts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from somersault._somersault import Model, RigidBody, Trajectory, TreeSolution
 from somersault.errors import ViewerError
 from somersault.viewer.shapes import numbers
 
-__all__ = ["Moving", "Track", "track"]
+__all__ = ["Moving", "Touch", "Track", "touch", "track"]
 
 Array = NDArray[np.float64]
 Moving: TypeAlias = Model | RigidBody | Trajectory | TreeSolution
@@ -22,6 +22,8 @@ Moving: TypeAlias = Model | RigidBody | Trajectory | TreeSolution
 _INTERVAL, _TURN = 1 / 60, 0.3
 #: Samples of a motion that turns little, at most, and of any.
 _LARGEST, _LIMIT = 6000, 50_000
+#: Samples of a force are left out where it changes by less than this share of the largest.
+_CHANGE = 0.01
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,16 @@ class Track:
     center: Array
     momentum: Array | None
     rate: Array | None
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A point of a body, and the forces on it at times of its own."""
+
+    body: int
+    point: Array
+    t: Array
+    forces: Array
 
 
 def times(t: ArrayLike) -> Array:
@@ -75,6 +87,25 @@ def track(moving: Moving, t: ArrayLike | None, q: ArrayLike | None, v: ArrayLike
     position = rows("q", q, len(moments), moving.n_positions)
     velocity = None if v is None else rows("v", v, len(moments), moving.n_velocities)
     return _of_tree(moving, moments, position, velocity)
+
+
+def touch(moving: Moving, t: ArrayLike | None, body: int, point: Array, forces: ArrayLike) -> Touch:
+    """A contact with those of its samples that are enough. See `Scene.add`."""
+    # `track` has found these to be times.
+    moments = np.asarray(moving.t if isinstance(moving, Trajectory | TreeSolution) else t, dtype=np.float64)
+    found = rows("contacts", forces, len(moments), 3)
+    # Contacts may be shorter than the steps between poses: what begins, ends or jumps is kept on both sides.
+    begun = np.diff(found.any(axis=1))
+    change = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    share = _CHANGE * np.linalg.norm(found, axis=1).max() or 1.0
+    stepped = begun | (np.diff(np.floor(np.cumsum(change) / share), prepend=0.0) > 0.0)
+    kept = np.flatnonzero(np.append(stepped, True) | np.append(True, stepped))
+    if len(kept) > _LIMIT:
+        raise ViewerError(
+            f"`contacts` change too often for a page, which would need {len(kept)} samples of a force and has"
+            f" at most {_LIMIT}; add a part of the motion"
+        )
+    return Touch(body, point, moments[kept], found[kept])
 
 
 def _of_solution(solution: TreeSolution) -> Track:

@@ -73,3 +73,9 @@ function reach({ positions }) {
 // Of length 1 along z; the width is scaled in use.
 const SHAFT = new Float32Array([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 1, 1, 1, 0, 0, 1, 1, 1, 0, 0, 1, 1, 1, 0, 0, 0, 0]);
 const HEAD = new Float32Array([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0]);
+
+// Of radius 1.
+const BALL = new Float32Array([...Array(17).keys()].flatMap(k => {
+  const angle = Math.PI * (k / 16 - 0.5), across = Math.cos(angle);
+  return [Math.sin(angle), 0, 0, across, across];
+}));

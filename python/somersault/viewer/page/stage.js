@@ -7,7 +7,12 @@ const OPENING = 30 * Math.PI / 180;
 const ARROWS = {
   momentum: { colour: [0.80, 0.20, 0.24], longest: 1.4, thickness: 0.016 },
   rate: { colour: [0.16, 0.22, 0.62], longest: 1.0, thickness: 0.026 },
+  force: { colour: [0.05, 0.50, 0.22], longest: 1.4, thickness: 0.016 },
 };
+// Where a point touches, in radii of the figure.
+const MARK = { colour: [1.0, 0.78, 0.0], radius: 0.024 };
+// In place of the sun's view: it takes all out of the box of the shadows, where nothing is shaded.
+const SHADELESS = aligned([0, 0, 1], [2, 2, 2], 0, 0);
 
 class Stage {
   constructor(canvas, scene) {
@@ -30,6 +35,7 @@ class Stage {
     this.strip = this.buffer(new Float32Array([0, -1, 1, -1, 0, 1, 1, 1]));
     this.shaft = this.solid(skin(SHAFT));
     this.head = this.solid(skin(HEAD));
+    this.ball = this.solid(skin(BALL));
     this.fixed = scene.fixed.map(shape => this.shape(shape));
     this.figures = scene.motions.map(motion => motion.shapes.map(shape => this.shape(shape)));
     this.trails = scene.motions.map(motion => motion.trails.map(trail => this.trail(motion, trail)));
@@ -142,7 +148,7 @@ class Stage {
   draw(panel, [left, bottom, width, height], t, camera, shown) {
     const { gl, scene } = this;
     const solids = this.fixed.map(shape => ({ ...shape, model: shape.own }));
-    const lines = [], arrows = [];
+    const lines = [], arrows = [], touches = [];
     scene.motions.forEach((motion, m) => {
       if (motion.panel !== panel) return;
       const where = motion.locate(t), bodies = new Map();
@@ -154,8 +160,11 @@ class Stage {
         solids.push({ ...shape, model: product(bodies.get(shape.body), shape.own) });
       }
       for (const name of Object.keys(ARROWS)) {
-        if (shown[name] && motion[name]) arrows.push(...this.arrow(motion, name, where));
+        if (!shown[name]) continue;
+        const drawn = motion.arrows(name, t).flatMap(([from, vector]) => this.arrow(name, from, vector));
+        (name === "force" ? touches : arrows).push(...drawn);
       }
+      touches.push(...motion.touching(t).map(([at]) => this.mark(at)));
       if (shown.trails) lines.push(...this.trails[m].map(trail => ({ trail, where })));
     });
     const light = this.castShadows(solids);
@@ -178,6 +187,9 @@ class Stage {
       this.drawPlane("water", scene.water, planes, camera);
       gl.disable(gl.BLEND);
     }
+    // Bodies hide where they touch, so that is drawn over all.
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    this.drawSolids(this.programs.solid, touches, { ...common, light: SHADELESS });
   }
 
   backdrop({ eye, target, up }, aspect) {
@@ -195,8 +207,12 @@ class Stage {
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
-  arrow(motion, name, where) {
-    const from = motion.vector("center", where), vector = motion.vector(name, where);
+  mark(at) {
+    const radius = MARK.radius * this.scene.radius;
+    return { ...this.ball, colour: MARK.colour, checkered: 0, model: aligned([0, 0, 1], at, radius, radius) };
+  }
+
+  arrow(name, from, vector) {
     const along = this.arrowScale[name] * length(vector), { colour, thickness } = ARROWS[name];
     const thick = thickness * this.scene.radius;
     const head = Math.min(5.5 * thick, 0.6 * along);
