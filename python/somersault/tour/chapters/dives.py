@@ -203,8 +203,8 @@ def _throw(dive: ocp.DiveSolution) -> str:
     tilted = int(np.argmax(np.abs(dive.tilt) > np.radians(1.0)))
     whole = int(np.argmax(np.abs(dive.twists - dive.twists[-1]) < 1e-3))
     return (
-        f"The tilt passes 1° after {dive.somersaults[tilted]:.2f} somersaults, {dive.t[tilted]:.2f} s, and the"
-        f" twists are whole at {dive.t[whole]:.2f} s."
+        f"The tilt passes 1° after {dive.somersaults[tilted]:.2f} somersaults, {dive.t[tilted]:.2f} s, and"
+        f" the twists are whole at {dive.t[whole]:.2f} s."
     )
 
 
