@@ -16,7 +16,7 @@ use somersault_ocp::flight::{
 };
 use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::{Flow, Iteration, Report, Status};
+use somersault_ocp::solver::{Flow, Iteration, Report, Sqp, Status};
 use somersault_ocp::transcription::{RolloutGradient, Transcription};
 use std::f64::consts::{PI, TAU};
 
@@ -581,6 +581,56 @@ fn a_search_that_is_stopped_keeps_what_it_has() {
     assert_eq!(report.z, start);
     // of the dive itself, whose entry is far off yet
     assert!(report.residuals.feasibility > 0.1 && report.residuals.stationarity.is_finite());
+}
+
+#[test]
+fn a_search_that_finds_nothing_with_few_steps_says_why() {
+    let program = Dive::forward_twisting().program().unwrap();
+    let start = program.start(&Dive::twisting_template()).unwrap();
+    let staged = DiveSearch::staged();
+    let search = DiveSearch {
+        soft_weights: vec![1.0],
+        soft: Sqp { max_iterations: 2, ..staged.soft },
+        hard: Sqp { max_iterations: 1, ..staged.hard },
+        ..staged
+    };
+    let mut calls = 0;
+    let count = &mut |_: &Iteration<'_>| {
+        calls += 1;
+        Flow::Continue
+    };
+    let report = search.solve(&program, start, count).unwrap();
+    // three points of the soft stage, two with constraints, and the last one of the dive itself, which is told alone
+    assert_eq!((report.status, report.iterations, calls), (Status::IterationLimit, 0, 6));
+    let mut values = vec![0.0; program.structure().constraints.len()];
+    let cost = program.clone().evaluate(&report.z, &mut values).unwrap();
+    assert_eq!(report.cost, cost);
+    assert!(report.residuals.feasibility > 1e-6 && report.residuals.stationarity.is_finite());
+}
+
+#[test]
+fn a_path_is_the_same_whatever_was_integrated_before() {
+    let (fresh, c) = spatial_path(40);
+    let (q, momentum) = ([0.0, 0.0, 0.0, 1.0], Vector3::new(0.0, 60.0, 5.0));
+    let derivatives = |path: &mut OrientationPath| {
+        path.integrate(&c, &q, momentum, true).unwrap();
+        let mut found = NodeDerivatives::new(c.len());
+        path.node_derivatives(path.n_steps(), &mut found);
+        (path.orientations().to_vec(), found)
+    };
+    let expected = derivatives(&mut fresh.clone());
+    let others: Vec<f64> = c.iter().map(|c| c + 1e-6).collect();
+    for (c, q, momentum, with_derivatives) in [
+        (&others, q, momentum, true),
+        (&c, [0.0, 1e-6, 0.0, 1.0], momentum, true),
+        (&c, q, momentum * 1.000_001, true),
+        (&c, q, momentum, false),
+        (&c, q, momentum, true),
+    ] {
+        let mut used = fresh.clone();
+        used.integrate(c, &q, momentum, with_derivatives).unwrap();
+        assert_eq!(derivatives(&mut used), expected);
+    }
 }
 
 #[test]

@@ -30,6 +30,7 @@ mod clearance;
 mod cost;
 mod error;
 mod literal;
+mod modelled;
 mod motion;
 mod named;
 mod program;

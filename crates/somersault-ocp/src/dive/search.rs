@@ -4,12 +4,14 @@
 //! little there. So entry and clearances begin as costs ½ μ Σ violation², the thesis' soft constraints, whose
 //! Gauss–Newton steps are convex and whose only constraints are linear; μ grows from stage to stage. Then they are
 //! constraints, with the multipliers μ · violation to begin with. All this with few steps of the orientation; the last
-//! stage has those of the dive and begins so near that it takes but a few iterations.
+//! stage has those of the dive, begins so near that it takes but a few iterations, and has the Hessians of the few steps.
+//! Where the stage before it ends without a solution, it only tells the residuals of what there is.
 
+use super::modelled::Modelled;
 use super::{Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame, Penalties};
 use crate::nlp::{Nlp, Structure};
 use crate::solver::{
-    Flow, Globalisation, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start,
+    Flow, Globalisation, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start, Status,
 };
 use crate::verification::Verified;
 use rayon::prelude::*;
@@ -58,7 +60,7 @@ impl DiveSearch {
             stationarity_tol: 1e-6,
             globalisation: Globalisation::Filter,
             violation_limit: 0.03,
-            max_iterations: 200,
+            max_iterations: 100,
             ..Sqp::default()
         };
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(280) }
@@ -78,19 +80,31 @@ impl DiveSearch {
             if has_ended.get() { Flow::Stop } else { Flow::Continue }
         };
         let steps = self.coarse_steps.filter(|steps| *steps < program.dive().n_steps);
-        let coarse = steps.map(|n_steps| Dive { n_steps, ..program.dive().clone() }.program()).transpose()?;
+        let mut coarse =
+            steps.map(|n_steps| Dive { n_steps, ..program.dive().clone() }.program()).transpose()?;
         let mut start = Start::from(z);
         for weight in self.soft_weights.iter().take_while(|_| !has_ended.get()) {
             let mut stage = coarse.as_ref().unwrap_or(program).softened(*weight)?;
             let report = self.soft.solve(&mut stage, &start, &mut watch)?;
             start = following(&mut stage, report);
         }
-        if let Some(mut coarse) = coarse.filter(|_| !has_ended.get()) {
-            let Report { z, constraint_multipliers, .. } =
-                self.constrained(&mut coarse, start, &mut watch)?;
-            start = Start { z, constraint_multipliers, hessian: None };
+        let mut program = program.clone();
+        let Some(model) = &mut coarse else { return self.constrained(&mut program, start, &mut watch) };
+        let mut solver = self.hard.clone();
+        let mut given_up = None;
+        if !has_ended.get() {
+            let found = self.constrained(model, start, &mut watch)?;
+            start = Start { z: found.z, constraint_multipliers: found.constraint_multipliers, hessian: None };
+            if !matches!(found.status, Status::Converged | Status::Stalled) {
+                solver.max_iterations = 0;
+                given_up = Some(found.status);
+            }
         }
-        self.constrained(&mut program.clone(), start, &mut watch)
+        let mut report = solver.solve(&mut Modelled { program: &mut program, model }, &start, &mut watch)?;
+        if let (Some(status), Status::IterationLimit) = (given_up, report.status) {
+            report.status = status;
+        }
+        Ok(report)
     }
 
     /// A stage with constraints.

@@ -33,6 +33,11 @@ impl DiveProgram {
         Ok(())
     }
 
+    /// Makes a Jacobian that of the last point.
+    pub(in crate::dive) fn take_jacobian(&mut self, jacobian: &[f64]) {
+        self.last.copy_from_slice(jacobian);
+    }
+
     /// Adds the Hessian of `cost_factor` f + yᵀ c.
     fn add_curvature(
         &mut self,

@@ -129,6 +129,7 @@ impl OrientationPath {
     pub fn with_restart(mut self, node: usize, counting: Counting) -> Self {
         let before = UnitQuaternion::identity();
         self.restart = Some(Restart { node, counting, before, derivative: Matrix3::identity() });
+        self.is_derived = false;
         self
     }
 
@@ -174,7 +175,7 @@ impl OrientationPath {
     /// world axes (kg m²) and the given coefficients of the splines. Allocates nothing.
     ///
     /// With derivatives, [`pull_back`](Self::pull_back) and [`node_derivatives`](Self::node_derivatives) are those of
-    /// this run.
+    /// this run. What the last run had with derivatives is not integrated again.
     pub fn integrate(
         &mut self,
         coefficients: &[f64],
@@ -191,14 +192,21 @@ impl OrientationPath {
         if !orientation.iter().chain(coefficients).all(|x| x.is_finite()) {
             return Err(FlightError::NonFinite { argument: "orientation and coefficients" });
         }
+        let start = match *orientation {
+            [x, y, z, w] => UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)),
+            _ => UnitQuaternion::identity(),
+        };
+        let angle = if self.is_planar { orientation[0] } else { 0.0 };
+        let is_known = self.is_derived
+            && self.coefficients == coefficients
+            && self.turn_momentum == turn_momentum
+            && (self.orientations[0], self.angles[0]) == (start, angle);
+        if is_known {
+            return Ok(());
+        }
         self.coefficients.copy_from_slice(coefficients);
         self.turn_momentum = turn_momentum;
-        if self.is_planar {
-            self.angles[0] = orientation[0];
-        } else {
-            let q = Quaternion::new(orientation[3], orientation[0], orientation[1], orientation[2]);
-            self.orientations[0] = UnitQuaternion::new_normalize(q);
-        }
+        (self.orientations[0], self.angles[0]) = (start, angle);
         let take_off = TakeOff { angular_momentum: turn_momentum, ..AT_REST };
         self.is_derived = false;
         self.run(take_off, with_derivatives)?;
