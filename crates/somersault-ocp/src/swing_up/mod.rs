@@ -25,6 +25,7 @@
 //! - [`CartPendulumProblem::motion_problem`] composes it of terms, as any problem.
 //!
 mod curvature;
+mod euler;
 mod lifted;
 mod passes;
 mod sine;

@@ -4,6 +4,7 @@ use super::CartPendulumProblem;
 use super::sine::Quadrant;
 use super::tables::Tables;
 use crate::error::{OcpError, expect_finite, expect_not_negative, expect_positive};
+use crate::motion::MotionError;
 use crate::nlp::EvaluationError;
 use crate::shooting::Scheme;
 use somersault_multibody::models::CartPendulum;
@@ -16,7 +17,7 @@ use std::ops::Range;
 pub(super) struct Passes {
     pub(super) system: CartPendulum,
     /// 1/ℓ: no division in the passes.
-    inverse_length: f64,
+    pub(super) inverse_length: f64,
     pub(super) scheme: Scheme,
     pub(super) n_steps: usize,
     pub(super) step: f64,
@@ -27,17 +28,19 @@ pub(super) struct Passes {
     pub(super) running_weights: [f64; 4],
     pub(super) quadrature: Vec<f64>,
     pub(super) tables: Tables,
-    coefficients: Vec<f64>,
+    pub(super) coefficients: Vec<f64>,
+    differences: Vec<f64>,
     pub(super) by_coefficients: Vec<f64>,
     /// r̈ at all places, and the gradient by it.
-    pushes: Vec<f64>,
-    by_pushes: Vec<f64>,
+    pub(super) pushes: Vec<f64>,
+    pub(super) by_pushes: Vec<f64>,
     /// Stages of all steps, and the last node.
     pub(super) stages: Vec<Stage>,
 }
 
-/// One evaluation of the pendulum.
+/// One evaluation of the pendulum, a line of the cache.
 #[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
 pub(super) struct Stage {
     pub(super) angle: f64,
     pub(super) rate: f64,
@@ -79,16 +82,17 @@ impl Passes {
             running_weights: problem.running_weights,
             quadrature: scheme.quadrature(n_steps).iter().map(|w| w * problem.duration).collect(),
             coefficients: vec![0.0; n_coefficients],
+            differences: vec![0.0; n_coefficients - 2],
             by_coefficients: vec![0.0; n_coefficients],
             stages: vec![Stage::default(); scheme.n_stages() * n_steps + 1],
-            tables: Tables::new(motion, scheme, n_steps, problem.duration),
+            tables: Tables::try_new(motion, scheme, n_steps, problem.duration).map_err(MotionError::from)?,
         })
     }
 
     /// Moves the cart as the parameters say.
     pub(super) fn set_cart(&mut self, parameters: &[f64]) {
         self.tables.motion.coefficients_into(parameters, &mut self.coefficients);
-        self.tables.pushes(&self.coefficients, &mut self.pushes);
+        self.tables.pushes(&self.coefficients, &mut self.differences, &mut self.pushes);
     }
 
     /// θ(0), θ̇(0).
@@ -102,6 +106,11 @@ impl Passes {
         k * self.scheme.points_per_step()
     }
 
+    /// Where steps begin, and the last node of all, which belongs to the steps before it.
+    pub(super) fn nodes(&self, steps: &Range<usize>) -> Range<usize> {
+        steps.start..steps.end + usize::from(steps.end == self.n_steps)
+    }
+
     #[inline(always)]
     fn stage(&self, place: usize, angle: f64, rate: f64, (sin, cos): (f64, f64)) -> Stage {
         let CartPendulum { mass, length, gravity, .. } = self.system;
@@ -113,34 +122,29 @@ impl Passes {
     }
 
     /// x − x_f at node `k`.
-    pub(super) fn apart(&self, k: usize, [angle, rate]: [f64; 2]) -> [f64; 4] {
-        let place = self.place(k);
-        let [r, r_rate] = [0, 1].map(|derivative| self.tables.value(place, derivative, &self.coefficients));
-        let [a, b, c, d] = self.target;
-        [angle - a, r - b, rate - c, r_rate - d]
+    pub(super) fn apart(&self, k: usize, state: [f64; 2]) -> [f64; 4] {
+        self.tables.apart(self.place(k), state, &self.target, &self.coefficients)
     }
 
     pub(super) fn has_running_weights(&self) -> bool {
         self.running_weights != [0.0; 4]
     }
 
-    /// Integrates from a state (θ, θ̇) at the start of `steps`: what is paid on the way, and the state at their end. The
-    /// last node of all belongs to the steps before it.
+    /// Integrates from a state (θ, θ̇) at the start of `steps`: what is paid on the way, and the state at their end.
     pub(super) fn forward(
         &mut self,
         steps: Range<usize>,
         [mut angle, mut rate]: [f64; 2],
     ) -> (f64, [f64; 2]) {
+        if self.scheme.n_stages() == 1 {
+            return self.forward_euler(steps, [angle, rate]);
+        }
         let (h, n_stages) = (self.step, self.scheme.n_stages());
         let runs = self.has_running_weights();
         let mut quadrant = Quadrant::of(angle);
-        // an Euler step turns by h θ̇; with it and not θ̇ carried along, the next sine waits for two sums only
-        let (mut turn, per_step) = (h * rate, 1.0 / h);
-        let to_turn = h * h * self.inverse_length;
         let mut cost = 0.0;
-        for k in steps.start..steps.end + usize::from(steps.end == self.n_steps) {
-            let sines = if n_stages == 1 { quadrant.sin_cos_here(angle) } else { quadrant.sin_cos(angle) };
-            let first = self.stage(self.place(k), angle, rate, sines);
+        for k in self.nodes(&steps) {
+            let first = self.stage(self.place(k), angle, rate, quadrant.sin_cos(angle));
             self.stages[k * n_stages] = first;
             cost += 0.5 * self.quadrature[k] * self.force_weight * first.force * first.force;
             if runs {
@@ -149,13 +153,6 @@ impl Passes {
             }
             if k == self.n_steps {
                 break;
-            }
-            if n_stages == 1 {
-                quadrant.turn(turn);
-                angle += turn;
-                turn += (first.push * to_turn) * first.cos + (self.system.gravity * to_turn) * first.sin;
-                rate = turn * per_step;
-                continue;
             }
             let mut before = first;
             let mut sum = [WEIGHTS[0] * first.rate, WEIGHTS[0] * first.acceleration];
@@ -197,10 +194,7 @@ impl Passes {
 
     /// From a gradient by the whole state at node `k` that by (θ, θ̇); adds that by the cart.
     pub(super) fn pull_state(&mut self, k: usize, by: [f64; 4]) -> [f64; 2] {
-        let place = self.place(k);
-        self.tables.pull_back(place, 0, by[1], &mut self.by_coefficients);
-        self.tables.pull_back(place, 1, by[3], &mut self.by_coefficients);
-        [by[0], by[2]]
+        self.tables.pull_state(self.place(k), by, &mut self.by_coefficients)
     }
 
     /// From a gradient by the state at the end of `steps` that by the state at their start, with `cost_factor` times what
@@ -211,19 +205,19 @@ impl Passes {
         [mut by_angle, mut by_rate]: [f64; 2],
         cost_factor: f64,
     ) -> [f64; 2] {
+        if self.scheme.n_stages() == 1 {
+            return self.backward_euler(steps, [by_angle, by_rate], cost_factor);
+        }
         let (h, n_stages) = (self.step, self.scheme.n_stages());
         let runs = self.has_running_weights();
         let places = self.place(steps.start)..self.place(steps.end) + 1;
         self.by_pushes[places.clone()].fill(0.0);
-        for k in (steps.start..steps.end + usize::from(steps.end == self.n_steps)).rev() {
+        for k in self.nodes(&steps).rev() {
             let (i, place) = (k * n_stages, self.place(k));
             let weight = cost_factor * self.quadrature[k];
             let by_force = weight * self.force_weight * self.stages[i].force;
             let [x, v] = if k == self.n_steps {
                 self.pull_stage(i, place, 0.0, by_force)
-            } else if n_stages == 1 {
-                let [x, v] = self.pull_stage(i, place, h * by_rate, by_force);
-                [x, v + h * by_angle]
             } else {
                 let (mut x, mut v) = (0.0, 0.0);
                 // by rate and acceleration of the stage at hand

@@ -76,12 +76,11 @@ impl Quadrant {
             (c[0][i] + y * c[1][i]) + y2 * (c[2][i] + y * c[3][i]) + y4 * (c[4][i] + y * c[5][i])
         });
         let (sin, cos) = (x + x * y * series[0], (1.0 - 0.5 * y) + y2 * series[1]);
-        match self.number & 3 {
-            0 => (sin, cos),
-            1 => (cos, -sin),
-            2 => (-sin, -cos),
-            _ => (-cos, sin),
-        }
+        // the number's bits: whether they change places, and signs
+        let (n, is_odd) = (self.number, self.number & 1 != 0);
+        let (sin, cos) = if is_odd { (cos, sin) } else { (sin, cos) };
+        let signed = |x: f64, number: u64| f64::from_bits(x.to_bits() ^ ((number & 2) << 62));
+        (signed(sin, n), signed(cos, n ^ (n << 1)))
     }
 }
 

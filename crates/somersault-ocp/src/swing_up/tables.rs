@@ -2,6 +2,7 @@
 
 use crate::motion::SplineMotion;
 use crate::shooting::Scheme;
+use somersault_core::spline::{SplineError, UniformBasis};
 use std::ops::Range;
 
 /// Basis functions that act at one place: the splines are quintic.
@@ -10,6 +11,9 @@ const ACTIVE: usize = 6;
 /// Factors of the coefficients that act at a place.
 type Factors = [f64; ACTIVE];
 
+/// Second differences of the coefficients that act at a place: r̈ is a cubic spline in them.
+const BENDS: usize = ACTIVE - 2;
+
 /// All places of a motion, and how coefficients follow from parameters.
 #[derive(Debug, Clone)]
 pub(super) struct Tables {
@@ -17,13 +21,20 @@ pub(super) struct Tables {
     first: Vec<usize>,
     /// Their factors for r and for its first two rates.
     factors: [Vec<Factors>; 3],
+    /// Factors of the second differences for r̈.
+    bends: Vec<[f64; BENDS]>,
     pub(super) motion: SplineMotion,
     /// For each coefficient, the parameters it depends on, with factors.
     parameters: Vec<Vec<(usize, f64)>>,
 }
 
 impl Tables {
-    pub(super) fn new(motion: SplineMotion, scheme: Scheme, n_steps: usize, duration: f64) -> Self {
+    pub(super) fn try_new(
+        motion: SplineMotion,
+        scheme: Scheme,
+        n_steps: usize,
+        duration: f64,
+    ) -> Result<Self, SplineError> {
         let n_points = scheme.points_per_step() * n_steps;
         let mut first = vec![0; n_points + 1];
         let mut scale = 1.0;
@@ -41,7 +52,15 @@ impl Tables {
         for (coefficient, parameter, factor) in motion.dependences() {
             parameters[coefficient].push((parameter, factor));
         }
-        Self { first, factors, parameters, motion }
+        let cubic = UniformBasis::try_new(BENDS - 1, motion.n_coefficients() - 2)?;
+        let scale = (cubic.n_intervals() as f64 / duration).powi(2);
+        let bend = |k: usize| {
+            let mut factors = [0.0; BENDS];
+            cubic.evaluate(k as f64 / n_points as f64, 0, &mut factors);
+            factors.map(|b| b * scale)
+        };
+        let bends = (0..=n_points).map(bend).collect();
+        Ok(Self { first, factors, bends, parameters, motion })
     }
 
     /// The parameters that move the cart between two places, or some more.
@@ -63,20 +82,43 @@ impl Tables {
     }
 
     /// r for derivative 0, ṙ for 1.
-    pub(super) fn value(&self, place: usize, derivative: usize, coefficients: &[f64]) -> f64 {
+    fn value(&self, place: usize, derivative: usize, coefficients: &[f64]) -> f64 {
         product(&self.factors[derivative][place], &coefficients[self.first[place]..])
     }
 
     /// Adds what a gradient by that number is for the coefficients.
-    pub(super) fn pull_back(&self, place: usize, derivative: usize, by: f64, coefficients: &mut [f64]) {
+    fn pull_back(&self, place: usize, derivative: usize, by: f64, coefficients: &mut [f64]) {
         let factors = &self.factors[derivative][place];
         coefficients[self.first[place]..].iter_mut().zip(factors).for_each(|(out, b)| *out += by * b);
     }
 
-    /// r̈ at all places.
-    pub(super) fn pushes(&self, coefficients: &[f64], out: &mut [f64]) {
-        for ((out, factors), first) in out.iter_mut().zip(&self.factors[2]).zip(&self.first) {
-            *out = product(factors, &coefficients[*first..]);
+    /// x − x_f at a place where the pendulum is at (θ, θ̇).
+    pub(super) fn apart(
+        &self,
+        place: usize,
+        [angle, rate]: [f64; 2],
+        target: &[f64; 4],
+        coefficients: &[f64],
+    ) -> [f64; 4] {
+        let [r, r_rate] = [0, 1].map(|derivative| self.value(place, derivative, coefficients));
+        [angle - target[0], r - target[1], rate - target[2], r_rate - target[3]]
+    }
+
+    /// From a gradient by the whole state at a place that by (θ, θ̇); adds that by the cart.
+    pub(super) fn pull_state(&self, place: usize, by: [f64; 4], coefficients: &mut [f64]) -> [f64; 2] {
+        self.pull_back(place, 0, by[1], coefficients);
+        self.pull_back(place, 1, by[3], coefficients);
+        [by[0], by[2]]
+    }
+
+    /// r̈ at all places. `differences` is for the second differences of the coefficients.
+    pub(super) fn pushes(&self, coefficients: &[f64], differences: &mut [f64], out: &mut [f64]) {
+        for (difference, c) in differences.iter_mut().zip(coefficients.windows(3)) {
+            *difference = (c[0] - c[1]) - (c[1] - c[2]);
+        }
+        for ((out, b), first) in out.iter_mut().zip(&self.bends).zip(&self.first) {
+            let d = &differences[*first..][..BENDS];
+            *out = (b[0] * d[0] + b[1] * d[1]) + (b[2] * d[2] + b[3] * d[3]);
         }
     }
 
@@ -86,13 +128,18 @@ impl Tables {
         while end < places.end {
             // sums in registers while the same coefficients act
             let first = self.first[end];
-            let mut sums = [0.0; ACTIVE];
+            let mut sums = [0.0; BENDS];
             while end < places.end && self.first[end] == first {
-                let factors = &self.factors[2][end];
-                (0..ACTIVE).for_each(|i| sums[i] += by[end] * factors[i]);
+                let factors = &self.bends[end];
+                (0..BENDS).for_each(|i| sums[i] += by[end] * factors[i]);
                 end += 1;
             }
-            coefficients[first..].iter_mut().zip(sums).for_each(|(out, sum)| *out += sum);
+            let out = &mut coefficients[first..][..ACTIVE];
+            for (i, sum) in sums.into_iter().enumerate() {
+                out[i] += sum;
+                out[i + 1] -= 2.0 * sum;
+                out[i + 2] += sum;
+            }
         }
     }
 }

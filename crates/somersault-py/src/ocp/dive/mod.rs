@@ -232,7 +232,7 @@ impl Dive {
     /// tol : float, optional
     ///     Of the residuals in the last stage.
     /// max_iterations : int, optional
-    ///     Of the last stage.
+    ///     Of each stage with constraints; 500 in the plane and 100 in space unless given.
     /// max_time : float, optional
     ///     Of all stages, s.
     /// callback : callable, optional
