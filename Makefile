@@ -36,7 +36,7 @@ test-rust:
 
 # The tests in Python.
 test-python: $(VENV)/.extension-dev
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 # The book with the documentation of the crates in it, in out/book; links are followed.
 docs: $(VENV)/.extension

@@ -12,6 +12,15 @@ hypothesis.settings.register_profile("somersault", derandomize=True, deadline=No
 hypothesis.settings.load_profile("somersault")
 
 
+#: Files whose tests take longest, so that no worker is left with them alone at the end.
+LONG = ("test_tour.py", "test_exact_reference.py", "test_viewer_browser.py", "test_book.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Takes long files first."""
+    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
+
+
 @pytest.fixture
 def body() -> somersault.RigidBody:
     """A body with three different moments that are not along its axes."""

@@ -48,7 +48,7 @@ def documented() -> Iterator[tuple[str, Any]]:
         if not isinstance(thing, str):
             yield name, thing
         if inspect.isclass(thing):
-            for member, value in vars(thing).items():
+            for member, value in sorted(vars(thing).items()):
                 if not member.startswith("_"):
                     yield f"{name}.{member}", value
 
