@@ -100,6 +100,7 @@ impl DiveSearch {
                 given_up = Some(found.status);
             }
         }
+        let start = self.prepared(&mut program, start);
         let mut report = solver.solve(&mut Modelled { program: &mut program, model }, &start, &mut watch)?;
         if let (Some(status), Status::IterationLimit) = (given_up, report.status) {
             report.status = status;
@@ -111,13 +112,19 @@ impl DiveSearch {
     fn constrained(
         &self,
         stage: &mut DiveProgram,
-        mut start: Start,
+        start: Start,
         watch: &mut dyn FnMut(&Iteration<'_>) -> Flow,
     ) -> Result<Report, DiveSearchError> {
-        if self.hard.hessian == HessianSource::QuasiNewton {
-            start.hessian = curvature_of_cost(stage, &start.z);
-        }
+        let start = self.prepared(stage, start);
         Ok(self.hard.solve(stage, &start, watch)?)
+    }
+
+    /// The start with the matrix that quasi-Newton steps begin with.
+    fn prepared(&self, stage: &mut DiveProgram, start: Start) -> Start {
+        match self.hard.hessian {
+            HessianSource::QuasiNewton => Start { hessian: curvature_of_cost(stage, &start.z), ..start },
+            HessianSource::Offered => start,
+        }
     }
 
     /// Searches from `z`, and judges what was found.
