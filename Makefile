@@ -30,9 +30,12 @@ lint: $(VENV)/.extension-dev
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 
-# The tests in Rust. Benchmarks hold none, and without them the tests and the extension share one build of what they depend on.
+# Benchmarks hold none, and without them the tests and the extension share one build of what they depend on; examples hold
+# none either, and clippy compiles them.
+# The tests in Rust.
 test-rust:
-	cargo test --workspace --exclude somersault-benches
+	cargo test --workspace --exclude somersault-benches --tests
+	cargo test --workspace --exclude somersault-benches --doc
 
 # The tests in Python.
 test-python: $(VENV)/.extension-dev

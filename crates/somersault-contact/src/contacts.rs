@@ -140,10 +140,17 @@ impl Contact {
             let push = self.law.normal.force_in_contact(touch.gap, touch.rate);
             return Wrench { force: plane.normal() * push, torque: touch.lever * push };
         }
-        let (at, arm) = self.meet(body, motion.x);
+        let Wrench { force, torque } = self.world_wrench_in(mode, body, motion.x);
+        Wrench { force, torque: motion.of_world(&torque) }
+    }
+
+    /// Force, and torque in world axes, of any shape and law. A call costs little beside them, and a copy in each stage
+    /// of each method would be long to compile.
+    #[inline(never)]
+    fn world_wrench_in(&self, mode: &ContactMode, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let (at, arm) = self.meet(body, x);
         let effort = self.law.effort_in(mode, &at);
-        let torque = arm.cross(&effort.force) + effort.torque;
-        Wrench { force: effort.force, torque: motion.of_world(&torque) }
+        Wrench { force: effort.force, torque: arm.cross(&effort.force) + effort.torque }
     }
 
     /// Point and plane where a point meets a plane and there is nothing but the push along the normal.

@@ -223,7 +223,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
     /// p(T), without Φ.
     pub fn state(&self, p: &SVector<f64, N>, duration: f64) -> Result<SVector<f64, N>, FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
-        kernel.run(duration, |_, _| 0.0)?;
+        kernel.run(duration, nothing)?;
         Ok(kernel.state)
     }
 
@@ -239,7 +239,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         duration: f64,
     ) -> Result<(Transition<N>, Work), FlowError> {
         let mut kernel = self.kernel::<true>(p, duration)?;
-        kernel.run(duration, |_, _| 0.0)?;
+        kernel.run(duration, nothing)?;
         Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix() }, kernel.work))
     }
 
@@ -280,7 +280,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         let mut link_start = 0.0;
         for &time in times {
             loop {
-                let progress = kernel.advance(time, growth, |_, _| 0.0)?;
+                let progress = kernel.advance(time, growth, nothing)?;
                 let duration = kernel.t - link_start;
                 chain.links.push(Transition { duration, end: kernel.state, matrix: kernel.matrix() });
                 kernel.restart_matrix();
@@ -301,7 +301,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         let mut kernel = self.kernel::<false>(p, duration)?;
         kernel.stops_at_switches = true;
         let mut found = Vec::new();
-        while kernel.advance(duration, f64::INFINITY, |_, _| 0.0)? == Progress::Switched {
+        while kernel.advance(duration, f64::INFINITY, nothing)? == Progress::Switched {
             found.push((kernel.t, kernel.piece));
         }
         Ok(found)
@@ -320,6 +320,11 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         }
         Kernel::start(self.system, self.tolerances, self.max_steps, p, duration)
     }
+}
+
+/// The integrand of runs without a cost: a closure for each of them would have each compiled anew.
+fn nothing<const N: usize>(_: &Piece<N>, _: &SVector<f64, N>) -> f64 {
+    0.0
 }
 
 impl<S: OptimalControlSystem<N>, const N: usize> VariationalFlow<'_, S, N> {
