@@ -14,12 +14,14 @@ without somersault too; unlike a pickle it runs no code when it is read.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import math
 import os
+import shutil
+import threading
 import zipfile
-import zlib
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
@@ -44,6 +46,8 @@ _WRITTEN = (1980, 1, 1, 0, 0, 0)
 def save(path: str | PathLike[str], thing: Any) -> None:
     """Writes a file that `load` reads; a file that is there is replaced once the new one is whole.
 
+    A link keeps leading to its file, which is replaced.
+
     Parameters
     ----------
     path : path-like
@@ -56,8 +60,12 @@ def save(path: str | PathLike[str], thing: Any) -> None:
     Raises
     ------
     somersault.errors.StorageError
-        If a part of it cannot be written; the message says which.
+        If a part of it cannot be written, the message says which; or if `path` is no path, or one of a
+        directory or a device.
+    OSError
+        If the system does not let the file be written.
     """
+    place = _path(path)
     arrays: list[NDArray[Any]] = []
 
     def keep(array: NDArray[Any]) -> int:
@@ -79,7 +87,7 @@ def save(path: str | PathLike[str], thing: Any) -> None:
     with zipfile.ZipFile(archive, "w") as file:
         for name, content in members.items():
             file.writestr(zipfile.ZipInfo(name, _WRITTEN), content)
-    write_bytes(Path(path), archive.getvalue())
+    write_bytes(place, archive.getvalue())
 
 
 def load(path: str | PathLike[str]) -> Any:
@@ -98,30 +106,54 @@ def load(path: str | PathLike[str]) -> Any:
     Raises
     ------
     somersault.errors.StorageError
-        If the file is no such file, is damaged or was written by a later version.
+        If the file is not one that `save` has written, is damaged or was written by a later version, or if
+        `path` is no path.
+    OSError
+        If the system does not let the file be read, such as FileNotFoundError.
     """
+    place = _path(path)
+    content = place.read_bytes()
     try:
-        with zipfile.ZipFile(path) as file:
-            header = json.loads(file.read(_HEADER))
-            _check(path, header)
-
-            def array(member: Any) -> NDArray[Any]:
-                with file.open(f"{member}.npy") as stream:
-                    found: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
-                return found
-
-            return decode(header["content"], array)
-    except FileNotFoundError:
-        raise
+        with zipfile.ZipFile(io.BytesIO(content)) as file:
+            header = json.loads(_member(file, _HEADER))
+            _check(header)
+            return decode(header["content"], lambda member: _array(_member(file, f"{member}.npy")))
     except StorageError as fault:
-        raise StorageError(f"{os.fspath(path)}: {fault}") from None
-    except (zipfile.BadZipFile, zlib.error, KeyError, EOFError, ValueError, TypeError) as fault:
-        raise StorageError(
-            f"{os.fspath(path)} is not a file of somersault, or is damaged: {fault}"
-        ) from fault
+        raise StorageError(f"{place}: {fault}") from None
+    except Exception as fault:
+        # Whatever reading raises on bytes that `save` has not written, deep nesting and lack of memory
+        # among it.
+        reason = str(fault) or type(fault).__name__
+        raise StorageError(f"{place} is not a file of somersault, or is damaged: {reason}") from fault
 
 
-def _check(path: str | PathLike[str], header: Any) -> None:
+def _path(path: object) -> Path:
+    if not isinstance(path, str | PathLike):
+        raise StorageError(f"`path` must be a path, found {path!r:.80}")
+    return Path(path)
+
+
+def _member(file: zipfile.ZipFile, name: str) -> bytes:
+    """A member of the archive, which is no larger than the file since `save` does not compress."""
+    if file.getinfo(name).compress_type != zipfile.ZIP_STORED:
+        raise StorageError(f"{name} is compressed, as no file of somersault is")
+    return file.read(name)
+
+
+def _array(content: bytes) -> NDArray[Any]:
+    """An array whose bytes are as many as its shape says."""
+    stream = io.BytesIO(content)
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    shape, by_columns, dtype = readers[np.lib.format.read_magic(stream)](stream)
+    data = stream.read()
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data):
+        raise StorageError(f"an array of shape {shape} and type {dtype} has {len(data)} bytes")
+    if not data:
+        return np.empty(shape, dtype)
+    return np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C").copy()
+
+
+def _check(header: Any) -> None:
     if not isinstance(header, dict) or header.get("format") != "somersault":
         raise StorageError("the header is not one of somersault")
     version = header.get("format_version")
@@ -133,10 +165,22 @@ def _check(path: str | PathLike[str], header: Any) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Writes a file that is there whole or not at all."""
-    whole = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """Writes a file that is there whole or not at all, in the place of a link the file that it leads to.
+
+    Raises
+    ------
+    somersault.errors.StorageError
+        If what is there is no file: a directory or a device.
+    """
+    # what would be replaced is the link
+    path = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        raise StorageError(f"{path} is not a file that can be replaced")
+    whole = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
         whole.write_bytes(content)
+        with contextlib.suppress(FileNotFoundError):
+            shutil.copymode(path, whole)
         whole.replace(path)
     except BaseException:
         whole.unlink(missing_ok=True)

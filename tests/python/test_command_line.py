@@ -287,6 +287,67 @@ def test_a_name_that_occurs_twice_in_json_is_refused(
     assert "`dt` occurs twice" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--out", "a.csv", "--save", "a.csv"),
+        ("--out", "a.csv", "--events", "./a.csv"),
+        ("--events", "b.csv", "--save", "link.csv"),
+        ("--save", "ball.toml"),
+    ],
+)
+def test_two_outputs_in_one_file_are_refused(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (EXAMPLES / "ball.toml").read_text()
+    (tmp_path / "ball.toml").write_text(text)
+    (tmp_path / "link.csv").symlink_to(tmp_path / "b.csv")
+    assert main(["integrate", "ball.toml", *options]) == 2
+    assert "are one file" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ball.toml", "link.csv"]
+    assert (tmp_path / "ball.toml").read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "meant"),
+    [
+        ("[run]", "[rum]", "did you mean run?"),
+        ("interval", "intervals", "did you mean interval?"),
+        ('method = "rkmk"', 'method = "rkmkk"', "did you mean `rkmk`?"),
+    ],
+)
+def test_what_was_perhaps_meant_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, meant: str
+) -> None:
+    text = (
+        '[body]\nmass = 1.0\nbox = [0.2, 0.4, 0.6]\n[run]\ninterval = [0.0, 1.0]\ndt = 0.1\nmethod = "rkmk"\n'
+    )
+    (tmp_path / "a.toml").write_text(text.replace(old, new))
+    assert main(["integrate", str(tmp_path / "a.toml")]) == 2
+    assert meant in capsys.readouterr().err
+    tree = '[tree]\nname = "two_link_arn"\n[run]\ninterval = [0.0, 1.0]\ndt = 0.1\n'
+    (tmp_path / "a.toml").write_text(tree)
+    assert main(["integrate", str(tmp_path / "a.toml")]) == 2
+    assert "did you mean two_link_arm?" in capsys.readouterr().err
+
+
+def test_a_scorer_without_motions_writes_an_empty_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion = pytest.importorskip("somersault.motion")
+    rng = np.random.default_rng(0)
+    t = np.linspace(0.0, 1.0, 30)
+    seen = [motion.Performance(t, rng.normal(size=(30, 4)), rng.normal(size=(30, 3))) for _ in range(8)]
+    motion.ScoringModel(seen, rng.normal(size=8)).save(tmp_path / "scorer.json")
+    (tmp_path / "a.toml").write_text('scorer = "scorer.json"\n')
+    assert main(["score", str(tmp_path / "a.toml")]) == 0
+    assert capsys.readouterr().out == "file,score,predicted\n"
+
+
 def test_a_reader_may_stop_reading() -> None:
     command = [sys.executable, "-m", "somersault", "integrate", str(EXAMPLES / "ball.toml")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

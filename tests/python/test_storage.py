@@ -1,7 +1,9 @@
 """Models and solutions in files."""
 
 import json
+import os
 import pickle
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -295,6 +297,103 @@ def test_contents_that_are_not_allowed_are_refused(tmp_path: Path, changes: Any,
     rewritten(tmp_path / "a", **changes)
     with pytest.raises(StorageError, match=message):
         somersault.load(tmp_path / "a")
+
+
+@pytest.mark.parametrize("path", [5, None, b"a", 1.5, {"a": 1}])
+def test_paths_of_another_type_are_refused(path: Any) -> None:
+    with pytest.raises(StorageError, match="`path` must be a path, found"):
+        somersault.load(path)
+    with pytest.raises(StorageError, match="`path` must be a path, found"):
+        somersault.save(path, 1.0)
+
+
+def test_damaged_files_are_refused_whatever_is_wrong_with_them(
+    tmp_path: Path, tumble: somersault.Solution
+) -> None:
+    """300 files with bits turned, bytes overwritten, parts cut out or doubled: nothing but `StorageError`."""
+    path = tmp_path / "a"
+    somersault.save(path, {"run": tumble, "model": multibody.two_link_arm(), "text": "β", "table": np.eye(3)})
+    whole = path.read_bytes()
+    rng = np.random.default_rng(1)
+    refused = 0
+    for _ in range(300):
+        content = bytearray(whole)
+        for _ in range(rng.integers(1, 4)):
+            at = int(rng.integers(len(content)))
+            match rng.integers(5):
+                case 0:
+                    content[at] ^= 1 << int(rng.integers(8))
+                case 1:
+                    content[at : at + 4] = rng.bytes(4)
+                case 2:
+                    del content[at : at + int(rng.integers(1, 200))]
+                case 3:
+                    content[at:at] = content[at : at + 50]
+                case _:
+                    # where archives keep their sizes and methods
+                    at = max(0, len(content) - int(rng.integers(1, 400)))
+                    content[at] = int(rng.integers(256))
+        path.write_bytes(content)
+        try:
+            somersault.load(path)
+        except StorageError as fault:
+            assert str(path) in str(fault)
+            refused += 1
+    assert refused > 250
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["[" * 100_000 + "]" * 100_000, '{"$tuple": ' * 20_000 + "1" + "}" * 20_000, "1" * 10_000],
+    ids=["lists", "tuples", "digits"],
+)
+def test_contents_too_deep_or_too_long_are_refused(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "a"
+    text = f'{{"format": "somersault", "format_version": 1, "content": {content}}}'
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("header.json", text)
+    with pytest.raises(StorageError, match="damaged"):
+        somersault.load(path)
+
+
+def test_arrays_that_are_not_there_take_no_memory(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    header = {"format": "somersault", "format_version": 1, "content": {"$array": 0}}
+    array = (
+        b"\x93NUMPY\x01\x00\x76\x00"
+        + b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }".ljust(117)
+    )
+    for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        with zipfile.ZipFile(path, "w", method) as file:
+            file.writestr("header.json", json.dumps(header))
+            file.writestr("0.npy", array + b"\n")
+        with pytest.raises(StorageError, match=r"has 0 bytes|is compressed"):
+            somersault.load(path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege there")
+def test_links_keep_leading_to_the_file_that_is_replaced(tmp_path: Path) -> None:
+    target, link, dangling = tmp_path / "folder" / "target", tmp_path / "link", tmp_path / "dangling"
+    target.parent.mkdir()
+    target.write_text("before")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    dangling.symlink_to(tmp_path / "folder" / "new")
+    for path in (link, dangling):
+        somersault.save(path, 1.0)
+        assert path.is_symlink() and somersault.load(path) == 1.0
+    assert target.is_file() and not target.is_symlink() and target.stat().st_mode & 0o777 == 0o640
+    assert sorted(path.name for path in target.parent.iterdir()) == ["new", "target"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such files there")
+def test_devices_and_folders_are_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("/dev/null")
+    for path in (tmp_path / "pipe", tmp_path / "link", tmp_path, Path("/dev/null")):
+        with pytest.raises(StorageError, match="is not a file that can be replaced"):
+            somersault.save(path, 1.0)
+    assert Path("/dev/null").is_char_device()
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:

@@ -274,9 +274,9 @@ def test_axes_and_directories_of_another_type_are_refused(tmp_path: Path) -> Non
             sweep.grid(dt=values)  # type: ignore[arg-type]
     with pytest.raises(SweepInputError, match="`directory` must be a path"):
         sweep.load(3)  # type: ignore[arg-type]
-    for count in ("-1", '"3"', "null"):
+    for count in ("-1", '"3"', "null", "1" + 18 * "0"):
         (tmp_path / "manifest.json").write_text(
-            f'{{"format": "somersault sweep", "format_version": 1, "n_points": {count}}}'
+            f'{{"format": "somersault sweep", "format_version": 2, "n_points": {count}}}'
         )
         with pytest.raises(SweepInputError, match="`n_points` is no number of points"):
             sweep.load(tmp_path)

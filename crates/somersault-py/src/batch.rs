@@ -1,10 +1,11 @@
 //! Many free bodies at once.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{a_type, numbers_or_one, vector_or};
+use crate::convert::{a_type, interval_of, numbers_or_one, vector_or};
 use crate::error::Error;
 use crate::forces::sequence;
 use crate::trajectory::{Cast, Trajectory};
+use crate::waiting::together;
 use pyo3::prelude::*;
 use somersault::integrators::batch::{self, BatchError};
 use somersault::integrators::body;
@@ -66,7 +67,7 @@ pub(crate) fn integrate_batch(
     py: Python<'_>,
     bodies: &Bound<'_, PyAny>,
     states: &Bound<'_, PyAny>,
-    interval: [f64; 2],
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
     dt: &Bound<'_, PyAny>,
     gravity: Option<&Bound<'_, PyAny>>,
 ) -> Result<Trajectory, Error> {
@@ -97,9 +98,9 @@ pub(crate) fn integrate_batch(
         let first = ends.len();
         let last = (first + chunk(&grids[first..])).min(n);
         let part = |bodies: &[body::RigidBody], states: &[RigidBodyState], grids: &[TimeGrid]| {
-            py.detach(|| batch::integrate_in_gravity(&gravity, bodies, states, grids))
+            together(py, || batch::integrate_in_gravity(&gravity, bodies, states, grids))
         };
-        let moved = part(&cast.bodies[first..last], &starts[first..last], &grids[first..last]);
+        let moved = part(&cast.bodies[first..last], &starts[first..last], &grids[first..last])?;
         ends.extend(moved.map_err(|error| from(first, error))?);
         py.check_signals()?;
     }

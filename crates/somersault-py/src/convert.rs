@@ -4,9 +4,10 @@
 //! the shape it must have and what was found.
 
 use crate::error::Error;
+use crate::memory::copied;
 use numpy::prelude::*;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
-use pyo3::exceptions::PyOverflowError;
+use pyo3::exceptions::{PyMemoryError, PyOverflowError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
@@ -31,6 +32,24 @@ pub(crate) fn integer_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<i64>>
     if value.is_none() { Ok(None) } else { integer(value).map(Some) }
 }
 
+/// The argument `interval`: its start and its end.
+pub(crate) fn interval_of(value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
+    let found = with_shape("interval", &[2], value)?;
+    Ok([found[0], found[1]])
+}
+
+/// The end of a message about a name that is unknown: the known one that was perhaps meant.
+pub(crate) fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let known: Vec<&str> = known.into_iter().collect();
+    let closest = Python::attach(|py| -> PyResult<Vec<String>> {
+        py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()
+    });
+    match closest.as_deref() {
+        Ok([closest, ..]) => format!("; did you mean `{closest}`?"),
+        _ => String::new(),
+    }
+}
+
 /// Real numbers in the order of C, with their shape.
 struct Numbers {
     shape: Vec<usize>,
@@ -39,7 +58,7 @@ struct Numbers {
 
 fn numbers(argument: &str, expected: &str, value: &Bound<'_, PyAny>) -> Result<Numbers, Error> {
     let array = contiguous(argument, expected, value)?;
-    let values = array.as_slice().map_err(PyErr::from)?.to_vec();
+    let values = copied(&format!("the numbers of `{argument}`"), array.as_slice().map_err(PyErr::from)?)?;
     Ok(Numbers { shape: array.shape().to_vec(), values })
 }
 
@@ -57,17 +76,26 @@ pub(crate) fn contiguous<'py>(
         }
     }
     let found = |what: String| Error::input(format!("`{argument}` must be {expected}, found {what}"));
-    let array = value
-        .py()
-        .import("numpy")?
-        .call_method1("asarray", (value,))
-        .map_err(|_| found(format!("{} that is no array", a_type(value))))?;
+    let numpy = value.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (value,)).map_err(|error| {
+        if error.is_instance_of::<PyMemoryError>(value.py()) {
+            too_many(argument)
+        } else {
+            found(format!("{} that is no array", a_type(value)))
+        }
+    })?;
     let dtype = array.cast::<PyUntypedArray>().map_err(PyErr::from)?.dtype();
     if !matches!(dtype.kind(), b'f' | b'i' | b'u') {
         return Err(found(format!("{} of dtype {dtype}", a_type(value))));
     }
-    let array = array.call_method1("astype", ("float64", "C"))?;
+    let array = array.call_method1("astype", ("float64", "C")).map_err(|error| {
+        if error.is_instance_of::<PyMemoryError>(value.py()) { too_many(argument) } else { error.into() }
+    })?;
     Ok(array.cast::<PyArrayDyn<f64>>().map_err(PyErr::from)?.try_readonly().map_err(PyErr::from)?)
+}
+
+fn too_many(argument: &str) -> Error {
+    Error::input(format!("the numbers of `{argument}` need more memory than there is"))
 }
 
 /// The type of an object in a message: a list, an int.

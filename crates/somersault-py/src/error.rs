@@ -2,6 +2,7 @@
 //!
 //! The classes are those of `somersault.errors`; this file says which one an error belongs to.
 
+use crate::convert::did_you_mean;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -14,7 +15,7 @@ use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::exact::FreeBodyError;
-use somersault::integrators::methods::UnknownMethod;
+use somersault::integrators::methods::{Method, UnknownMethod};
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
@@ -64,6 +65,11 @@ impl Error {
         Self::Own { class: "ReadError", message }
     }
 
+    /// What the system refuses.
+    pub(crate) fn of_system(message: String) -> Self {
+        Self::Own { class: "SomersaultError", message }
+    }
+
     /// Motions that cannot be compared.
     pub(crate) fn analysis_input(message: String) -> Self {
         Self::Own { class: "AnalysisInputError", message }
@@ -72,6 +78,22 @@ impl Error {
     /// An optimal control problem that is none.
     pub(crate) fn ocp_input(message: String) -> Self {
         Self::Own { class: "OcpInputError", message }
+    }
+
+    /// The same error, which says more.
+    pub(crate) fn followed_by(self, more: &str) -> Self {
+        match self {
+            Self::Own { class, message } => Self::Own { class, message: message + more },
+            raised => raised,
+        }
+    }
+
+    /// What it says.
+    pub(crate) fn message(&self) -> String {
+        match self {
+            Self::Raised(error) => error.to_string(),
+            Self::Own { message, .. } => message.clone(),
+        }
     }
 
     /// The error of one of many rows.
@@ -135,7 +157,8 @@ impl From<CountMismatch> for Error {
 
 impl From<UnknownMethod> for Error {
     fn from(error: UnknownMethod) -> Self {
-        Self::own("UnknownMethodError", &error)
+        let meant = did_you_mean(&error.found, Method::ALL.iter().map(|method| method.info().name));
+        Self::own("UnknownMethodError", &error).followed_by(&meant)
     }
 }
 

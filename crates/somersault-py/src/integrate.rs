@@ -1,6 +1,6 @@
 //! The front door: integration of one body or of several.
 
-use crate::convert::{integer, integer_or_none};
+use crate::convert::{integer, integer_or_none, interval_of};
 use crate::error::Error;
 use crate::event::Events;
 use crate::forces::{Failure, Reader};
@@ -116,7 +116,7 @@ fn run<B: Bodies>(
             answer.bind(py).is_truthy()
         })
     });
-    let mut monitor = Monitor::new(plan, initial, watch, progress, failure);
+    let mut monitor = Monitor::try_new(plan, initial, 13 * cast.bodies.len(), watch, progress, failure)?;
     let Ended { status, rejected, nfev, events } =
         monitor.supervise(py, plan, |monitor| bodies.solve(initial, plan, monitor))?;
     let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);
@@ -225,7 +225,7 @@ pub(crate) fn integrate<'py>(
     py: Python<'py>,
     body: &Bound<'py, PyAny>,
     state: &Bound<'py, PyAny>,
-    interval: [f64; 2],
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
     dt: Option<f64>,
     method: Option<&Bound<'py, PyAny>>,
     forces: Option<&Bound<'py, PyAny>>,

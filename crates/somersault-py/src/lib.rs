@@ -18,6 +18,7 @@ mod integrate;
 mod kinematics;
 mod link;
 mod located;
+mod memory;
 mod methods;
 mod model;
 mod monitor;
@@ -35,6 +36,7 @@ mod trajectory;
 mod tree_flight;
 mod tree_motion;
 mod urdf;
+mod waiting;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
 #[pyo3::pymodule]

@@ -163,7 +163,7 @@ impl MethodTable {
         if let Ok(name) = key.cast::<PyString>() {
             return parse(name.to_cow()?.as_ref())
                 .map(MethodInfo)
-                .map_err(|error| PyKeyError::new_err(error.to_string()));
+                .map_err(|error| PyKeyError::new_err(Error::from(error).message()));
         }
         let index: isize = key.extract()?;
         let from_start = if index < 0 { index + Method::ALL.len() as isize } else { index };

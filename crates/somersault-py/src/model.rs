@@ -1,6 +1,6 @@
 //! Trees of bodies and their dynamics, at one configuration or at many.
 
-use crate::convert::{a_type, vector_array, vector_or};
+use crate::convert::{a_type, did_you_mean, vector_array, vector_or};
 use crate::error::Error;
 use crate::forces::sequence;
 use crate::link::Link;
@@ -98,10 +98,17 @@ impl Model {
         Self { model, workspaces: Workspaces::default() }
     }
 
+    fn body_of(&self, name: &str) -> Result<usize, Error> {
+        self.model.body(name).map_err(|error| {
+            let known = self.model.links().iter().map(multibody::Link::name);
+            Error::from(error).followed_by(&did_you_mean(name, known))
+        })
+    }
+
     pub(crate) fn which(&self, body: Which) -> Result<usize, Error> {
         let n_bodies = self.model.n_bodies();
         match body {
-            Which::Name(name) => Ok(self.model.body(&name)?),
+            Which::Name(name) => self.body_of(&name),
             Which::Number(i) if i < n_bodies => Ok(i),
             Which::Number(found) => Err(DynamicsError::NoSuchBody { found, n_bodies }.into()),
         }
@@ -227,7 +234,7 @@ impl Model {
     /// DynamicsInputError
     ///     If no body has this name.
     fn body(&self, name: &str) -> Result<usize, Error> {
-        Ok(self.model.body(name)?)
+        self.body_of(name)
     }
 
     /// Where the joint of a body has its numbers in q.

@@ -2,7 +2,8 @@
 
 use crate::error::Error;
 use crate::forces::Failure;
-use crate::plan::Plan;
+use crate::memory::{bytes_of_numbers, expect_room};
+use crate::plan::{Plan, Steps};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -16,6 +17,12 @@ const ATTENTION: Duration = Duration::from_millis(50);
 
 /// How many steps lie between two looks at the clock.
 const STEPS_PER_LOOK: u64 = 64;
+
+/// Steps for whose records there must be room where it is not known how many there will be.
+const FIRST_ROOM: u64 = 1 << 16;
+
+/// How many states the curve of a step is as large as.
+const STATES_OF_A_CURVE: usize = 6;
 
 /// A bar that shows how far a run has come.
 pub(crate) struct ProgressBar {
@@ -63,6 +70,9 @@ pub(crate) struct Monitor<Q: Configuration> {
     /// Steps made, and the time they reached.
     pub(crate) steps: u64,
     t: f64,
+    /// Bytes of the record of a step, and the step up to which there is room for records.
+    bytes: f64,
+    room: u64,
 }
 
 /// What is left of a run.
@@ -75,17 +85,46 @@ pub(crate) struct Finish<Q: Configuration> {
 }
 
 impl<Q: Configuration> Monitor<Q> {
-    /// A monitor of a run as planned.
-    pub(crate) fn new(
+    /// A monitor of a run as planned, of states of so many numbers. Records that memory has no room for are refused before
+    /// the first step, where the steps are fixed, or end the run.
+    pub(crate) fn try_new(
         plan: &Plan,
         initial: &State<Q>,
+        numbers: usize,
         watch: Option<Watch<Q>>,
         progress: Option<ProgressBar>,
         failure: Failure,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let recorder = Recorder::new(plan.start, initial, plan.every);
         let recorder = if plan.dense { recorder.with_dense_output() } else { recorder };
-        Self { recorder, watch, progress, failure, last_look: Instant::now(), steps: 0, t: plan.start }
+        let state = size_of::<State<Q>>() + bytes_of_numbers(&[numbers]) + size_of::<f64>();
+        let of_states = state as f64 / plan.every as f64;
+        let bytes = if plan.dense { of_states + (STATES_OF_A_CURVE * state) as f64 } else { of_states };
+        let mut monitor = Self {
+            recorder,
+            watch,
+            progress,
+            failure,
+            last_look: Instant::now(),
+            steps: 0,
+            t: plan.start,
+            bytes,
+            room: 0,
+        };
+        monitor.expect_room_for(match plan.steps {
+            Steps::Fixed(grid) => grid.steps(),
+            Steps::Adapted(..) => FIRST_ROOM,
+        })?;
+        Ok(monitor)
+    }
+
+    /// Refuses more steps than memory has room for the records of.
+    fn expect_room_for(&mut self, steps: u64) -> Result<(), Error> {
+        let bytes = steps as f64 * self.bytes;
+        let what = format!("the records of {steps} steps (give a larger `every`)");
+        expect_room(&what, bytes as usize)?;
+        self.room = steps;
+        Ok(())
     }
 
     /// Runs, without the interpreter where no Python code takes part.
@@ -142,6 +181,12 @@ impl<Q: Configuration> Observer<Q> for Monitor<Q> {
         }
         let _ = self.recorder.observe(step);
         (self.steps, self.t) = (step.index, step.t_after);
+        if self.steps >= self.room
+            && let Err(error) = self.expect_room_for(self.room.saturating_mul(2))
+        {
+            self.failure.set(error.into());
+            return Flow::Stop;
+        }
         let mut flow = Flow::Continue;
         if let Some(watch) = &self.watch {
             match Python::attach(|py| watch(py, step.t_after, step.after)) {

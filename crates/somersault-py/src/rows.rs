@@ -3,6 +3,8 @@
 
 use crate::convert::{contiguous, shape_text};
 use crate::error::Error;
+use crate::memory::zeros;
+use crate::waiting::together;
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
@@ -176,7 +178,7 @@ where
     for (numbers, rows) in numbers.iter_mut().zip(&arguments) {
         *numbers = rows.all()?;
     }
-    let mut values = vec![0.0; count.unwrap_or(1) * length];
+    let mut values = zeros("the results of so many rows", &[count.unwrap_or(1), length])?;
     let Some(n) = count else {
         let rows = std::array::from_fn(|k| arguments[k].pick(numbers[k], 0));
         let mut workspace = workspaces.take().unwrap_or_else(make);
@@ -207,10 +209,10 @@ where
                 .enumerate()
                 .find_map(|(i, out)| evaluate(w, row(start + i), out).err().map(|error| (start + i, error)))
         };
-        let failure = py.detach(|| {
+        let failure = together(py, || {
             let blocks = part.par_chunks_mut(per_block * length).enumerate();
             blocks.map_init(&make, block).find_map_first(|failure| failure)
-        });
+        })?;
         if let Some((i, error)) = failure {
             return Err(error.into().in_row(i));
         }

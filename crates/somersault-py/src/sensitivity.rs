@@ -1,7 +1,7 @@
 //! Derivatives of a body's motion through contacts.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{a_type, array, vector, with_shape};
+use crate::convert::{a_type, array, interval_of, vector, with_shape};
 use crate::error::Error;
 use crate::event::Event;
 use crate::forces::{Failure, Reader, sequence};
@@ -204,7 +204,7 @@ pub(crate) fn differentiate(
     py: Python<'_>,
     body: RigidBody,
     state: State,
-    interval: [f64; 2],
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
     dt: f64,
     contacts: &Bound<'_, PyAny>,
     method: Option<&Bound<'_, PyAny>>,
@@ -234,7 +234,7 @@ pub(crate) fn differentiate(
         return_interrupted: false,
     };
     let initial: StateOf<Varied<_, _>> = VariedState::varied(state.0, []);
-    let mut monitor = Monitor::new(&plan, &initial, None, None, failure);
+    let mut monitor = Monitor::try_new(&plan, &initial, 0, None, None, failure)?;
     let outcome = monitor.supervise(py, &plan, |monitor| {
         differentiate_located(method, options, &system, &state.0, &by, &grid, &location, monitor)
     })?;

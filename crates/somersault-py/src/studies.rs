@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::forces::{Drag, Gravity, Models, Spring};
 use crate::methods;
 use crate::plan::start_up_of;
+use crate::waiting::{Stop, attend};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
@@ -21,29 +22,20 @@ use somersault::integrators::studies::stability::{self, Lambda};
 use somersault::integrators::studies::work_precision::{self, StepChoice};
 use somersault::integrators::studies::{Progress, StudyError, energy, order};
 use somersault::integrators::system::RigidBodySystem;
-use std::time::{Duration, Instant};
 
-/// How often a study looks whether it is to stop.
-const ATTENTION: Duration = Duration::from_millis(50);
-
-/// Runs a study with the interpreter lock released, which it takes back now and then for Ctrl-C.
+/// Runs a study without the interpreter, and looks for Ctrl-C meanwhile.
 fn study<T: Send>(
     py: Python<'_>,
     run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send,
 ) -> Result<T, Error> {
-    let mut raised = None;
-    let mut last_look = Instant::now();
-    let outcome = py.detach(|| {
-        run(&mut |_, _| {
-            if last_look.elapsed() >= ATTENTION {
-                last_look = Instant::now();
-                raised = Python::attach(|py| py.check_signals()).err();
-            }
-            if raised.is_some() { Flow::Stop } else { Flow::Continue }
-        })
-    });
-    match raised {
-        Some(error) => Err(error.into()),
+    let stop = Stop::default();
+    let outcome = attend(
+        py,
+        |raised| stop.raise(raised),
+        || run(&mut |_, _| if stop.is_asked() { Flow::Stop } else { Flow::Continue }),
+    )?;
+    match stop.raised() {
+        Some(raised) => Err(raised.clone_ref(py).into()),
         None => Ok(outcome?),
     }
 }

@@ -1,6 +1,6 @@
 //! Momentum-reduced flight of trees.
 
-use crate::convert::{integer, integer_or_none, with_shape};
+use crate::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::error::Error;
 use crate::forces::{Failure, call, callable_name};
 use crate::methods;
@@ -102,7 +102,7 @@ pub(crate) fn integrate_flight<'py>(
     q: &Bound<'py, PyAny>,
     v: &Bound<'py, PyAny>,
     shape: &Bound<'py, PyAny>,
-    interval: [f64; 2],
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
     dt: Option<f64>,
     method: Option<&Bound<'py, PyAny>>,
     rtol: Option<f64>,
@@ -142,7 +142,7 @@ pub(crate) fn integrate_flight<'py>(
     let orientation = if matches!(tree.joint(0), Some(Joint::Planar)) { 2..3 } else { 3..7 };
     let initial = system.state(&q[orientation])?;
     let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
-    let mut monitor = Monitor::new(&plan, &initial, None, bar, failure);
+    let mut monitor = Monitor::try_new(&plan, &initial, 8, None, bar, failure)?;
     let outcome = monitor.supervise(py, &plan, |monitor| solve(&plan, &system, &initial, monitor))?;
     let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);

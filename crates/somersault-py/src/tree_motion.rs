@@ -1,6 +1,6 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
-use crate::convert::{array, integer, integer_or_none, times, with_shape};
+use crate::convert::{array, integer, integer_or_none, interval_of, times, with_shape};
 use crate::error::Error;
 use crate::forces::{Failure, call, callable_name};
 use crate::methods;
@@ -373,7 +373,7 @@ pub(crate) fn integrate_tree<'py>(
     model: &Bound<'py, Model>,
     q: &Bound<'py, PyAny>,
     v: &Bound<'py, PyAny>,
-    interval: [f64; 2],
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
     dt: Option<f64>,
     method: Option<&Bound<'py, PyAny>>,
     torque: Option<&Bound<'py, PyAny>>,
@@ -432,7 +432,7 @@ pub(crate) fn integrate_tree<'py>(
         })
     });
     let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
-    let mut monitor = Monitor::new(&plan, &initial, watch, bar, failure);
+    let mut monitor = Monitor::try_new(&plan, &initial, q.len() + v.len(), watch, bar, failure)?;
     let drive = |t: f64, q: &[f64], v: &[f64], out: &mut [f64]| {
         acceleration.apply(t, q, v, out, |out, x| *out = x);
     };

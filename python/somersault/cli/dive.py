@@ -51,6 +51,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         tables.check(arguments.out, arguments.format)
     if arguments.html:
         tables.check(arguments.html, "csv")
+    tables.check_distinct(arguments.file, out=arguments.out, html=arguments.html)
 
 
 def _posed(document: Document) -> ocp.Dive:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import json
 import math
 import re
@@ -158,9 +159,13 @@ def _words(error: Any) -> str:
     """What is wrong, what was found and what is allowed."""
     match error.validator:
         case "additionalProperties":
-            return f"is not known here; allowed are {', '.join(sorted(error.schema['properties']))}"
+            names = sorted(error.schema["properties"])
+            meant = _meant(_unknown(error)[0], names)
+            return f"is not known here; allowed are {', '.join(names)}{meant}"
         case "enum":
-            return f"must be one of {', '.join(map(str, error.validator_value))}, found {error.instance!r}"
+            values = [str(value) for value in error.validator_value]
+            meant = _meant(str(error.instance), values)
+            return f"must be one of {', '.join(values)}, found {error.instance!r:.60}{meant}"
         case "type":
             return f"must be {_kind(error.validator_value)}, found {error.instance!r:.60}"
         case "minItems" | "maxItems":
@@ -182,6 +187,12 @@ def _words(error: Any) -> str:
             return f"must be {' or '.join(kinds)}, found {error.instance!r:.60}"
         case _:
             return str(error.message)
+
+
+def _meant(found: str, allowed: list[str]) -> str:
+    """The end of a message about a name that is unknown: the known one that was perhaps meant."""
+    closest = difflib.get_close_matches(found, allowed, 1)
+    return f"; did you mean {closest[0]}?" if closest else ""
 
 
 def _kind(names: str | list[str]) -> str:

@@ -37,6 +37,9 @@ def integrate(arguments: argparse.Namespace) -> int:
     tables.check(arguments.out, arguments.format)
     if arguments.events:
         tables.check(arguments.events)
+    if arguments.save:
+        tables.check(arguments.save, "csv")
+    tables.check_distinct(arguments.file, out=arguments.out, events=arguments.events, save=arguments.save)
     run = _body_motion if "body" in document.values else _tree_motion
     status = 0
     motion: Any

@@ -28,6 +28,9 @@ def score(arguments: argparse.Namespace) -> int:
     motion: Any = importlib.import_module("somersault.motion")
     document = read(arguments.file, "score")
     tables.check(arguments.out, arguments.format)
+    for path in (arguments.save, arguments.summary):
+        tables.check(path, "csv")
+    tables.check_distinct(arguments.file, out=arguments.out, save=arguments.save, summary=arguments.summary)
     judged = document.values.get("judged", [])
     summary: dict[str, Any] = {}
     rows: list[tuple[str, float, float]] = []
@@ -55,8 +58,8 @@ def score(arguments: argparse.Namespace) -> int:
         with document.at("motions", i):
             rows.append((file, float("nan"), scorer.score(performance)))
     columns = {
-        name: np.array(column, dtype=object if name == "file" else float)
-        for name, column in zip(("file", "score", "predicted"), zip(*rows, strict=True), strict=True)
+        name: np.array([row[i] for row in rows], dtype=object if name == "file" else float)
+        for i, name in enumerate(("file", "score", "predicted"))
     }
     tables.write(columns, arguments.out, arguments.format)
     if arguments.save:

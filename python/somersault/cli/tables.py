@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from somersault.errors import InputError
 
-__all__ = ["FORMATS", "Columns", "Missing", "check", "curves", "write"]
+__all__ = ["FORMATS", "Columns", "Missing", "check", "check_distinct", "curves", "write"]
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -43,6 +44,21 @@ def curves(**named: NDArray[Any]) -> dict[str, NDArray[Any]]:
         parts = names.get(name) or [f"{name}{i}" for i in range(values.shape[1])]
         columns |= dict(zip(parts, values.T, strict=True))
     return columns
+
+
+def check_distinct(document: Path, **outputs: Path | None) -> None:
+    """Refuses outputs, by their options, of which one would take the place of another or of the input."""
+    found = {Path(os.path.realpath(document)): "the input"}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        place = Path(os.path.realpath(path))
+        if place.exists() and not place.is_file():
+            # what comes after the other on a device or a pipe does not take its place
+            continue
+        if place in found:
+            raise InputError(f"--{option} and {found[place]} are one file: {path}")
+        found[place] = f"--{option}"
 
 
 def check(path: Path | None, kind: str | None = None) -> None:

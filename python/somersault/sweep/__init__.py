@@ -26,6 +26,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
+import math
 import os
 import threading
 import time
@@ -42,7 +43,7 @@ from numpy.typing import NDArray
 
 from somersault.errors import SweepError, SweepInputError
 from somersault.storage import decode, encode
-from somersault.sweep.folder import Folder, held, hold, manifest_of, to_json
+from somersault.sweep.folder import Folder, held, hold, manifest_of, record_of
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -93,9 +94,11 @@ class Failure:
     message: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sweep:
     """Points and what became of them, in the order of the points.
+
+    Two are equal if all four attributes are: arrays entry by entry, and NaN with NaN.
 
     Attributes
     ----------
@@ -116,6 +119,18 @@ class Sweep:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Sweep):
+            return NotImplemented
+        return (
+            _same(self.points, other.points)
+            and _same(self.values, other.values)
+            and (self.failures, self.missing) == (other.failures, other.missing)
+        )
+
+    #: As any list.
+    __hash__ = None  # type: ignore[assignment]
 
     @property
     def n_done(self) -> int:
@@ -145,6 +160,24 @@ class Sweep:
                 f"arguments and values share the names {shared}; read `points` and `values` instead"
             )
         return {**columns, "error": np.array(errors, dtype=object)}
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two things are equal, arrays as a whole and NaN with NaN."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)) or one.dtype != other.dtype:
+            return False
+        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
+    if isinstance(one, float) and isinstance(other, float):
+        return one == other or (math.isnan(one) and math.isnan(other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple) and type(one) is type(other):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if type(one) is not type(other) or isinstance(one, bool | int | float | str | None):
+        return bool(one == other)
+    # objects are as equal as what files hold of them
+    return bool(encode(one, hold) == encode(other, hold))
 
 
 def _names(rows: Sequence[Point]) -> list[str]:
@@ -194,8 +227,12 @@ def run(
         Where records are kept, one file of JSON for each point, and a manifest that says what they are of. If
         it has records of this sweep they are not computed again. Records of another sweep are an error.
     version : str, optional
-        Stands for what the function does. By default that is its source, so that records of an edited
-        function are refused; give a version and change it when results change.
+        Stands for what the function does. By default that is everything its result can depend on besides
+        its arguments, so that records are refused once any of it has changed: its code, defaults and
+        closure, what a partial application holds, the object of a bound method, and the globals, modules
+        and functions that it names, with what these reach in turn. Installed packages count by their
+        versions, and so does Python. Where a part has no representation, such as an open file, a version
+        must be given; change it when results change.
     workers : int, optional
         Threads; by default one for each processor. Functions that spend their time in somersault run in
         parallel, since it releases the interpreter.
@@ -214,8 +251,8 @@ def run(
     Raises
     ------
     somersault.errors.SweepInputError
-        If a point is not a dictionary of what can be written, the directory belongs to another sweep, or an
-        argument has another type.
+        If a point is not a dictionary of what can be written, the directory belongs to another sweep, a
+        `version` is needed, or an argument has another type.
     somersault.errors.SweepError
         If the directory is in use, or the cluster goes away.
     """
@@ -312,7 +349,7 @@ def _work(
             outcome = {"value": encode(value, hold)}
         except Exception as fault:
             outcome = {"error": {"type": type(fault).__qualname__, "message": str(fault)}}
-        records.append(to_json({"index": index, "point": point, **outcome}))
+        records.append(record_of({"index": index, "point": point, **outcome}))
         if time.monotonic() - began > _TASK_SECONDS or (stop is not None and stop.is_set()):
             break
     return records
@@ -366,7 +403,7 @@ def _compute(
             else:
                 index, point = items[0]
                 error = {"type": "KilledWorker", "message": "the process of the call was killed"}
-                keep(index, to_json({"index": index, "point": point, "error": error}), bar)
+                keep(index, record_of({"index": index, "point": point, "error": error}), bar)
             return
         for (index, _), record in zip(items, finished, strict=False):
             keep(index, record, bar)

@@ -6,7 +6,6 @@ import base64
 import contextlib
 import functools
 import hashlib
-import inspect
 import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,12 +16,16 @@ from numpy.typing import NDArray
 
 from somersault import _somersault
 from somersault.errors import SweepError, SweepInputError
-from somersault.storage import encode, write_bytes
+from somersault.storage import write_bytes
+from somersault.sweep.identity import digest
 
-__all__ = ["Folder", "held", "hold", "manifest_of", "to_json"]
+__all__ = ["Folder", "held", "hold", "manifest_of", "record_of"]
 
 #: Version of the records and the manifest.
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+
+#: Points of a sweep, at most: they are kept in memory.
+MOST_POINTS = 10**8
 
 
 def hold(array: NDArray[Any]) -> Any:
@@ -38,6 +41,23 @@ def held(parts: Any) -> NDArray[Any]:
 
 def to_json(tree: Any) -> bytes:
     return json.dumps(tree, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
+def record_of(tree: dict[str, Any]) -> bytes:
+    """A record, with the hash of what is in it."""
+    return to_json({**tree, "sha256": hashlib.sha256(to_json(tree)).hexdigest()})
+
+
+def _is_whole(record: Any) -> bool:
+    """Whether a record is as it was written."""
+    if not isinstance(record, dict):
+        return False
+    tree = {key: value for key, value in record.items() if key != "sha256"}
+    try:
+        return hashlib.sha256(to_json(tree)).hexdigest() == record.get("sha256")
+    except ValueError:
+        # a number that JSON does not have
+        return False
 
 
 def manifest_of(function: Callable[..., Any], version: str | None, points: list[Any]) -> dict[str, Any]:
@@ -56,23 +76,18 @@ def manifest_of(function: Callable[..., Any], version: str | None, points: list[
 
 
 def _identity(function: Any, version: str | None) -> dict[str, Any]:
-    if isinstance(function, functools.partial):
-        bound = [encode(list(function.args), hold), encode(dict(function.keywords), hold)]
-        return {
-            **_identity(function.func, version),
-            "bound_sha256": hashlib.sha256(to_json(bound)).hexdigest(),
-        }
-    named = function if hasattr(function, "__qualname__") else type(function)
+    inner = function
+    bound = []
+    while isinstance(inner, functools.partial):
+        bound += [list(inner.args), dict(inner.keywords)]
+        inner = inner.func
+    named = inner if hasattr(inner, "__qualname__") else type(inner)
     identity = {"name": named.__qualname__}
-    if version is not None:
-        return {**identity, "version": version}
-    try:
-        source = inspect.getsource(named)
-    except (OSError, TypeError):
-        raise SweepInputError(
-            f"the source of {named.__qualname__} cannot be read, so give `version` to say what records are of"
-        ) from None
-    return {**identity, "source_sha256": hashlib.sha256(source.encode()).hexdigest()}
+    if version is None:
+        return {**identity, "reaches_sha256": digest(function)}
+    if bound:
+        identity["bound_sha256"] = digest(bound)
+    return {**identity, "version": version}
 
 
 class Folder:
@@ -86,7 +101,7 @@ class Folder:
             found = json.loads((self.path / "manifest.json").read_bytes())
         except FileNotFoundError:
             raise SweepInputError(f"{self.path} has no manifest.json, so it is not of a sweep") from None
-        except ValueError as fault:
+        except (ValueError, RecursionError) as fault:
             raise SweepInputError(f"{self.path / 'manifest.json'} is damaged: {fault}") from None
         if not isinstance(found, dict) or found.get("format") != "somersault sweep":
             raise SweepInputError(f"{self.path / 'manifest.json'} is not of a sweep")
@@ -94,7 +109,8 @@ class Folder:
             raise SweepInputError(
                 f"{self.path} is written in format {version}; this version reads {FORMAT_VERSION}"
             )
-        if not isinstance(count := found.get("n_points"), int) or count < 0:
+        count = found.get("n_points")
+        if not isinstance(count, int) or not 0 <= count <= MOST_POINTS:
             raise SweepInputError(
                 f"{self.path / 'manifest.json'} is damaged: `n_points` is no number of points"
             )
@@ -132,11 +148,9 @@ class Folder:
             try:
                 content = self._record(index).read_bytes()
                 record = json.loads(content)
-            except (FileNotFoundError, ValueError):
+            except (FileNotFoundError, ValueError, RecursionError):
                 continue
-            if not isinstance(record, dict) or record.get("index") != index or "point" not in record:
-                continue
-            if ("value" in record or "error" in record) and point in (None, record.get("point")):
+            if _is_whole(record) and record["index"] == index and point in (None, record["point"]):
                 yield index, content
 
     def write(self, index: int, content: bytes) -> None:

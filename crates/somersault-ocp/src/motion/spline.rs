@@ -49,10 +49,7 @@ impl SplineMotion {
     ) -> Result<Self, MotionError> {
         expect_length("conditions", conditions.len(), base.n_weights())?;
         let n = basis.n_coefficients();
-        let found = n.saturating_mul(conditions.len());
-        if found > MAX_COEFFICIENTS {
-            return Err(MotionError::TooManyCoefficients { found, limit: MAX_COEFFICIENTS });
-        }
+        Self::expect_coefficients(conditions.len(), n)?;
         let mut motion = Self {
             basis,
             base,
@@ -64,6 +61,15 @@ impl SplineMotion {
             motion.eliminate(channel, conditions.as_ref())?;
         }
         Ok(motion)
+    }
+
+    /// Refuses splines that have too many coefficients together.
+    pub fn expect_coefficients(n_channels: usize, of_each: usize) -> Result<(), MotionError> {
+        let found = of_each.saturating_mul(n_channels);
+        if found > MAX_COEFFICIENTS {
+            return Err(MotionError::TooManyCoefficients { found, limit: MAX_COEFFICIENTS });
+        }
+        Ok(())
     }
 
     fn eliminate(&mut self, channel: usize, conditions: &[Condition]) -> Result<(), MotionError> {

@@ -1,16 +1,11 @@
 //! Calculations beside the interpreter: signals are looked for meanwhile, and what Python code raises ends them.
 
 use crate::error::Error;
+use crate::waiting;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, OnceLock};
-use std::thread;
-use std::time::Duration;
-
-/// How often a calculation looks whether it is to stop.
-const ATTENTION: Duration = Duration::from_millis(50);
 
 /// One calculation. Once it is stopped its fields have no values any more, which ends whatever integrates them.
 #[derive(Default)]
@@ -32,36 +27,13 @@ impl Run {
     }
 }
 
-/// Calculates in a thread without the interpreter, while this one looks for signals.
+/// Calculates without the interpreter, while this thread looks for signals.
 pub(crate) fn attend<T: Send>(py: Python<'_>, work: impl FnOnce(&Arc<Run>) -> T + Send) -> Result<T, Error> {
     let run = Arc::new(Run::default());
-    let result = py.detach(|| {
-        thread::scope(|scope| {
-            let (sender, receiver) = mpsc::sync_channel(1);
-            let within = &run;
-            let worker = scope.spawn(move || sender.send(work(within)));
-            loop {
-                match receiver.recv_timeout(ATTENTION) {
-                    Ok(result) => break Some(result),
-                    Err(RecvTimeoutError::Timeout) => {
-                        if let Err(error) = Python::attach(|py| py.check_signals()) {
-                            run.stop(error);
-                        }
-                    }
-                    Err(RecvTimeoutError::Disconnected) => {
-                        let _ = worker.join();
-                        break None;
-                    }
-                }
-            }
-        })
-    });
-    match (run.raised.get(), result) {
-        (Some(error), _) => Err(Error::Raised(error.clone_ref(py))),
-        (None, Some(result)) => Ok(result),
-        (None, None) => {
-            Err(Error::Own { class: "FtlaError", message: "the calculation broke off".to_owned() })
-        }
+    let result = waiting::attend(py, |raised| run.stop(raised), || work(&run));
+    match run.raised.get() {
+        Some(error) => Err(Error::Raised(error.clone_ref(py))),
+        None => result,
     }
 }
 

@@ -3,6 +3,7 @@
 use super::arguments::{count, finite_all, index, integer};
 use crate::convert::{a_type, array, real_numbers, times, with_shape};
 use crate::error::Error;
+use crate::memory::{bytes_of_numbers, expect_room};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::core::spline::UniformBasis;
@@ -148,9 +149,10 @@ pub(crate) struct SplineMotion {
     base: Option<Py<EigenpostureBase>>,
 }
 
-/// A base, or a number of joints.
+/// A base, or a number of joints, which with so many coefficients each are not too many.
 fn base_of(
     value: &Bound<'_, PyAny>,
+    n_coefficients: usize,
 ) -> Result<(motion::EigenpostureBase, Option<Py<EigenpostureBase>>), Error> {
     if let Ok(base) = value.cast::<EigenpostureBase>() {
         return Ok((base.get().base.clone(), Some(base.clone().unbind())));
@@ -159,7 +161,10 @@ fn base_of(
         let found = a_type(value);
         Error::input(format!("`base` must be an EigenpostureBase or a number of joints, found {found}"))
     };
-    Ok((motion::EigenpostureBase::joints(count("base", integer(value).map_err(refused)?, 1)?), None))
+    let n_joints = count("base", integer(value).map_err(refused)?, 1)?;
+    motion::SplineMotion::expect_coefficients(n_joints, n_coefficients)?;
+    expect_room(&format!("the directions of {n_joints} joints"), bytes_of_numbers(&[n_joints, n_joints]))?;
+    Ok((motion::EigenpostureBase::joints(n_joints), None))
 }
 
 /// `(end, derivative, value)` of each.
@@ -199,8 +204,8 @@ impl SplineMotion {
         conditions: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = integer)] degree: i64,
     ) -> Result<Self, Error> {
-        let (library, base) = base_of(base)?;
         let (degree, n) = (count("degree", degree, 0)?, count("n_coefficients", n_coefficients, 1)?);
+        let (library, base) = base_of(base, n)?;
         let basis = UniformBasis::try_new(degree, n).map_err(motion::MotionError::from)?;
         let conditions = conditions_of(conditions)?;
         Ok(Self { motion: motion::SplineMotion::try_new(basis, library, &conditions)?, conditions, base })

@@ -1,9 +1,10 @@
 //! Many starts, and what came of them.
 
 use super::arguments::tolerance;
-use super::solver::{ATTENTION, Report};
+use super::solver::Report;
 use super::verification::Verifier;
 use crate::error::Error;
+use crate::waiting::{Stop, attend};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -12,8 +13,6 @@ use somersault::ocp::solver::{
     self, FailureCause, MultiStart, MultiStartReport, NlpSolver, SolverError, Start, Status,
 };
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
 use std::time::Instant;
 
 /// What all searches are told.
@@ -38,28 +37,14 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
     ) -> Result<SearchResult, Error> {
         tolerance("distance_tol", Some(self.distance_tol))?;
         let many = MultiStart { distance_tol: self.distance_tol, ..MultiStart::new(self.solver) };
-        let (stop, mut is_late, mut raised) = (AtomicBool::new(false), false, None);
-        let found = py.detach(|| {
-            thread::scope(|scope| {
-                let search = scope
-                    .spawn(|| many.try_solve::<N, Error>(&make, starts, || stop.load(Ordering::Relaxed)));
-                while !search.is_finished() {
-                    thread::park_timeout(ATTENTION / 10);
-                    if raised.is_none() {
-                        raised = Python::attach(|py| py.check_signals()).err();
-                    }
-                    is_late |= self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
-                    stop.fetch_or(is_late || raised.is_some(), Ordering::Relaxed);
-                }
-                search.join()
-            })
-        });
-        let found = found.map_err(|_| Error::ocp(&"the search broke off"))??;
-        match raised {
+        let stop = Stop::at(self.deadline);
+        let solve = || many.try_solve::<N, Error>(&make, starts, || stop.is_asked());
+        let found = attend(py, |raised| stop.raise(raised), solve)??;
+        match stop.raised() {
             Some(error) if !(self.returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
-                Err(error.into())
+                Err(error.clone_ref(py).into())
             }
-            raised => SearchResult::of(py, found, is_late && raised.is_none(), reported, verifier),
+            raised => SearchResult::of(py, found, stop.is_late() && raised.is_none(), reported, verifier),
         }
     }
 }

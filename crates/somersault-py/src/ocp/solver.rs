@@ -4,6 +4,7 @@ use super::arguments::{limit, tolerance};
 use super::verification::{Verifier, judgement};
 use crate::error::Error;
 use crate::plan::{check_callable, returns_interrupted};
+use crate::waiting::{Stop, attend};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -17,7 +18,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How often a solve looks whether it is to stop.
-pub(crate) const ATTENTION: Duration = Duration::from_millis(50);
+const ATTENTION: Duration = Duration::from_millis(50);
 
 /// What a solver found: always the best iterate, with the residuals it has, and what an accurate integration makes of it.
 ///
@@ -379,18 +380,10 @@ impl Watcher {
         }
     }
 
-    /// Whether work without iterations is to go on.
-    pub(crate) fn goes_on(&mut self) -> bool {
-        if self.last_look.elapsed() < ATTENTION {
-            return true;
-        }
-        self.last_look = Instant::now();
-        match Python::attach(|py| py.check_signals()) {
-            Ok(()) => true,
-            Err(error) => {
-                self.raised.get_or_insert(error);
-                false
-            }
+    /// What a handler of signals raised where a thread waited for the solve is as if it had been raised here.
+    pub(crate) fn hears(&mut self, py: Python<'_>, stop: &Stop) {
+        if let Some(raised) = stop.raised() {
+            self.raised.get_or_insert_with(|| raised.clone_ref(py));
         }
     }
 
@@ -405,10 +398,10 @@ pub(crate) fn attended<T: Send, E: Send + Into<Error>>(
     py: Python<'_>,
     work: impl FnOnce(GoOn<'_>) -> Result<T, E> + Send,
 ) -> Result<T, Error> {
-    let mut watcher = Watcher::new(None)?;
-    let found = py.detach(|| work(&mut || watcher.goes_on()));
-    match watcher.raised {
-        Some(error) => Err(error.into()),
+    let stop = Stop::default();
+    let found = attend(py, |raised| stop.raise(raised), || work(&mut || !stop.is_asked()))?;
+    match stop.raised() {
+        Some(error) => Err(error.clone_ref(py).into()),
         None => found.map_err(Into::into),
     }
 }

@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::ocp::arguments::{count, limit, tolerance};
 use crate::ocp::solver::{Watcher, duration};
 use crate::plan::returns_interrupted;
+use crate::waiting::{Stop, attend};
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
@@ -60,11 +61,16 @@ impl SearchOptions<'_, '_> {
         let mut problem = problem()?;
         let watcher = Mutex::new(Watcher::new(self.callback)?);
         let watch = || watcher.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = py.detach(|| {
-            let mut look = |iteration: &Iteration<'_>| -> Flow { watch().look(iteration) };
-            collocation.solve_while(&mut problem, &meshes, &mut look, &mut || watch().goes_on())
-        });
-        let watcher = watcher.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let stop = Stop::default();
+        let search = || {
+            let mut look = |iteration: &Iteration<'_>| -> Flow {
+                if stop.is_asked() { Flow::Stop } else { watch().look(iteration) }
+            };
+            collocation.solve_while(&mut problem, &meshes, &mut look, &mut || !stop.is_asked())
+        };
+        let found = attend(py, |raised| stop.raise(raised), search)?;
+        let mut watcher = watcher.into_inner().unwrap_or_else(PoisonError::into_inner);
+        watcher.hears(py, &stop);
         let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
         if watcher.is_interrupted(py) {
             report.program = report.program.interrupted();

@@ -4,10 +4,11 @@ use crate::convert::{array, real_numbers, with_shape};
 use crate::error::Error;
 use crate::ocp::solver::{Report, Watcher};
 use crate::plan::returns_interrupted;
+use crate::waiting::{Stop, attend, together};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ocp::dive::{self, DiveProgram};
-use somersault::ocp::solver;
+use somersault::ocp::solver::{self, Flow, Iteration};
 use std::f64::consts::TAU;
 
 /// A planar dive as thesis 3.1 poses it, stepped by explicit Euler. The centre of mass starts at the origin.
@@ -25,10 +26,14 @@ impl LiteralDive {
     ) -> Result<Self, Error> {
         let returned = returns_interrupted(on_interrupt)?;
         if !optimise {
-            return Ok(Self(py.detach(|| program.literal_motion(z, n_steps))?));
+            return Ok(Self(together(py, || program.literal_motion(z, n_steps))??));
         }
         let mut watcher = Watcher::new(None)?;
-        let found = py.detach(|| program.solve_literal(z, n_steps, &mut |i| watcher.look(i)))?;
+        let stop = Stop::default();
+        let watch = &mut |i: &Iteration<'_>| if stop.is_asked() { Flow::Stop } else { watcher.look(i) };
+        let solve = || program.solve_literal(z, n_steps, watch);
+        let found = attend(py, |raised| stop.raise(raised), solve)??;
+        watcher.hears(py, &stop);
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: solver::Report| if interrupted { report.interrupted() } else { report };
         let found = dive::LiteralDive { report: found.report.map(reported), ..found };

@@ -16,20 +16,17 @@ use crate::convert::with_shape;
 use crate::error::Error;
 use crate::named_models::Diver;
 use crate::plan::returns_interrupted;
+use crate::waiting::{Stop, attend};
 use plan::{CLEARANCE_TIMES, Plan};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
 use somersault::multibody::models::Dimension;
-use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, KeyFrame, Range};
+use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::solver::{Flow, Iteration, Report, Status};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
-
-/// How often a search of several starts looks for Ctrl-C.
-const ATTENTION: Duration = Duration::from_millis(20);
+use std::time::Instant;
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
@@ -272,14 +269,15 @@ impl Dive {
             (None, None) => dive.start_of(dive.own_template()?)?,
         };
         let mut watcher = Watcher::new(callback)?;
-        let (mut stopped, mut is_late) = (false, false);
+        let (stop, mut stopped) = (Stop::at(deadline), false);
         let mut watch = |iteration: &Iteration<'_>| {
-            is_late |= deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            stopped |= is_late || watcher.look(iteration) == Flow::Stop;
+            stopped |= stop.is_asked() || watcher.look(iteration) == Flow::Stop;
             if stopped { Flow::Stop } else { Flow::Continue }
         };
-        let mut report = py.detach(|| search.solve(&dive.program, z, &mut watch))?;
-        if is_late && report.status == Status::Stopped {
+        let solve = || search.solve(&dive.program, z, &mut watch);
+        let mut report = attend(py, |raised| stop.raise(raised), solve)??;
+        watcher.hears(py, &stop);
+        if stop.is_late() && report.status == Status::Stopped {
             report.status = Status::TimeLimit;
         }
         if watcher.is_interrupted(py) {
@@ -305,7 +303,8 @@ impl Dive {
     /// Returns
     /// -------
     /// list of DiveSolution
-    ///     One for each start: those that converged first, and of these the cheapest.
+    ///     One for each start: those that converged first, and of these the cheapest. After Ctrl-C or when the time
+    ///     is over, one for each start that had begun.
     #[pyo3(signature = (
         n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="return"
     ))]
@@ -326,36 +325,32 @@ impl Dive {
         let search = dive.search_with(soft_weights, tol, max_iterations)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         let templates = KeyFrame::variations(dive.own_template()?, n_starts, seed);
-        let (stop, mut is_late) = (AtomicBool::new(false), false);
-        let from = |template: &Vec<KeyFrame>| {
-            let z = dive.program.start(template)?;
-            search.solve(&dive.program, z, &mut |_| {
-                if stop.load(Ordering::Relaxed) { Flow::Stop } else { Flow::Continue }
-            })
+        let stop = Stop::at(deadline);
+        let from = |template: &Vec<KeyFrame>| -> Option<Result<Report, DiveSearchError>> {
+            if stop.is_asked() {
+                return None;
+            }
+            let watch = &mut |_: &Iteration<'_>| if stop.is_asked() { Flow::Stop } else { Flow::Continue };
+            Some(
+                dive.program
+                    .start(template)
+                    .map_err(DiveSearchError::from)
+                    .and_then(|z| search.solve(&dive.program, z, watch)),
+            )
         };
-        let mut raised = None;
-        let reports = py.detach(|| {
-            std::thread::scope(|scope| {
-                let all = || templates.par_iter().with_max_len(1).map(from).collect::<Result<Vec<_>, _>>();
-                let worker = scope.spawn(all);
-                while !worker.is_finished() {
-                    std::thread::sleep(ATTENTION);
-                    if raised.is_none() {
-                        raised = Python::attach(|py| py.check_signals()).err();
-                    }
-                    is_late |= deadline.is_some_and(|deadline| Instant::now() >= deadline);
-                    stop.fetch_or(is_late || raised.is_some(), Ordering::Relaxed);
-                }
-                worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            })
-        })?;
-        if let Some(error) = &raised
+        let all =
+            || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<Report>, _>>();
+        let reports = attend(py, |raised| stop.raise(raised), all)??;
+        let raised = stop.raised();
+        if let Some(error) = raised
             && !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py))
         {
             return Err(error.clone_ref(py).into());
         }
         let ended = |report: Report| match report.status {
-            Status::Stopped if raised.is_none() && is_late => Report { status: Status::TimeLimit, ..report },
+            Status::Stopped if raised.is_none() && stop.is_late() => {
+                Report { status: Status::TimeLimit, ..report }
+            }
             _ => report.interrupted(),
         };
         let solution = |report| DiveSolution::of(slf, ended(report));

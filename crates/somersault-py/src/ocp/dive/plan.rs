@@ -1,7 +1,7 @@
 //! What a dive is made of.
 
 use super::Dive;
-use crate::convert::{a_type, real_numbers};
+use crate::convert::{a_type, did_you_mean, real_numbers};
 use crate::error::Error;
 use crate::named_models::Diver;
 use crate::ocp::arguments::{count, index, integer, number, number_or_range};
@@ -72,7 +72,8 @@ impl Plan {
         };
         self.names.iter().position(|known| *known == name).ok_or_else(|| {
             let known = self.names.join(", ");
-            Error::input(format!("`{argument}` must be one of the postures {known}, found '{name}'"))
+            let meant = did_you_mean(&name, self.names.iter().map(String::as_str));
+            Error::input(format!("`{argument}` must be one of the postures {known}, found '{name}'{meant}"))
         })
     }
 

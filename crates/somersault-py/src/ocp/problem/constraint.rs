@@ -73,6 +73,13 @@ impl Constraint {
 
 /// Lower bounds that are not above their upper ones; a single bound is that of all rows.
 fn in_order(lower: &[f64], upper: &[f64]) -> Result<(), Error> {
+    for (argument, bounds) in [("lower", lower), ("upper", upper)] {
+        if let Some(k) = bounds.iter().position(|bound| bound.is_nan()) {
+            return Err(Error::ocp_input(format!(
+                "`{argument}` of a constraint must be numbers or infinite, found NaN in entry {k}"
+            )));
+        }
+    }
     let of = |bounds: &[f64], k: usize| bounds[k.min(bounds.len() - 1)];
     if lower.is_empty() || upper.is_empty() {
         return Ok(());

@@ -1,9 +1,9 @@
 //! Parts of the cost.
 
 use super::place::Place;
-use crate::convert::numbers_or_one;
+use crate::convert::{numbers_or_one, real_numbers};
 use crate::error::Error;
-use crate::ocp::arguments::integer_or_none;
+use crate::ocp::arguments::{finite_all, integer_or_none};
 use crate::ocp::term::Term;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -41,6 +41,7 @@ impl Cost {
     #[new]
     #[pyo3(signature = (term, weights=None, target=None, *, at="path", node=None, linear=false, phase=None))]
     fn new(
+        py: Python<'_>,
         term: Py<Term>,
         weights: Option<Py<PyAny>>,
         target: Option<Py<PyAny>>,
@@ -54,6 +55,11 @@ impl Cost {
         }
         if at == "integral" {
             return Err(Error::input("`at` of a cost must be 'start', 'finish', 'node' or 'path'"));
+        }
+        for (argument, value) in [("weights", &weights), ("target", &target)] {
+            if let Some(value) = value {
+                finite_all(argument, real_numbers(argument, value.bind(py))?)?;
+            }
         }
         let place = Place { at: at.to_owned(), node, phase };
         Ok(Self { term, weights, target, nodes: place.nodes()?, place, linear })
@@ -71,14 +77,14 @@ impl Cost {
     /// A pickled cost.
     #[classmethod]
     fn _restore(
-        _: &Bound<'_, PyType>,
+        cls: &Bound<'_, PyType>,
         term: Py<Term>,
         weights: Option<Py<PyAny>>,
         target: Option<Py<PyAny>>,
         place: (String, Option<i64>, bool, Option<i64>),
     ) -> Result<Self, Error> {
         let (at, node, linear, phase) = place;
-        Self::new(term, weights, target, &at, node, linear, phase)
+        Self::new(cls.py(), term, weights, target, &at, node, linear, phase)
     }
 }
 

@@ -1,0 +1,182 @@
+//! Where a thread of Python waits for the library: the threads that work for it, and signals meanwhile.
+//!
+//! Parallel work runs on threads of this module and never on rayon's global ones. Threads do not survive `fork`, and a
+//! child that counted on its parent's would wait for ever; here it finds that they are another process's and makes its own.
+
+use crate::error::Error;
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// How often a thread that waits looks for signals.
+const ATTENTION: Duration = Duration::from_millis(20);
+
+/// The threads of a process.
+struct Threads {
+    process: u32,
+    pool: ThreadPool,
+    /// Those of a child of it.
+    next: OnceLock<Box<Threads>>,
+}
+
+/// The threads of this process. There is no lock in it that another thread could have held when the process was forked:
+/// threads are started first and put in their place after, where of two that come at once the second stays unused.
+fn threads() -> Result<&'static ThreadPool, Error> {
+    static FIRST: OnceLock<Box<Threads>> = OnceLock::new();
+    let process = std::process::id();
+    let (mut place, mut last) = (&FIRST, None);
+    loop {
+        while let Some(threads) = place.get() {
+            last = Some(threads);
+            place = &threads.next;
+        }
+        if let Some(threads) = last.filter(|threads| threads.process == process) {
+            return Ok(&threads.pool);
+        }
+        let started = ThreadPoolBuilder::new().thread_name(|i| format!("somersault-{i}")).build();
+        let pool =
+            started.map_err(|error| Error::of_system(format!("no threads can be started: {error}")))?;
+        let _ = place.set(Box::new(Threads { process, pool, next: OnceLock::new() }));
+    }
+}
+
+/// Whether this thread is one of those that work.
+fn works() -> bool {
+    rayon::current_thread_index().is_some()
+}
+
+/// Works on all threads, without the interpreter. For what takes a fraction of a second.
+pub(crate) fn together<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> Result<T, Error> {
+    if works() {
+        return Ok(py.detach(work));
+    }
+    let threads = threads()?;
+    Ok(py.detach(|| threads.install(work)))
+}
+
+/// Works on all threads, without the interpreter, while this thread looks for signals. What a handler of them raises is
+/// given to `interrupted`, once, which has the work end.
+///
+/// Work inside of work looks for none: whoever waits for the outer does.
+pub(crate) fn attend<T: Send>(
+    py: Python<'_>,
+    interrupted: impl FnOnce(PyErr) + Send,
+    work: impl FnOnce() -> T + Send,
+) -> Result<T, Error> {
+    if works() {
+        return Ok(py.detach(work));
+    }
+    let threads = threads()?;
+    let mut interrupted = Some(interrupted);
+    let done = py.detach(|| {
+        threads.in_place_scope(|scope| {
+            let (sender, receiver) = sync_channel(1);
+            scope.spawn(move |_| {
+                // who waits does so until this is sent
+                let _ = sender.send(work());
+            });
+            loop {
+                match receiver.recv_timeout(ATTENTION) {
+                    Ok(done) => return Some(done),
+                    Err(RecvTimeoutError::Timeout) if interrupted.is_some() => {
+                        if let Err(raised) = Python::attach(|py| py.check_signals())
+                            && let Some(interrupted) = interrupted.take()
+                        {
+                            interrupted(raised);
+                        }
+                    }
+                    Err(RecvTimeoutError::Timeout) => {}
+                    // a panic, which the end of the scope passes on
+                    Err(RecvTimeoutError::Disconnected) => return None,
+                }
+            }
+        })
+    });
+    done.ok_or_else(|| Error::of_system("the work broke off".to_owned()))
+}
+
+/// As [`attend`], but where a handler of signals raises, the exception comes at once, and the work ends unheard when it next
+/// asks whether to go on.
+pub(crate) fn attend_or_leave<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Stop) -> T + Send + 'static,
+) -> Result<T, Error> {
+    let stop = Arc::new(Stop::default());
+    if works() {
+        return Ok(py.detach(|| work(&stop)));
+    }
+    let threads = threads()?;
+    let (sender, receiver) = sync_channel(1);
+    let within = Arc::clone(&stop);
+    let worker = std::thread::Builder::new().name("somersault".to_owned()).spawn(move || {
+        // nobody listens any more after a signal
+        let _ = sender.send(threads.install(|| work(&within)));
+    });
+    let worker = worker.map_err(|error| Error::of_system(format!("no thread can be started: {error}")))?;
+    let ended: PyResult<T> = py.detach(move || {
+        loop {
+            match receiver.recv_timeout(ATTENTION) {
+                Ok(done) => return Ok(done),
+                Err(RecvTimeoutError::Timeout) => {
+                    if let Err(raised) = Python::attach(|py| py.check_signals()) {
+                        stop.ask();
+                        return Err(raised);
+                    }
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    let panic = worker.join().err();
+                    std::panic::resume_unwind(panic.unwrap_or_else(|| Box::new("the worker is gone")));
+                }
+            }
+        }
+    });
+    Ok(ended?)
+}
+
+/// Whether work is to end, by a signal or since its time is over.
+#[derive(Default)]
+pub(crate) struct Stop {
+    asked: AtomicBool,
+    late: AtomicBool,
+    deadline: Option<Instant>,
+    raised: OnceLock<PyErr>,
+}
+
+impl Stop {
+    /// With a time after which work is to end.
+    pub(crate) fn at(deadline: Option<Instant>) -> Self {
+        Self { deadline, ..Self::default() }
+    }
+
+    /// Ends the work.
+    pub(crate) fn ask(&self) {
+        self.asked.store(true, Ordering::Relaxed);
+    }
+
+    /// Ends the work, by what a handler of signals raised.
+    pub(crate) fn raise(&self, raised: PyErr) {
+        let _ = self.raised.set(raised);
+        self.ask();
+    }
+
+    /// Whether work is to end.
+    pub(crate) fn is_asked(&self) -> bool {
+        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            self.late.store(true, Ordering::Relaxed);
+        }
+        self.asked.load(Ordering::Relaxed) || self.is_late()
+    }
+
+    /// Whether work has been asked to end since its time was over.
+    pub(crate) fn is_late(&self) -> bool {
+        self.late.load(Ordering::Relaxed)
+    }
+
+    /// What a handler of signals raised.
+    pub(crate) fn raised(&self) -> Option<&PyErr> {
+        self.raised.get()
+    }
+}
