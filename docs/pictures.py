@@ -146,7 +146,7 @@ def recorded() -> None:
         joints = np.stack([fold, 0.3 * fold + 0.2 * np.sin(4 * t), np.cos(3 * t), 0.4 * t**2], axis=1)
         joints += rng.uniform(-0.02, 0.02, joints.shape)
         path = np.stack([t, 0 * t, 3.0 - 4.9 * t**2], axis=1)
-        performances.append(motion.Performance(t, joints, path))
+        performances.append(motion.Performance(t, ["hip", "shoulder", "knee", "neck"], joints, path))
         scores.append(7.0 + 0.8 * depth - 0.5 * delay + rng.uniform(-0.17, 0.17))
     worth = motion.validate(performances, scores)
     ax = _axes("Synthetic motions, each scored by a model that has not seen it")

@@ -153,7 +153,8 @@ fn performance(k: i32) -> Performance {
     let phase = |j: usize| (f64::from(k) + 1.0).sqrt() * (j as f64 + 1.0);
     let postures = DMatrix::from_fn(30, 4, |i, j| (2.0 * times[i] + phase(j)).sin());
     let path = DMatrix::from_fn(30, 3, |i, j| [times[i], 0.1 * f64::from(k), -4.9 * times[i].powi(2)][j]);
-    Performance::try_new(times, postures, path).unwrap()
+    let names = ["a", "b", "c", "d"].map(String::from).to_vec();
+    Performance::try_new(times, names, postures, path).unwrap()
 }
 
 /// A document with other content under the same kind.

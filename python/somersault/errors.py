@@ -44,6 +44,7 @@ __all__ = [
     "OcpInputError",
     "PostureError",
     "ReadError",
+    "ReadWarning",
     "RecordingError",
     "ScoringError",
     "SensitivityError",
@@ -191,6 +192,10 @@ class ReadError(InputError):
     line: int | None = None
     #: Byte of a binary file, from 0.
     byte: int | None = None
+
+
+class ReadWarning(UserWarning):
+    """A file contradicts itself and was read: the message has what is declared and what was used."""
 
 
 class WriteError(InputError):

@@ -30,8 +30,13 @@ A diver who folds, seen by noisy markers, some of them missing, and found again:
 >>> points = seen.points + rng.normal(0.0, 0.005, seen.points.shape)
 >>> seen = motion.MarkerRecording(seen.names, t, points, rng.random(seen.present.shape) > 0.2)
 >>> fit = motion.MarkerFit(markers, scale=1.0).fit(seen)
->>> fit.success, bool(fit.rms < 0.01)
+>>> fit.converged, bool(fit.rms < 0.01)
 (True, True)
+
+Whether it is a success is another question: joint centres do not say how head, hands and toes are turned.
+
+>>> fit.success, fit.unknown_status[0][fit.unknowns.index("hand")]
+(False, 'undetermined')
 """
 
 from somersault._markers import low_pass, place_markers
@@ -50,6 +55,7 @@ from somersault._somersault import (
     Performance,
     Perturbation,
     Projection,
+    Score,
     ScoringModel,
     ScoringOptions,
     Skeleton,
@@ -96,6 +102,7 @@ __all__ = [
     "Performance",
     "Perturbation",
     "Projection",
+    "Score",
     "ScoringModel",
     "ScoringOptions",
     "Skeleton",

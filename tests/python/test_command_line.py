@@ -62,7 +62,9 @@ def test_a_dive_is_found_and_judged(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "<html" in page.read_text("utf-8")
 
 
-def test_motions_are_scored_with_what_the_scores_are_worth(tmp_path: Path) -> None:
+def test_motions_are_scored_with_what_the_scores_are_worth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("somersault.motion", reason="recorded motions are not there")
     rng = np.random.default_rng(3)
     t = np.linspace(0.0, 1.4, 50)
@@ -88,7 +90,42 @@ def test_motions_are_scored_with_what_the_scores_are_worth(tmp_path: Path) -> No
     again = tmp_path / "again.toml"
     again.write_text('scorer = "scorer.json"\nmotions = ["9.csv"]\n[read]\nunit = "m"\n')
     assert main(["score", str(again), "--out", str(scores)]) == 0
-    assert json.loads(scores.read_text())["predicted"] == found["predicted"][-1:]
+    again_found = json.loads(scores.read_text())
+    assert again_found["predicted"] == found["predicted"][-1:]
+    assert again_found["distance"] == found["distance"][-1:] and found["distance"][-1] <= 1.0
+    assert worth["learnt"]["names"] == ["hip", "knee", "head"] and worth["learnt"]["scale"] == [0.0, 10.0]
+
+    # what a scorer, a list or a motion lacks or has twice is named with its line
+    def refused(text: str, message: str) -> None:
+        again.write_text(text)
+        assert main(["score", str(again)]) == 2
+        assert message in capsys.readouterr().err
+
+    capsys.readouterr()
+    refused('scorer = "scorer.json"\n', "needs exactly one of judged, scorer and motions")
+    refused('scorer = "scorer.json"\nmotions = []\n', "motions: must have at least 1 entries, found 0")
+    twice = document.read_text().replace('file = "3.csv"', 'file = "./1.csv"')
+    refused(twice, "judged.3.file: is the file of entry 1 too")
+    refused(document.read_text() + "\n[options]\nscale = [7.0, 7.1]\n", "within the scale 7 to 7.1")
+    # in mm, lying on its side, and without a marker
+    head, _, rows = (tmp_path / "9.csv").read_text().partition("\n")
+    values = np.loadtxt(rows.splitlines(), delimiter=",")
+    names = head.split(",")
+
+    def scored(changed: Any, header: list[str] = names) -> tuple[int, str]:
+        np.savetxt(tmp_path / "x.csv", changed, delimiter=",", header=",".join(header), comments="")
+        again.write_text('scorer = "scorer.json"\nmotions = ["x.csv"]\n')
+        return main(["score", str(again), "--out", str(scores)]), capsys.readouterr().err
+
+    millimetres = values * np.array([1.0] + [1000.0] * 9)
+    status, said = scored(millimetres)
+    assert status == 2 and "is the unit right?" in said
+    fallen = values.copy()
+    fallen[:, [1, 3, 4, 6, 7, 9]] = values[:, [3, 1, 6, 4, 9, 7]]
+    status, said = scored(fallen)
+    assert status == 1 and "its score says nothing" in said
+    status, said = scored(values, [name.replace("knee", "nose") for name in names])
+    assert status == 2 and "must have knee" in said
 
 
 def test_the_bench_times_methods(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -34,10 +34,10 @@ PATH = np.zeros((12, 3))
 
 
 def _performances(n: int) -> list[motion.Performance]:
-    return [motion.Performance(TIMES, RNG.normal(size=(12, 4)), PATH) for _ in range(n)]
+    return [motion.Performance(TIMES, list("abcd"), RNG.normal(size=(12, 4)), PATH) for _ in range(n)]
 
 
-MOTIONS, SCORES = _performances(9), RNG.normal(size=9)
+MOTIONS, SCORES = _performances(9), 5.0 + RNG.normal(size=9)
 OPTIONS = motion.ScoringOptions(max_components=2, n_frames=8, n_eigenweights=2)
 VALIDATION = motion.validate(MOTIONS, SCORES, OPTIONS, n_resamples=5)
 NO_FAULTS = motion.DiveFaults(0.0, 1.0, 0.5, 0.0, 5.0)
@@ -89,12 +89,22 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "Pca": (motion.Pca, {"samples": SAMPLES, "n_components": 2}),
     "Pca.reconstruct": (PCA.reconstruct, {"scores": PCA.scores(SAMPLES)}),
     "Pca.scores": (PCA.scores, {"samples": SAMPLES}),
-    "Performance": (motion.Performance, {"times": TIMES, "postures": Q, "path": PATH}),
+    "Performance": (
+        motion.Performance,
+        {"times": TIMES, "names": [str(k) for k in range(Q.shape[1])], "postures": Q, "path": PATH},
+    ),
     "Performance.from_markers": (motion.Performance.from_markers, {"recording": SEEN}),
     "ScoringModel": (motion.ScoringModel, {"motions": MOTIONS, "scores": SCORES, "options": OPTIONS}),
     "ScoringOptions": (
         motion.ScoringOptions,
-        {"n_frames": 9, "n_eigenweights": 2, "path": True, "n_components": 2, "max_components": 2},
+        {
+            "n_frames": 9,
+            "n_eigenweights": 2,
+            "path": True,
+            "n_components": 2,
+            "max_components": 2,
+            "scale": (0, 100),
+        },
     ),
     "Skeleton.model": (SKELETON.model, {"mass": 70.0}),
     "SkeletonJoint": (motion.SkeletonJoint, {"name": "a", "parent": 0, "offset": (0, 0, 1)}),
@@ -263,12 +273,35 @@ KEPT: dict[str, tuple[Any, list[str]]] = {
     "MarkerSet": (MARKERS, ["names", "bodies", "points", "weights"]),
     "MotionFit": (
         FIT,
-        ["times", "scale", "q", "residuals", "cost", "iterations", "status", "success", "rms"],
+        [
+            "times",
+            "scale",
+            "q",
+            "residuals",
+            "cost",
+            "iterations",
+            "status",
+            "unknowns",
+            "unknown_status",
+            "success",
+            "rms",
+        ],
     ),
     "Pca": (PCA, ["mean", "components", "explained_variance", "total_variance", "n_samples"]),
-    "Performance": (MOTIONS[0].labelled_synthetic(), ["duration", "n_features", "synthetic"]),
-    "ScoringOptions": (OPTIONS, ["n_frames", "n_eigenweights", "path", "n_components", "max_components"]),
-    "Validation": (VALIDATION, ["predictions", "n_components", "rms_error", "synthetic"]),
+    "Performance": (
+        MOTIONS[0].labelled_synthetic(),
+        ["duration", "n_features", "names", "kind", "synthetic"],
+    ),
+    "Performance of markers": (motion.Performance.from_markers(SEEN), ["duration", "names", "kind"]),
+    "Score": (
+        motion.ScoringModel(MOTIONS, SCORES, OPTIONS).score(MOTIONS[0]),
+        ["value", "distance", "inside"],
+    ),
+    "ScoringOptions": (
+        OPTIONS,
+        ["n_frames", "n_eigenweights", "path", "n_components", "max_components", "scale"],
+    ),
+    "Validation": (VALIDATION, ["predictions", "distances", "n_components", "rms_error", "synthetic"]),
     "Correlation": (VALIDATION.pearson, ["value", "interval", "p_value"]),
     "Baseline": (VALIDATION.baselines[1], ["name", "predictions", "rms_error"]),
     "Band": (motion.Band(SAMPLES), ["mean", "deviation"]),
@@ -360,10 +393,11 @@ import os, time, numpy as np
 from somersault import motion
 rng = np.random.default_rng(1)
 times = np.linspace(0.0, 1.0, 20)
-motions = [motion.Performance(times, rng.normal(size=(20, 4)), np.zeros((20, 3))) for _ in range(40)]
+def one(): return motion.Performance(times, list("abcd"), rng.normal(size=(20, 4)), np.zeros((20, 3)))
+motions = [one() for _ in range(40)]
 print("ready", flush=True)
 try:
-    motion.validate(motions, rng.normal(size=40), n_resamples=1_000_000)
+    motion.validate(motions, rng.uniform(4.0, 8.0, 40), n_resamples=1_000_000)
 except KeyboardInterrupt:
     # the work has ended too: hardly any processor time passes
     time.sleep(0.5)

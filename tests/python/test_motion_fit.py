@@ -64,12 +64,16 @@ class TestKnownMotions:
         seen = blurred(motion.place_markers(markers, t, q), 0.01, missing=0.2)
         assert seen.n_missing > 0.15 * seen.present.size
         fit = motion.MarkerFit(markers, scale=1.0, noise=0.01).fit(seen)
-        assert fit.success
+        assert fit.converged
         off = diver.model.difference(q, fit.q)
         scores = []
         for i in range(len(t)):
             covariance = fit.covariance(i)
-            if covariance is None:
+            assert covariance is not None
+            variances = np.diag(covariance)
+            for variance, status in zip(variances, fit.unknown_status[i], strict=True):
+                assert np.isinf(variance) == (status == "undetermined")
+            if np.isinf(variances).any():
                 continue  # a body without its markers is not determined
             assert covariance.shape == (1 + off.shape[1],) * 2
             assert np.abs(covariance - covariance.T).max() < 1e-15
@@ -175,11 +179,31 @@ class TestFits:
         present = seen.present.copy()
         present[2] = False
         fit = motion.MarkerFit(markers).fit(motion.MarkerRecording(seen.names, t, seen.points, present))
-        assert fit.status[2] == "no_markers" and fit.success
+        assert fit.status[2] == "no_markers" and fit.converged and not fit.success
+        assert set(fit.unknown_status[2]) == {"undetermined"}
         assert np.isnan(fit.frame_rms[2]) and fit.covariance(2) is None
         np.testing.assert_array_equal(fit.q[2], fit.q[1])
         nothing = motion.MarkerRecording(seen.names, t, seen.points, np.zeros_like(present))
-        assert not motion.MarkerFit(markers).fit(nothing).success
+        found = motion.MarkerFit(markers).fit(nothing)
+        assert not found.success and not found.converged
+
+    def test_an_unseen_hand_and_a_mirrored_axis_are_told_apart(self) -> None:
+        markers = three_on_each(PLANAR.model)
+        t, q = tumble(PLANAR, 4)
+        seen = motion.place_markers(markers, t, q)
+        names = [name for name in seen.names if not name.startswith("hand")]
+        fit = motion.MarkerFit(markers, scale=1.0, noise=0.001).fit(seen.select(names))
+        assert fit.converged and not fit.success and fit.status == ["converged"] * 4
+        assert fit.unknowns[:4] == ("scale", "torso 0", "torso 1", "torso 2")
+        for i, statuses in enumerate(fit.unknown_status):
+            found = dict(zip(fit.unknowns, statuses, strict=True))
+            assert (found.pop("scale"), found.pop("hand")) == ("given", "undetermined")
+            assert set(found.values()) <= {"determined", "at_limit"}
+            variances = np.diag(fit.covariance(i))
+            assert [np.isinf(v) for v in variances] == [name == "hand" for name in fit.unknowns]
+        mirrored = motion.MarkerRecording(seen.names, t, seen.points * [-1.0, 1.0, 1.0])
+        fit = motion.MarkerFit(markers, scale=1.0).fit(mirrored)
+        assert fit.status == ["mirrored"] * 4 and not fit.success and "no success" in repr(fit)
 
 
 def test_markers_are_placed_about_the_root_at_a_scale() -> None:

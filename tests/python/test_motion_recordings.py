@@ -212,6 +212,26 @@ class TestFilesOfOthers:
         assert np.isnan(expected[2, 1]).all() and recording.n_missing == 1
         np.testing.assert_array_equal(recording.times, np.arange(6) / 120.0)
 
+    def test_a_c3d_that_contradicts_itself_is_read_by_its_length_with_a_warning(self, tmp_path: Path) -> None:
+        whole = motion.read_c3d(FILES / "ezc3d.c3d")
+        content = bytearray((FILES / "ezc3d.c3d").read_bytes())
+        content[2] += 1  # points, in the header
+        (tmp_path / "other.c3d").write_bytes(content)
+        with pytest.warns(
+            errors.ReadWarning, match="points: the header declares 4, the parameters 3; 3 is used"
+        ):
+            found = motion.read_c3d(tmp_path / "other.c3d")
+        np.testing.assert_array_equal(found.points, whole.points)
+
+    @pytest.mark.parametrize("first", [0.0, 1.5, 0.1234, -2.0])
+    def test_c3d_keeps_the_time_of_its_first_frame(self, first: float, tmp_path: Path) -> None:
+        times = first + np.arange(4) / 64.0
+        recording = motion.MarkerRecording(["a"], times, np.zeros((4, 1, 3)))
+        motion.write_c3d(tmp_path / "a.c3d", recording)
+        found = motion.read_c3d(tmp_path / "a.c3d").times
+        assert found[0] == first
+        np.testing.assert_allclose(found, times, rtol=0.0, atol=1e-15)
+
     def test_bvh_of_bvhio(self) -> None:
         recording = motion.read_bvh(FILES / "bvhio.bvh", unit="m")
         text = (FILES / "bvhio.bvh").read_text()
@@ -380,10 +400,12 @@ import numpy as np
 from somersault import motion
 rng = np.random.default_rng(1)
 t = np.linspace(0.0, 1.0, 60)
-motions = [motion.Performance(t, rng.normal(size=(60, 30)), rng.normal(size=(60, 3))) for _ in range(12)]
+names = [str(k) for k in range(30)]
+def one(): return motion.Performance(t, names, rng.normal(size=(60, 30)), rng.normal(size=(60, 3)))
+motions = [one() for _ in range(12)]
 print("ready", flush=True)
 try:
-    motion.validate(motions, rng.normal(size=12), n_resamples=1_000_000)
+    motion.validate(motions, rng.uniform(4.0, 8.0, 12), n_resamples=1_000_000)
 except KeyboardInterrupt:
     print(time.monotonic(), flush=True)
 import os; os._exit(0)

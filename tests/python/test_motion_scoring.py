@@ -14,6 +14,10 @@ from somersault import errors, motion
 
 Array = NDArray[np.float64]
 
+JOINTS = [f"joint {k}" for k in range(12)]
+#: What performances were made of, those of `TestModels` first.
+MADE: list[tuple[Array, Array, Array]] = []
+
 
 def performances(n: int, seed: int = 1) -> tuple[list[motion.Performance], Array]:
     """Motions that differ in one bump of their postures, by an amount, and in noise."""
@@ -28,7 +32,8 @@ def performances(n: int, seed: int = 1) -> tuple[list[motion.Performance], Array
         postures = np.sin(np.pi * share) * pattern[0] + amount * bump * pattern[1]
         postures = postures + rng.normal(0.0, 0.01, postures.shape)
         path = np.hstack([share, 0 * share, 10.0 - 10.0 * share**2])
-        made.append(motion.Performance(t, postures, path))
+        made.append(motion.Performance(t, JOINTS, postures, path))
+        MADE.append((t, postures, path))
     return made, amounts
 
 
@@ -38,7 +43,7 @@ class TestModels:
 
     def test_a_linear_judge_is_learnt(self) -> None:
         model = motion.ScoringModel(self.motions[:12], self.scores[:12])
-        found = [model.score(m) for m in self.motions[12:]]
+        found = [model.score(m).value for m in self.motions[12:]]
         np.testing.assert_allclose(found, self.scores[12:], atol=0.15)
         assert model.eigenpostures.n_components == 4
         assert model.eigenmotions.n_components == len(model.coefficients) <= 5
@@ -52,7 +57,7 @@ class TestModels:
         weights = model.eigenpostures.scores(postures)
         vector = weights.T.reshape(1, -1)
         expected = model.intercept + float(model.eigenmotions.scores(vector)[0] @ model.coefficients)
-        found = model.score(motion.Performance(t, postures, np.zeros((20, 3))))
+        found = model.score(motion.Performance(t, JOINTS, postures, np.zeros((20, 3)))).value
         assert found == pytest.approx(expected, abs=1e-10)
 
     def test_saved_models_come_back_to_the_bit(self, tmp_path: Path) -> None:
@@ -101,8 +106,10 @@ class TestModels:
             (5, np.arange(5.0), {}, "`motions` must have at least 7 entries, found 5"),
             (12, np.arange(11.0), {}, "`scores` must have 12 entries, found 11"),
             (12, [np.nan] * 12, {}, "`scores` must be finite"),
-            (12, np.arange(12.0), {"n_components": 0}, "`n_components` must be at least 1"),
-            (12, np.arange(12.0), {"n_eigenweights": 13}, "`n_eigenweights` must be at most 12"),
+            (12, [7.6] * 11 + [76.0], {}, "within the scale 0 to 10, found 76 of motion 11"),
+            (12, np.arange(12.0), {"scale": (1.0, 0.0)}, "`scale` must be two finite numbers that grow"),
+            (12, np.arange(12.0) / 2, {"n_components": 0}, "`n_components` must be at least 1"),
+            (12, np.arange(12.0) / 2, {"n_eigenweights": 13}, "`n_eigenweights` must be at most 12"),
             (12, np.arange(12.0), {"n_frames": 0}, "`n_frames`"),
             (12, np.arange(12.0), {"n_frames": 2**62}, "`n_frames` must be between 0 and 1000000"),
             (0, [], {}, "`motions`"),
@@ -122,22 +129,45 @@ class TestModels:
             ({"postures": np.zeros((2, 4))}, "`rows of postures` must have 3 entries, found 2"),
             ({"path": np.zeros((3, 2))}, "`columns of path` must have 3 entries, found 2"),
             ({"postures": np.full((3, 4), np.nan)}, "must be finite"),
+            ({"names": list("abc")}, "`names` must have 4 entries, found 3"),
+            ({"names": list("abca")}, "`a` occurs twice"),
         ],
     )
     def test_what_is_no_performance_is_refused(self, change: dict[str, Any], message: str) -> None:
         arguments: dict[str, Any] = {
             "times": [0.0, 0.1, 0.2],
+            "names": list("abcd"),
             "postures": np.zeros((3, 4)),
             "path": np.zeros((3, 3)),
         }
         with pytest.raises(errors.InputError, match=message):
             motion.Performance(**(arguments | change))
 
-    def test_motions_of_another_width_have_no_score(self) -> None:
+    def test_motions_of_other_names_or_kinds_have_no_score(self) -> None:
         model = motion.ScoringModel(self.motions, self.scores)
-        other = motion.Performance([0.0, 1.0], np.zeros((2, 5)), np.zeros((2, 3)))
-        with pytest.raises(errors.AnalysisInputError, match="must have 12 entries, found 5"):
+        assert (model.names, model.kind, model.scale) == (tuple(JOINTS), "coordinates", (0.0, 10.0))
+        np.testing.assert_array_equal(model.scores, self.scores)
+        other = motion.Performance([0.0, 1.0], JOINTS[:5], np.zeros((2, 5)), np.zeros((2, 3)))
+        with pytest.raises(errors.ScoringError, match=r"must have joint 5, .*; it has joint 0"):
             model.score(other)
+        markers = motion.MarkerRecording(JOINTS, [0.0, 1.0], np.zeros((2, 12, 3)))
+        with pytest.raises(errors.ScoringError, match="must be coordinates, found markers"):
+            model.score(motion.Performance.from_markers(markers))
+
+    def test_permuted_columns_and_turned_paths_score_the_same_and_degrees_are_outside(self) -> None:
+        model = motion.ScoringModel(self.motions[:12], self.scores[:12])
+        rng = np.random.default_rng(7)
+        for k in range(12, 16):
+            score = model.score(self.motions[k])
+            assert repr(score).startswith("<Score: ") and pickle.loads(pickle.dumps(score)) == score
+            times, postures, path = MADE[k]
+            order = rng.permutation(12)
+            turned = path @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+            names = [JOINTS[i] for i in order]
+            same = model.score(motion.Performance(times, names, postures[:, order], turned))
+            assert (same.value, same.distance) == pytest.approx((score.value, score.distance), abs=1e-9)
+            degrees = model.score(motion.Performance(times, JOINTS, np.degrees(postures), path))
+            assert not degrees.inside and degrees.distance > 10.0 and "OUTSIDE" in repr(degrees)
 
     def test_markers_with_gaps_are_no_performance(self) -> None:
         points = np.zeros((3, 2, 3))
@@ -207,10 +237,10 @@ class TestValidation:
             with pytest.raises(errors.ScoringError, match=message):
                 learn(self.motions, 1e300 * np.ones(16))
         for name in ("postures", "path"):
-            numbers = {"postures": np.ones((2, 3)), "path": np.ones((2, 3))}
+            numbers: dict[str, Any] = {"postures": np.ones((2, 3)), "path": np.ones((2, 3))}
             numbers[name][1, 2] = -1e200
             with pytest.raises(errors.AnalysisInputError, match=rf"`{name}` must .* found -1e200 in row 1"):
-                motion.Performance([0.0, 1.0], **numbers)
+                motion.Performance([0.0, 1.0], list("abc"), **numbers)
         far = motion.MarkerRecording(["a"], [0.0, 1.0], np.full((2, 1, 3), 1e200))
         with pytest.raises(errors.ScoringError, match="`recording` must be within ±1e100, found 1e200"):
             motion.Performance.from_markers(far)

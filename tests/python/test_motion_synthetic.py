@@ -76,8 +76,25 @@ class TestSyntheticDives:
         model.save(tmp_path / "model.json")
         assert motion.ScoringModel.load(tmp_path / "model.json").synthetic
         assert "SYNTHETIC" in repr(made.judged_set()) and "SYNTHETIC" in repr(performances[0])
-        real = motion.Performance([0.0, 1.0], np.zeros((2, 3)), np.zeros((2, 3)))
+        real = motion.Performance([0.0, 1.0], list("abc"), np.zeros((2, 3)), np.zeros((2, 3)))
         assert not real.synthetic and real.labelled_synthetic().synthetic
+
+    def test_faults_and_perturbations_that_are_no_numbers_are_refused_by_name(self) -> None:
+        names = ("entry_angle", "hip_opening", "exit_share", "asymmetry", "roughness")
+        for name in names:
+            for bad in (np.nan, np.inf):
+                with pytest.raises(errors.AnalysisInputError, match=f"`{name}` must be finite"):
+                    motion.DiveFaults(**(dict.fromkeys(names, 0.1) | {name: bad}))
+        for name in (
+            "exit_delay",
+            "looseness",
+            "over_rotation",
+            "wobble",
+            "wobble_frequency",
+            "wobble_phase",
+        ):
+            with pytest.raises(errors.SyntheticError, match=f"`{name}` must be"):
+                motion.Perturbation(**{name: np.nan})
 
     def test_the_judge_is_found_within_his_noise(self, made: motion.SyntheticSet) -> None:
         found = motion.validate(made.performances(), made.scores, n_resamples=200)

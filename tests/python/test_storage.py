@@ -409,8 +409,8 @@ def test_fitted_scorers_and_recordings_come_back_as_they_were(tmp_path: Path) ->
     rng = np.random.default_rng(0)
     t = np.linspace(0.0, 1.0, 30)
     path = np.stack([t, 0 * t, 3.0 - 4.9 * t**2], axis=1)
-    motions = [motion.Performance(t, rng.normal(size=(30, 4)), path) for _ in range(8)]
-    scorer = motion.ScoringModel(motions, rng.normal(size=8))
+    motions = [motion.Performance(t, list("abcd"), rng.normal(size=(30, 4)), path) for _ in range(8)]
+    scorer = motion.ScoringModel(motions, 5.0 + rng.normal(size=8))
     recording = motion.MarkerRecording(["a"], t, rng.normal(size=(30, 1, 3)))
     somersault.save(tmp_path / "both", [scorer, recording])
     learnt, recorded = somersault.load(tmp_path / "both")

@@ -83,6 +83,8 @@ pub struct JudgedSet {
     pub list: JudgedList,
     /// The motion of each line.
     pub recordings: Vec<MarkerRecording>,
+    /// What files of C3D declare differently in their two places, and the line of each; of sets that were not read, nothing.
+    pub contradictions: Vec<(usize, c3d::Contradiction)>,
 }
 
 /// Why there is no judged set.
@@ -99,6 +101,18 @@ pub enum JudgedError {
         line: usize,
         /// Why.
         source: LoadError,
+    },
+    /// A file is listed twice, under two names.
+    #[error(
+        "line {line} of the list: `{file}` is the file of line {before}; each motion must be listed once"
+    )]
+    Twice {
+        /// Line in the list, from 1.
+        line: usize,
+        /// The file.
+        file: String,
+        /// The line that has it too.
+        before: usize,
     },
     /// A file has no known ending.
     #[error("line {line} of the list: `{file}` must end in .csv, .trc, .c3d, .bvh, .json or .txt")]
@@ -208,7 +222,7 @@ pub fn read(text: &str) -> Result<JudgedList, ReadError> {
             }
         }
         // a motion that is left out must not be learnt from in another line
-        if !seen.insert(motion.file.clone()) {
+        if !seen.insert(parts(&motion.file)) {
             return Err(unexpected(place, &motion.file, "a motion that is not in the list already"));
         }
         motions.push(motion);
@@ -254,6 +268,11 @@ fn file(place: Place, cell: &str) -> Result<String, ReadError> {
     Ok(cell.to_owned())
 }
 
+/// What a file below the folder is called, whatever stands between the parts of its name.
+fn parts(file: &str) -> PathBuf {
+    Path::new(file).components().collect()
+}
+
 /// The list at `path` and its motions.
 pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<JudgedSet, JudgedError> {
     let path = path.as_ref();
@@ -263,8 +282,16 @@ pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<Judge
     let list = load(path, |bytes| read(text(bytes)?)).map_err(JudgedError::List)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut recordings: Vec<MarkerRecording> = Vec::with_capacity(list.motions.len());
+    let mut contradictions = Vec::new();
+    let mut seen = std::collections::HashMap::new();
     for motion in &list.motions {
-        let found = recording(folder, motion, options)?;
+        let (found, contradictory) = recording(folder, motion, options)?;
+        contradictions.extend(contradictory.into_iter().map(|c| (motion.line, c)));
+        // two names of one file; where there is no such name of it, its own will do
+        let path = folder.join(&motion.file);
+        if let Some(before) = seen.insert(path.canonicalize().unwrap_or(path), motion.line) {
+            return Err(JudgedError::Twice { line: motion.line, file: motion.file.clone(), before });
+        }
         let (line, file) = (motion.line, motion.file.clone());
         let unsuited = |source| JudgedError::Recording { line, file: file.clone(), source };
         let found = match recordings.first() {
@@ -283,14 +310,14 @@ pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<Judge
         }
         recordings.push(found);
     }
-    Ok(JudgedSet { list, recordings })
+    Ok(JudgedSet { list, recordings, contradictions })
 }
 
 fn recording(
     folder: &Path,
     motion: &JudgedMotion,
     options: &JudgedOptions,
-) -> Result<MarkerRecording, JudgedError> {
+) -> Result<(MarkerRecording, Vec<c3d::Contradiction>), JudgedError> {
     let path = folder.join(&motion.file);
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let JudgedOptions { convention, nan_is_gap, diver, .. } = *options;
@@ -303,15 +330,26 @@ fn recording(
             source,
         })
     };
+    let mut contradictions = Vec::new();
     let found = match ending.as_str() {
         "csv" => load(path, |bytes| csv::read(text(bytes)?, &markers)),
         "trc" => load(path, |bytes| trc::read(text(bytes)?, &markers)),
-        "c3d" => load(path, |bytes| c3d::read(bytes, &c3d::Options { convention, nan_is_gap })),
-        "bvh" => return centres(load(path, |bytes| bvh::read(text(bytes)?, &convention))),
-        "json" | "txt" => return centres(load(path, |bytes| joint_motion::read(text(bytes)?, &diver))),
+        "c3d" => load(path, |bytes| {
+            contradictions = c3d::contradictions(bytes)?;
+            c3d::read(bytes, &c3d::Options { convention, nan_is_gap })
+        }),
+        "bvh" => {
+            let found = centres(load(path, |bytes| bvh::read(text(bytes)?, &convention)))?;
+            return Ok((found, contradictions));
+        }
+        "json" | "txt" => {
+            let found = centres(load(path, |bytes| joint_motion::read(text(bytes)?, &diver)))?;
+            return Ok((found, contradictions));
+        }
         _ => return Err(JudgedError::UnknownFormat { line: motion.line, file: motion.file.clone() }),
     };
-    found.map_err(|source| JudgedError::Motion { line: motion.line, source })
+    let found = found.map_err(|source| JudgedError::Motion { line: motion.line, source })?;
+    Ok((found, contradictions))
 }
 
 /// The list as text that [`read`] reads; lines that are made up are labelled SYNTHETIC, and so is the list.
@@ -351,7 +389,7 @@ fn expect_list(list: &JudgedList) -> Result<(), WriteError> {
     }
     let mut seen = std::collections::HashSet::new();
     for (k, motion) in list.motions.iter().enumerate() {
-        if file(Place::Line(motion.line), &motion.file).is_err() || !seen.insert(&motion.file) {
+        if file(Place::Line(motion.line), &motion.file).is_err() || !seen.insert(parts(&motion.file)) {
             return name(&motion.file, "files below the folder of the list, each once");
         }
         let (expected, found) = (list.feature_names.len(), motion.features.len());

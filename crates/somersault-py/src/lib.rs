@@ -76,11 +76,12 @@ mod _somersault {
     #[pymodule_export]
     use crate::motion::{
         Band, Baseline, Correlation, DiveFaults, GroupComparison, JudgedSet, MarkerFit, MarkerRecording,
-        MarkerSet, MotionFit, Pca, Performance, Perturbation, Projection, ScoringModel, ScoringOptions,
-        Skeleton, SkeletonJoint, SkeletonRecording, SyntheticDive, SyntheticFlight, SyntheticJudge,
-        SyntheticSet, Validation, common_eigenpostures, eigenpostures_per_motion, normalize_frames, pearson,
-        project, read_bvh, read_c3d, read_csv, read_joint_motion, read_judged, read_trc, spearman,
-        turns_about, validate, write_bvh, write_c3d, write_csv, write_joint_motion, write_trc,
+        MarkerSet, MotionFit, Pca, Performance, Perturbation, Projection, Score, ScoringModel,
+        ScoringOptions, Skeleton, SkeletonJoint, SkeletonRecording, SyntheticDive, SyntheticFlight,
+        SyntheticJudge, SyntheticSet, Validation, common_eigenpostures, eigenpostures_per_motion,
+        normalize_frames, pearson, project, read_bvh, read_c3d, read_csv, read_joint_motion, read_judged,
+        read_trc, spearman, turns_about, validate, write_bvh, write_c3d, write_csv, write_joint_motion,
+        write_trc,
     };
     #[pymodule_export]
     use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,11 @@ _READERS = {
     ".csv": ("read_csv", ("unit", "up", "forward")),
 }
 
+#: Of the table of scores. The distance is to the motions learnt; beyond 1 a motion is not like them.
+_COLUMNS = ("file", "score", "predicted", "distance")
+#: Distance of a judged motion to the others that is worth a word.
+_FAR = 2.0
+
 
 def score(arguments: argparse.Namespace) -> int:
     """Learns or loads a scorer, scores, and writes a table and what validation says."""
@@ -33,7 +39,8 @@ def score(arguments: argparse.Namespace) -> int:
     tables.check_distinct(arguments.file, out=arguments.out, save=arguments.save, summary=arguments.summary)
     judged = document.values.get("judged", [])
     summary: dict[str, Any] = {}
-    rows: list[tuple[str, float, float]] = []
+    rows: list[tuple[str, float, float, float]] = []
+    _expect_once(document, judged)
     if judged:
         seen = [
             _performance(motion, document, ("judged", i, "file"), item["file"])
@@ -47,8 +54,8 @@ def score(arguments: argparse.Namespace) -> int:
             scorer = motion.ScoringModel(seen, scores, options)
         summary = _summary(worth)
         rows += [
-            (item["file"], item["score"], float(predicted))
-            for item, predicted in zip(judged, worth.predictions, strict=True)
+            (item["file"], item["score"], float(predicted), float(distance))
+            for item, predicted, distance in zip(judged, worth.predictions, worth.distances, strict=True)
         ]
     else:
         with document.at("scorer"):
@@ -56,17 +63,68 @@ def score(arguments: argparse.Namespace) -> int:
     for i, file in enumerate(document.values.get("motions", [])):
         performance = _performance(motion, document, ("motions", i), file)
         with document.at("motions", i):
-            rows.append((file, float("nan"), scorer.score(performance)))
+            found = scorer.score(performance)
+        rows.append((file, float("nan"), found.value, found.distance))
     columns = {
         name: np.array([row[i] for row in rows], dtype=object if name == "file" else float)
-        for i, name in enumerate(("file", "score", "predicted"))
+        for i, name in enumerate(_COLUMNS)
     }
+    summary |= _taught(scorer)
     tables.write(columns, arguments.out, arguments.format)
     if arguments.save:
         scorer.save(arguments.save)
     if arguments.summary:
         arguments.summary.write_text(json.dumps(summary, indent=2) + "\n", "utf-8")
-    return 0
+    return _said_outside(rows, len(judged))
+
+
+def _said_outside(rows: list[tuple[str, float, float, float]], n_judged: int) -> int:
+    """Names the motions that are not like those learnt from; their scores are no success."""
+    # one of the judged is always the farthest from the others, beyond 1
+    for file, _, _, distance in rows[:n_judged]:
+        if distance > _FAR:
+            print(
+                f"somersault: {file} is {distance:.1f} times as far from the other judged motions as these are:"
+                " are its unit, axes and names right?",
+                file=sys.stderr,
+            )
+    outside = [(file, distance) for file, _, _, distance in rows[n_judged:] if not distance <= 1.0]
+    for file, distance in outside:
+        print(
+            f"somersault: {file} is {distance:.1f} times as far from the motions learnt as these are from each"
+            " other: its score says nothing",
+            file=sys.stderr,
+        )
+    return 1 if outside else 0
+
+
+def _expect_once(document: Document, judged: list[dict[str, Any]]) -> None:
+    """A motion that is left out must not be learnt from under another name."""
+    seen: dict[Path, int] = {}
+    for i, item in enumerate(judged):
+        path = (document.path.parent / item["file"]).resolve()
+        if path in seen:
+            raise document.fault(
+                ("judged", i, "file"), f"is the file of entry {seen[path]} too; each must be given once"
+            )
+        seen[path] = i
+
+
+def _taught(scorer: Any) -> dict[str, Any]:
+    """What the scores were learnt from."""
+    return {
+        "learnt": {
+            "n_motions": len(scorer.scores),
+            "scores": [float(scorer.scores.min()), float(scorer.scores.max())],
+            "scale": list(scorer.scale),
+            "kind": scorer.kind,
+            "names": list(scorer.names),
+            "unit": "m",
+            "up": "z",
+            "heading": "turned about z to the nearest to the mean of those learnt",
+            "synthetic": scorer.synthetic,
+        }
+    }
 
 
 def _performance(motion: Any, document: Document, where: tuple[str | int, ...], file: str) -> Any:
@@ -106,7 +164,8 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "score",
         help="score the recorded motions that a file names",
-        description="Learns scores from judged motions, says what they are worth, and scores others.",
+        description="Learns scores from judged motions, says what they are worth, and scores others."
+        " Ends with 1 where a motion is not like those learnt from.",
     )
     parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema score`")
     parser.add_argument("--out", type=Path, help="of the scores: .parquet, .csv or .json (default: CSV here)")

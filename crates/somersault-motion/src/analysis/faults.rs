@@ -39,6 +39,25 @@ pub struct DiveFaults {
 const LEAST_FRAMES: usize = 5;
 
 impl DiveFaults {
+    /// Each by its name, in the order of the table.
+    pub fn named(&self) -> [(&'static str, f64); 5] {
+        [
+            ("entry_angle", self.entry_angle),
+            ("hip_opening", self.hip_opening),
+            ("exit_share", self.exit_share),
+            ("asymmetry", self.asymmetry),
+            ("roughness", self.roughness),
+        ]
+    }
+
+    /// Fails where a fault is NaN or infinite.
+    pub fn validate(&self) -> Result<(), AnalysisError> {
+        match self.named().into_iter().find(|(_, found)| !found.is_finite()) {
+            Some((fault, found)) => Err(AnalysisError::Fault { fault, found }),
+            None => Ok(()),
+        }
+    }
+
     /// Of a motion of a diver, planar or spatial: a model whose bodies have the names of
     /// [`Diver`](somersault_multibody::models::Diver). `positions` has a configuration for each time, one after
     /// the other.

@@ -68,6 +68,14 @@ pub enum AnalysisError {
         /// Row, from 0.
         row: usize,
     },
+    /// A fault of a dive is NaN or infinite.
+    #[error("`{fault}` must be finite, found {found}")]
+    Fault {
+        /// Name of the fault.
+        fault: &'static str,
+        /// Its value.
+        found: f64,
+    },
     /// A number is so large that its square is none.
     #[error("`{argument}` must be within ±1e100, found {found:e} in row {row}")]
     TooLarge {

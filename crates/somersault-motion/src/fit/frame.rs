@@ -2,12 +2,12 @@
 
 use super::estimate::{Estimate, Unknowns};
 use super::quadratic::{Activity, BoundedQuadratic};
-use super::{FitError, FitOptions, MarkerSet};
-use nalgebra::{DMatrix, DVector, Vector3};
+use super::{FitError, FitOptions, Loss, MarkerSet};
+use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 use serde::{Deserialize, Serialize};
 use somersault_multibody::{Axes, Data, DynamicsError, Model, Transform};
 
-/// How the search in a frame ended.
+/// How the fit of a frame ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FitStatus {
     /// No unknown moves any more, the cost falls by less than 1e-12 of itself, or there is none but rounding.
@@ -18,6 +18,49 @@ pub enum FitStatus {
     NoProgress,
     /// The frame has no marker; the estimate is that of the frame before.
     NoMarkers,
+    /// The search converged, but the model fits the mirror image of the markers with less than half of the residual: an axis is
+    /// mirrored, or left and right are exchanged.
+    Mirrored,
+    /// The search converged, but the residuals are larger than the noise allows, by five standard deviations of χ².
+    Misfit,
+}
+
+impl FitStatus {
+    /// All there are, and their names.
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::Converged, "converged"),
+        (Self::IterationLimit, "iteration_limit"),
+        (Self::NoProgress, "no_progress"),
+        (Self::NoMarkers, "no_markers"),
+        (Self::Mirrored, "mirrored"),
+        (Self::Misfit, "misfit"),
+    ];
+}
+
+/// What is known of an unknown of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum UnknownStatus {
+    /// The markers determine it.
+    Determined,
+    /// No marker of the frame does, or only together with others: the value is where the search began, or near it.
+    Undetermined,
+    /// It is at one of its limits, as the markers have it.
+    AtLimit,
+    /// It is held by one of its limits: the markers would have it beyond by more than three standard deviations.
+    BeyondLimit,
+    /// It was given.
+    Given,
+}
+
+impl UnknownStatus {
+    /// All there are, and their names.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Determined, "determined"),
+        (Self::Undetermined, "undetermined"),
+        (Self::AtLimit, "at_limit"),
+        (Self::BeyondLimit, "beyond_limit"),
+        (Self::Given, "given"),
+    ];
 }
 
 /// The fit of one frame.
@@ -35,13 +78,25 @@ pub struct FrameFit {
     pub cost: f64,
     /// Iterations made.
     pub iterations: usize,
-    /// Covariance of the unknowns by linearisation, σ² (Jᵀ W J)⁻¹ on the active constraints: scale, rates of
-    /// the root in its own axes, rates of the joints or weights. Unknowns at a bound have none. Absent where
-    /// the markers do not determine the unknowns, or, if the noise is not known, are not more than they.
+    /// What is known of each unknown: scale, rates of the root, rates of the joints or weights.
+    pub unknowns: Vec<UnknownStatus>,
+    /// Covariance of the unknowns by linearisation, σ² (Jᵀ W J)⁺ on the active constraints: scale, rates of
+    /// the root in its own axes, rates of the joints or weights. Unknowns at a bound have zeros, those that the markers do not
+    /// determine an infinite variance and no covariances. Absent without markers, and, if the noise is not known, where
+    /// measured coordinates are not more than what they determine.
     pub covariance: Option<DMatrix<f64>>,
 }
 
 impl FrameFit {
+    /// Whether the search converged on markers that determine every unknown, and neither limits nor mirrored axes contradict them.
+    pub fn success(&self) -> bool {
+        let known = |status: &UnknownStatus| match status {
+            UnknownStatus::Determined | UnknownStatus::AtLimit | UnknownStatus::Given => true,
+            UnknownStatus::Undetermined | UnknownStatus::BeyondLimit => false,
+        };
+        self.status == FitStatus::Converged && self.unknowns.iter().all(known)
+    }
+
     /// Root mean square of the residuals that there are.
     pub fn rms_of(residuals: &[Option<f64>]) -> Option<f64> {
         let present: Vec<f64> = residuals.iter().flatten().map(|r| r * r).collect();
@@ -69,6 +124,15 @@ pub(super) struct FrameFitter<'a> {
     program: BoundedQuadratic,
 }
 
+/// What the markers of a frame say of its unknowns.
+struct Determined {
+    /// (Jᵀ W J)⁺ on what is free and determined.
+    inverse: DMatrix<f64>,
+    status: Vec<UnknownStatus>,
+    /// Directions that are determined.
+    rank: usize,
+}
+
 /// Where a search ends before it has converged.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Until {
@@ -89,6 +153,14 @@ impl Until {
 const HOPE: f64 = 4.0;
 /// Distances that are none, in shares of the coordinates.
 const NO_DISTANCE: f64 = 1e-11;
+/// Eigenvalues of the normal matrix, scaled to a unit diagonal, that are none.
+const SINGULAR: f64 = 1e-12;
+/// Diagonal entries of the normal matrix that are none, in shares of the largest: a marker nearer to a joint's axis than 10⁻¹⁰ of the
+/// length of a limb.
+const UNSEEN: f64 = 1e-20;
+/// Standard deviations by which χ² is a misfit, and by which the markers are beyond a limit.
+const MISFIT: f64 = 5.0;
+const BEYOND: f64 = 3.0;
 /// Damping at the start, and where it is given up.
 const DAMPING: [f64; 2] = [1e-4, 1e12];
 
@@ -151,8 +223,34 @@ impl<'a> FrameFitter<'a> {
         let (status, iterations, cost) = self.minimize(targets, &mut estimate, Until::CONVERGED)?;
         let residuals = self.distances(targets, &estimate)?;
         let rms = FrameFit::rms_of(&residuals);
-        let covariance = if rms.is_none() { None } else { self.covariance(targets, &estimate)? };
-        Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, covariance })
+        if rms.is_none() {
+            let unknowns = vec![UnknownStatus::Undetermined; self.unknowns.n()];
+            return Ok(FrameFit {
+                status,
+                estimate,
+                residuals,
+                rms,
+                cost,
+                iterations,
+                unknowns,
+                covariance: None,
+            });
+        }
+        let (unknowns, covariance, is_misfit) = self.examine(targets, &estimate)?;
+        let status = if is_misfit && status == FitStatus::Converged { FitStatus::Misfit } else { status };
+        Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, unknowns, covariance })
+    }
+
+    /// Half the sum of squares of markers that are off by a share of their distance from their centre, weighted.
+    pub(super) fn cost_of_share(&self, targets: &[Option<Vector3<f64>>], share: f64) -> f64 {
+        let present = || targets.iter().flatten();
+        let n = present().count().max(1) as f64;
+        let centre = present().sum::<Vector3<f64>>() / n;
+        let squared = present().map(|y| (y - centre).norm_squared()).sum::<f64>() / n * share * share;
+        let of = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
+            target.map_or(0.0, |_| 0.5 * marker.weight * self.options.loss.evaluate(squared).0)
+        };
+        self.markers.markers().iter().zip(targets).map(of).sum()
     }
 
     /// `estimate` ← the minimum, or where the search is to end before. Returns how it ended, after how many iterations, and the
@@ -348,52 +446,116 @@ impl<'a> FrameFitter<'a> {
         Ok(cost)
     }
 
-    /// The inverse of the normal matrix on what is free, from the last linearisation at the minimum, and how
-    /// many unknowns that are. None where it is singular: a pivot of its factors below 1e-12 of the diagonal.
-    fn inverse(&mut self, estimate: &Estimate) -> Option<(DMatrix<f64>, usize)> {
+    /// What the normal matrix of the last linearisation, at the minimum, determines. None where the quadratic model has no minimum.
+    ///
+    /// On the free unknowns, in directions that keep an active sum, the matrix scaled to a unit diagonal is taken apart by its
+    /// eigenvalues. What is below [`SINGULAR`] is a direction in which no marker moves; an unknown with a part in
+    /// one of these is not determined, and the variance of the others does not depend on the choice of the inverse.
+    fn determined(&mut self, estimate: &Estimate) -> Option<Determined> {
         // the active set of a step without length
         self.step(estimate, DAMPING[0])?;
         let program = &self.program;
-        let free: Vec<usize> =
-            (0..self.gradient.len()).filter(|&i| program.activity()[i] == Activity::Free).collect();
-        let m = free.len();
-        let reduced = DMatrix::from_fn(m, m, |a, b| self.normal[(free[a.max(b)], free[a.min(b)])]);
-        let factors = reduced.clone().cholesky()?;
-        if (0..m).any(|a| factors.l_dirty()[(a, a)].powi(2) <= 1e-12 * reduced[(a, a)]) {
-            return None;
-        }
-        let mut inverse = factors.inverse();
-        let mut n_free = m;
-        if program.sum_is_active() {
-            let summed = nalgebra::DVector::from_fn(m, |a, _| f64::from(u8::from(program.summed[free[a]])));
-            let across = &inverse * &summed;
-            inverse -= &across * across.transpose() / summed.dot(&across);
-            n_free -= 1;
-        }
         let n = self.gradient.len();
-        let mut whole = DMatrix::zeros(n, n);
-        for (a, &i) in free.iter().enumerate() {
-            for (b, &j) in free.iter().enumerate() {
-                whole[(i, j)] = inverse[(a, b)];
+        let entry = |i: usize, j: usize| self.normal[(i.max(j), i.min(j))];
+        let largest = (0..n).fold(0.0_f64, |largest, i| largest.max(entry(i, i)));
+        // room for all, so that the number of allocations does not depend on what is free
+        let mut free = Vec::with_capacity(n);
+        free.extend((0..n).filter(|&i| program.activity()[i] == Activity::Free));
+        let m = free.len();
+        // columns that no marker moves stay as they are: scaled, their rounding would look like something
+        let is_seen = |i: usize| entry(i, i) > UNSEEN * largest;
+        let scale =
+            DVector::from_fn(
+                m,
+                |a, _| if is_seen(free[a]) { entry(free[a], free[a]).sqrt().recip() } else { 0.0 },
+            );
+        let mut scaled = DMatrix::from_fn(m, m, |a, b| scale[a] * entry(free[a], free[b]) * scale[b]);
+        // the direction across an active sum, which is held
+        let held = |a: usize| program.sum_is_active() && program.summed[free[a]];
+        let mut across = DVector::from_fn(m, |a, _| if held(a) { scale[a] } else { 0.0 });
+        across /= across.norm().max(f64::MIN_POSITIVE);
+        let mut moved = DVector::zeros(m);
+        moved.gemv(1.0, &scaled, &across, 0.0);
+        let twice = across.dot(&moved);
+        scaled.ger(-1.0, &across, &moved, 1.0);
+        scaled.ger(-1.0, &moved, &across, 1.0);
+        scaled.ger(twice, &across, &across, 1.0);
+        let eigen = SymmetricEigen::new(scaled);
+        let greatest = eigen.eigenvalues.iter().fold(0.0_f64, |a, x| a.max(*x));
+        let mut inverse = DMatrix::zeros(n, n);
+        let mut status = vec![UnknownStatus::Determined; n];
+        let mut rank = 0;
+        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+            let is_held = across.dot(&vector).abs() > 1.0 - SINGULAR.sqrt();
+            if *value > SINGULAR * greatest {
+                rank += 1;
+                for a in 0..m {
+                    for b in 0..m {
+                        inverse[(free[a], free[b])] += scale[a] * vector[a] * vector[b] * scale[b] / value;
+                    }
+                }
+            } else if !is_held {
+                for a in (0..m).filter(|&a| vector[a].abs() > SINGULAR.sqrt()) {
+                    status[free[a]] = UnknownStatus::Undetermined;
+                }
             }
         }
-        Some((whole, n_free))
+        for (i, activity) in program.activity().iter().enumerate() {
+            match activity {
+                Activity::Free => {}
+                _ if self.unknowns.lower[i] == self.unknowns.upper[i] => status[i] = UnknownStatus::Given,
+                Activity::Lower | Activity::Upper => status[i] = UnknownStatus::AtLimit,
+            }
+        }
+        Some(Determined { inverse, status, rank })
     }
 
-    fn covariance(
+    /// What is known of the unknowns, their covariance, and whether the residuals are beyond the noise.
+    fn examine(
         &mut self,
         targets: &[Option<Vector3<f64>>],
         estimate: &Estimate,
-    ) -> Result<Option<DMatrix<f64>>, DynamicsError> {
+    ) -> Result<(Vec<UnknownStatus>, Option<DMatrix<f64>>, bool), DynamicsError> {
         self.linearize(targets, estimate)?;
-        let Some((inverse, n_free)) = self.inverse(estimate) else { return Ok(None) };
-        let n_measured = 3 * targets.iter().flatten().count();
-        let variance = match self.options.noise {
-            Some(noise) => noise * noise,
-            None if n_measured > n_free => self.residual.norm_squared() / (n_measured - n_free) as f64,
-            None => return Ok(None),
+        let Some(Determined { mut inverse, mut status, rank }) = self.determined(estimate) else {
+            return Ok((vec![UnknownStatus::Undetermined; self.unknowns.n()], None, false));
         };
-        Ok(Some(inverse * variance))
+        let n_measured = 3 * targets.iter().flatten().count();
+        let n_over = n_measured.saturating_sub(rank) as f64;
+        let squares = self.residual.norm_squared();
+        let variance = match self.options.noise {
+            Some(noise) => Some(noise * noise),
+            None if n_over > 0.0 => Some(squares / n_over),
+            None => None,
+        };
+        // outliers, which another loss is for, are no misfit
+        let known = self.options.noise.filter(|_| self.options.loss == Loss::Squares);
+        let is_misfit =
+            known.is_some_and(|noise| squares > noise * noise * (n_over + MISFIT * (2.0 * n_over).sqrt()));
+        let Some(variance) = variance else { return Ok((status, None, is_misfit)) };
+        let rounding = self.no_cost(targets);
+        for i in 0..status.len() {
+            if status[i] != UnknownStatus::AtLimit {
+                continue;
+            }
+            // what the minimum would fall by, were there no limit
+            let coupling = |j: usize| self.normal[(i.max(j), i.min(j))];
+            let taken = |j: usize| {
+                (0..status.len()).map(|k| inverse[(j, k)] * coupling(k)).sum::<f64>() * coupling(j)
+            };
+            let curvature = self.normal[(i, i)] - (0..status.len()).map(taken).sum::<f64>();
+            let gain = self.gradient[i] * self.gradient[i] / curvature.max(f64::MIN_POSITIVE);
+            if gain > BEYOND * BEYOND * variance + 2.0 * rounding {
+                status[i] = UnknownStatus::BeyondLimit;
+            }
+        }
+        inverse *= variance;
+        for i in (0..status.len()).filter(|&i| status[i] == UnknownStatus::Undetermined) {
+            inverse.row_mut(i).fill(0.0);
+            inverse.column_mut(i).fill(0.0);
+            inverse[(i, i)] = f64::INFINITY;
+        }
+        Ok((status, Some(inverse), is_misfit))
     }
 
     /// First and second derivative of the frame's minimum by its scale, which is fixed: the second is that of
@@ -404,12 +566,11 @@ impl<'a> FrameFitter<'a> {
         estimate: &Estimate,
     ) -> Result<[f64; 2], DynamicsError> {
         self.linearize(targets, estimate)?;
-        let curvature = match self.inverse(estimate) {
-            Some((inverse, _)) => {
+        let curvature = match self.determined(estimate) {
+            Some(Determined { inverse, .. }) => {
                 let coupling = self.normal.column(0);
                 self.normal[(0, 0)] - coupling.dot(&(inverse * coupling))
             }
-            // unknowns without a marker: nothing to share with the scale can be said
             None => self.normal[(0, 0)],
         };
         Ok([self.gradient[0], curvature])

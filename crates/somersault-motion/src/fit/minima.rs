@@ -1,22 +1,33 @@
 //! Lower minima of frames that were led into wrong ones.
 //!
 //! Three things leave a wrong minimum. Every frame of number [`STRIDE`], 2 [`STRIDE`], … and the last are begun from the starts
-//! too. In each frame every joint is turned through its range with all else fixed, and where the cost is least on the way,
+//! too, and so are those that the frame before says little about: joints turned by more than [`UNRELATED`], or the cost is
+//! more than [`COSTLY`] times the median. In each frame every joint is turned through its range with all else fixed, and where the cost is least on the way,
 //! elsewhere than now, the frame is begun anew; so it is from the other end of a range if the joint is at one. And what one frame has found its neighbours are begun from, on both sides,
 //! as long as any gets lower. What is lower by rounding only is left.
 
-use super::frame::{FrameFit, FrameFitter, Until};
+use super::frame::{FitStatus, FrameFit, FrameFitter, Until};
 use super::motion::{Targets, expect};
 use super::starts::{Starts, is_better};
 use super::{Estimate, FitError, MarkerFit};
 use crate::GoOn;
+use nalgebra::Vector3;
 use rayon::prelude::*;
+use somersault_multibody::Joint;
 use std::collections::VecDeque;
 
 /// Frames between those that are begun anew.
 const STRIDE: usize = 8;
 /// Parts of a joint's range between the places where the cost is looked at.
 const PARTS: usize = 8;
+/// Change of a joint from frame to frame, rad or m, by which the frame before is no neighbour.
+const UNRELATED: f64 = 1.0;
+/// Cost over the median of the frames from which on a frame may be in a wrong minimum.
+const COSTLY: f64 = 4.0;
+/// Residual from which on a frame may be mirrored, in shares of the spread of its markers, and the share of the cost that the mirror
+/// image must have.
+const SUSPICIOUS: f64 = 0.04;
+const MIRRORED: f64 = 0.25;
 /// A search that may be given up ends where the cost falls by a smaller share.
 const COARSE: f64 = 1e-3;
 
@@ -30,6 +41,7 @@ pub(super) fn lower(
 ) -> Result<(), FitError> {
     let last = frames.len() - 1;
     let far = (last % STRIDE > STRIDE / 2).then_some(last);
+    let alone = unrelated(fit, frames)?;
     let leave = |fitter: &mut FrameFitter, (i, found): (usize, &mut FrameFit)| {
         expect(go_on)?;
         let begun = found.cost;
@@ -37,8 +49,10 @@ pub(super) fn lower(
         if !is_better(0.0, begun) {
             return Ok(false);
         }
-        if (i > 0 && i % STRIDE == 0) || Some(i) == far {
-            let start = starts.best(fitter, &targets[i], found.cost)?;
+        if alone[i] || (i > 0 && i % STRIDE == 0) || Some(i) == far {
+            // as the first frame of a recording is begun, where the one before says nothing
+            let below = if alone[i] { f64::INFINITY } else { found.cost };
+            let start = starts.best(fitter, &targets[i], below)?;
             lower_from(fitter, &targets[i], start, found)?;
         }
         turn_joints(fitter, &targets[i], found)?;
@@ -50,6 +64,61 @@ pub(super) fn lower(
         .map_init(|| FrameFitter::new(fit.model(), fit.markers(), fit.options()), leave)
         .collect::<Result<_, _>>()?;
     spread(fit, targets, frames, &lowered, go_on)
+}
+
+/// Which frames must be begun by themselves.
+fn unrelated(fit: &MarkerFit, frames: &[FrameFit]) -> Result<Vec<bool>, FitError> {
+    let model = fit.model();
+    let n_root = model.velocities_of(0).len();
+    let mut costs: Vec<f64> = frames.iter().filter(|f| f.rms.is_some()).map(|f| f.cost).collect();
+    costs.sort_by(f64::total_cmp);
+    let median = costs.get(costs.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let mut rates = vec![0.0; model.n_velocities()];
+    let mut found = vec![false; frames.len()];
+    for i in 1..frames.len() {
+        model.difference(&frames[i - 1].estimate.q, &frames[i].estimate.q, &mut rates)?;
+        let turned = rates[n_root..].iter().any(|rate| rate.abs() > UNRELATED);
+        found[i] = turned || frames[i].cost > COSTLY * median;
+    }
+    Ok(found)
+}
+
+/// Says of frames whose residuals are large whether the model fits their mirror image much better.
+pub(super) fn find_mirrored(
+    fit: &MarkerFit,
+    starts: &Starts,
+    targets: &[Targets],
+    frames: &mut [FrameFit],
+    go_on: GoOn,
+) -> Result<(), FitError> {
+    let (Some(Joint::Free | Joint::Planar), Some(placement)) =
+        (fit.model().joint(0), fit.model().placement(0))
+    else {
+        return Ok(());
+    };
+    // in the plane of a planar root; in space all mirror images differ by a rotation
+    let across = placement.rotation.column(0).into_owned();
+    let examine = |fitter: &mut FrameFitter, (i, found): (usize, &mut FrameFit)| {
+        expect(go_on)?;
+        let is_minimum = matches!(found.status, FitStatus::Converged | FitStatus::Misfit);
+        if !is_minimum || found.cost <= fitter.cost_of_share(&targets[i], SUSPICIOUS) {
+            return Ok(());
+        }
+        let mirror = |y: &Vector3<f64>| y - across * (2.0 * across.dot(y));
+        let mirrored: Targets = targets[i].iter().map(|y| y.as_ref().map(mirror)).collect();
+        let below = MIRRORED * found.cost;
+        if let Some(start) = starts.best(fitter, &mirrored, below)?
+            && fitter.cost(&mirrored, &start)? < below
+        {
+            found.status = FitStatus::Mirrored;
+        }
+        Ok::<_, FitError>(())
+    };
+    frames
+        .par_iter_mut()
+        .enumerate()
+        .map_init(|| FrameFitter::new(fit.model(), fit.markers(), fit.options()), examine)
+        .collect()
 }
 
 /// Begins the frame anew with one joint turned, as long as that is lower.

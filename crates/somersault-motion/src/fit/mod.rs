@@ -14,8 +14,12 @@
 //! quadratic model exactly over bounds and sum ([`quadratic`]), so that iterates are feasible. A loss other than squares
 //! enters by reweighting. A frame starts where the one before ended; the first, from the best of several postures, each
 //! laid over the markers. That leads frames into wrong minima, which three things then leave: every eighth frame is
-//! begun from these postures too; in each frame every joint is turned through its range; and what is lower leads its neighbours,
+//! begun from these postures too, and so is each whose joints turned by more than a radian since the frame before, or
+//! whose cost is more than 4 times the median; in each frame every joint is turned through its range; and what is lower leads its neighbours,
 //! on both sides, as long as any gets lower. Nothing proves a minimum of so many angles to be the lowest.
+//!
+//! A search that converged is not yet a success: every unknown of every frame has a status ([`UnknownStatus`]), and frames whose
+//! residual is more than 4 % of the spread of their markers are held against the mirror image of the model ([`FitStatus::Mirrored`]).
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 
@@ -30,7 +34,7 @@ pub mod quadratic;
 mod starts;
 
 pub use estimate::Estimate;
-pub use frame::{FitStatus, FrameFit};
+pub use frame::{FitStatus, FrameFit, UnknownStatus};
 pub use markers::{Marker, MarkerSet};
 pub use motion::{MarkerFit, MotionFit};
 pub use options::{FitOptions, Loss, Scale, Shape};

@@ -90,11 +90,21 @@ impl MotionFit {
         (0..n_markers).map(of).collect()
     }
 
-    /// Whether every frame that has markers has converged, and there is one.
+    /// Whether the search of every frame that has markers came to a minimum, and there is one. What the minimum is worth
+    /// is another question: [`success`](Self::success).
     pub fn converged(&self) -> bool {
-        let done = |f: &FrameFit| matches!(f.status, FitStatus::Converged | FitStatus::NoMarkers);
-        let any = self.frames.iter().any(|f| f.status == FitStatus::Converged);
-        self.scale_converged && any && self.frames.iter().all(done)
+        let is_minimum = |f: &FrameFit| match f.status {
+            FitStatus::Converged | FitStatus::Mirrored | FitStatus::Misfit => true,
+            FitStatus::IterationLimit | FitStatus::NoProgress | FitStatus::NoMarkers => false,
+        };
+        let done = |f: &FrameFit| is_minimum(f) || f.status == FitStatus::NoMarkers;
+        self.scale_converged && self.frames.iter().any(is_minimum) && self.frames.iter().all(done)
+    }
+
+    /// Whether every frame is a success: it has markers, its search converged, the markers determine every unknown, and neither
+    /// limits nor mirrored axes nor the noise contradict them ([`FrameFit::success`]).
+    pub fn success(&self) -> bool {
+        self.scale_converged && !self.frames.is_empty() && self.frames.iter().all(FrameFit::success)
     }
 }
 
@@ -156,6 +166,7 @@ impl MarkerFit {
             frames.push(found);
         }
         minima::lower(self, &starts, &targets, &mut frames, go_on)?;
+        minima::find_mirrored(self, &starts, &targets, &mut frames, go_on)?;
         for i in 1..frames.len() {
             if frames[i].status == FitStatus::NoMarkers {
                 frames[i].estimate = frames[i - 1].estimate.clone();
@@ -205,7 +216,11 @@ impl MarkerFit {
                 fitter.fix_scale(scale);
                 let mut start = fit.estimate.clone();
                 start.scale = scale;
+                let was_mirrored = fit.status == FitStatus::Mirrored;
                 *fit = fitter.fit(frame, &start)?;
+                if was_mirrored && fit.status != FitStatus::NoMarkers {
+                    fit.status = FitStatus::Mirrored;
+                }
                 Ok::<_, FitError>(fitter.derivatives_by_scale(frame, &fit.estimate)?)
             };
             let derivatives: Vec<[f64; 2]> = targets

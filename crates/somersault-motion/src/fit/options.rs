@@ -96,14 +96,15 @@ pub struct FitOptions {
 }
 
 impl Default for FitOptions {
-    /// Joints, scale 0.5 to 2 in each frame, squares, 100 iterations, steps of 1e-9.
+    /// Joints, scale 0.5 to 2 in each frame, squares, 1000 iterations, steps of 1e-9. Where residuals are large, as of a body that the
+    /// model cannot follow, steps converge linearly, and hundreds are needed.
     fn default() -> Self {
         Self {
             shape: Shape::Joints,
             scale: Scale::PerFrame { lower: 0.5, upper: 2.0 },
             loss: Loss::Squares,
             starts: Vec::new(),
-            max_iterations: 100,
+            max_iterations: 1000,
             step_tol: 1e-9,
             noise: None,
         }

@@ -3,18 +3,26 @@
 //! Positions as integers with a scale or as floats, by processors of Intel, DEC and MIPS. A point with a negative
 //! residual is missing. Read from the parameters of the group POINT: USED, FRAMES, SCALE, RATE, DATA_START, LABELS with
 //! its continuations (LABELS2, …), UNITS; from TRIAL: ACTUAL_START_FIELD and ACTUAL_END_FIELD, where there are more
-//! frames than 16 bits count; where one is missing, the header. Analog channels, force plates and events are
-//! skipped. The first frame is at t = 0, points that have no label are named `point 1`, `point 2`, ….
+//! frames than 16 bits count; from ANALOG: USED and RATE, for the size of a frame; and from the header. Where header and
+//! parameters declare different things, the length of the file decides which it was written with; of what it does not
+//! depend on, rates and the factor of integers, the parameters' are used. [`contradictions`] names them.
+//!
+//! Analog channels, force plates and events are skipped. Frame number n is at t = (n − 1)/rate, as the first is numbered,
+//! unless the file has SOMERSAULT:FIRST_TIME, text that [`writers::c3d`](crate::writers::c3d) writes where that would not
+//! be the time of the first frame. Points that have no label are named `point 1`, `point 2`, ….
 //!
 //! Written here rather than taken: `c3dio` 0.8.0 (2024) slices bytes without a look at the length, so that a
 //! truncated file is a panic.
 //!
 //! Source: *The C3D file format user guide*, Motion Lab Systems, 2021.
 
+mod layout;
 mod parameters;
 
 use super::{Place, ReadError, unexpected};
 use crate::recording::{Convention, LengthUnit, MarkerRecording};
+pub(crate) use layout::FIRST_TIME;
+use layout::{Layout, layout};
 use nalgebra::Vector3;
 use parameters::{Parameters, Processor};
 
@@ -47,26 +55,63 @@ fn bytes<'a>(file: &'a [u8], from: usize, n: usize, allowed: &str) -> Result<&'a
     })
 }
 
-/// Where points are in the file and how they are stored.
-struct Layout {
-    n_points: usize,
-    n_frames: usize,
-    /// First byte of the first frame.
-    start: usize,
-    /// Bytes of a frame, with its analog data.
-    stride: usize,
-    /// Floats for 0 or less, else what integers are multiplied by.
-    scale: f64,
-    rate: f64,
+/// What decides between header and parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Decision {
+    /// The length of the file: with the other its frames do not end where the file does.
+    Length,
+    /// The length says nothing of it; the user guide has the parameters rule.
+    Parameters,
 }
 
-/// The recording in the bytes of a C3D `file`.
-pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError> {
+/// Something that the header of a file and its parameters declare differently.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contradiction {
+    /// What is declared.
+    pub quantity: &'static str,
+    /// By the header.
+    pub header: f64,
+    /// By the parameters.
+    pub parameter: f64,
+    /// What the file was read with.
+    pub used: f64,
+    /// Why.
+    pub decided: Decision,
+}
+
+impl std::fmt::Display for Contradiction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { quantity, header, parameter, used, decided } = self;
+        let why = match decided {
+            Decision::Length => "by the length of the file",
+            Decision::Parameters => "since parameters take precedence",
+        };
+        write!(
+            f,
+            "{quantity}: the header declares {header}, the parameters {parameter}; {used} is used, {why}"
+        )
+    }
+}
+
+/// What header and parameters of a C3D `file` declare differently, and what [`read`] takes for it.
+pub fn contradictions(file: &[u8]) -> Result<Vec<Contradiction>, ReadError> {
+    Ok(opened(file)?.2)
+}
+
+/// The parts of a file that say how to read its points.
+fn opened(file: &[u8]) -> Result<(Parameters<'_>, Layout, Vec<Contradiction>), ReadError> {
     let header = bytes(file, 0, BLOCK, "the header")?;
     if header[1] != 0x50 {
         return Err(unexpected(Place::Byte(1), &format!("{:#04x}", header[1]), "0x50, the mark of C3D"));
     }
     let parameters = Parameters::read(file, header[0])?;
+    let (layout, contradictions) = layout(file, header, &parameters)?;
+    Ok((parameters, layout, contradictions))
+}
+
+/// The recording in the bytes of a C3D `file`.
+pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError> {
+    let (parameters, layout, _) = opened(file)?;
     let processor = parameters.processor;
     let unit = match parameters.text("POINT", "UNITS") {
         Some((_, name)) if name.is_empty() => options.convention.unit(),
@@ -76,7 +121,6 @@ pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError
         None => options.convention.unit(),
     };
     let convention = options.convention.with_unit(unit);
-    let layout = layout(file, header, &parameters)?;
     let names = names(&parameters, layout.n_points);
     let mut points = Vec::with_capacity(layout.n_points * layout.n_frames);
     let width = if layout.scale > 0.0 { 8 } else { 16 };
@@ -88,7 +132,7 @@ pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError
             );
         }
     }
-    let times = (0..layout.n_frames).map(|i| i as f64 / layout.rate).collect();
+    let times = (0..layout.n_frames).map(|i| layout.first_time + i as f64 / layout.rate).collect();
     let frame_at = |frame: usize| Some(Place::Byte(layout.start + frame * layout.stride));
     MarkerRecording::try_new(names, times, points)
         .map_err(|error| ReadError::recording(error, Place::Byte(0), frame_at))
@@ -127,74 +171,6 @@ fn point(
             found: x[k].to_string(),
         }),
         None => Ok(Some(x)),
-    }
-}
-
-/// From header and parameters, held against the length of the file.
-fn layout(file: &[u8], header: &[u8], parameters: &Parameters) -> Result<Layout, ReadError> {
-    let processor = parameters.processor;
-    let word = |k: usize| usize::from(processor.u16([header[2 * k - 2], header[2 * k - 1]]));
-    let float =
-        |k: usize| processor.f32([header[2 * k - 2], header[2 * k - 1], header[2 * k], header[2 * k + 1]]);
-    let number = |name: &str| parameters.number("POINT", name);
-    let place_of = |name: &str, word: usize| {
-        parameters.number("POINT", name).map_or(Place::Byte(2 * word - 2), |(place, _)| place)
-    };
-
-    let n_points = number("USED").map_or(word(2), |(_, x)| x as usize);
-    if n_points == 0 {
-        return Err(unexpected(place_of("USED", 2), "0 points", "at least one point"));
-    }
-    let rate = number("RATE").map_or(f64::from(float(11)), |(_, x)| x);
-    if !(rate > 0.0 && rate.is_finite()) {
-        return Err(unexpected(
-            place_of("RATE", 11),
-            &rate.to_string(),
-            "a positive number of frames a second",
-        ));
-    }
-    let scale = number("SCALE").map_or(f64::from(float(7)), |(_, x)| x);
-    if !scale.is_finite() || scale == 0.0 {
-        return Err(unexpected(place_of("SCALE", 7), &scale.to_string(), "a scale other than 0"));
-    }
-    let block = number("DATA_START").map_or(word(9), |(_, x)| x as usize);
-    if block == 0 {
-        return Err(unexpected(place_of("DATA_START", 9), "0", "the number of a block, from 1"));
-    }
-    let start = (block - 1).saturating_mul(BLOCK);
-    let width = if scale > 0.0 { 2 } else { 4 };
-    let stride = n_points.saturating_mul(4).saturating_add(word(3)).saturating_mul(width);
-
-    let (place, declared) = declared_frames(parameters, word(4), word(5));
-    if declared == 0 {
-        return Err(ReadError::NoFrames { place });
-    }
-    // the last frame may lack its analog data, but no point
-    let points = n_points.saturating_mul(4 * width);
-    let room = file.len().saturating_sub(start);
-    let found = if room < points { 0 } else { (room - points) / stride + 1 };
-    if found < declared {
-        let (declared, found) = (declared as u64, found as u64);
-        return Err(ReadError::Misdeclared { place, quantity: "frames", declared, found });
-    }
-    Ok(Layout { n_points, n_frames: declared, start, stride, scale, rate })
-}
-
-/// The number of frames and where it is declared. The header and POINT:FRAMES have 16 bits, two words of TRIAL 32.
-fn declared_frames(parameters: &Parameters, first: usize, last: usize) -> (Place, usize) {
-    let field = |name: &str| {
-        let (place, words) = parameters.words("TRIAL", name)?;
-        let [low, high] = words[..] else { return None };
-        Some((place, usize::from(low) | usize::from(high) << 16))
-    };
-    if let (Some((place, first)), Some((_, last))) = (field("ACTUAL_START_FIELD"), field("ACTUAL_END_FIELD"))
-    {
-        return (place, (last + 1).saturating_sub(first));
-    }
-    // 65 535 stands for "more than can be said"; then the header, which wraps, is no better
-    match parameters.number("POINT", "FRAMES") {
-        Some((place, n)) if n > 0.0 => (place, n as usize),
-        _ => (Place::Byte(6), (last + 1).saturating_sub(first)),
     }
 }
 

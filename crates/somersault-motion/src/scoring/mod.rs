@@ -3,10 +3,13 @@
 //! ```text
 //! motions ── PCA of all frames ──→ eigenweights of each ──→ motion vector ── second PCA ──→ score = a + bᵀ s
 //! ```
-//! A motion is brought to a number of frames; its postures give eigenweights on one basis for all motions,
-//! which with the path of the body and the duration make its vector ([`VectorOptions`]). The scores s of the
+//! A motion is brought to a number of frames and turned about the vertical into one heading; its postures give
+//! eigenweights on one basis for all motions, which with the path of the body and the duration make its vector
+//! ([`VectorOptions`]). Markers and coordinates are found by name ([`Features`]). The scores s of the
 //! vectors in their principal components are mapped linearly, by least squares. How many components is decided
 //! by leave-one-out cross-validation on the components of all.
+//!
+//! Beside every score stands how far the motion is from those learnt ([`Score::distance`]).
 //!
 //! How good that is, is told by [`validate`]: every motion is scored by a model that has not seen it, in its
 //! bases and its number of components neither, with the correlation's interval and p-value and simple
@@ -14,6 +17,7 @@
 //!
 //! Source: N. F. Troje, *Decomposing biological motion*, J. Vision 2 (2002), 371–387.
 
+mod learnt;
 mod model;
 mod regression;
 mod statistics;
@@ -21,11 +25,11 @@ mod storage;
 mod validation;
 mod vector;
 
-pub use model::{ScoringModel, ScoringOptions};
+pub use model::{Score, ScoringModel, ScoringOptions};
 pub use statistics::{Correlation, pearson, spearman};
 pub use storage::StorageError;
 pub use validation::{Baseline, Validation, ValidationOptions, validate, validate_while};
-pub use vector::{Performance, VectorOptions};
+pub use vector::{FeatureKind, Features, Performance, VectorOptions};
 
 use crate::LARGEST;
 use crate::analysis::AnalysisError;
@@ -94,6 +98,68 @@ pub enum ScoringError {
         most: usize,
         /// Number asked for.
         found: usize,
+    },
+    /// A score is not on the scale.
+    #[error(
+        "`scores` must be within the scale {least} to {greatest}, found {found} of motion {motion}; give the `scale` if it is another"
+    )]
+    OutsideScale {
+        /// Number of the motion, from 0.
+        motion: usize,
+        /// Its score.
+        found: f64,
+        /// Least score.
+        least: f64,
+        /// Greatest score.
+        greatest: f64,
+    },
+    /// The scale is none.
+    #[error("`scale` must be two finite numbers that grow, found {least} and {greatest}")]
+    Scale {
+        /// Least score.
+        least: f64,
+        /// Greatest score.
+        greatest: f64,
+    },
+    /// Markers where coordinates were learnt, or the other way round.
+    #[error("the postures must be {expected}, found {found}")]
+    Kind {
+        /// What was learnt.
+        expected: FeatureKind,
+        /// What the motion has.
+        found: FeatureKind,
+    },
+    /// Markers or coordinates that the motion lacks.
+    #[error("the motion must have {missing}; it has {found}")]
+    Names {
+        /// Names of those that are missing.
+        missing: String,
+        /// Names of those it has.
+        found: String,
+    },
+    /// Markers in another unit, or of something else.
+    #[error(
+        "{} must have markers {least:.3} m to {greatest:.3} m about their centre, rms, within a factor of 2, found {found:.3e} m; is the \
+         unit right?",
+        motion.map_or("the motion".to_owned(), |k| format!("motion {k}"))
+    )]
+    Size {
+        /// Number of the motion, from 0, where there are several.
+        motion: Option<usize>,
+        /// Its size, m.
+        found: f64,
+        /// Least size learnt, m.
+        least: f64,
+        /// Greatest size learnt, m.
+        greatest: f64,
+    },
+    /// One of several motions.
+    #[error("motion {motion}: {source}")]
+    Motion {
+        /// Number of the motion, from 0.
+        motion: usize,
+        /// What is wrong with it.
+        source: Box<ScoringError>,
     },
     /// A marker is missing.
     #[error("`recording` must have no gaps, but `{marker}` is missing in frame {frame}; fill them before")]

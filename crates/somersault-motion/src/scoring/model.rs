@@ -1,9 +1,12 @@
 //! From motions with scores to a score for a motion.
 
+use super::learnt::{self, Basis, Heading};
 use super::regression::ComponentScores;
 use super::vector::Normalized;
-use super::{Performance, ScoringError, VectorOptions, expect_least, expect_length, expect_numbers};
-use crate::analysis::{Pca, eigenpostures};
+use super::{
+    Features, Performance, ScoringError, VectorOptions, expect_least, expect_length, expect_numbers,
+};
+use crate::analysis::Pca;
 use nalgebra::DMatrix;
 
 /// Choices for a scoring model.
@@ -15,12 +18,28 @@ pub struct ScoringOptions {
     pub n_components: Option<usize>,
     /// The most that cross-validation may choose.
     pub max_components: usize,
+    /// Least and greatest score there is. What is learnt from must be within; what is predicted may not be.
+    pub scale: [f64; 2],
 }
 
 impl ScoringOptions {
-    /// The vector of the thesis; components by cross-validation, at most five.
+    /// The vector of the thesis; components by cross-validation, at most five; scores from 0 to 10, as in diving.
     pub fn thesis() -> Self {
-        Self { vector: VectorOptions::thesis(), n_components: None, max_components: 5 }
+        Self { vector: VectorOptions::thesis(), n_components: None, max_components: 5, scale: [0.0, 10.0] }
+    }
+
+    /// Fails unless the scale is one and all scores are on it.
+    pub fn expect_scale(&self, scores: &[f64]) -> Result<(), ScoringError> {
+        let [least, greatest] = self.scale;
+        if !(least < greatest && least.is_finite() && greatest.is_finite()) {
+            return Err(ScoringError::Scale { least, greatest });
+        }
+        match scores.iter().position(|score| !(least..=greatest).contains(score)) {
+            Some(motion) => {
+                Err(ScoringError::OutsideScale { motion, found: scores[motion], least, greatest })
+            }
+            None => Ok(()),
+        }
     }
 
     /// Fails unless every motion has a score, and there are as many as `least` beside the components.
@@ -37,7 +56,8 @@ impl ScoringOptions {
         }
         expect_least("motions", n_motions, self.most().saturating_add(least))?;
         expect_length("scores", scores.len(), n_motions)?;
-        expect_numbers("scores", scores)
+        expect_numbers("scores", scores)?;
+        self.expect_scale(scores)
     }
 
     /// The most components that are asked for.
@@ -46,49 +66,118 @@ impl ScoringOptions {
     }
 }
 
-/// A trained model.
+/// What a model was taught.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Learnt {
+    /// The motions' vectors, a row each.
+    pub(super) vectors: DMatrix<f64>,
+    /// Their distances to the others, each left out.
+    pub(super) distances: Vec<f64>,
+    /// Their scores.
+    pub(super) scores: Vec<f64>,
+    /// Least and greatest size of markers, m.
+    pub(super) sizes: [f64; 2],
+}
+
+/// A score, and how far the motion is from those learnt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// The score. It may be beyond the scale, since the regression is a straight line.
+    pub value: f64,
+    /// Distance of the motion to the nearest one learnt, over the greatest such distance among those learnt, each
+    /// left out in turn.
+    pub distance: f64,
+}
+
+impl Score {
+    /// Whether the motion is as near to those learnt as they are to each other, at a distance of at most 1. Else the model says
+    /// nothing about it, whatever the value: units, axes or names may be mistaken, or it is another kind of motion.
+    pub fn is_inside(&self) -> bool {
+        self.distance <= 1.0
+    }
+}
+
+/// A trained model. It knows what it was taught: names and kind of the features, lengths in m, z up, the heading, scores and their scale.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "super::storage::Stored", into = "super::storage::Stored")]
 pub struct ScoringModel {
     pub(super) vector: VectorOptions,
+    pub(super) features: Features,
+    pub(super) heading: Heading,
     /// The first PCA, of all frames.
     pub(super) eigenpostures: Pca,
     /// The second PCA, of the motions' vectors.
     pub(super) eigenmotions: Pca,
     pub(super) intercept: f64,
     pub(super) coefficients: Vec<f64>,
+    pub(super) scale: [f64; 2],
+    pub(super) learnt: Learnt,
     pub(super) synthetic: bool,
 }
 
 impl ScoringModel {
     /// Learns from motions and their scores. There must be two motions more than components, so that one can be
-    /// left out.
+    /// left out. All must have the features of the first, which are found by name; what else they have is not used.
     pub fn train(
         motions: &[Performance],
         scores: &[f64],
         options: &ScoringOptions,
     ) -> Result<Self, ScoringError> {
         options.check(motions.len(), scores, 2)?;
-        let motions_at = normalize(motions, &options.vector)?;
-        let eigenpostures = eigenpostures_of(&motions_at, &options.vector, None)?;
-        let vectors = options.vector.vectors(&eigenpostures, &motions_at)?;
+        let (features, motions_at) = normalize(motions, &options.vector)?;
+        let sizes = learnt::sizes(features.kind, &motions_at)?;
+        let basis = Basis::of(features.kind, &motions_at, &options.vector, |_| false)?;
+        let vectors = basis.describe(&options.vector, &motions_at)?.vectors;
+        let distances = learnt::distances(features.kind, &motions_at, &options.vector)?;
         let eigenmotions = Pca::fit(&vectors, options.most())?;
-        let total = eigenmotions.total_variance() * (scores.len() - 1) as f64;
-        let components = ComponentScores::new(eigenmotions.scores(&vectors)?, vec![1.0; scores.len()], total);
+        let components = ComponentScores::of(&eigenmotions, &vectors)?;
         let n_components = options.n_components.unwrap_or_else(|| components.choose(scores));
         let mut coefficients = components.coefficients(scores);
         coefficients.truncate(n_components);
-        let (intercept, eigenmotions) = (components.mean(scores), eigenmotions.truncated(n_components));
-        let synthetic = motions.iter().any(Performance::is_synthetic);
-        Ok(Self { vector: options.vector, eigenpostures, eigenmotions, intercept, coefficients, synthetic })
+        Ok(Self {
+            vector: options.vector,
+            features,
+            heading: basis.heading,
+            eigenpostures: basis.eigenpostures,
+            eigenmotions: eigenmotions.truncated(n_components),
+            intercept: components.mean(scores),
+            coefficients,
+            scale: options.scale,
+            learnt: Learnt { vectors, distances, scores: scores.to_vec(), sizes },
+            synthetic: motions.iter().any(Performance::is_synthetic),
+        })
     }
 
-    /// The score of a motion. Its postures must have as many numbers as those learnt from.
-    pub fn score(&self, motion: &Performance) -> Result<f64, ScoringError> {
-        let motion = motion.normalized(self.vector.n_frames)?;
-        let vector = self.vector.vectors(&self.eigenpostures, std::slice::from_ref(&motion))?;
-        let weights = self.eigenmotions.scores(&vector)?;
-        Ok(self.intercept + weights.iter().zip(&self.coefficients).map(|(s, b)| s * b).sum::<f64>())
+    /// The score of a motion, which must have the features learnt, by name. Fails where its markers are more than twice as far apart
+    /// as those learnt, or less than half: they are in another unit.
+    pub fn score(&self, motion: &Performance) -> Result<Score, ScoringError> {
+        let motion = motion.normalized(&self.features, self.vector.n_frames)?;
+        learnt::expect_size(self.features.kind, &motion, None, self.learnt.sizes)?;
+        let (vector, rest) = self.vector.vector(&self.eigenpostures, &self.heading.turned(&motion))?;
+        let weights = self.eigenmotions.scores(&DMatrix::from_rows(std::slice::from_ref(&vector)))?;
+        let value = self.intercept + weights.iter().zip(&self.coefficients).map(|(s, b)| s * b).sum::<f64>();
+        let nearest = learnt::distance(&vector, rest, &self.learnt.vectors, |_| true);
+        Ok(Score { value, distance: nearest / learnt::greatest(&self.learnt.distances) })
+    }
+
+    /// What the numbers of a posture are, and their names.
+    pub fn features(&self) -> &Features {
+        &self.features
+    }
+
+    /// Number of motions it has learnt from.
+    pub fn n_motions(&self) -> usize {
+        self.learnt.scores.len()
+    }
+
+    /// The scores it has learnt from.
+    pub fn scores(&self) -> &[f64] {
+        &self.learnt.scores
+    }
+
+    /// Least and greatest score there is.
+    pub fn scale(&self) -> [f64; 2] {
+        self.scale
     }
 
     /// The basis of postures.
@@ -122,27 +211,17 @@ impl ScoringModel {
     }
 }
 
-/// The motions at the frames of their vectors.
+/// The features of the first motion, and all motions by them at the frames of their vectors.
 pub(super) fn normalize(
     motions: &[Performance],
     options: &VectorOptions,
-) -> Result<Vec<Normalized>, ScoringError> {
-    motions.iter().map(|motion| motion.normalized(options.n_frames)).collect()
-}
-
-/// The eigenpostures of all motions but the one left out.
-pub(super) fn eigenpostures_of(
-    motions: &[Normalized],
-    options: &VectorOptions,
-    left_out: Option<usize>,
-) -> Result<Pca, ScoringError> {
-    let learnt = motions.iter().enumerate().filter(|(i, _)| Some(*i) != left_out);
-    let postures: Vec<DMatrix<f64>> = learnt.map(|(_, motion)| motion.postures.clone()).collect();
-    let rows: usize = postures.iter().map(DMatrix::nrows).sum();
-    let most = postures.first().map_or(0, DMatrix::ncols).min(rows.saturating_sub(1));
-    if options.n_eigenweights > most {
-        let (argument, found) = ("n_eigenweights", options.n_eigenweights);
-        return Err(ScoringError::TooMany { argument, most, found });
-    }
-    Ok(eigenpostures::common(&postures, options.n_eigenweights)?)
+) -> Result<(Features, Vec<Normalized>), ScoringError> {
+    expect_least("motions", motions.len(), 1)?;
+    let features = motions[0].features().clone();
+    let normalized = |(i, motion): (usize, &Performance)| {
+        let of_motion = |source| ScoringError::Motion { motion: i, source: Box::new(source) };
+        motion.normalized(&features, options.n_frames).map_err(of_motion)
+    };
+    let normalized = motions.iter().enumerate().map(normalized).collect::<Result<_, _>>()?;
+    Ok((features, normalized))
 }

@@ -10,6 +10,7 @@
 //! its weighted and centred part: a model without a motion, or of a resample, then costs O(n³) whatever the
 //! length of the vectors.
 
+use crate::analysis::{AnalysisError, Pca};
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Motions in their principal components.
@@ -25,6 +26,13 @@ pub(super) struct ComponentScores {
 const NOTHING: f64 = 1e-13;
 
 impl ComponentScores {
+    /// Of motions' vectors in their components, each counted once.
+    pub(super) fn of(eigenmotions: &Pca, vectors: &DMatrix<f64>) -> Result<Self, AnalysisError> {
+        let n = vectors.nrows();
+        let total = eigenmotions.total_variance() * (n - 1) as f64;
+        Ok(Self::new(eigenmotions.scores(vectors)?, vec![1.0; n], total))
+    }
+
     /// `total` is the sum of the squares in all directions.
     pub(super) fn new(scores: DMatrix<f64>, counts: Vec<f64>, total: f64) -> Self {
         let square = |column: nalgebra::DVectorView<f64>| -> f64 {

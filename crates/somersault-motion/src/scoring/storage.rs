@@ -1,12 +1,20 @@
 //! Models as JSON: versioned, and checked when they come back. Numbers keep all their digits.
 
-use super::{ScoringModel, VectorOptions};
+use super::learnt::Heading;
+use super::model::Learnt;
+use super::regression::ComponentScores;
+use super::{FeatureKind, Features, ScoringModel, ScoringOptions, VectorOptions};
 use crate::analysis::{AnalysisError, Pca};
+use crate::recording::expect_unique;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 const FORMAT: &str = "somersault scoring model";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+/// What lengths and axes of a model are in, and where it faces.
+const CONVENTION: [&str; 3] = ["m", "z", "turned about z to the nearest to the reference"];
+/// Rounding of numbers that follow from others.
+const ROUNDING: f64 = 1e-9;
 
 /// Why text is not a model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -28,6 +36,14 @@ pub enum StorageError {
         /// Version found.
         version: u32,
     },
+    /// Numbers that follow from each other do not.
+    #[error("`{part}` of the model must be {allowed}")]
+    Sense {
+        /// Name of the part.
+        part: &'static str,
+        /// What it may be.
+        allowed: &'static str,
+    },
     /// The parts do not fit together.
     #[error("the parts of the model do not fit: {0}")]
     Parts(#[from] AnalysisError),
@@ -44,16 +60,43 @@ struct StoredPca {
 }
 
 #[derive(Serialize, Deserialize)]
+struct StoredHeading {
+    convention: String,
+    /// The reference, frame by frame.
+    postures: Vec<Vec<f64>>,
+    path: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct StoredLearnt {
+    scores: Vec<f64>,
+    /// Distances of the motions to the others.
+    distances: Vec<f64>,
+    /// Least and greatest size of markers, m.
+    sizes: [f64; 2],
+    /// Motion by motion.
+    vectors: Vec<Vec<f64>>,
+}
+
+#[derive(Serialize, Deserialize)]
 pub(super) struct Stored {
     format: String,
     version: u32,
     /// Whether it has learnt from motions that are made up.
     synthetic: bool,
+    features: Features,
+    /// Of lengths.
+    unit: String,
+    up: String,
+    heading: StoredHeading,
     vector: VectorOptions,
-    eigenpostures: StoredPca,
-    eigenmotions: StoredPca,
+    /// Least and greatest score.
+    scale: [f64; 2],
     intercept: f64,
     coefficients: Vec<f64>,
+    eigenpostures: StoredPca,
+    eigenmotions: StoredPca,
+    learnt: StoredLearnt,
 }
 
 /// What every version has.
@@ -117,17 +160,52 @@ impl ScoringModel {
     }
 }
 
+/// The rows of a matrix.
+fn rows_of(m: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    m.row_iter().map(|row| row.iter().copied().collect()).collect()
+}
+
+/// A matrix from its rows, so many by so many and finite.
+fn matrix(
+    part: &'static str,
+    rows: &[Vec<f64>],
+    shape: (usize, usize),
+) -> Result<DMatrix<f64>, StorageError> {
+    let expect = crate::analysis::expect_length;
+    expect(part, rows.len(), shape.0)?;
+    rows.iter().try_for_each(|row| expect(part, row.len(), shape.1))?;
+    let found = DMatrix::from_row_iterator(shape.0, shape.1, rows.iter().flatten().copied());
+    crate::analysis::expect_finite(part, &found)?;
+    Ok(found)
+}
+
 impl From<ScoringModel> for Stored {
     fn from(model: ScoringModel) -> Self {
+        let [unit, up, convention] = CONVENTION.map(str::to_owned);
         Self {
             format: FORMAT.to_owned(),
             version: VERSION,
             synthetic: model.synthetic,
+            unit,
+            up,
+            heading: StoredHeading {
+                convention,
+                postures: rows_of(&model.heading.postures),
+                path: rows_of(&model.heading.path),
+            },
+            features: model.features,
             vector: model.vector,
+            scale: model.scale,
             eigenpostures: (&model.eigenpostures).into(),
             eigenmotions: (&model.eigenmotions).into(),
             intercept: model.intercept,
             coefficients: model.coefficients,
+            learnt: StoredLearnt {
+                scores: model.learnt.scores,
+                distances: model.learnt.distances,
+                sizes: model.learnt.sizes,
+                vectors: rows_of(&model.learnt.vectors),
+            },
         }
     }
 }
@@ -138,21 +216,91 @@ impl TryFrom<Stored> for ScoringModel {
     fn try_from(stored: Stored) -> Result<Self, StorageError> {
         let Stored { format, version, .. } = stored;
         expect_format(format, version)?;
-        let (vector, coefficients) = (stored.vector, stored.coefficients);
+        let found = [&stored.unit, &stored.up, &stored.heading.convention];
+        if found.iter().zip(CONVENTION).any(|(found, known)| *found != known) {
+            return sense("unit, up and heading", "those of this version");
+        }
+        let (vector, coefficients, features) = (stored.vector, stored.coefficients, stored.features);
+        expect_unique(features.names.iter().map(String::as_str)).map_err(AnalysisError::from)?;
         let (eigenpostures, eigenmotions) = (stored.eigenpostures.pca()?, stored.eigenmotions.pca()?);
         let expect = crate::analysis::expect_length;
+        expect("names of features", eigenpostures.mean().len(), features.n_numbers())?;
         expect("eigenpostures", eigenpostures.n_components(), vector.n_eigenweights)?;
-        let per_frame = vector.n_eigenweights.saturating_add(if vector.path { 3 } else { 0 });
-        let length = vector.n_frames.saturating_mul(per_frame).saturating_add(usize::from(vector.duration));
-        expect("entries of a motion's vector", eigenmotions.mean().len(), length)?;
+        expect("entries of a motion's vector", eigenmotions.mean().len(), vector.length())?;
         expect("coefficients", coefficients.len(), eigenmotions.n_components())?;
         if vector.n_frames == 0 {
             return Err(AnalysisError::Parts { argument: "n_frames", allowed: "at least 1" }.into());
         }
-        if !coefficients.iter().chain([&stored.intercept]).all(|x| x.is_finite()) {
-            return Err(AnalysisError::NonFinite { argument: "coefficients", row: 0 }.into());
+        let heading = Heading {
+            kind: features.kind,
+            postures: matrix("heading", &stored.heading.postures, (vector.n_frames, features.n_numbers()))?,
+            path: matrix("heading", &stored.heading.path, (vector.n_frames, 3))?,
+        };
+        let StoredLearnt { scores, distances, sizes, vectors } = stored.learnt;
+        let n = scores.len();
+        let learnt =
+            Learnt { vectors: matrix("vectors", &vectors, (n, vector.length()))?, distances, scores, sizes };
+        let (intercept, synthetic, scale) = (stored.intercept, stored.synthetic, stored.scale);
+        let model = Self {
+            vector,
+            features,
+            heading,
+            eigenpostures,
+            eigenmotions,
+            intercept,
+            coefficients,
+            scale,
+            learnt,
+            synthetic,
+        };
+        model.expect_sense()?;
+        Ok(model)
+    }
+}
+
+fn sense<T>(part: &'static str, allowed: &'static str) -> Result<T, StorageError> {
+    Err(StorageError::Sense { part, allowed })
+}
+
+impl ScoringModel {
+    /// Fails unless what follows from the motions learnt does: means, components and coefficients, by the formulas by which they were
+    /// found.
+    fn expect_sense(&self) -> Result<(), StorageError> {
+        let Learnt { vectors, distances, scores, sizes } = &self.learnt;
+        let n = scores.len();
+        crate::analysis::expect_length("distances", distances.len(), n)?;
+        if !distances.iter().all(|d| *d >= 0.0 && d.is_finite()) {
+            return sense("distances", "finite and not negative");
         }
-        let (intercept, synthetic) = (stored.intercept, stored.synthetic);
-        Ok(Self { vector, eigenpostures, eigenmotions, intercept, coefficients, synthetic })
+        let markers = self.features.kind == FeatureKind::Markers;
+        if !(sizes[0] <= sizes[1] && sizes[1].is_finite() && (sizes[0] > 0.0 || !markers)) {
+            return sense("sizes", "positive, finite and growing");
+        }
+        let scale = ScoringOptions { scale: self.scale, ..ScoringOptions::thesis() };
+        if scale.expect_scale(scores).is_err() {
+            return sense("scores", "within the scale, whose ends grow");
+        }
+        if self.eigenmotions.n_samples() != n || self.eigenpostures.n_samples() != n * self.vector.n_frames {
+            return sense("n_samples", "the number of motions, and of their frames");
+        }
+        let mean = vectors.row_mean().transpose();
+        let size = vectors.amax();
+        if (mean - self.eigenmotions.mean()).amax() > ROUNDING * size {
+            return sense("eigenmotions.mean", "the mean of the vectors");
+        }
+        let components = ComponentScores::of(&self.eigenmotions, vectors)?;
+        let expected = components.coefficients(scores);
+        let near = |found: f64, expected: f64, of: f64| (found - expected).abs() <= ROUNDING * of;
+        let width = self.scale[1] - self.scale[0];
+        if !near(self.intercept, components.mean(scores), self.scale[0].abs().max(width)) {
+            return sense("intercept", "the mean of the scores");
+        }
+        let deviations = self.eigenmotions.explained_variance().iter().map(|v| v.sqrt());
+        let mut all = self.coefficients.iter().zip(&expected).zip(deviations);
+        // what a deviation of a component is worth in points
+        if !all.all(|((found, expected), deviation)| near(found * deviation, expected * deviation, width)) {
+            return sense("coefficients", "those of the regression of the scores on the vectors");
+        }
+        Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! How well motions are scored that the model has not seen.
 
-use super::model::{eigenpostures_of, normalize};
+use super::learnt::{self, Basis};
+use super::model::normalize;
 use super::regression::LeftOut;
 use super::statistics::{Coefficients, Correlation, resampled};
 use super::{Performance, ScoringError, ScoringOptions, expect_least, expect_length, expect_numbers};
@@ -42,6 +43,9 @@ pub struct Baseline {
 pub struct Validation {
     /// The score of each motion by a model of all others.
     pub predictions: Vec<f64>,
+    /// Distance of each motion to the others, over the greatest that one of the others has
+    /// ([`Score::distance`](super::Score::distance)). The farthest of all is always beyond 1; far beyond, it is unlike the others.
+    pub distances: Vec<f64>,
     /// Components of that model.
     pub n_components: Vec<usize>,
     /// Root mean square of the errors.
@@ -158,7 +162,17 @@ pub fn validate_while(
     }
     let rms_error = rms_error(&predictions, scores);
     let synthetic = motions.iter().any(Performance::is_synthetic);
-    Ok(Validation { predictions, n_components, rms_error, pearson, spearman, baselines, synthetic })
+    let distances = folds.relative_distances();
+    Ok(Validation {
+        predictions,
+        distances,
+        n_components,
+        rms_error,
+        pearson,
+        spearman,
+        baselines,
+        synthetic,
+    })
 }
 
 /// At `x0` the line of least squares through the points; their mean where x does not vary.
@@ -185,6 +199,8 @@ fn rms_error(predictions: &[f64], scores: &[f64]) -> f64 {
 struct Folds {
     /// Products of the motions' vectors with each other, for the eigenpostures of all but the motion left out.
     grams: Vec<DMatrix<f64>>,
+    /// The distance of each motion to the others, in the eigenpostures of these.
+    distances: Vec<f64>,
     left_out: Vec<LeftOut>,
     n_components: Option<usize>,
     most: usize,
@@ -192,22 +208,38 @@ struct Folds {
 
 impl Folds {
     fn try_new(motions: &[Performance], options: &ScoringOptions) -> Result<Self, ScoringError> {
-        let motions_at = normalize(motions, &options.vector)?;
+        let (features, motions_at) = normalize(motions, &options.vector)?;
+        learnt::sizes(features.kind, &motions_at)?;
         let gram = |i: usize| {
-            let eigenpostures = eigenpostures_of(&motions_at, &options.vector, Some(i))?;
-            let mut vectors = options.vector.vectors(&eigenpostures, &motions_at)?;
+            let basis = Basis::of(features.kind, &motions_at, &options.vector, |k| k == i)?;
+            let mut described = basis.describe(&options.vector, &motions_at)?;
+            let distance = described.distance_of(i, |_| true);
             // about a point near them, so that products keep their digits
+            let vectors = &mut described.vectors;
             let centre = vectors.row_mean();
             vectors.row_iter_mut().for_each(|mut row| row -= &centre);
-            Ok::<_, ScoringError>(&vectors * vectors.transpose())
+            Ok::<_, ScoringError>((&*vectors * vectors.transpose(), distance))
         };
-        let grams: Vec<DMatrix<f64>> =
-            (0..motions.len()).into_par_iter().map(gram).collect::<Result<_, _>>()?;
+        let (grams, distances): (Vec<DMatrix<f64>>, Vec<f64>) =
+            (0..motions.len()).into_par_iter().map(gram).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let once = vec![1.0; motions.len()];
         let most = options.most();
         let of = |(i, gram): (usize, &DMatrix<f64>)| LeftOut::new(gram, &once, i, most);
         let left_out = grams.iter().enumerate().filter_map(of).collect();
-        Ok(Self { grams, left_out, n_components: options.n_components, most })
+        Ok(Self { grams, distances, left_out, n_components: options.n_components, most })
+    }
+
+    /// The distance of each motion over the greatest of the others'.
+    fn relative_distances(&self) -> Vec<f64> {
+        let others = |i: usize| -> Vec<f64> {
+            let all = self.distances.iter().enumerate();
+            all.filter(|(j, _)| *j != i).map(|(_, distance)| *distance).collect()
+        };
+        self.distances
+            .iter()
+            .enumerate()
+            .map(|(i, distance)| distance / learnt::greatest(&others(i)))
+            .collect()
     }
 
     /// For each motion the mean of the others, what its prediction differs by from that, and the components

@@ -2,23 +2,69 @@
 
 use super::{ScoringError, expect_least, expect_length, expect_numbers};
 use crate::analysis::{Pca, expect_finite, normalize_frames};
-use crate::recording::{MarkerRecording, expect_times};
+use crate::recording::{MarkerRecording, expect_times, expect_unique};
 use nalgebra::{DMatrix, RowDVector};
 
-/// A motion to be scored, frame by frame.
+/// What the numbers of a posture are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FeatureKind {
+    /// Places of markers about their centre, m, z up: three numbers for each name. They turn with the body.
+    Markers,
+    /// One number for each name that does not depend on where the body faces, such as joint angles, rad.
+    Coordinates,
+}
+
+impl std::fmt::Display for FeatureKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Markers => "markers",
+            Self::Coordinates => "coordinates",
+        })
+    }
+}
+
+/// The numbers of a posture: what they are, and their names.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Features {
+    /// What they are.
+    pub kind: FeatureKind,
+    /// Names of the markers or the coordinates, which differ.
+    pub names: Vec<String>,
+}
+
+impl Features {
+    /// Numbers of a posture for each name.
+    pub(super) fn per_name(&self) -> usize {
+        match self.kind {
+            FeatureKind::Markers => 3,
+            FeatureKind::Coordinates => 1,
+        }
+    }
+
+    /// Numbers of a posture.
+    pub fn n_numbers(&self) -> usize {
+        self.names.len() * self.per_name()
+    }
+}
+
+/// A motion to be scored, frame by frame: named numbers of its postures, and the path of the body in m, z up.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Performance {
     times: Vec<f64>,
-    postures: DMatrix<f64>,
+    features: Features,
+    /// Places of markers in the world, or coordinates.
+    values: DMatrix<f64>,
     path: DMatrix<f64>,
     synthetic: bool,
 }
 
 impl Performance {
-    /// `postures` has a row for each frame, of joint angles or of places against the body; `path` has the three
-    /// coordinates of the body.
+    /// `postures` has a row for each frame and a column for each of the `names`: coordinates that do not depend on where
+    /// the body faces, such as joint angles; `path` has the three coordinates of the body, m, z up.
     pub fn try_new(
         times: Vec<f64>,
+        names: Vec<String>,
         postures: DMatrix<f64>,
         path: DMatrix<f64>,
     ) -> Result<Self, ScoringError> {
@@ -27,32 +73,33 @@ impl Performance {
         expect_length("rows of path", path.nrows(), times.len())?;
         expect_length("columns of path", path.ncols(), 3)?;
         expect_least("columns of postures", postures.ncols(), 1)?;
+        expect_length("names", names.len(), postures.ncols())?;
+        expect_unique(names.iter().map(String::as_str))?;
         expect_times(&times)?;
         for (argument, rows) in [("postures", &postures), ("path", &path)] {
             expect_finite(argument, rows)?;
         }
-        Ok(Self { times, postures, path, synthetic: false })
+        let features = Features { kind: FeatureKind::Coordinates, names };
+        Ok(Self { times, features, values: postures, path, synthetic: false })
     }
 
     /// From markers without gaps: the path is their centre, postures are their places about it. The thesis
     /// leaves the path in the postures too; there it would be most of what their first components describe.
     pub fn from_markers(recording: &MarkerRecording) -> Result<Self, ScoringError> {
         let (n, m) = (recording.n_frames(), recording.n_markers());
-        let mut postures = DMatrix::zeros(n, 3 * m);
-        let mut path = DMatrix::zeros(n, 3);
+        expect_least("times", n, 2)?;
+        let mut values = DMatrix::zeros(n, 3 * m);
         for (i, frame) in recording.frames().enumerate() {
-            let points: Vec<_> = frame.iter().flatten().collect();
-            expect_numbers("recording", points.iter().flat_map(|p| p.iter()))?;
-            if let Some(k) = frame.iter().position(Option::is_none) {
-                return Err(ScoringError::Gap { marker: recording.names()[k].clone(), frame: i });
-            }
-            let centre = points.iter().copied().sum::<nalgebra::Vector3<f64>>() / m as f64;
-            path.row_mut(i).copy_from(&centre.transpose());
-            for (k, point) in points.iter().enumerate() {
-                postures.fixed_view_mut::<1, 3>(i, 3 * k).copy_from(&(*point - centre).transpose());
+            expect_numbers("recording", frame.iter().flatten().flat_map(|p| p.iter()))?;
+            for (k, point) in frame.iter().enumerate() {
+                let gap = || ScoringError::Gap { marker: recording.names()[k].clone(), frame: i };
+                let point = point.ok_or_else(gap)?;
+                values.fixed_view_mut::<1, 3>(i, 3 * k).copy_from(&point.transpose());
             }
         }
-        Self::try_new(recording.times().to_vec(), postures, path)
+        let features = Features { kind: FeatureKind::Markers, names: recording.names().to_vec() };
+        let path = centres(&values);
+        Ok(Self { times: recording.times().to_vec(), features, values, path, synthetic: false })
     }
 
     /// The same, labelled as made up; models and validations that use it carry the label on.
@@ -70,12 +117,17 @@ impl Performance {
         &self.times
     }
 
-    /// Postures, a row for each frame.
-    pub fn postures(&self) -> &DMatrix<f64> {
-        &self.postures
+    /// What the numbers of its postures are.
+    pub fn features(&self) -> &Features {
+        &self.features
     }
 
-    /// Path of the body, a row for each frame.
+    /// Coordinates, or places of markers in the world, m: a row for each frame.
+    pub fn values(&self) -> &DMatrix<f64> {
+        &self.values
+    }
+
+    /// Path of the body, m, a row for each frame; of markers their centre.
     pub fn path(&self) -> &DMatrix<f64> {
         &self.path
     }
@@ -87,11 +139,29 @@ impl Performance {
 
     /// Numbers in a posture.
     pub fn n_features(&self) -> usize {
-        self.postures.ncols()
+        self.features.n_numbers()
     }
 
-    /// At `n_frames` equal distances in time.
-    pub(super) fn normalized(&self, n_frames: usize) -> Result<Normalized, ScoringError> {
+    /// With the features asked for, found by name, at `n_frames` equal distances in time. What else it has is not used.
+    pub(super) fn normalized(
+        &self,
+        features: &Features,
+        n_frames: usize,
+    ) -> Result<Normalized, ScoringError> {
+        let (mut values, mut path) = (self.arranged(features)?, self.path.clone());
+        if features.kind == FeatureKind::Markers {
+            path = centres(&values);
+            for (mut row, centre) in values.row_iter_mut().zip(path.row_iter()) {
+                for mut point in (0..features.names.len()).map(|k| 3 * k) {
+                    for x in centre.iter() {
+                        row[point] -= x;
+                        point += 1;
+                    }
+                }
+            }
+        }
+        let start = path.row(0).into_owned();
+        path.row_iter_mut().for_each(|mut row| row -= &start);
         let normalize = |all: &DMatrix<f64>| -> Result<DMatrix<f64>, ScoringError> {
             let mut out = DMatrix::zeros(n_frames, all.ncols());
             for (k, column) in all.column_iter().enumerate() {
@@ -100,16 +170,45 @@ impl Performance {
             }
             Ok(out)
         };
-        let (postures, path) = (normalize(&self.postures)?, normalize(&self.path)?);
+        let (postures, path) = (normalize(&values)?, normalize(&path)?);
         Ok(Normalized { postures, path, duration: self.duration() })
+    }
+
+    /// The values of these features.
+    fn arranged(&self, features: &Features) -> Result<DMatrix<f64>, ScoringError> {
+        if features.kind != self.features.kind {
+            return Err(ScoringError::Kind { expected: features.kind, found: self.features.kind });
+        }
+        let place = |name: &String| self.features.names.iter().position(|n| n == name);
+        let missing: Vec<&str> =
+            features.names.iter().filter(|n| place(n).is_none()).map(String::as_str).collect();
+        if !missing.is_empty() {
+            let (missing, found) = (missing.join(", "), self.features.names.join(", "));
+            return Err(ScoringError::Names { missing, found });
+        }
+        let per_name = features.per_name();
+        let mut arranged = DMatrix::zeros(self.values.nrows(), features.n_numbers());
+        for (k, from) in features.names.iter().filter_map(place).enumerate() {
+            let from = self.values.columns(from * per_name, per_name);
+            arranged.columns_mut(k * per_name, per_name).copy_from(&from);
+        }
+        Ok(arranged)
     }
 }
 
-/// A motion at a number of frames.
+/// Centres of places, three columns each, row by row.
+fn centres(places: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = places.ncols() / 3;
+    let sum = |i: usize, axis: usize| (0..n).map(|k| places[(i, 3 * k + axis)]).sum::<f64>();
+    DMatrix::from_fn(places.nrows(), 3, |i, axis| sum(i, axis) / n as f64)
+}
+
+/// A motion at a number of frames; its path begins at zero.
+#[derive(Debug, Clone)]
 pub(super) struct Normalized {
     pub(super) postures: DMatrix<f64>,
-    path: DMatrix<f64>,
-    duration: f64,
+    pub(super) path: DMatrix<f64>,
+    pub(super) duration: f64,
 }
 
 /// What goes into the vector of a motion.
@@ -131,26 +230,29 @@ impl VectorOptions {
         Self { n_frames: 60, n_eigenweights: 4, path: true, duration: false }
     }
 
-    /// The vectors of motions, a row each, whose eigenweights are those of `eigenpostures`.
-    pub(super) fn vectors(
+    /// Numbers in a vector.
+    pub(super) fn length(&self) -> usize {
+        let per_frame = self.n_eigenweights.saturating_add(if self.path { 3 } else { 0 });
+        self.n_frames.saturating_mul(per_frame).saturating_add(usize::from(self.duration))
+    }
+
+    /// The vector of a motion whose eigenweights are those of `eigenpostures`, and the square of what these leave of its postures.
+    pub(super) fn vector(
         &self,
         eigenpostures: &Pca,
-        motions: &[Normalized],
-    ) -> Result<DMatrix<f64>, ScoringError> {
-        let mut rows = Vec::with_capacity(motions.len());
-        for motion in motions {
-            let weights = eigenpostures.scores(&motion.postures)?;
-            let mut vector: Vec<f64> = weights.iter().copied().collect();
-            if self.path {
-                for column in motion.path.column_iter() {
-                    vector.extend(column.iter().map(|x| x - column[0]));
-                }
-            }
-            if self.duration {
-                vector.push(motion.duration);
-            }
-            rows.push(RowDVector::from_vec(vector));
+        motion: &Normalized,
+    ) -> Result<(RowDVector<f64>, f64), ScoringError> {
+        let weights = eigenpostures.scores(&motion.postures)?;
+        let mean = eigenpostures.mean().transpose();
+        let total: f64 = motion.postures.row_iter().map(|row| (row - &mean).norm_squared()).sum();
+        let rest = (total - weights.norm_squared()).max(0.0);
+        let mut vector: Vec<f64> = weights.iter().copied().collect();
+        if self.path {
+            vector.extend(motion.path.iter());
         }
-        Ok(DMatrix::from_rows(&rows))
+        if self.duration {
+            vector.push(motion.duration);
+        }
+        Ok((RowDVector::from_vec(vector), rest))
     }
 }

@@ -1,7 +1,7 @@
 //! The **synthetic** judge.
 
 use super::markers::standard_normal;
-use super::{SyntheticError, expect_not_negative, expect_range};
+use super::{SyntheticError, expect_not_negative};
 use crate::analysis::DiveFaults;
 use rand::Rng;
 
@@ -66,29 +66,25 @@ impl SyntheticJudge {
         for (argument, found) in self.deductions() {
             expect_not_negative(argument, found)?;
         }
-        for found in values(&self.reference) {
-            expect_range("reference", found, "finite", f64::is_finite)?;
-        }
+        self.reference.validate()?;
         expect_not_negative("noise", self.noise)
     }
 
-    /// The score without noise and rounding.
-    pub fn intended(&self, faults: &DiveFaults) -> f64 {
-        let excess = values(faults).into_iter().zip(values(&self.reference)).map(|(f, r)| (f - r).max(0.0));
+    /// The score without noise and rounding; fails where a fault is not finite.
+    pub fn intended(&self, faults: &DiveFaults) -> Result<f64, SyntheticError> {
+        faults.validate()?;
+        let excess = faults.named().into_iter().zip(self.reference.named());
+        let excess = excess.map(|((_, f), (_, r))| (f - r).max(0.0));
         let lost: f64 = self.deductions().iter().zip(excess).map(|((_, p), excess)| p * excess).sum();
-        (10.0 - lost).clamp(0.0, 10.0)
+        Ok((10.0 - lost).clamp(0.0, 10.0))
     }
 
     /// The score given, with noise from `rng`.
-    pub fn score(&self, faults: &DiveFaults, rng: &mut impl Rng) -> f64 {
-        let score = self.intended(faults) + self.noise * standard_normal(rng);
+    pub fn score(&self, faults: &DiveFaults, rng: &mut impl Rng) -> Result<f64, SyntheticError> {
+        let score = self.intended(faults)? + self.noise * standard_normal(rng);
         let score = if self.half_points { (2.0 * score).round() / 2.0 } else { score };
-        score.clamp(0.0, 10.0)
+        Ok(score.clamp(0.0, 10.0))
     }
-}
-
-fn values(faults: &DiveFaults) -> [f64; 5] {
-    [faults.entry_angle, faults.hip_opening, faults.exit_share, faults.asymmetry, faults.roughness]
 }
 
 #[cfg(test)]
@@ -105,11 +101,24 @@ mod tests {
     fn deductions_are_those_of_the_formula() {
         let judge =
             SyntheticJudge::with_reference(DiveFaults { entry_angle: 0.0, asymmetry: 0.0, ..faults() });
-        assert!((judge.intended(&faults()) - (10.0 - 0.5 - 0.2)).abs() < 1e-12);
+        assert!((judge.intended(&faults()).unwrap() - (10.0 - 0.5 - 0.2)).abs() < 1e-12);
         let better = DiveFaults { hip_opening: 0.1, roughness: 3.0, ..faults() };
-        assert_eq!(judge.intended(&better), judge.intended(&faults()));
+        assert_eq!(judge.intended(&better).unwrap(), judge.intended(&faults()).unwrap());
         let worst = DiveFaults { hip_opening: 3.0, ..faults() };
-        assert_eq!(judge.intended(&worst), 0.0);
+        assert_eq!(judge.intended(&worst).unwrap(), 0.0);
+        for (k, (name, _)) in faults().named().into_iter().enumerate() {
+            let mut unknown = faults();
+            let all = [
+                &mut unknown.entry_angle,
+                &mut unknown.hip_opening,
+                &mut unknown.exit_share,
+                &mut unknown.asymmetry,
+                &mut unknown.roughness,
+            ];
+            *all.into_iter().nth(k).unwrap() = f64::NAN;
+            let found = judge.intended(&unknown).unwrap_err().to_string();
+            assert_eq!(found, format!("`{name}` must be finite, found NaN"));
+        }
         let negative = SyntheticJudge { noise: -1.0, ..judge };
         assert!(matches!(negative.validate(), Err(SyntheticError::OutOfRange { argument: "noise", .. })));
     }
@@ -121,13 +130,14 @@ mod tests {
             ..SyntheticJudge::with_reference(DiveFaults { entry_angle: 0.0, ..faults() })
         };
         let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let off: Vec<f64> =
-            (0..4000).map(|_| judge.score(&faults(), &mut rng) - judge.intended(&faults())).collect();
+        let off: Vec<f64> = (0..4000)
+            .map(|_| judge.score(&faults(), &mut rng).unwrap() - judge.intended(&faults()).unwrap())
+            .collect();
         let mean = off.iter().sum::<f64>() / 4000.0;
         let deviation = (off.iter().map(|x| x * x).sum::<f64>() / 4000.0).sqrt();
         // the mean errs by σ/63, the deviation by σ/89; five of those
         assert!(mean.abs() < 0.02 && (deviation - 0.25).abs() < 0.015, "{mean}, {deviation}");
         let halves = SyntheticJudge { half_points: true, ..judge };
-        assert!((0..100).all(|_| (2.0 * halves.score(&faults(), &mut rng)).fract() == 0.0));
+        assert!((0..100).all(|_| (2.0 * halves.score(&faults(), &mut rng).unwrap()).fract() == 0.0));
     }
 }

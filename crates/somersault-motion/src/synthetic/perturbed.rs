@@ -50,7 +50,8 @@ impl Perturbation {
         }
     }
 
-    fn validate(&self) -> Result<(), SyntheticError> {
+    /// Fails where a number is not finite, or a share not below 1.
+    pub fn validate(&self) -> Result<(), SyntheticError> {
         let share =
             |argument, found| expect_range(argument, found, "between -1 and 1", |x: f64| x.abs() < 1.0);
         share("looseness", self.looseness)?;
@@ -58,6 +59,7 @@ impl Perturbation {
         share("asymmetry", self.asymmetry)?;
         share("duration", self.duration)?;
         for (argument, found) in [
+            ("exit_delay", self.exit_delay),
             ("over_rotation", self.over_rotation),
             ("wobble_frequency", self.wobble_frequency),
             ("wobble_phase", self.wobble_phase),

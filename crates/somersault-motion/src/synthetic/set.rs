@@ -124,8 +124,8 @@ impl SyntheticSet {
             Self { dives: vec![], faults: vec![], markers: vec![], intended: vec![], scores: vec![] };
         for (dive, faults, recorded) in made {
             set.dives.push(dive);
-            set.intended.push(judge.intended(&faults));
-            set.scores.push(judge.score(&faults, &mut rng));
+            set.intended.push(judge.intended(&faults)?);
+            set.scores.push(judge.score(&faults, &mut rng)?);
             set.faults.push(faults);
             set.markers.push(recorded);
         }
@@ -146,6 +146,7 @@ impl SyntheticSet {
         JudgedSet {
             list: JudgedList { feature_names: Vec::new(), motions },
             recordings: self.markers.clone(),
+            contradictions: Vec::new(),
         }
     }
 

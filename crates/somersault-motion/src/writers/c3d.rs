@@ -1,10 +1,12 @@
 //! Markers as C3D: the format of [`readers::c3d`](crate::readers::c3d).
 //!
 //! Point data as floats for processors of Intel, without analog channels. Coordinates and the rate have single
-//! precision; the first frame is at t = 0 for whoever reads the file. Gaps have a residual of −1, other points
+//! precision. The first frame has the number n = 1 + t₀ · rate, rounded, and where (n − 1)/rate is not its time t₀ to
+//! the last digit, or t₀ is negative, the parameter SOMERSAULT:FIRST_TIME has it as text. Gaps have a residual of −1, other points
 //! of 0.
 
 use super::{WriteError, expect_name, time_step};
+use crate::readers::c3d::FIRST_TIME;
 use crate::recording::{Convention, MarkerRecording};
 use nalgebra::Vector3;
 
@@ -31,7 +33,8 @@ pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Vec
     if !(rate > 0.0 && rate.is_finite()) {
         return Err(WriteError::OutOfRange { quantity: "the time between frames", found: step, frame: 1 });
     }
-    let mut section = parameters(recording, convention, rate)?;
+    let first = first_frame(recording, rate);
+    let mut section = parameters(recording, convention, rate, first)?;
     let n_blocks = section.len() / BLOCK;
     let Ok(counted) = u8::try_from(n_blocks) else {
         return Err(WriteError::TooMany { quantity: "blocks of names", found: n_blocks, most: 255 });
@@ -40,7 +43,8 @@ pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Vec
 
     let mut file = vec![2, 0x50];
     let data = (2 + n_blocks) as u16;
-    for word in [n_points as u16, 0, 1, n_frames.min(WORD) as u16, 0] {
+    let last = first as usize - 1 + n_frames;
+    for word in [n_points as u16, 0, (first as usize).min(WORD) as u16, last.min(WORD) as u16, 0] {
         file.extend(word.to_le_bytes());
     }
     file.extend((-1.0_f32).to_le_bytes());
@@ -64,6 +68,13 @@ pub fn write(recording: &MarkerRecording, convention: &Convention) -> Result<Vec
     Ok(file)
 }
 
+/// The number of the first frame: 1 at t = 0, and where numbers of 32 bits do not reach to the last.
+fn first_frame(recording: &MarkerRecording, rate: f32) -> u32 {
+    let number = 1.0 + (recording.times()[0] * f64::from(rate)).round();
+    let most = f64::from(u32::MAX) - recording.n_frames() as f64;
+    if (1.0..most).contains(&number) { number as u32 } else { 1 }
+}
+
 /// A point that is not missing, in single precision.
 fn single(convention: &Convention, x: &Vector3<f64>, frame: usize) -> Result<[f32; 4], WriteError> {
     let inside = convention.file_position(x).map(|x| x as f32);
@@ -78,6 +89,7 @@ fn parameters(
     recording: &MarkerRecording,
     convention: &Convention,
     rate: f32,
+    first: u32,
 ) -> Result<Vec<u8>, WriteError> {
     let (n_points, n_frames) = (recording.n_markers(), recording.n_frames());
     let mut section = vec![1, 0x50, 0, 84];
@@ -103,11 +115,19 @@ fn parameters(
         let array_name = if k == 0 { "LABELS".to_owned() } else { format!("LABELS{}", k + 1) };
         array(&mut section, 1, &array_name, -1, &[width as u8, names.len() as u8], &labels);
     }
-    if n_frames > WORD {
+    let last = first as usize - 1 + n_frames;
+    if last > WORD {
+        let halves = |n: usize| [n as u16, (n >> 16) as u16];
         group(&mut section, 2, "TRIAL");
-        word(&mut section, 2, "ACTUAL_START_FIELD", &[1, 0]);
-        let last = [n_frames as u16, (n_frames >> 16) as u16];
-        word(&mut section, 2, "ACTUAL_END_FIELD", &last);
+        word(&mut section, 2, "ACTUAL_START_FIELD", &halves(first as usize));
+        word(&mut section, 2, "ACTUAL_END_FIELD", &halves(last));
+    }
+    let time = recording.times()[0];
+    if f64::from(first - 1) / f64::from(rate) != time {
+        let [name, parameter] = FIRST_TIME;
+        let text = format!("{time:e}");
+        group(&mut section, 3, name);
+        array(&mut section, 3, parameter, -1, &[text.len() as u8], text.as_bytes());
     }
     section.extend([0, 0]);
     section.resize(section.len().next_multiple_of(BLOCK), 0);

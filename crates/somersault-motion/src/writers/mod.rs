@@ -10,8 +10,9 @@
 //!
 //! Lengths are written in the unit and the axes of a [`Convention`]; those in m with z up keep all their digits.
 //!
-//! C3D, BVH and motions of DeepMimic have no time of their first frame: who reads them finds it at t = 0, and all
-//! times earlier by that of the recording's first frame. CSV and TRC keep times as they are.
+//! BVH and motions of DeepMimic have no time of their first frame: who reads them finds it at t = 0, and all
+//! times earlier by that of the recording's first frame. CSV and TRC keep times as they are; C3D keeps that of the first frame
+//! and a rate.
 
 pub mod bvh;
 pub mod c3d;

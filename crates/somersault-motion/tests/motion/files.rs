@@ -60,7 +60,7 @@ pub(crate) enum Bytes {
     Mips,
 }
 
-/// Three points in mm at 200 Hz, one of them missing in every second frame; analog data in between.
+/// Three points in mm at 200 Hz, one of them missing in every second frame; a channel at 400 Hz in between.
 pub(crate) struct C3d {
     pub(crate) bytes: Bytes,
     pub(crate) float: bool,
@@ -120,6 +120,12 @@ impl C3d {
         self.parameter(&mut section, 1, "UNITS", -1, &[4], b"mm  ");
         let labels: String = Self::LABELS.iter().map(|l| format!("{l:<6}")).collect();
         self.parameter(&mut section, 1, "LABELS", -1, &[6, 3], labels.as_bytes());
+        section.extend([6, -2_i8 as u8]);
+        section.extend(b"ANALOG");
+        section.extend(self.word(3));
+        section.push(0);
+        self.parameter(&mut section, 2, "USED", 2, &[], &self.word(1));
+        self.parameter(&mut section, 2, "RATE", 4, &[], &self.real(400.0));
         section.extend([0, 0]);
         section.resize(1024, 0);
 
@@ -129,7 +135,7 @@ impl C3d {
         }
         header.extend(self.real(scale));
         header.extend(self.word(4));
-        header.extend(self.word(1));
+        header.extend(self.word(Self::ANALOG as u16));
         header.extend(self.real(200.0));
         header.resize(512, 0);
 

@@ -4,11 +4,12 @@ use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use somersault_motion::fit::{
-    FitError, FitOptions, FitStatus, Loss, Marker, MarkerFit, MarkerSet, MotionFit, Scale, Shape,
+    FitError, FitOptions, FitStatus, FrameFit, Loss, Marker, MarkerFit, MarkerSet, MotionFit, Scale, Shape,
+    UnknownStatus,
 };
 use somersault_motion::recording::MarkerRecording;
 use somersault_multibody::models::{Diver, Posture};
-use somersault_multibody::{Data, Model};
+use somersault_multibody::{Data, Model, ModelBuilder};
 use somersault_ocp::motion::EigenpostureBase;
 
 /// Two markers on each body with an extent, off the axis so that every joint is seen.
@@ -118,7 +119,7 @@ fn known_angles_are_recovered_to_1e_6() {
         let start = std::time::Instant::now();
         let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap().fit(&recording).unwrap();
         println!("{:?}: {} markers in {:?}", diver.dimension, recording.n_markers(), start.elapsed());
-        assert!(fit.converged());
+        assert!(fit.converged() && fit.success());
         let error = largest_error(&model, &fit, &motion);
         assert!(error < 1e-6, "{:?}: {error:e}", diver.dimension);
         assert!(fit.frames.iter().all(|f| (f.estimate.scale - 1.08).abs() < 1e-8));
@@ -135,17 +136,24 @@ fn a_fifth_of_the_markers_may_be_missing() {
         let recording = with_gaps(&whole, 0.2, 7);
         let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap().fit(&recording).unwrap();
         assert!(fit.converged());
-        // a frame without the markers of a hand cannot know its angle: what the markers do not determine has no covariance
-        let (mut n, mut v) = (0, vec![0.0; model.n_velocities()]);
+        // a frame without the markers of a hand cannot know its angle, and knows all others
+        let (mut n_whole, mut v) = (0, vec![0.0; model.n_velocities()]);
         for (frame, q) in fit.frames.iter().zip(&motion) {
             assert!(frame.rms.unwrap() < 1e-8);
-            if frame.covariance.is_some() {
-                n += 1;
-                model.difference(q, &frame.estimate.q, &mut v).unwrap();
-                assert!(v.iter().all(|x| x.abs() < 1e-6));
+            n_whole += usize::from(frame.success());
+            let covariance = frame.covariance.as_ref().unwrap();
+            model.difference(q, &frame.estimate.q, &mut v).unwrap();
+            for (k, x) in v.iter().enumerate() {
+                match frame.unknowns[k + 1] {
+                    UnknownStatus::Undetermined => assert_eq!(covariance[(k + 1, k + 1)], f64::INFINITY),
+                    status => {
+                        assert!(x.abs() < 1e-6 && covariance[(k + 1, k + 1)].is_finite(), "{status:?}: {x}")
+                    }
+                }
             }
         }
-        assert!(n > 10, "{:?}: {n} frames are determined", diver.dimension);
+        assert!(n_whole > 10, "{:?}: {n_whole} frames are determined", diver.dimension);
+        assert!(n_whole < 60 && !fit.success());
     }
 }
 
@@ -412,5 +420,175 @@ fn noise_of_1_cm_leads_no_frame_into_a_wrong_minimum() {
                 }
             }
         }
+    }
+}
+
+/// Poses that have nothing to do with each other: all joints anywhere in the middle nine tenths of their ranges.
+fn unrelated(model: &Model, n: usize, seed: u64) -> Vec<Vec<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let pose = |_| {
+        let mut q = model.neutral();
+        q[..3].copy_from_slice(&[
+            rng.random_range(-1.0..1.0),
+            rng.random_range(-1.0..1.0),
+            rng.random_range(0.0..3.0),
+        ]);
+        let axis = Vector3::from_fn(|_, _| normal(&mut rng));
+        let turn = nalgebra::UnitQuaternion::from_scaled_axis(axis.normalize() * rng.random_range(0.0..3.1));
+        q[3..7].copy_from_slice(turn.coords.as_slice());
+        for i in 1..model.n_bodies() {
+            let (at, limits) = (model.positions_of(i), model.limits(i));
+            let [lower, upper] = limits.unwrap_or([-3.0, 3.0]);
+            for x in &mut q[at] {
+                *x = lower + (upper - lower) * rng.random_range(0.05..0.95);
+            }
+        }
+        q
+    };
+    (0..n).map(pose).collect()
+}
+
+#[test]
+fn unrelated_frames_are_fitted_no_worse_as_one_recording_than_one_by_one() {
+    let diver = Diver::spatial();
+    let model = diver.model().unwrap();
+    let n = std::env::var("SOMERSAULT_FRAMES").map_or(24, |n| n.parse().expect("a number of frames"));
+    for (set, noise, seed) in [(few_markers(&model), 0.005, 1), (markers(&model), 0.01, 2)] {
+        let poses = unrelated(&model, n, seed);
+        let recording = record(&model, &set, &poses, 1.0, noise, seed);
+        let options = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
+        let start = std::time::Instant::now();
+        let fit = MarkerFit::try_new(&model, set.clone(), options.clone()).unwrap().fit(&recording).unwrap();
+        let took = start.elapsed();
+        assert!(fit.converged());
+        let (mut worse, mut above, mut alone_above) = (0, 0, 0);
+        for (i, q) in poses.iter().enumerate() {
+            let by_itself = alone(&model, &set, &recording, i, options.clone());
+            let starts = vec![q[7..].to_vec()];
+            let truth = alone(&model, &set, &recording, i, FitOptions { starts, ..options.clone() });
+            let rms = fit.frames[i].rms.unwrap();
+            worse += usize::from(rms > 1.016 * by_itself);
+            above += usize::from(rms > 1.02 * truth);
+            alone_above += usize::from(by_itself > 1.02 * truth);
+        }
+        println!(
+            "{} markers, {n} frames in {took:?}: {worse} worse than alone, {above} above the truth's residual, alone {alone_above}",
+            set.markers().len()
+        );
+        // minima count as lower from 1.5 % of the residuals on
+        assert_eq!(worse, 0);
+        assert!(above <= alone_above);
+    }
+}
+
+#[test]
+fn an_unseen_toe_costs_only_its_own_covariance() {
+    let diver = Diver::spatial();
+    let (model, motion) = (diver.model().unwrap(), motion(&diver, 6));
+    let whole_set = markers(&model);
+    let toe = model.body("left_toes").unwrap();
+    let seen: Vec<Marker> = whole_set.markers().iter().filter(|m| m.body != toe).cloned().collect();
+    let set = MarkerSet::try_new(&model, seen).unwrap();
+    let options = FitOptions { noise: Some(0.005), ..begun(&diver) };
+    let recording = record(&model, &whole_set, &motion, 1.0, 0.005, 4);
+    let fitted = |set: &MarkerSet| {
+        MarkerFit::try_new(&model, set.clone(), options.clone()).unwrap().fit(&recording).unwrap()
+    };
+    let (fit, whole) = (fitted(&set), fitted(&whole_set));
+    assert!(whole.success() && fit.converged() && !fit.success());
+    let of_toe = 1 + model.velocities_of(toe).start;
+    for (frame, other) in fit.frames.iter().zip(&whole.frames) {
+        let (found, known) = (frame.covariance.as_ref().unwrap(), other.covariance.as_ref().unwrap());
+        for k in 0..frame.unknowns.len() {
+            if k == of_toe {
+                assert_eq!((frame.unknowns[k], found[(k, k)]), (UnknownStatus::Undetermined, f64::INFINITY));
+                continue;
+            }
+            assert_eq!(frame.unknowns[k], UnknownStatus::Determined, "unknown {k}");
+            // two markers fewer say less, but not much less
+            let ratio = found[(k, k)] / known[(k, k)];
+            assert!((0.95..2.0).contains(&ratio), "unknown {k}: {ratio}");
+            assert_eq!(found[(k, of_toe)], 0.0);
+        }
+    }
+}
+
+#[test]
+fn what_is_no_success_is_told_apart() {
+    for diver in divers() {
+        let (model, motion) = (diver.model().unwrap(), motion(&diver, 12));
+        let set = markers(&model);
+        let whole = record(&model, &set, &motion, 1.0, 0.002, 1);
+        let with = |change: &dyn Fn(usize, usize, Vector3<f64>) -> Option<Vector3<f64>>,
+                    options: FitOptions| {
+            let n = whole.n_markers();
+            let points = whole.frames().flatten().enumerate().map(|(k, p)| change(k / n, k % n, p.unwrap()));
+            let recording =
+                MarkerRecording::try_new(whole.names().to_vec(), whole.times().to_vec(), points.collect())
+                    .unwrap();
+            MarkerFit::try_new(&model, set.clone(), options).unwrap().fit(&recording).unwrap()
+        };
+        let known = FitOptions { noise: Some(0.002), ..begun(&diver) };
+        let fit = with(&|_, _, p| Some(p), known.clone());
+        assert!(fit.success() && fit.frames.iter().all(FrameFit::success), "{:?}", diver.dimension);
+        // a frame without markers
+        let fit = with(&|i, _, p| (i != 3).then_some(p), known.clone());
+        assert_eq!(fit.frames[3].status, FitStatus::NoMarkers);
+        assert!(fit.converged() && !fit.success() && fit.frames[2].success());
+        assert!(fit.frames[3].unknowns.iter().all(|u| *u == UnknownStatus::Undetermined));
+        // a mirrored axis: of the plane the diver moves in, in space any
+        for axis in if diver == Diver::planar() { vec![0, 2] } else { vec![0, 1, 2] } {
+            let mirrored = |_, _, mut p: Vector3<f64>| {
+                p[axis] = -p[axis];
+                Some(p)
+            };
+            for options in [known.clone(), begun(&diver)] {
+                let fit = with(&mirrored, options);
+                let status: Vec<FitStatus> = fit.frames.iter().map(|f| f.status).collect();
+                assert!(
+                    status.iter().all(|s| *s == FitStatus::Mirrored),
+                    "{:?}, axis {axis}: {status:?}",
+                    diver.dimension
+                );
+                assert!(!fit.success() && fit.rms().unwrap() > 0.02);
+            }
+        }
+        // more noise than was said
+        let fit = with(&|_, _, p| Some(p), FitOptions { noise: Some(0.0005), ..begun(&diver) });
+        assert!(!fit.success() && fit.frames.iter().all(|f| f.status == FitStatus::Misfit));
+        // too few iterations
+        let fit = with(&|_, _, p| Some(p), FitOptions { max_iterations: 2, ..begun(&diver) });
+        assert!(!fit.converged() && !fit.success());
+    }
+}
+
+#[test]
+fn limits_that_the_markers_contradict_are_told_from_those_they_confirm() {
+    let diver = Diver::planar();
+    let model = diver.model().unwrap();
+    let knee = model.body("shank").unwrap();
+    let [lower, _] = model.limits(knee).unwrap();
+    let set = markers(&model);
+    let options = FitOptions { noise: Some(0.002), scale: Scale::Fixed(1.0), ..begun(&diver) };
+    // the markers of a free knee, which the limits of the diver do not hold
+    let mut builder = ModelBuilder::new();
+    for link in model.links() {
+        let free = link.limits().map(|_| link.clone().with_limits(f64::NEG_INFINITY, f64::INFINITY));
+        builder.add(free.unwrap_or_else(|| link.clone())).unwrap();
+    }
+    let free = builder.build().unwrap();
+    for (beyond, expected) in [(0.0, UnknownStatus::AtLimit), (0.3, UnknownStatus::BeyondLimit)] {
+        let mut q = motion(&diver, 12).swap_remove(5);
+        q[model.positions_of(knee).start] = lower - beyond;
+        let recording = record(&free, &set, &vec![q; 40], 1.0, 0.002, 3);
+        let fit = MarkerFit::try_new(&model, set.clone(), options.clone()).unwrap().fit(&recording).unwrap();
+        let of_knee = |f: &FrameFit| f.unknowns[1 + model.velocities_of(knee).start];
+        let n = fit.frames.iter().filter(|f| of_knee(f) == expected).count();
+        // of knees that are straight noise bends half
+        assert!(if beyond > 0.0 { n == 40 } else { (8..=32).contains(&n) }, "{n} of 40 {expected:?}");
+        assert!(fit.frames.iter().all(|f| f.unknowns[0] == UnknownStatus::Given));
+        // of straight knees one in 740 is beyond three deviations
+        let n_beyond = fit.frames.iter().filter(|f| of_knee(f) == UnknownStatus::BeyondLimit).count();
+        assert!(if beyond > 0.0 { n_beyond == 40 } else { n_beyond <= 1 }, "{n_beyond} of 40 beyond");
     }
 }

@@ -67,6 +67,7 @@ fn made(a: f64, duration: f64) -> MotionFit {
             rms: Some(0.01 * u),
             cost: 0.0,
             iterations: 1,
+            unknowns: Vec::new(),
             covariance: None,
         }
     };
@@ -142,7 +143,7 @@ fn the_generated_dive_is_scored_and_compared_with_synthetic_groups() {
     // scored by a model of the synthetic set: without faults, it comes out at the top
     let scoring =
         ScoringModel::train(&set.performances().unwrap(), &set.scores, &ScoringOptions::thesis()).unwrap();
-    let score = scoring.score(&Performance::from_markers(&generated).unwrap()).unwrap();
+    let score = scoring.score(&Performance::from_markers(&generated).unwrap()).unwrap().value;
     let best = set.intended.iter().copied().fold(f64::MIN, f64::max);
     println!(
         "SYNTHETIC score of the generated dive {score:.2}; the best of the set was meant to have {best:.2}"

@@ -147,6 +147,7 @@ fn declared_numbers_cost_nothing() {
     let mut file = C3d { bytes: Bytes::Intel, float: false, n_frames: 3 }.write();
     let used = file.windows(4).position(|w| w == b"USED").unwrap() + 8;
     file[used..used + 2].copy_from_slice(&[0xff, 0xff]);
+    file[2..4].copy_from_slice(&[0xff, 0xfe]);
     let found = c3d::read(&file, &c3d::Options::default());
     assert!(matches!(found, Err(ReadError::Misdeclared { found: 0, .. })), "{found:?}");
 }

@@ -77,6 +77,14 @@ fn a_wrong_list_is_named_with_its_line() {
     assert_eq!(change("7.5", "nan"), 4);
     assert_eq!(change("1.5,", ""), 4);
     assert_eq!(change("sub/b.trc", "a.csv"), 5);
+    for same in ["./a.csv", "x//a.csv", "x/./a.csv"] {
+        let list = LIST.replace("a.csv", "x/a.csv").replace("sub/b.trc", same);
+        let twice = list::read(&list).map(drop);
+        assert!(
+            matches!(twice, Err(ReadError::Unexpected { place: Place::Line(5), .. })),
+            "{same}: {twice:?}"
+        );
+    }
     for path in ["/etc/passwd", "../b.trc", "sub/../../b.trc", "..\\b.trc", ""] {
         assert_eq!(change("sub/b.trc", path), 5, "{path}");
     }
@@ -120,6 +128,14 @@ fn motions_of_a_list_have_the_markers_of_the_first_without_gaps() {
     folder.put("judged.csv", &LIST.replace("sub/b.trc", "c.docx"));
     assert!(matches!(load(&options), Err(JudgedError::UnknownFormat { line: 5, .. })));
     assert!(matches!(load_set(folder.path("none"), &options), Err(JudgedError::List(LoadError::Io { .. }))));
+    // one file under two names
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(folder.path("a.csv"), folder.path("other.csv")).unwrap();
+        folder.put("judged.csv", &LIST.replace("sub/b.trc", "other.csv"));
+        let twice = load(&options);
+        assert!(matches!(twice, Err(JudgedError::Twice { line: 5, before: 3 | 4, .. })), "{twice:?}");
+    }
     // the joint centres of a skeleton have names of their own
     folder.put("judged.csv", "motion,score\nx.bvh,5\n");
     folder.put("x.bvh", BVH);

@@ -283,11 +283,12 @@ fn a_wrong_c3d_is_named_with_its_byte() {
     assert!(matches!(processor, Err(ReadError::Unexpected { place: Place::Byte(515), .. })), "{processor:?}");
     let block = change(16, &[9, 0]);
     assert!(matches!(block, Err(ReadError::Misdeclared { found: 0, declared: 4, .. })), "{block:?}");
-    // the parameter FRAMES rules, its data begin where it is declared
+    // where neither has what is there, that of the parameter is named, its data begin where it is declared
     let frames = whole.windows(6).position(|w| w == b"FRAMES").unwrap() + 10;
-    let found = change(frames, &[0xff, 0xff]);
+    let mut long = whole.clone();
+    (long[8], long[frames]) = (9, 8);
     let (place, quantity) = (Place::Byte(frames), "frames");
-    assert_eq!(found, Err(ReadError::Misdeclared { place, quantity, declared: 65535, found: 4 }));
+    assert_eq!(read(&long), Err(ReadError::Misdeclared { place, quantity, declared: 8, found: 4 }));
     let unit = whole.windows(4).position(|w| w == b"mm  ").unwrap();
     let found = change(unit, b"fur ");
     assert!(matches!(found, Err(ReadError::Unexpected { place: Place::Byte(at), .. }) if at == unit));
@@ -298,6 +299,57 @@ fn a_wrong_c3d_is_named_with_its_byte() {
     for n in 0..whole.len() - 8 {
         assert!(read(&whole[..n]).is_err(), "cut after {n} bytes");
     }
+}
+
+#[test]
+fn where_header_and_parameters_of_a_c3d_differ_the_length_of_the_file_decides() {
+    for (bytes, float) in [(Bytes::Intel, true), (Bytes::Mips, false), (Bytes::Dec, true)] {
+        let whole = C3d { bytes, float, n_frames: 40 }.write();
+        let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+        let expected = read(&whole);
+        assert_eq!(c3d::contradictions(&whole).unwrap(), []);
+        let word = |x: u16| if bytes == Bytes::Mips { x.to_be_bytes() } else { x.to_le_bytes() };
+        let place = |name: &str, nth: usize| {
+            let places = whole.windows(name.len()).enumerate().filter(|(_, w)| *w == name.as_bytes());
+            places.map(|(at, _)| at + name.len() + 4).nth(nth).unwrap()
+        };
+        // in the header and in the parameters: what is declared there, and what is true
+        let wrong: [(&str, usize, u16, f64); 8] = [
+            ("points", 2, 4, 3.0),
+            ("points", place("USED", 0), 1, 3.0),
+            ("analog values a frame", 4, 1, 2.0),
+            ("analog values a frame", place("USED", 1), 7, 2.0),
+            ("frames", 8, 39, 40.0),
+            ("frames", 8, 41, 40.0),
+            ("frames", place("FRAMES", 0), 38, 40.0),
+            ("frames", place("FRAMES", 0), 400, 40.0),
+        ];
+        for (quantity, at, value, truth) in wrong {
+            let mut file = whole.clone();
+            file[at..at + 2].copy_from_slice(&word(value));
+            assert_eq!(read(&file), expected, "{bytes:?}: {quantity} {value} at byte {at}");
+            let found = c3d::contradictions(&file).unwrap();
+            let [found] = found[..] else { panic!("{bytes:?}: {quantity} {value} at byte {at}: {found:?}") };
+            assert_eq!((found.quantity, found.used), (quantity, truth));
+            assert_eq!(found.decided, c3d::Decision::Length);
+            assert!(found.header != found.parameter && found.to_string().contains(quantity), "{found}");
+        }
+        // the sign of the scale, which says whether numbers are floats
+        let mut file = whole.clone();
+        file[if bytes == Bytes::Intel { 15 } else { 13 }] ^= if bytes == Bytes::Mips { 0 } else { 0x80 };
+        file[12] ^= if bytes == Bytes::Mips { 0x80 } else { 0 };
+        assert_eq!(read(&file), expected, "{bytes:?}");
+        assert_eq!(c3d::contradictions(&file).unwrap()[0].quantity, "scale");
+    }
+}
+
+#[test]
+fn the_first_frame_of_a_c3d_is_at_the_time_of_its_number() {
+    let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
+    (file[6], file[8]) = (101, 104);
+    let found = c3d::read(&file, &c3d::Options::default()).unwrap();
+    assert_eq!(found.times(), [0.5, 0.505, 0.51, 0.515]);
+    assert_eq!(c3d::contradictions(&file).unwrap(), []);
 }
 
 #[test]

@@ -64,9 +64,7 @@ fn markers(model: &Model) -> MarkerSet {
 
 /// Lengths are the diver's own, so its scale is one.
 fn fitted(model: &Model, recording: &SkeletonRecording, shape: Shape) -> MotionFit {
-    // residuals are large, and convergence is slow where they are
-    let options =
-        FitOptions { scale: Scale::Fixed(1.0), shape, max_iterations: 1000, ..FitOptions::default() };
+    let options = FitOptions { scale: Scale::Fixed(1.0), shape, ..FitOptions::default() };
     let fit = MarkerFit::try_new(model, markers(model), options).unwrap();
     fit.fit(&recording.joint_centres().unwrap()).unwrap()
 }
@@ -93,8 +91,7 @@ fn recorded_motions_are_fitted_by_the_spatial_diver() {
         let centres = recording.joint_centres().unwrap();
         for i in (0..centres.n_frames()).step_by(5) {
             let (names, points) = (centres.names().to_vec(), centres.frame(i).to_vec());
-            let options =
-                FitOptions { scale: Scale::Fixed(1.0), max_iterations: 1000, ..FitOptions::default() };
+            let options = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
             let one = MarkerRecording::try_new(names, vec![0.0], points).unwrap();
             let alone = MarkerFit::try_new(&model, markers(&model), options).unwrap().fit(&one).unwrap();
             let (tracked, alone) = (fit.frames[i].rms.unwrap(), alone.rms().unwrap());

@@ -222,14 +222,18 @@ fn numbers_that_a_format_cannot_hold_are_refused() {
 }
 
 #[test]
-fn formats_without_a_first_time_begin_at_zero() {
+fn markers_keep_the_time_of_their_first_frame() {
     let metres = Convention::z_up(LengthUnit::Metre);
-    let shifted =
-        MarkerRecording::try_new(vec!["a".into()], vec![2.0, 2.5, 3.0], vec![Some(Vector3::zeros()); 3])
-            .unwrap();
-    let c3d = writers::c3d::write(&shifted, &metres).unwrap();
-    let again = readers::c3d::read(&c3d, &readers::c3d::Options::default()).unwrap();
-    assert_eq!(again.times(), [0.0, 0.5, 1.0]);
-    let trc = writers::trc::write(&shifted, "a", &metres).unwrap();
-    assert_eq!(readers::trc::read(&trc, &MarkerOptions::default()).unwrap().times(), shifted.times());
+    // a number of frames, a number beyond 16 bits and one beyond 32, a part of a frame, and before zero
+    for first in [0.0, 2.0, 40_000.5, 1e12, 0.1234, 2.0 / 3.0, -0.75, -1e-300] {
+        let times = vec![first, first + 0.5, first + 1.0];
+        let shifted =
+            MarkerRecording::try_new(vec!["a".into()], times, vec![Some(Vector3::zeros()); 3]).unwrap();
+        let c3d = writers::c3d::write(&shifted, &metres).unwrap();
+        assert_eq!(readers::c3d::contradictions(&c3d).unwrap(), [], "{first} s");
+        let again = readers::c3d::read(&c3d, &readers::c3d::Options::default()).unwrap();
+        assert_eq!(again.times(), shifted.times(), "{first} s");
+        let trc = writers::trc::write(&shifted, "a", &metres).unwrap();
+        assert_eq!(readers::trc::read(&trc, &MarkerOptions::default()).unwrap().times(), shifted.times());
+    }
 }

@@ -23,6 +23,11 @@ use somersault::motion::synthetic;
 ///     Root mean square of left against right joint angles, rad; 0 in the plane.
 /// roughness : float
 ///     Log dimensionless jerk of the hip's angle.
+///
+/// Raises
+/// ------
+/// AnalysisInputError
+///     If a fault is not finite.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct DiveFaults {
@@ -32,9 +37,16 @@ pub(crate) struct DiveFaults {
 #[pymethods]
 impl DiveFaults {
     #[new]
-    fn new(entry_angle: f64, hip_opening: f64, exit_share: f64, asymmetry: f64, roughness: f64) -> Self {
+    fn new(
+        entry_angle: f64,
+        hip_opening: f64,
+        exit_share: f64,
+        asymmetry: f64,
+        roughness: f64,
+    ) -> Result<Self, Error> {
         let faults = analysis::DiveFaults { entry_angle, hip_opening, exit_share, asymmetry, roughness };
-        Self { faults }
+        faults.validate()?;
+        Ok(Self { faults })
     }
 
     /// The faults of a motion of a diver, planar or spatial.
@@ -213,8 +225,8 @@ impl SyntheticJudge {
     /// Returns
     /// -------
     /// float
-    fn intended(&self, faults: &Bound<'_, DiveFaults>) -> f64 {
-        self.judge.intended(&faults.get().faults)
+    fn intended(&self, faults: &Bound<'_, DiveFaults>) -> Result<f64, Error> {
+        Ok(self.judge.intended(&faults.get().faults)?)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

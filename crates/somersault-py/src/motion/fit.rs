@@ -182,8 +182,8 @@ fn number_or_bounds(argument: &str, value: &Bound<'_, PyAny>) -> Result<NumberOr
 /// In each frame scale s, pose of the root and shape of the model are sought that bring its markers nearest to the
 /// recorded ones: ½ Σ c ρ(‖x − y‖²) is to be least, x = r + s d(q). The shape is that of all joints within their limits,
 /// or the weights w of eigenpostures with w ≥ 0 and Σ w ≤ 1. A frame starts where the one before ended; the first from
-/// the best of several postures, each laid over the markers. Every eighth frame is begun from these postures too, in
-/// each frame every joint is turned through its range, and what is lower leads the frames beside it. Lower minima of joints that few
+/// the best of several postures, each laid over the markers. Every eighth frame is begun from these postures too, and so is one unlike the
+/// frame before; in each frame every joint is turned through its range, and what is lower leads the frames beside it. Lower minima of joints that few
 /// markers see are rarely left after that, but nothing proves that a minimum is the lowest.
 ///
 /// Parameters
@@ -204,7 +204,7 @@ fn number_or_bounds(argument: &str, value: &Bound<'_, PyAny>) -> Result<NumberOr
 ///     Postures to begin the first frame and every eighth with: joint coordinates beside the root's, or weights. The
 ///     neutral posture and each of the base, or points throughout the joints' ranges, unless given.
 /// max_iterations : int, optional
-///     In a frame.
+///     In a frame; 1000 unless given.
 /// step_tol : float, optional
 ///     A frame has converged when no unknown (m, rad) moves by more.
 /// noise : float, optional

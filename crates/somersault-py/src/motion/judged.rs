@@ -3,6 +3,7 @@
 use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix::{numbers_array, same_length};
+use super::readers::warn;
 use super::scoring::Performance;
 use super::worker::attended;
 use crate::convert::with_shape;
@@ -36,6 +37,7 @@ fn raised(error: JudgedError) -> Error {
             _ => None,
         },
         JudgedError::Motion { line, .. }
+        | JudgedError::Twice { line, .. }
         | JudgedError::UnknownFormat { line, .. }
         | JudgedError::NotCsv { line, .. }
         | JudgedError::Recording { line, .. }
@@ -154,7 +156,7 @@ impl JudgedSet {
         let motions = files.into_iter().enumerate().map(motion).collect();
         let recordings = recordings.iter().map(|recording| recording.get().recording.clone()).collect();
         let list = judged::JudgedList { feature_names, motions };
-        Ok(Self { set: judged::JudgedSet { list, recordings } })
+        Ok(Self { set: judged::JudgedSet { list, recordings, contradictions: Vec::new() } })
     }
 
     fn __repr__(&self) -> String {
@@ -169,7 +171,7 @@ impl JudgedSet {
 /// The first line of the list names its columns: ``motion``, a file below the folder of the list; ``score``; ``synthetic``,
 /// which may be left out, ``true`` or ``false``; all others are numbers that serve as single features. Files are read by
 /// their ending: ``.csv``, ``.trc`` and ``.c3d`` have markers; of ``.bvh``, ``.json`` and ``.txt`` joint centres are taken. All must
-/// have the markers of the first.
+/// have the markers of the first, and no file may be listed twice. Contradictions in a C3D are warned of as by `read_c3d`.
 ///
 /// Parameters
 /// ----------
@@ -212,5 +214,8 @@ pub(crate) fn read_judged(
     let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
     let options = JudgedOptions { convention, nan_is_gap, longest_gap, diver };
     let set = attended(py, move || judged::load_set(path, &options).map_err(raised))?;
+    for (line, contradiction) in &set.contradictions {
+        warn(py, &format!("line {line} of the list: {contradiction}"))?;
+    }
     Ok(JudgedSet { set })
 }

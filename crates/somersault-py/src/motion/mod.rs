@@ -25,7 +25,7 @@ pub(crate) use markers::MarkerRecording;
 pub(crate) use motion_fit::MotionFit;
 pub(crate) use pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
 pub(crate) use readers::{read_bvh, read_c3d, read_csv, read_joint_motion, read_trc};
-pub(crate) use scoring::{Performance, ScoringModel, ScoringOptions};
+pub(crate) use scoring::{Performance, Score, ScoringModel, ScoringOptions};
 pub(crate) use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
 pub(crate) use synthetic::{Perturbation, SyntheticDive, SyntheticFlight, SyntheticSet};
 pub(crate) use validation::{Baseline, Correlation, Validation, pearson, spearman, validate};

@@ -7,8 +7,9 @@ use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::motion::fit::{self, Estimate, FitStatus, FrameFit};
+use somersault::motion::fit::{self, Estimate, FitStatus, FrameFit, Shape, UnknownStatus};
 use somersault::motion::nalgebra::DMatrix;
+use somersault::multibody::Link;
 
 /// A fitted motion. Arrays have a row for each frame.
 #[pyclass(frozen, module = "somersault.motion")]
@@ -17,22 +18,17 @@ pub(crate) struct MotionFit {
     pub(super) motion: fit::MotionFit,
 }
 
-/// A status by its name in Python.
-fn status_name(status: FitStatus) -> &'static str {
-    match status {
-        FitStatus::Converged => "converged",
-        FitStatus::IterationLimit => "iteration_limit",
-        FitStatus::NoProgress => "no_progress",
-        FitStatus::NoMarkers => "no_markers",
-    }
+/// The name of a status in a table of all.
+fn name_of<T: PartialEq>(all: &[(T, &'static str)], status: &T) -> &'static str {
+    // a table has all there are
+    all.iter().find(|(known, _)| known == status).map_or("", |(_, name)| name)
 }
 
 /// The status of a name.
-fn status_of(name: &str) -> Result<FitStatus, Error> {
-    const ALL: [FitStatus; 4] =
-        [FitStatus::Converged, FitStatus::IterationLimit, FitStatus::NoProgress, FitStatus::NoMarkers];
-    let found = ALL.into_iter().find(|status| status_name(*status) == name);
-    found.ok_or_else(|| Error::input(format!("`status` must be that of a fit, found '{name}'")))
+fn status_of<T: Copy>(all: &[(T, &'static str)], name: &str) -> Result<T, Error> {
+    let found = all.iter().find(|(_, known)| *known == name);
+    let wrong = || Error::input(format!("`status` must be that of a fit, found '{name}'"));
+    found.map(|(status, _)| *status).ok_or_else(wrong)
 }
 
 /// Scales, configurations, weights, residuals and costs of all frames.
@@ -138,17 +134,57 @@ impl MotionFit {
         self.motion.frames.iter().map(|frame| frame.iterations).collect()
     }
 
-    /// list of str: How the search in each frame ended: ``'converged'``, ``'iteration_limit'``, ``'no_progress'`` where no
-    /// step makes the distances smaller, ``'no_markers'`` where the estimate is that of the frame before.
+    /// list of str: How the fit of each frame ended: ``'converged'``, ``'iteration_limit'``, ``'no_progress'`` where no
+    /// step makes the distances smaller, ``'no_markers'`` where the estimate is that of the frame before, ``'mirrored'`` where the
+    /// mirror image of the markers is fitted with less than half of the residual, ``'misfit'`` where residuals are larger than the noise allows.
     #[getter]
     fn status(&self) -> Vec<&'static str> {
-        self.motion.frames.iter().map(|frame| status_name(frame.status)).collect()
+        self.motion.frames.iter().map(|frame| name_of(&FitStatus::ALL, &frame.status)).collect()
     }
 
-    /// bool: Whether every frame that has markers has converged, at least one has, and a common scale too.
+    /// tuple of str: Names of the unknowns of a frame, in the order of statuses and covariances: ``'scale'``, the degrees of
+    /// freedom of the root, then of the joints, by the bodies they carry, or the weights. A joint of several is numbered: ``'torso 0'``, ….
+    #[getter]
+    fn unknowns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let (model, options) = (self.fit.get().fit.model(), self.fit.get().fit.options());
+        let of_body = |(i, link): (usize, &Link)| {
+            let n = model.velocities_of(i).len();
+            let name = link.name().to_owned();
+            (0..n).map(move |k| if n == 1 { name.clone() } else { format!("{name} {k}") })
+        };
+        let mut names = vec!["scale".to_owned()];
+        match &options.shape {
+            Shape::Joints => names.extend(model.links().iter().enumerate().flat_map(of_body)),
+            Shape::Eigenpostures(base) => {
+                names.extend(model.links().iter().enumerate().take(1).flat_map(of_body));
+                names.extend((0..base.n_weights()).map(|k| format!("weight {k}")));
+            }
+        }
+        PyTuple::new(py, names)
+    }
+
+    /// list of tuple of str: For each frame what is known of each unknown: ``'determined'``; ``'undetermined'`` where no marker
+    /// says it, or only together with others; ``'at_limit'``; ``'beyond_limit'`` where the markers ask for more than three standard deviations
+    /// beyond its limit; ``'given'``.
+    #[getter]
+    fn unknown_status<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyTuple>>> {
+        let names = |frame: &FrameFit| {
+            PyTuple::new(py, frame.unknowns.iter().map(|status| name_of(&UnknownStatus::ALL, status)))
+        };
+        self.motion.frames.iter().map(names).collect()
+    }
+
+    /// bool: Whether the search of every frame that has markers came to a minimum, at least one did, and a common scale too.
+    #[getter]
+    fn converged(&self) -> bool {
+        self.motion.converged()
+    }
+
+    /// bool: Whether every frame has markers, its search converged, the markers determine every unknown, and neither limits nor
+    /// mirrored axes nor the noise contradict them. Where it is False, `status` and `unknown_status` say why.
     #[getter]
     fn success(&self) -> bool {
-        self.motion.converged()
+        self.motion.success()
     }
 
     /// Covariance of the unknowns of a frame by linearisation.
@@ -161,8 +197,9 @@ impl MotionFit {
     /// Returns
     /// -------
     /// ndarray, shape (n, n), or None
-    ///     Of scale, rates of the root in its own axes, and rates of the joints or weights; unknowns at a bound have
-    ///     none. None where the markers do not determine the unknowns, or, if the noise is not known, are not more.
+    ///     Of scale, rates of the root in its own axes, and rates of the joints or weights, named by `unknowns`; those at a bound have
+    ///     zeros, those that the markers do not determine an infinite variance. None without markers, or, if the noise
+    ///     is not known, where measured coordinates are not more than what they determine.
     fn covariance<'py>(&self, py: Python<'py>, frame: i128) -> Result<Option<Bound<'py, PyAny>>, Error> {
         let n = self.motion.frames.len();
         let found = usize::try_from(frame).ok().and_then(|frame| self.motion.frames.get(frame));
@@ -177,7 +214,8 @@ impl MotionFit {
             .map(|frame| frame.covariance.as_ref().map(|m| matrix_array(py, m)).transpose())
             .collect::<PyResult<_>>()?;
         let estimates = (own.scale(py), own.q(py)?, own.weights(py)?, own.residuals(py)?, own.cost(py));
-        let searches = (own.status(), own.iterations(), own.motion.scale_converged);
+        let statuses = (own.status(), own.unknown_status(py)?);
+        let searches = (statuses, own.iterations(), own.motion.scale_converged);
         let arguments = (own.fit(py), own.times(py), estimates, searches, covariances).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
@@ -189,18 +227,19 @@ impl MotionFit {
         fit: Py<MarkerFit>,
         times: &Bound<'_, PyAny>,
         estimates: Estimates<'_>,
-        searches: (Vec<String>, Vec<usize>, bool),
+        searches: ((Vec<String>, Vec<Vec<String>>), Vec<usize>, bool),
         covariances: Vec<Option<Bound<'_, PyAny>>>,
     ) -> Result<Self, Error> {
         let (scale, q, weights, residuals, cost) = estimates;
-        let (status, iterations, scale_converged) = searches;
+        let ((status, unknowns), iterations, scale_converged) = searches;
         let times = real_numbers("times", times)?;
         let n = times.len();
         let (scale, cost) = (with_shape("scale", &[n], &scale)?, with_shape("cost", &[n], &cost)?);
         let q = matrix("q", &q)?;
         let (weights, residuals) = (matrix("weights", &weights)?, matrix("residuals", &residuals)?);
         let model = fit.get().fit.model();
-        let sizes = [q.nrows(), weights.nrows(), residuals.nrows(), status.len(), iterations.len()];
+        let sizes =
+            [q.nrows(), weights.nrows(), residuals.nrows(), status.len(), unknowns.len(), iterations.len()];
         if sizes.iter().any(|size| *size != n) || covariances.len() != n || q.ncols() != model.n_positions() {
             return Err(Error::input(
                 "a pickled MotionFit must have an entry for each frame in all its parts",
@@ -212,7 +251,11 @@ impl MotionFit {
             let residuals: Vec<Option<f64>> =
                 row(&residuals, i).into_iter().map(|r| (!r.is_nan()).then_some(r)).collect();
             frames.push(FrameFit {
-                status: status_of(&status[i])?,
+                status: status_of(&FitStatus::ALL, &status[i])?,
+                unknowns: unknowns[i]
+                    .iter()
+                    .map(|name| status_of(&UnknownStatus::ALL, name))
+                    .collect::<Result<_, _>>()?,
                 estimate: Estimate { scale: scale[i], q: row(&q, i), weights: row(&weights, i) },
                 rms: FrameFit::rms_of(&residuals),
                 residuals,
@@ -231,8 +274,9 @@ impl MotionFit {
     fn __repr__(&self) -> String {
         let done = self.motion.frames.iter().filter(|frame| frame.status == FitStatus::Converged).count();
         format!(
-            "<MotionFit: {done} of {} frames converged, rms {:.2} mm>",
+            "<MotionFit: {done} of {} frames converged, {}, rms {:.2} mm>",
             self.motion.frames.len(),
+            if self.success() { "success" } else { "no success" },
             1e3 * self.rms()
         )
     }

@@ -101,7 +101,8 @@ pub(crate) fn read_bvh(
 /// Reads the points of a C3D file.
 ///
 /// Integers or floats, of processors of Intel, DEC and MIPS. A point with a negative residual is missing. Analog
-/// channels, force plates and events are left aside.
+/// channels, force plates and events are not read. Where the header and the parameters of the file contradict each other, the length
+/// of the file decides, and a `somersault.errors.ReadWarning` names what each declares and what is used.
 ///
 /// Parameters
 /// ----------
@@ -133,7 +134,19 @@ pub(crate) fn read_c3d(
     nan_is_gap: bool,
 ) -> Result<MarkerRecording, Error> {
     let options = c3d::Options { convention: convention(unit, up, forward)?, nan_is_gap };
-    Ok(MarkerRecording { recording: read(source, move |bytes| c3d::read(bytes, &options))? })
+    let (recording, contradictions) =
+        read(source, move |bytes| Ok((c3d::read(bytes, &options)?, c3d::contradictions(bytes)?)))?;
+    for contradiction in contradictions {
+        warn(source.py(), &contradiction.to_string())?;
+    }
+    Ok(MarkerRecording { recording })
+}
+
+/// Warns of something in a file that contradicts something else.
+pub(super) fn warn(py: Python<'_>, message: &str) -> Result<(), Error> {
+    let category = py.import("somersault.errors")?.getattr("ReadWarning")?;
+    py.import("warnings")?.call_method1("warn", (message, category))?;
+    Ok(())
 }
 
 /// Reads a TRC file of markers, as Motion Analysis and OpenSim write them.

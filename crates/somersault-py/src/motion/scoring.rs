@@ -1,14 +1,16 @@
 //! Motions to be scored, and models that score them.
 
 use super::markers::MarkerRecording;
-use super::matrix::{self, count, matrix, matrix_array, numbers_array};
+use super::matrix::{self, count, matrix, matrix_array, numbers_array, same_length};
 use super::pca::Pca;
 use super::worker::attended;
 use crate::convert::real_numbers;
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::motion::scoring::{self, VectorOptions};
+use somersault::motion::nalgebra::Vector3;
+use somersault::motion::recording;
+use somersault::motion::scoring::{self, FeatureKind, VectorOptions};
 
 /// A motion to be scored, frame by frame.
 ///
@@ -16,15 +18,19 @@ use somersault::motion::scoring::{self, VectorOptions};
 /// ----------
 /// times : array_like, shape (n_frames,)
 ///     Times, s, rising.
+/// names : sequence of str
+///     Names of the columns of `postures`, which differ. A model finds them by name.
 /// postures : array_like, shape (n_frames, n_features)
-///     Joint angles, or places against the body.
+///     Coordinates that do not depend on where the body faces, such as joint angles, rad. For markers use `from_markers`.
 /// path : array_like, shape (n_frames, 3)
-///     Of the body, m.
+///     Of the body, m, z up. Where it faces does not matter.
 ///
 /// Raises
 /// ------
 /// ScoringError
-///     If a number is not finite, times do not rise, or shapes do not fit.
+///     If a number is not finite, times do not rise, names repeat, or shapes do not fit.
+/// RecordingError
+///     If times do not rise, or names repeat.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Performance {
     pub(super) performance: scoring::Performance,
@@ -35,15 +41,17 @@ impl Performance {
     #[new]
     fn new(
         times: &Bound<'_, PyAny>,
+        names: Vec<String>,
         postures: &Bound<'_, PyAny>,
         path: &Bound<'_, PyAny>,
     ) -> Result<Self, Error> {
         let (times, postures) = (real_numbers("times", times)?, matrix("postures", postures)?);
         let path = matrix("path", path)?;
-        Ok(Self { performance: scoring::Performance::try_new(times, postures, path)? })
+        Ok(Self { performance: scoring::Performance::try_new(times, names, postures, path)? })
     }
 
-    /// From markers without gaps: their centre is the path, their places about it are the postures.
+    /// From markers without gaps: their centre is the path, their places about it are the postures. A model finds them
+    /// by name, and turns them about the vertical into one heading.
     ///
     /// Parameters
     /// ----------
@@ -74,6 +82,18 @@ impl Performance {
         self.performance.n_features()
     }
 
+    /// tuple of str: Names of the markers or coordinates.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.performance.features().names)
+    }
+
+    /// str: ``'markers'``, three numbers for each name, or ``'coordinates'``, one.
+    #[getter]
+    fn kind(&self) -> String {
+        self.performance.features().kind.to_string()
+    }
+
     /// bool: Whether it is labelled as made up.
     #[getter]
     fn synthetic(&self) -> bool {
@@ -91,21 +111,34 @@ impl Performance {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), &slf.get().performance);
-        let (postures, path) = (matrix_array(py, own.postures())?, matrix_array(py, own.path())?);
-        let arguments = (numbers_array(py, own.times()), postures, path, own.is_synthetic());
+        let (values, path) = (matrix_array(py, own.values())?, matrix_array(py, own.path())?);
+        let features = (slf.get().kind(), slf.get().names(py)?);
+        let arguments = (numbers_array(py, own.times()), features, values, path, own.is_synthetic());
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
     }
 
-    /// A pickled motion with its label.
+    /// A pickled motion with its label; markers are in the world.
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
         times: &Bound<'_, PyAny>,
-        postures: &Bound<'_, PyAny>,
+        features: (String, Vec<String>),
+        values: &Bound<'_, PyAny>,
         path: &Bound<'_, PyAny>,
         synthetic: bool,
     ) -> Result<Self, Error> {
-        let found = Self::new(times, postures, path)?;
+        let (kind, names) = features;
+        let found = if kind == FeatureKind::Markers.to_string() {
+            let (times, values) = (real_numbers("times", times)?, matrix("values", values)?);
+            let point = |i: usize, k: usize| Vector3::from_fn(|axis, _| values[(i, 3 * k + axis)]);
+            same_length("values", values.ncols(), 3 * names.len())?;
+            let places = (0..values.nrows()).flat_map(|i| (0..names.len()).map(move |k| (i, k)));
+            let points = places.map(|(i, k)| Some(point(i, k))).collect();
+            let recording = recording::MarkerRecording::try_new(names, times, points)?;
+            Self { performance: scoring::Performance::from_markers(&recording)? }
+        } else {
+            Self::new(times, names, values, path)?
+        };
         Ok(if synthetic { found.labelled_synthetic() } else { found })
     }
 
@@ -136,6 +169,8 @@ pub(super) fn performances(motions: &[Bound<'_, Performance>]) -> Vec<scoring::P
 ///     Components of the second PCA; chosen by cross-validation unless given.
 /// max_components : int, optional
 ///     The most that cross-validation may choose.
+/// scale : tuple of float, optional
+///     Least and greatest score there is; 0 to 10 unless given. Scores outside are refused.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone)]
 pub(crate) struct ScoringOptions {
@@ -153,7 +188,8 @@ impl ScoringOptions {
 impl ScoringOptions {
     #[new]
     #[pyo3(signature = (
-        *, n_frames=60, n_eigenweights=4, path=true, duration=false, n_components=None, max_components=5
+        *, n_frames=60, n_eigenweights=4, path=true, duration=false, n_components=None, max_components=5,
+        scale=(0.0, 10.0)
     ))]
     fn new(
         n_frames: i128,
@@ -162,13 +198,16 @@ impl ScoringOptions {
         duration: bool,
         n_components: Option<i128>,
         max_components: i128,
+        scale: (f64, f64),
     ) -> Result<Self, Error> {
         let (n_frames, n_eigenweights) =
             (count("n_frames", n_frames)?, count("n_eigenweights", n_eigenweights)?);
         let n_components = n_components.map(|n| count("n_components", n)).transpose()?;
         let max_components = count("max_components", max_components)?;
         let vector = VectorOptions { n_frames, n_eigenweights, path, duration };
-        Ok(Self { options: scoring::ScoringOptions { vector, n_components, max_components } })
+        let options = scoring::ScoringOptions { vector, n_components, max_components, scale: scale.into() };
+        options.expect_scale(&[])?;
+        Ok(Self { options })
     }
 
     /// int: Frames each motion is brought to.
@@ -207,10 +246,17 @@ impl ScoringOptions {
         self.options.max_components
     }
 
+    /// tuple of float: Least and greatest score there is.
+    #[getter]
+    fn scale(&self) -> (f64, f64) {
+        self.options.scale.into()
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let scoring::ScoringOptions { vector, n_components, max_components } = slf.get().options;
+        let scoring::ScoringOptions { vector, n_components, max_components, scale } = slf.get().options;
         let VectorOptions { n_frames, n_eigenweights, path, duration } = vector;
-        let arguments = (n_frames, n_eigenweights, path, duration, n_components, max_components);
+        let arguments =
+            (n_frames, n_eigenweights, path, duration, n_components, max_components, (scale[0], scale[1]));
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
@@ -224,8 +270,9 @@ impl ScoringOptions {
         duration: bool,
         n_components: Option<i128>,
         max_components: i128,
+        scale: (f64, f64),
     ) -> Result<Self, Error> {
-        Self::new(n_frames, n_eigenweights, path, duration, n_components, max_components)
+        Self::new(n_frames, n_eigenweights, path, duration, n_components, max_components, scale)
     }
 
     fn __repr__(&self) -> String {
@@ -233,32 +280,81 @@ impl ScoringOptions {
         let n_components = self.options.n_components.map_or("None".to_owned(), |n| n.to_string());
         format!(
             "ScoringOptions(n_frames={}, n_eigenweights={}, path={}, duration={}, n_components={n_components}, \
-             max_components={})",
+             max_components={}, scale=({}, {}))",
             self.n_frames(),
             self.n_eigenweights(),
             has(self.path()),
             has(self.duration()),
-            self.max_components()
+            self.max_components(),
+            self.options.scale[0],
+            self.options.scale[1]
         )
+    }
+}
+
+/// A score, and how far the motion is from those that the model has learnt from.
+#[pyclass(frozen, eq, module = "somersault.motion")]
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct Score {
+    score: scoring::Score,
+}
+
+#[pymethods]
+impl Score {
+    /// float: The score. It may be beyond the scale, since the regression is a straight line.
+    #[getter]
+    fn value(&self) -> f64 {
+        self.score.value
+    }
+
+    /// float: Distance to the nearest motion learnt, over the greatest such distance among those learnt, each left out in
+    /// turn. A motion like those n is beyond 1 with a chance of about 1/(n + 1).
+    #[getter]
+    fn distance(&self) -> f64 {
+        self.score.distance
+    }
+
+    /// bool: Whether the distance is at most 1. Else the model says nothing about the motion, whatever the value: units, axes or names
+    /// may be mistaken, or it is another kind of motion.
+    #[getter]
+    fn inside(&self) -> bool {
+        self.score.is_inside()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (f64, f64))> {
+        Ok((slf.get_type().getattr("_restore")?, (slf.get().value(), slf.get().distance())))
+    }
+
+    /// A pickled score.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, value: f64, distance: f64) -> Self {
+        Self { score: scoring::Score { value, distance } }
+    }
+
+    fn __repr__(&self) -> String {
+        let outside = if self.inside() { "" } else { ", OUTSIDE of what was learnt" };
+        format!("<Score: {:.3} at a distance of {:.2}{outside}>", self.value(), self.distance())
     }
 }
 
 /// A model that scores motions, learnt from motions and their scores (thesis 4.1).
 ///
 /// Eigenpostures of all frames on one basis; for each motion a vector of its eigenweights, path and duration; principal
-/// components of the vectors; score = a + b·s.
+/// components of the vectors; score = a + b·s. Every motion is turned about the vertical into one heading, so that it does not
+/// matter where a diver faces in the laboratory. The model keeps the names of what it has learnt, and finds them in others by name.
 ///
 /// Parameters
 /// ----------
 /// motions : sequence of Performance
-///     Two more than components at least.
+///     Two more than components at least. All must have what the first has, by name.
 /// scores : array_like, shape (n_motions,)
+///     Within the scale of the options.
 /// options : ScoringOptions, optional
 ///
 /// Raises
 /// ------
 /// ScoringError
-///     If there are too few motions, or scores are not finite.
+///     If there are too few motions, one lacks a marker or is in another unit, or scores are not finite or not on the scale.
 /// AnalysisInputError
 ///     If motions have fewer numbers than components are asked for.
 #[pyclass(frozen, module = "somersault.motion")]
@@ -282,18 +378,48 @@ impl ScoringModel {
         Ok(Self { model })
     }
 
-    /// The score of a motion.
+    /// The score of a motion, and how far the motion is from those learnt.
     ///
     /// Parameters
     /// ----------
     /// motion : Performance
-    ///     With as many features as those learnt from.
+    ///     With the markers or coordinates learnt, found by name; what else it has is not used.
     ///
     /// Returns
     /// -------
-    /// float
-    fn score(&self, motion: &Bound<'_, Performance>) -> Result<f64, Error> {
-        Ok(self.model.score(&motion.get().performance)?)
+    /// Score
+    ///
+    /// Raises
+    /// ------
+    /// ScoringError
+    ///     If it lacks a name, or its markers are more than twice as far apart as those learnt or less than half: the unit is
+    ///     another.
+    fn score(&self, motion: &Bound<'_, Performance>) -> Result<Score, Error> {
+        Ok(Score { score: self.model.score(&motion.get().performance)? })
+    }
+
+    /// tuple of str: Names of the markers or coordinates it has learnt.
+    #[getter]
+    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.model.features().names)
+    }
+
+    /// str: ``'markers'`` or ``'coordinates'``.
+    #[getter]
+    fn kind(&self) -> String {
+        self.model.features().kind.to_string()
+    }
+
+    /// ndarray, shape (n_motions,): The scores it has learnt from.
+    #[getter]
+    fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, self.model.scores())
+    }
+
+    /// tuple of float: Least and greatest score there is.
+    #[getter]
+    fn scale(&self) -> (f64, f64) {
+        self.model.scale().into()
     }
 
     /// Pca: The basis of postures.
@@ -350,7 +476,8 @@ impl ScoringModel {
     /// Raises
     /// ------
     /// StorageError
-    ///     If the file is not such a model or of another version; the message has the line.
+    ///     If the file is not such a model or of another version, the message has the line; or if its numbers do not follow
+    ///     from each other.
     #[classmethod]
     fn load(_: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> Result<Self, Error> {
         let bytes: Vec<u8> = matrix::path("path", path)?.call_method0("read_bytes")?.extract()?;

@@ -31,6 +31,11 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 ///     Share by which joints on the right fold more and those on the left less.
 /// duration : float, optional
 ///     Share by which the flight lasts longer.
+///
+/// Raises
+/// ------
+/// SyntheticError
+///     If a number is not finite, or a share not below 1.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct Perturbation {
@@ -53,7 +58,7 @@ impl Perturbation {
         wobble_phase: f64,
         asymmetry: f64,
         duration: f64,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let perturbation = synthetic::Perturbation {
             exit_delay,
             looseness,
@@ -64,7 +69,8 @@ impl Perturbation {
             asymmetry,
             duration,
         };
-        Self { perturbation }
+        perturbation.validate()?;
+        Ok(Self { perturbation })
     }
 
     /// float: How much later the fold opens, s.
@@ -121,7 +127,7 @@ impl Perturbation {
 
     /// A pickled perturbation.
     #[classmethod]
-    fn _restore(_: &Bound<'_, PyType>, numbers: [f64; 8]) -> Self {
+    fn _restore(_: &Bound<'_, PyType>, numbers: [f64; 8]) -> Result<Self, Error> {
         let [a, b, c, d, e, f, g, h] = numbers;
         Self::new(a, b, c, d, e, f, g, h)
     }

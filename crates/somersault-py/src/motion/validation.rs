@@ -119,6 +119,13 @@ impl Validation {
         numbers_array(py, &self.validation.predictions)
     }
 
+    /// ndarray, shape (n_motions,): Distance of each motion to the others, over the greatest that one of the others has. The farthest
+    /// of all is always beyond 1; far beyond, it is unlike the others.
+    #[getter]
+    fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numbers_array(py, &self.validation.distances)
+    }
+
     /// list of int: Components of that model.
     #[getter]
     fn n_components(&self) -> Vec<usize> {
@@ -157,7 +164,7 @@ impl Validation {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let predicted = (own.predictions(py), own.n_components(), own.rms_error());
+        let predicted = (own.predictions(py), own.distances(py), own.n_components(), own.rms_error());
         let arguments = (predicted, own.pearson(), own.spearman(), own.baselines(), own.synthetic());
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
     }
@@ -166,15 +173,17 @@ impl Validation {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        predicted: (Bound<'_, PyAny>, Vec<usize>, f64),
+        predicted: (Bound<'_, PyAny>, Bound<'_, PyAny>, Vec<usize>, f64),
         pearson: &Bound<'_, Correlation>,
         spearman: &Bound<'_, Correlation>,
         baselines: Vec<Bound<'_, Baseline>>,
         synthetic: bool,
     ) -> Result<Self, Error> {
-        let (predictions, n_components, rms_error) = predicted;
+        let (predictions, distances, n_components, rms_error) = predicted;
+        let predictions = real_numbers("predictions", &predictions)?;
         let validation = scoring::Validation {
-            predictions: real_numbers("predictions", &predictions)?,
+            distances: with_shape("distances", &[predictions.len()], &distances)?,
+            predictions,
             n_components,
             rms_error,
             pearson: pearson.get().correlation,

@@ -73,7 +73,8 @@ pub(crate) fn write_trc(
 
 /// Writes markers as C3D, in single precision.
 ///
-/// The format has no time of the first frame: who reads the file finds it at t = 0.
+/// The number of the first frame is that at its time; where it is not a whole number of frames after t = 0, the parameter
+/// SOMERSAULT:FIRST_TIME has the time, which `read_c3d` reads.
 ///
 /// Parameters
 /// ----------

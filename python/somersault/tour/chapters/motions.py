@@ -135,7 +135,9 @@ def _scaled(fit: motion.MotionFit, q: Array) -> Array:
     deviation = np.array(
         [np.full(len(joints), np.nan) if c is None else np.sqrt(np.diag(c)[1:][joints]) for c in found]
     )
-    return np.asarray(off / np.where(deviation > 0.0, deviation, np.nan))
+    # at a bound there is none, without a marker it is infinite
+    is_known = (deviation > 0.0) & np.isfinite(deviation)
+    return np.asarray(off / np.where(is_known, deviation, np.nan))
 
 
 def _known(page: Page, dives: dict[str, ocp.DiveSolution]) -> motion.MotionFit:
