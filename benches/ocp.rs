@@ -62,7 +62,7 @@ fn dives(c: &mut Criterion) {
         })
     });
     let mut spatial = Dive::forward_twisting().program().expect("valid");
-    let z = spatial.start(&Dive::twisting_template()).expect("valid");
+    let z = spatial.start(&Dive::twisting_template(2.0)).expect("valid");
     let structure = spatial.structure().clone();
     let mut constraints = vec![0.0; structure.constraints.len()];
     let (mut gradient, mut jacobian) = (vec![0.0; z.len()], vec![0.0; structure.jacobian.n_entries()]);
@@ -75,7 +75,7 @@ fn dives(c: &mut Criterion) {
     });
     group.bench_function("5174D, solve from the template", |b| {
         b.iter(|| {
-            let z = spatial.start(&Dive::twisting_template()).expect("valid");
+            let z = spatial.start(&Dive::twisting_template(2.0)).expect("valid");
             let report =
                 DiveSearch::staged().solve(&spatial, z, &mut |_| Flow::Continue).expect("well posed");
             assert!(report.status.is_converged());

@@ -390,7 +390,7 @@ fn worst_difference(program: &mut DiveProgram, z: &[f64]) -> f64 {
         worst = worst.max((gradient[k] - expected).abs() / (1.0 + expected.abs()));
         for i in 0..m {
             let expected = (plus[i] - minus[i]) / (2.0 * h);
-            let found = structure.jacobian.position(i, k).map_or(0.0, |at| jacobian[at]);
+            let found = structure.jacobian.value(&jacobian, i, k);
             worst = worst.max((found - expected).abs() / (1.0 + expected.abs()));
         }
     }
@@ -405,9 +405,9 @@ fn derivatives_of_the_programs_are_differences() {
         lean: Range::new(0.0, 0.3),
         duration: Range::new(1.5, 2.0),
         penalties: Penalties { momentum: 1.0, rate: 1e-3, acceleration: 1e-5 },
-        ..Dive::forward_twisting()
+        ..Dive::twisting(3.5, 1.5).unwrap()
     };
-    for (dive, template) in [(planar, Dive::pike_template()), (spatial, Dive::twisting_template())] {
+    for (dive, template) in [(planar, Dive::pike_template()), (spatial, Dive::twisting_template(1.5))] {
         let mut program = dive.program().unwrap();
         let z = program.start(&template).unwrap();
         let worst = worst_difference(&mut program, &z);
@@ -533,7 +533,7 @@ fn bad_starts_of_a_planar_dive_are_refused() {
 #[test]
 fn the_twisting_dive_does_what_is_asked() {
     let program = Dive::forward_twisting().program().unwrap();
-    let start = program.start(&Dive::twisting_template()).unwrap();
+    let start = program.start(&Dive::twisting_template(2.0)).unwrap();
     let solved = DiveSearch::staged().solve(&program, start, &mut |_| Flow::Continue).unwrap();
     assert!(solved.status.is_converged(), "{}: {:?}", solved.status, solved.residuals);
     let z = solved.z;
@@ -544,7 +544,7 @@ fn the_twisting_dive_does_what_is_asked() {
     assert!(report.entry_angle < 1f64.to_radians(), "{report:?}");
     assert!(report.momentum_drift < 1e-12, "{report:?}");
     assert!(report.least_channel > -1e-12 && report.greatest_sum < 1.0 + 1e-12, "{report:?}");
-    assert!(report.least_distance.as_ref().unwrap().0 >= 0.0, "{report:?}");
+    assert!(report.nearest.as_ref().unwrap().distance >= 0.005, "{report:?}");
     // the order of a competition dive: a somersault in layout, throw, twists, square-out, pike, entry
     let angles = program.angles(&z).unwrap();
     let at = |share: f64| angles[(share * (angles.len() - 1) as f64).round() as usize];
@@ -567,10 +567,95 @@ fn the_twisting_dive_does_what_is_asked() {
     assert!((report.momentum - 100.885).abs() < 0.01, "{}", report.momentum);
 }
 
+/// Few steps, for dives of which only the counts matter.
+fn quick() -> DiveSearch {
+    DiveSearch { coarse_steps: Some(140), ..DiveSearch::staged() }
+}
+
+/// Somersaults forward and backward, whole and odd half twists to both sides.
+#[test]
+fn a_dive_is_a_success_where_its_own_flight_agrees() {
+    for (somersaults, twists, duration) in [(2.5, 0.5, 1.8), (-2.5, 1.0, 1.8), (2.5, -1.5, 1.8)] {
+        let dive = Dive { duration: Range::fixed(duration), ..Dive::twisting(somersaults, twists).unwrap() };
+        let lean = Range::fixed(dive.lean.lower.copysign(somersaults));
+        let program = Dive { lean, n_steps: 420, ..dive }.program().unwrap();
+        let start = program.start(&Dive::twisting_template(twists)).unwrap();
+        let found = quick().solve_verified(&program, start, &mut |_| Flow::Continue).unwrap();
+        let judged = found.verification.as_ref().unwrap();
+        assert!(found.is_success(), "{}: {}", found.report.status, judged.sentence(ALLOWED));
+        assert!((judged.somersaults - somersaults).abs() < ALLOWED / TAU, "{judged:?}");
+        assert!((judged.twists - twists).abs() < ALLOWED / TAU && judged.tilt.abs() < ALLOWED, "{judged:?}");
+        assert!(judged.defects.iter().all(|defect| *defect < ALLOWED), "{}", judged.defect);
+        assert!(judged.nearest.as_ref().unwrap().distance >= 0.005, "{judged:?}");
+        // no half turn between two nodes
+        let motion = program.motion(&found.report.z).unwrap();
+        for pair in motion.angles.windows(2) {
+            let step =
+                (pair[1].twist - pair[0].twist).abs().max((pair[1].somersault - pair[0].somersault).abs());
+            assert!(step < 0.3, "{pair:?}");
+        }
+        // what was asked for otherwise is another dive: whole turns, and half ones, count
+        for (more_somersaults, more_twists) in [(1.0, 0.0), (0.0, 1.0), (0.0, 0.5), (0.0, -2.0 * twists)] {
+            let other = Dive {
+                somersaults: somersaults + more_somersaults,
+                twists: twists + more_twists,
+                ..program.dive().clone()
+            };
+            let judged = other.program().unwrap().report(&found.report.z).unwrap();
+            assert!(!judged.enters(ALLOWED) && !judged.is_confirmed(ALLOWED), "{judged:?}");
+            assert!(judged.sentence(ALLOWED).contains("from the requested entry"));
+        }
+        // and so is one with more room than there is
+        let clearance = Some(Clearance { distance: 0.02, n_times: 35 });
+        let other = Dive { clearance, ..program.dive().clone() }.program().unwrap();
+        let judged = other.report(&found.report.z).unwrap();
+        assert!(!judged.is_clear() && !judged.is_confirmed(ALLOWED));
+        assert!(
+            judged.sentence(ALLOWED).contains("where 20.00 mm are requested"),
+            "{}",
+            judged.sentence(ALLOWED)
+        );
+    }
+}
+
+#[test]
+fn mirror_images_have_the_same_variables() {
+    for twists in [2.0, 1.5] {
+        let dive = Dive { n_steps: 100, ..Dive::twisting(3.5, twists).unwrap() };
+        let image = dive.mirrored().unwrap();
+        assert_eq!(image.mirrored().unwrap(), dive);
+        let [mut program, mut mirrored] = [&dive, &image].map(|dive| dive.program().unwrap());
+        let template = Dive::twisting_template(twists);
+        let z = program.start(&template).unwrap();
+        let n = program.structure().constraints.len();
+        assert_eq!(n, mirrored.structure().constraints.len());
+        let [mut own, mut other] = [vec![0.0; n], vec![0.0; n]];
+        let cost = program.evaluate(&z, &mut own).unwrap();
+        assert_eq!(cost, mirrored.evaluate(&z, &mut other).unwrap());
+        assert!(mirrored.start(&template).unwrap().iter().zip(&z).all(|(a, b)| (a - b).abs() < 1e-9));
+        for (own, other) in program.angles(&z).unwrap().iter().zip(mirrored.angles(&z).unwrap()) {
+            assert!((own.somersault - other.somersault).abs() < 1e-9, "{own:?} {other:?}");
+            assert!((own.tilt + other.tilt).abs() < 1e-9 && (own.twist + other.twist).abs() < 1e-9);
+        }
+        // right and left limbs are as far apart as left and right ones, in another order
+        let [own, other] = [own, other].map(|mut values| {
+            values.iter_mut().for_each(|value| *value = value.abs());
+            values.sort_by(f64::total_cmp);
+            values
+        });
+        assert!(own.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + a.abs())));
+    }
+    // a throw to the other side, as letters have it
+    let image = Dive::forward_twisting().mirrored().unwrap();
+    assert_eq!(image.postures[2], Posture::E.spatial());
+    assert_eq!(image.postures[3], Posture::D.spatial());
+    assert_eq!(Dive::twisting(3.5, -2.0).unwrap(), image);
+}
+
 #[test]
 fn a_search_that_is_stopped_keeps_what_it_has() {
     let program = Dive::forward_twisting().program().unwrap();
-    let start = program.start(&Dive::twisting_template()).unwrap();
+    let start = program.start(&Dive::twisting_template(2.0)).unwrap();
     let mut calls = 0;
     let stop = &mut |_: &Iteration<'_>| {
         calls += 1;
@@ -586,7 +671,7 @@ fn a_search_that_is_stopped_keeps_what_it_has() {
 #[test]
 fn a_search_that_finds_nothing_with_few_steps_says_why() {
     let program = Dive::forward_twisting().program().unwrap();
-    let start = program.start(&Dive::twisting_template()).unwrap();
+    let start = program.start(&Dive::twisting_template(2.0)).unwrap();
     let staged = DiveSearch::staged();
     let search = DiveSearch {
         soft_weights: vec![1.0],
@@ -676,7 +761,7 @@ fn the_work_of_the_joints_is_the_change_of_energy() {
     // without a square-out, where the orientation of a course that is no dive yet starts anew
     let twisting = Dive { square_out: 1.0, ..Dive::forward_twisting() };
     for (dive, template) in
-        [(Dive::forward_pike().unwrap(), Dive::pike_template()), (twisting, Dive::twisting_template())]
+        [(Dive::forward_pike().unwrap(), Dive::pike_template()), (twisting, Dive::twisting_template(2.0))]
     {
         let program = Dive { n_steps: 400, ..dive }.program().unwrap();
         let z = program.start(&template).unwrap();
@@ -908,6 +993,11 @@ fn bad_dives_are_refused() {
     assert!(matches!(of(&|d| d.postures[1][2] = -0.5), DiveError::JointLimit { posture: 1, .. }));
     assert!(matches!(of(&|d| d.diver.mass = -1.0), DiveError::Model(_)));
     assert!(matches!(of(&|d| d.diver = Diver::spatial()), DiveError::Dynamics(DynamicsError::Length { .. })));
+    // a quarter of a twist leaves the plane of the somersaults; at the entry it may
+    let mut quarter = Dive { twists: 0.25, ..Dive::forward_twisting() };
+    assert!(matches!(quarter.program(), Err(DiveError::OutOfRange { argument: "twists", found: 0.25, .. })));
+    quarter.square_out = 1.0;
+    assert!(quarter.program().is_ok());
     let program = good.program().unwrap();
     let frame = |share, posture| KeyFrame { share, posture };
     for frames in [

@@ -220,8 +220,7 @@ fn derivatives_of_the_lifted_form_are_exact() {
             nlp.differentiate(&z, &mut gradient, &mut jacobian).unwrap();
             let mut hessian = vec![0.0; structure.hessian.n_entries()];
             nlp.hessian(&z, 2.0, &y, &mut hessian).unwrap();
-            let entry =
-                |pattern: &Pattern, values: &[f64], i, j| pattern.position(i, j).map_or(0.0, |k| values[k]);
+            let entry = |pattern: &Pattern, values: &[f64], i, j| pattern.value(values, i, j);
             for j in 0..n {
                 for i in 0..=j {
                     let (expected, rows) = lifted(&problem, 10, &seeded(&z, i, j));

@@ -1,6 +1,7 @@
 """Dives: what is asked of them, what they keep to, and what ends a search."""
 
 import itertools
+import pickle
 import signal
 import subprocess
 import sys
@@ -87,6 +88,8 @@ class TestForwardPike:
         assert verified.full_dynamics_defect < 1e-8
         assert verified.least_channel > -1e-8 and verified.greatest_sum < 1.0 + 1e-8
         assert verified.least_distance is None and verified.nearest_limbs is None
+        assert verified.nearest_time is None
+        assert verified.entry_defect == pytest.approx(2.0 * np.pi * abs(verified.somersaults - 3.5), abs=1e-12)
 
     def test_holds_in_a_flight_of_the_library(self, pike: ocp.DiveSolution) -> None:
         """`multibody.fly` with the joints as splines of the solution, made by SciPy."""
@@ -378,7 +381,22 @@ class TestForwardTwisting:
         assert np.degrees(verified.entry_angle) < 1.0
         assert verified.somersaults == pytest.approx(3.5, abs=2e-3)
         assert verified.twists == pytest.approx(2.0, abs=2e-3)
-        assert verified.least_distance is not None and verified.least_distance >= 0.0
+        assert verified.least_distance is not None and verified.least_distance >= 0.005
+        assert verified.nearest_limbs is not None and verified.nearest_time is not None
+        assert verified.entry_defect <= verified.allowed and twisting.confirmed
+
+    def test_its_mirror_image_has_the_same_variables(self, twisting: ocp.DiveSolution) -> None:
+        other = ocp.dive_5174d(twists=-2)
+        assert other.postures == twisting.dive.mirrored().postures == ("C", "A", "E", "D", "mirrored I", "H")
+        assert other.options == twisting.dive.mirrored().options
+        image = other.solve(twisting.z, soft_weights=[], max_iterations=5)
+        assert image.success, image.message
+        np.testing.assert_allclose(image.z, twisting.z, atol=1e-6)
+        np.testing.assert_allclose(image.twists, -twisting.twists, atol=1e-6)
+        np.testing.assert_allclose(image.tilt, -twisting.tilt, atol=1e-6)
+        np.testing.assert_allclose(image.somersaults, twisting.somersaults, atol=1e-6)
+        back = other.replace(twists=2)
+        assert back.postures == twisting.dive.postures and back.template == twisting.dive.template
 
     def test_rates_are_those_of_the_angles(self, twisting: ocp.DiveSolution) -> None:
         for angle, rate in (
@@ -398,3 +416,59 @@ class TestForwardTwisting:
         squared = twisting.t > 0.7 * twisting.duration
         assert np.abs(twisting.twists[squared] - 2.0).max() < 1e-6
         assert np.abs(twisting.tilt[squared]).max() < 1e-6
+
+
+class TestHalfTwists:
+    """Dives that end facing the other way."""
+
+    def test_the_state_is_continuous_and_the_count_the_one_requested(self) -> None:
+        # ended half a turn from its own nodes, with one twist in place of a half, and 26° off the vertical when flown
+        found = ocp.dive_5174d(somersaults=2.5, twists=0.5, duration=1.8).solve()
+        assert found.success, found.message
+        assert np.abs(np.diff(found.twists)).max() < 0.05 and np.abs(np.diff(found.somersaults)).max() < 0.05
+        assert found.twists[-1] == pytest.approx(0.5, abs=1e-6)
+        judged = found.verification
+        assert judged.twists == pytest.approx(0.5, abs=1e-4)
+        assert judged.somersaults == pytest.approx(2.5, abs=1e-4)
+        assert np.degrees(judged.entry_angle) < 0.1 and judged.defects.max() < 1e-3
+        # flown by the library with the joints as they were found
+        from scipy.interpolate import make_interp_spline
+
+        spline = make_interp_spline(found.t, found.q[:, 7:], k=5)
+        rate = spline.derivative()
+        flown = multibody.fly(
+            found.dive.diver.model,
+            found.q[0],
+            found.v[0],
+            lambda t: (spline(t), rate(t)),
+            (0.0, found.duration),
+            rtol=1e-9,
+            atol=1e-9,
+        )
+        turn = abs(float(flown.q[-1, 3:7] @ found.q[-1, 3:7]))
+        assert 2.0 * np.arccos(min(turn, 1.0)) < 2e-3
+
+    def test_the_arms_undo_the_tilt_as_the_mirror_image_of_the_throw(self) -> None:
+        def arms(twists: float) -> list[str]:
+            template = ocp.dive_5174d(twists=twists).template
+            assert template is not None
+            return [name for _, name in template if name in "DE"]
+
+        assert arms(2) == ["E", "E"] and arms(0.5) == arms(1.5) == ["E", "D"] and arms(0) == []
+        assert arms(-2) == ["D", "D"] and arms(-1.5) == ["D", "E"]
+        back = ocp.dive_5174d(somersaults=-2.5, twists=1, momentum=(-500.0, 0.0))
+        assert back.postures == ocp.dive_5174d(twists=-1).postures
+
+    def test_a_quarter_twist_is_refused_where_the_body_would_leave_its_plane(self) -> None:
+        with pytest.raises(errors.OcpInputError, match=r"`twists` must be a multiple of ½.*0\.25"):
+            ocp.dive_5174d(twists=0.25)
+        assert ocp.dive_5174d(twists=0.25, square_out=1.0).options["twists"] == 0.25
+
+    def test_a_named_dive_stays_one_in_files(self) -> None:
+        dive = pickle.loads(pickle.dumps(ocp.dive_5174d(twists=0.5)))
+        assert dive.replace(twists=-1).postures == ocp.dive_5174d(twists=-1).postures
+        own = ocp.dive_5174d(postures=["C", "A", "D", "E", "I", "H"], twists=-1)
+        assert own.postures == ("C", "A", "D", "E", "I", "H")
+        assert own.replace(postures=own.mirrored().postures).postures[4] == "mirrored I"
+        planar = ocp.dive_107b().mirrored()
+        assert planar.postures == ("A", "H")

@@ -100,7 +100,8 @@ def test_what_cannot_be_integrated_anew_ends_and_says_so() -> None:
 
 def test_a_dive_of_one_step_is_no_success() -> None:
     found = ocp.dive_107b(n_steps=1).solve()
-    assert found.success and not found.confirmed
+    assert found.report.success and not found.confirmed
+    assert not found.success and found.status == "false_convergence" and "false convergence" in found.message
     assert "NOT confirmed" in repr(found) and "lives off its discretisation" in found.message
     assert found.verification.defects.shape == found.t.shape
     assert found.verification.defects.max() == found.verification.defect > found.verification.allowed

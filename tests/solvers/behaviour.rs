@@ -3,7 +3,7 @@
 use crate::problems::{D, FREE, Functions, INF, POSITIVE, Problem, ZERO, published, waechter_biegler};
 use crate::sqp::solve;
 use num_dual::DualNum;
-use somersault_ocp::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
+use somersault_ocp::nlp::{Bounds, Curvature, EvaluationError, Nlp, NoHessian, Pattern, Structure};
 use somersault_ocp::solver::{
     Flow, Globalisation, GradientDescent, HessianSource, Lbfgs, Limits, NlpSolver, Report, SolverError, Sqp,
     Start, Status,
@@ -260,6 +260,14 @@ impl Nlp for Slow {
     ) -> Result<(), EvaluationError> {
         gradient[0] = z[0];
         Ok(())
+    }
+
+    fn curvature(&self) -> Curvature {
+        Curvature::None
+    }
+
+    fn hessian(&mut self, _: &[f64], _: f64, _: &[f64], _: &mut [f64]) -> Result<(), EvaluationError> {
+        Err(NoHessian.into())
     }
 }
 

@@ -5,7 +5,7 @@
 //! ```
 
 use somersault_multibody::models::Posture;
-use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, LiteralDive, Range};
+use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, LiteralDive, Nearest, Range};
 use somersault_ocp::solver::{Flow, Report};
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -22,13 +22,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("\n5174D, forward three and a half somersaults with two twists, free, in space");
     let spatial = Dive::forward_twisting().program()?;
     let names = ["A", "D", "E", "I", "H"];
-    show(&spatial, &DiveSearch::staged(), &Dive::twisting_template(), &names)?;
+    show(&spatial, &DiveSearch::staged(), &Dive::twisting_template(2.0), &names)?;
 
     println!("\n5174D in other times");
     for (name, duration) in [("1.8 s", Range::fixed(1.8)), ("1.7 s to 2.1 s", Range::new(1.7, 2.1))] {
         let program = Dive { duration, ..Dive::forward_twisting() }.program()?;
         let cpu = cpu_seconds();
-        let z = program.start(&Dive::twisting_template())?;
+        let z = program.start(&Dive::twisting_template(2.0))?;
         let found = DiveSearch::staged().solve(&program, z, &mut |_| Flow::Continue)?;
         let cpu = cpu_seconds() - cpu;
         let report = program.report(&found.z)?;
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     if n_starts > 1 {
-        let templates = KeyFrame::variations(&Dive::twisting_template(), n_starts, 1);
+        let templates = KeyFrame::variations(&Dive::twisting_template(2.0), n_starts, 1);
         let (began, cpu) = (Instant::now(), cpu_seconds());
         let found = DiveSearch::staged().solve_all(&spatial, &templates);
         let (wall, cpu) = (began.elapsed().as_secs_f64(), cpu_seconds() - cpu);
@@ -104,7 +104,7 @@ fn show(
         report.least_channel,
         report.greatest_sum - 1.0
     );
-    if let Some((distance, [a, b])) = report.least_distance {
+    if let Some(Nearest { distance, limbs: [a, b], .. }) = report.nearest {
         println!("  least distance {:.1} mm, {a} to {b}", 1e3 * distance);
     }
     if let Some(peak) = report.peak_torques.iter().max_by(|a, b| a.torque.abs().total_cmp(&b.torque.abs())) {

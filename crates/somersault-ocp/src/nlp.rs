@@ -76,18 +76,42 @@ impl Pattern {
         n_columns: usize,
         entries: impl IntoIterator<Item = (usize, usize)>,
     ) -> Self {
-        let mut by_column = vec![Vec::new(); n_columns];
-        for (row, column) in entries {
-            by_column[column].push(row);
+        Self::with_places(n_rows, n_columns, entries).0
+    }
+
+    /// The same, and for each entry where its value is. Who writes to entries has their places from here, where none can be
+    /// missing.
+    pub fn with_places(
+        n_rows: usize,
+        n_columns: usize,
+        entries: impl IntoIterator<Item = (usize, usize)>,
+    ) -> (Self, Vec<usize>) {
+        let mut order: Vec<(usize, usize, usize)> =
+            entries.into_iter().enumerate().map(|(k, (row, column))| (column, row, k)).collect();
+        order.sort_unstable();
+        let (mut columns, mut rows) = (vec![0; n_columns + 1], Vec::new());
+        let mut places = vec![0; order.len()];
+        let mut last = None;
+        for (column, row, k) in order {
+            if last.replace((row, column)) != Some((row, column)) {
+                rows.push(row);
+                columns[column + 1] += 1;
+            }
+            places[k] = rows.len() - 1;
         }
-        let (mut columns, mut rows) = (vec![0], Vec::new());
-        for mut column in by_column {
-            column.sort_unstable();
-            column.dedup();
-            rows.append(&mut column);
-            columns.push(rows.len());
-        }
-        Self { n_rows, columns, rows }
+        (0..n_columns).for_each(|column| columns[column + 1] += columns[column]);
+        (Self { n_rows, columns, rows }, places)
+    }
+
+    /// The same for several lists of entries, with the places of each.
+    pub fn with_places_of<const N: usize>(
+        n_rows: usize,
+        n_columns: usize,
+        lists: [Vec<(usize, usize)>; N],
+    ) -> (Self, [Vec<usize>; N]) {
+        let (pattern, places) = Self::with_places(n_rows, n_columns, lists.iter().flatten().copied());
+        let mut rest = places.into_iter();
+        (pattern, lists.map(|entries| rest.by_ref().take(entries.len()).collect()))
     }
 
     /// Number of columns.
@@ -100,8 +124,20 @@ impl Pattern {
         self.rows.len()
     }
 
-    /// Index of the value of an entry.
-    pub fn position(&self, row: usize, column: usize) -> Option<usize> {
+    /// An entry of the matrix that has these values; zero outside of the pattern.
+    pub fn value(&self, values: &[f64], row: usize, column: usize) -> f64 {
+        self.position(row, column).map_or(0.0, |k| values[k])
+    }
+
+    /// Adds to an entry of the matrix that has these values; one outside of the pattern is an error.
+    pub fn add(&self, values: &mut [f64], row: usize, column: usize, value: f64) -> Result<(), NoEntry> {
+        let place = self.position(row, column).ok_or(NoEntry { row, column })?;
+        values[place] += value;
+        Ok(())
+    }
+
+    /// Where the value of an entry is; none outside of the pattern. Not for others: a default in its place would be an entry.
+    fn position(&self, row: usize, column: usize) -> Option<usize> {
         let start = self.columns[column];
         let rows = &self.rows[start..self.columns[column + 1]];
         rows.binary_search(&row).ok().map(|k| start + k)
@@ -184,6 +220,33 @@ pub enum EvaluationError {
     Failed(Box<dyn Error + Send + Sync>),
 }
 
+/// A derivative has an entry that the pattern of its matrix leaves out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("entry ({row}, {column}) is outside of the pattern of its matrix")]
+pub struct NoEntry {
+    /// Its row.
+    pub row: usize,
+    /// Its column.
+    pub column: usize,
+}
+
+/// A Hessian was asked of a program that offers none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the program offers no Hessian")]
+pub struct NoHessian;
+
+impl From<NoHessian> for EvaluationError {
+    fn from(error: NoHessian) -> Self {
+        Self::Failed(Box::new(error))
+    }
+}
+
+impl From<NoEntry> for EvaluationError {
+    fn from(error: NoEntry) -> Self {
+        Self::Failed(Box::new(error))
+    }
+}
+
 /// A nonlinear program. Its methods write into slices that fit [`Structure`] and allocate nothing.
 pub trait Nlp {
     /// Sizes, bounds and patterns, the same at all times.
@@ -201,18 +264,15 @@ pub trait Nlp {
     ) -> Result<(), EvaluationError>;
 
     /// What [`hessian`](Self::hessian) writes.
-    fn curvature(&self) -> Curvature {
-        Curvature::None
-    }
+    fn curvature(&self) -> Curvature;
 
-    /// The values of the Hessian of σ f + yᵀ c, at the z of the last [`differentiate`](Self::differentiate).
+    /// The values of the Hessian of σ f + yᵀ c, at the z of the last [`differentiate`](Self::differentiate). A program of
+    /// [`Curvature::None`] is not asked for it, and answers [`NoHessian`].
     fn hessian(
         &mut self,
-        _z: &[f64],
-        _cost_factor: f64,
-        _multipliers: &[f64],
-        _hessian: &mut [f64],
-    ) -> Result<(), EvaluationError> {
-        Ok(())
-    }
+        z: &[f64],
+        cost_factor: f64,
+        multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError>;
 }

@@ -214,23 +214,22 @@ pub trait Transcription: Send {
     /// Adds to `gradient`, as long as z, what a gradient by the rollout is for z.
     fn pull_back(&mut self, by: &RolloutGradient, gradient: &mut [f64]) -> Result<(), EvaluationError>;
 
-    /// Whether [`add_curvature`](Self::add_curvature) does what it says.
-    fn has_curvature(&self) -> bool {
-        false
-    }
-
-    /// Adds the second derivatives by z of a number whose gradient by the rollout is constant and is `by`, to the values
-    /// of `pattern`, an upper triangle that holds the variables of each node together.
-    fn add_curvature(
-        &mut self,
-        _by: &RolloutGradient,
-        _pattern: &Pattern,
-        _hessian: &mut [f64],
-    ) -> Result<(), EvaluationError> {
-        Ok(())
-    }
+    /// Its second derivatives, where it has them.
+    fn second_derivatives(&mut self) -> Option<&mut dyn RolloutSecondDerivatives>;
 
     /// Hands the tangents of all nodes to `visit`, in their order, and writes the gradient of each defect by its
     /// [`variables_of_defect`](Self::variables_of_defect) to `defects`, one after the other.
     fn push_forward(&mut self, defects: &mut [f64], visit: &mut Visit<'_>) -> Result<(), EvaluationError>;
+}
+
+/// Second derivatives of a [`Transcription`].
+pub trait RolloutSecondDerivatives {
+    /// Adds the second derivatives by z of a number whose gradient by the rollout is constant and is `by`, to the values
+    /// of `pattern`, an upper triangle that holds the variables of each node together.
+    fn add_second_derivatives(
+        &mut self,
+        by: &RolloutGradient,
+        pattern: &Pattern,
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError>;
 }

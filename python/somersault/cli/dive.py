@@ -43,7 +43,7 @@ def dive(arguments: argparse.Namespace) -> int:
     print(json.dumps(_summary(best), indent=2))
     if not best.confirmed:
         print(f"somersault: {best.verification.message}", file=sys.stderr)
-    return 0 if best.success and best.confirmed else 1
+    return 0 if best.success else 1
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
@@ -100,8 +100,8 @@ def _summary(found: ocp.DiveSolution) -> dict[str, Any]:
     judged = found.verification
     return {
         "status": found.status,
-        "success": found.success and found.confirmed,
-        "solved": found.success,
+        "success": found.success,
+        "solved": found.report.success,
         "confirmed": found.confirmed,
         "message": found.message,
         "cost": found.report.cost,
@@ -114,10 +114,14 @@ def _summary(found: ocp.DiveSolution) -> dict[str, Any]:
             "somersaults": judged.somersaults,
             "twists": judged.twists,
             "entry_angle": judged.entry_angle,
+            "entry_defect": judged.entry_defect,
             "allowed": judged.allowed,
             "defect": judged.defect,
             "full_dynamics_defect": judged.full_dynamics_defect,
             "momentum_drift": judged.momentum_drift,
+            "least_distance": judged.least_distance,
+            "nearest_limbs": judged.nearest_limbs,
+            "nearest_time": judged.nearest_time,
             "take_off_velocity": np.asarray(judged.take_off_velocity).tolist(),
         },
         "phases": [{"posture": posture, "from": start, "to": end} for posture, start, end in found.phases],

@@ -42,14 +42,14 @@ impl Slots {
         map: impl Fn(usize, usize) -> Option<(usize, usize, f64)>,
     ) -> (Pattern, Self) {
         let mapped: Vec<_> = recorded.iter().map(|&(i, j)| map(i, j)).collect();
-        let pattern =
-            Pattern::from_entries(n_rows, n_columns, mapped.iter().flatten().map(|&(i, j, _)| (i, j)));
-        let slot = |entry: &Option<(usize, usize, f64)>| {
-            entry
-                .and_then(|(i, j, factor)| pattern.position(i, j).map(|at| Slot { at, factor }))
-                .unwrap_or(Slot { at: NOWHERE, factor: 0.0 })
-        };
-        let slots = mapped.iter().map(slot).collect();
+        let kept = mapped.iter().flatten().map(|&(i, j, _)| (i, j));
+        let (pattern, places) = Pattern::with_places(n_rows, n_columns, kept);
+        let mut slots = vec![Slot { at: NOWHERE, factor: 0.0 }; mapped.len()];
+        let written =
+            slots.iter_mut().zip(&mapped).filter_map(|(slot, entry)| entry.map(|entry| (slot, entry)));
+        for ((slot, (_, _, factor)), at) in written.zip(places) {
+            *slot = Slot { at, factor };
+        }
         (pattern, Self { slots })
     }
 

@@ -16,7 +16,7 @@
 
 use super::capsule::{Capsule, nearest_points};
 use nalgebra::Vector3;
-use somersault_multibody::{Data, DynamicsError, Model, Positions};
+use somersault_multibody::{DynamicsError, Model, Positions};
 use std::f64::consts::PI;
 
 /// Name, density in kg/m³, and the joint at the far end.
@@ -120,6 +120,53 @@ impl Body {
         &self.pairs
     }
 
+    /// For each pair the sum of both radii, m.
+    pub(super) fn radii(&self) -> impl Iterator<Item = f64> {
+        self.pairs.iter().map(|[i, j]| self.capsules[*i].radius + self.capsules[*j].radius)
+    }
+
+    /// Names of the segments of a pair.
+    pub(super) fn names(&self, pair: usize) -> [&'static str; 2] {
+        self.pairs[pair].map(|capsule| SEGMENTS[capsule].0)
+    }
+
+    /// For each pair and each degree of freedom after the root's, one row for each pair, no less than what a radian of
+    /// it changes the distance by, m/rad, in any configuration: the length of the chain from its hinge to the far end.
+    pub(super) fn reaches(&self, model: &Model) -> Vec<f64> {
+        let n_root = model.velocities_of(0).len();
+        let n = model.n_velocities() - n_root;
+        let mut reaches = vec![0.0; self.pairs.len() * n];
+        for (row, [i, j]) in reaches.chunks_exact_mut(n.max(1)).zip(&self.pairs) {
+            let capsules = [&self.capsules[*i], &self.capsules[*j]];
+            let hinges = capsules.map(|capsule| &self.hinges[capsule.body]);
+            for (capsule, own, other) in
+                [(capsules[0], hinges[0], hinges[1]), (capsules[1], hinges[1], hinges[0])]
+            {
+                let mut reach = capsule.ends.iter().map(|end| end.norm()).fold(0.0, f64::max);
+                let mut at = Some(capsule.body);
+                while let Some(body) = at {
+                    // a hinge that carries both moves them as one
+                    for (_, dof, _) in own.iter().filter(|(hinge, ..)| *hinge == body) {
+                        if !other.iter().any(|(hinge, ..)| *hinge == body) {
+                            row[*dof] += reach;
+                        }
+                    }
+                    reach += model.placement(body).map_or(0.0, |placement| placement.translation.norm());
+                    at = model.parent(body);
+                }
+            }
+        }
+        reaches
+    }
+
+    /// Distance of the surfaces of a pair, m; negative where they overlap.
+    pub(super) fn distance(&self, positions: &Positions<'_>, pair: usize) -> Result<f64, DynamicsError> {
+        let [a, b] = self.pairs[pair].map(|capsule| &self.capsules[capsule]);
+        let (pose_a, pose_b) = (positions.pose(a.body)?, positions.pose(b.body)?);
+        let found = nearest_points(&a.ends.map(|e| pose_a.point(&e)), &b.ends.map(|e| pose_b.point(&e)), 0.0);
+        Ok(found.distance - a.radius - b.radius)
+    }
+
     /// Leaves out the pairs for which `keep` is false.
     pub fn retain_pairs(&mut self, mut keep: impl FnMut(usize) -> bool) {
         let mut k = 0;
@@ -166,19 +213,6 @@ impl Body {
             }
         }
         Ok(())
-    }
-
-    /// The least distance of all pairs and the pair, in one configuration.
-    pub fn nearest(
-        &self,
-        model: &Model,
-        data: &mut Data,
-        q: &[f64],
-    ) -> Result<(f64, [&'static str; 2]), DynamicsError> {
-        let mut distances = vec![0.0; self.pairs.len()];
-        self.distances(&model.positions(data, q)?, 0.0, &mut distances, None)?;
-        let nearest = distances.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-        Ok(nearest.map_or((f64::INFINITY, [""; 2]), |(k, d)| (*d, self.pairs[k].map(|c| SEGMENTS[c].0))))
     }
 }
 

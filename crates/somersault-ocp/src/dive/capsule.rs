@@ -51,24 +51,20 @@ pub fn nearest_points(a: &[Vector3<f64>; 2], b: &[Vector3<f64>; 2], preference: 
     };
     let determinant = aa * bb - ab * ab;
     let (s, t) = ((ab * fb - bb * fa) / determinant, (ab * fa - aa * fb) / determinant);
-    let inside = |x: f64| (0.0..=1.0).contains(&x);
-    let (s, t) = if inside(s) && inside(t) {
-        (s, t)
-    } else {
-        // convex: the least lies on one of the four edges; a segment may be a point
-        let least = |slope: f64, curvature: f64| {
-            if curvature > 0.0 { (-slope / curvature).clamp(0.0, 1.0) } else { 0.5 }
-        };
-        let on_a = [0.0, 1.0].map(|s| (s, least(fb + ab * s, bb)));
-        let on_b = [0.0, 1.0].map(|t| (least(fa + ab * t, aa), t));
-        let mut best = on_a[0];
-        for candidate in [on_a[1], on_b[0], on_b[1]] {
-            if value(candidate.0, candidate.1) < value(best.0, best.1) {
-                best = candidate;
-            }
-        }
-        best
+    // convex: the least lies inside or on one of the four edges; a segment may be a point
+    let least = |slope: f64, curvature: f64| {
+        if curvature > 0.0 { (-slope / curvature).clamp(0.0, 1.0) } else { 0.5 }
     };
+    let on_a = [0.0, 1.0].map(|s| (s, least(fb + ab * s, bb)));
+    let on_b = [0.0, 1.0].map(|t| (least(fa + ab * t, aa), t));
+    // between parallel segments the determinant is rounding, and so is a point inside: then an edge is as near
+    let mut best = if (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t) { (s, t) } else { on_a[0] };
+    for candidate in on_a.into_iter().chain(on_b) {
+        if value(candidate.0, candidate.1) < value(best.0, best.1) {
+            best = candidate;
+        }
+    }
+    let (s, t) = best;
     NearestPoints { first: a[0] + along_a * s, second: b[0] + along_b * t, distance: value(s, t).sqrt() }
 }
 
@@ -106,6 +102,27 @@ mod tests {
             let found = distance(x, other);
             assert!((found - expected).abs() < 1e-15, "{found} {expected}");
             assert!((distance(other, x) - found).abs() < 1e-15);
+        }
+    }
+
+    /// The determinant of parallel segments is rounding of either sign.
+    #[test]
+    fn parallel_segments_are_as_far_apart_as_their_lines() {
+        let along = Vector3::new(0.3, -0.7, 0.2);
+        let across = along.cross(&Vector3::new(0.1, 0.2, 0.9)).normalize();
+        for k in 0..1000 {
+            let turn = f64::from(k) * 0.37;
+            let shift = along * (0.8 * turn.sin()) + across * (0.1 + 0.05 * turn.cos());
+            let tilt = Vector3::new(turn.cos(), (3.0 * turn).sin(), turn.sin()) * 1e-9;
+            let length = 0.5 + 0.4 * (5.0 * turn).sin();
+            let a = [Vector3::new(0.1, 0.2, turn), Vector3::new(0.1, 0.2, turn) + along];
+            let b = [a[0] + shift, a[0] + shift + (along + tilt) * length];
+            let found = nearest_points(&a, &b, 0.0).distance;
+            // the ranges along the common line, and the distance across
+            let from = 0.8 * turn.sin();
+            let gap = (from - 1.0).max(-(from + length)).max(0.0) * along.norm();
+            let expected = gap.hypot(0.1 + 0.05 * turn.cos());
+            assert!((found - expected).abs() < 1e-8, "{k}: {found} {expected}");
         }
     }
 

@@ -1,11 +1,20 @@
-//! Distances of limbs along a dive.
+//! Distances of limbs along a dive, as constraints.
+//!
+//! Rows are at single times and of the smooth distances D of [`nearest_points`](super::nearest_points), which exceed the
+//! true ones d of the axes: D² ≤ d² + ε²/2. With radii r and r′ and the requested clearance c a row is therefore
+//!
+//! ```text
+//! D − r − r′ ≥ √((r + r′ + c + m)² + ε²/2) − r − r′   ⇒   d − r − r′ ≥ c + m
+//! ```
+//! The margin m is what limbs may approach between two times without a breach of c. Where they approach more the
+//! [search](super::DiveSearch) adds a time.
 
 use super::capsule::PREFERENCE;
 use super::program::entry;
 use super::{Body, Clearance, Dive};
 use crate::motion::SplineMotion;
-use crate::nlp::Pattern;
 use somersault_multibody::{Data, DynamicsError, Model};
+use std::f64::consts::SQRT_2;
 
 /// The rows of a program for the distances of all pairs of capsules at all clearance times.
 #[derive(Debug, Clone)]
@@ -15,10 +24,14 @@ pub(super) struct ClearanceRows {
     whole: Body,
     /// Of the program.
     first_row: usize,
+    /// Least value of the rows of each pair, m.
+    bounds: Vec<f64>,
     /// Shares of the duration.
     shares: Vec<f64>,
-    /// Parameters on which the posture at each time depends.
-    parameters: Vec<Vec<usize>>,
+    /// Columns on which the posture at each time depends, and their parameters.
+    columns: Vec<Vec<(usize, usize)>>,
+    /// Where the Jacobian has the entries, row by row.
+    places: Vec<usize>,
     data: Data,
     q: Vec<f64>,
     channels: Vec<f64>,
@@ -30,6 +43,8 @@ pub(super) struct ClearanceRows {
     basis: Vec<f64>,
 }
 
+/// m of the constraints, m.
+const MARGIN: f64 = 5e-5;
 /// Pairs that stay farther apart than this in all postures between those of a dive are left out, m.
 const FAR: f64 = 0.02;
 /// Step of the differences of gradients.
@@ -44,6 +59,7 @@ impl ClearanceRows {
         motion: &SplineMotion,
         column_of: &[Option<usize>],
         clearance: Clearance,
+        added: &[f64],
         first_row: usize,
     ) -> Result<Self, DynamicsError> {
         let whole = Body::try_new(model)?;
@@ -53,22 +69,24 @@ impl ClearanceRows {
         let near = least_distances(dive, model, &body, &mut data, &mut q)?;
         body.retain_pairs(|k| near[k] < clearance.distance + FAR);
         let n_times = clearance.n_times;
-        let shares: Vec<f64> = (1..=n_times).map(|k| k as f64 / (n_times + 1) as f64).collect();
+        let equidistant = (1..=n_times).map(|k| k as f64 / (n_times + 1) as f64);
+        let shares: Vec<f64> = equidistant.chain(added.iter().copied()).collect();
         let n = motion.basis().n_coefficients();
         let mut basis = vec![0.0; motion.basis().n_active()];
-        let parameters = shares
+        let columns = shares
             .iter()
             .map(|share| {
                 let first = motion.basis().evaluate(*share, 0, &mut basis);
                 let is_active = |c: usize| (first..first + basis.len()).contains(&(c % n));
-                let mut found: Vec<usize> =
-                    motion.dependences().filter(|(c, ..)| is_active(*c)).map(|(_, p, _)| p).collect();
-                found.retain(|p| column_of[*p].is_some());
+                let of_parameter = |(_, p, _): (usize, usize, f64)| column_of[p].map(|column| (column, p));
+                let mut found: Vec<(usize, usize)> =
+                    motion.dependences().filter(|(c, ..)| is_active(*c)).filter_map(of_parameter).collect();
                 found.sort_unstable();
                 found.dedup();
                 found
             })
             .collect();
+        let bound = |radii: f64| (radii + clearance.distance + MARGIN).hypot(PREFERENCE / SQRT_2) - radii;
         let n_pairs = body.pairs().len();
         Ok(Self {
             distances: vec![0.0; n_pairs],
@@ -77,11 +95,13 @@ impl ClearanceRows {
             by_coefficient: vec![0.0; motion.n_coefficients()],
             by_parameter: vec![0.0; motion.n_parameters()],
             channels: vec![0.0; motion.n_channels()],
+            bounds: body.radii().map(bound).collect(),
             body,
             whole,
             first_row,
             shares,
-            parameters,
+            columns,
+            places: Vec::new(),
             data,
             q,
             basis,
@@ -93,21 +113,28 @@ impl ClearanceRows {
         &self.whole
     }
 
-    pub(super) fn n_rows(&self) -> usize {
-        self.shares.len() * self.distances.len()
+    /// Shares of the duration at which the clearance is a constraint.
+    pub(super) fn shares(&self) -> &[f64] {
+        &self.shares
     }
 
-    /// Row and column of what may be other than zero in the Jacobian.
-    pub(super) fn entries(&self, column_of: &[Option<usize>]) -> Vec<(usize, usize)> {
+    /// Least value of each row.
+    pub(super) fn bounds(&self) -> impl Iterator<Item = f64> {
+        self.shares.iter().flat_map(|_| self.bounds.iter().copied())
+    }
+
+    /// Row and column of what may be other than zero in the Jacobian, row by row.
+    pub(super) fn entries(&self) -> impl Iterator<Item = (usize, usize)> {
         let n_pairs = self.distances.len();
-        let row = |time: usize, pair: usize| self.first_row + time * n_pairs + pair;
-        let of_time = |(time, parameters): (usize, &Vec<usize>)| {
-            let columns: Vec<usize> = parameters.iter().filter_map(|p| column_of[*p]).collect();
-            (0..n_pairs)
-                .flat_map(|pair| columns.iter().map(|column| (row(time, pair), *column)).collect::<Vec<_>>())
-                .collect::<Vec<_>>()
-        };
-        self.parameters.iter().enumerate().flat_map(of_time).collect()
+        self.columns.iter().enumerate().flat_map(move |(time, columns)| {
+            let rows = (0..n_pairs).map(move |pair| self.first_row + time * n_pairs + pair);
+            rows.flat_map(move |row| columns.iter().map(move |(column, _)| (row, *column)))
+        })
+    }
+
+    /// Where the Jacobian has these entries.
+    pub(super) fn set_places(&mut self, places: Vec<usize>) {
+        self.places = places;
     }
 
     pub(super) fn evaluate(
@@ -135,13 +162,12 @@ impl ClearanceRows {
         &mut self,
         model: &Model,
         motion: &SplineMotion,
-        column_of: &[Option<usize>],
         coefficients: &[f64],
-        pattern: &Pattern,
         jacobian: &mut [f64],
     ) -> Result<(), DynamicsError> {
         let n_joints = motion.base().n_joints();
         let n_pairs = self.distances.len();
+        let mut first = 0;
         for time in 0..self.shares.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
@@ -151,13 +177,11 @@ impl ClearanceRows {
                 let by_joint = &self.gradients[pair * n_joints..(pair + 1) * n_joints];
                 motion.base().pull_back(by_joint, &mut self.by_channel);
                 self.pull_back(motion, time);
-                let row = self.first_row + time * n_pairs + pair;
-                for parameter in &self.parameters[time] {
-                    let position = column_of[*parameter].and_then(|column| pattern.position(row, column));
-                    if let Some(position) = position {
-                        jacobian[position] = self.by_parameter[*parameter];
-                    }
+                let columns = &self.columns[time];
+                for (place, (_, parameter)) in self.places[first..].iter().zip(columns) {
+                    jacobian[*place] = self.by_parameter[*parameter];
                 }
+                first += columns.len();
             }
         }
         Ok(())
@@ -169,7 +193,6 @@ impl ClearanceRows {
         &mut self,
         model: &Model,
         motion: &SplineMotion,
-        column_of: &[Option<usize>],
         coefficients: &[f64],
         y: &[f64],
         hessian: &mut [f64],
@@ -194,11 +217,9 @@ impl ClearanceRows {
                 self.by_channel.fill(0.0);
                 self.by_channel[channel] = 1.0;
                 self.pull_back(motion, time);
-                let of_parameter = |p: &usize| (column_of[*p], self.by_parameter[*p]);
-                let factors: Vec<_> = self.parameters[time]
+                let factors: Vec<_> = self.columns[time]
                     .iter()
-                    .map(of_parameter)
-                    .filter_map(|(column, factor)| Some((column?, factor)))
+                    .map(|(column, parameter)| (*column, self.by_parameter[*parameter]))
                     .filter(|(_, factor)| *factor != 0.0)
                     .collect();
                 columns.push((change, factors));

@@ -4,7 +4,7 @@
 //! minimise   ½ a (L/L₀)² + ½ ∫ Σ_i (b ẇ_i² + c ẅ_i²) dt
 //! subject to ψ(T) = somersaults, φ = twists and τ = 0 at the square-out,
 //!            w ≥ 0, Σ w ≤ 1 at all times (or joints within their ranges),
-//!            capsules apart at the clearance times
+//!            capsules apart at all times
 //! ```
 //! The unknowns are the free spline parameters p, the angular momentum L about the lateral axis, and, where they are
 //! given a range, the lean at take-off and the duration T. L₀ = m h²/(1 s). The diver begins in one posture and ends
@@ -12,10 +12,13 @@
 //! to rounding and the centre of mass stays on its parabola; platform, entry and duration give its velocity at
 //! take-off.
 //!
-//! After the square-out the diver moves symmetrically and without tilt, so twists stay whole and the tilt zero. A pike
-//! amplifies what tilt it begins with; so the orientation starts anew there,
-//! straightened ([`OrientationPath::with_restart`](crate::flight::OrientationPath::with_restart)), and the tilt left is
-//! the defect that the constraints remove.
+//! After the square-out the diver moves symmetrically and without tilt, so that twists, a multiple of ½, and tilt stay as they
+//! are. A pike amplifies what tilt it begins with; so the orientation restarts there, without tilt and with the twist requested
+//! ([`OrientationPath::with_restart`](crate::flight::OrientationPath::with_restart)), and what is left of both is the
+//! defect that the constraints remove.
+//!
+//! A dive that was found is flown by the full equations ([`DiveReport`]): it is a success where the program is solved and that
+//! flight has the counts requested, agrees with the nodes, and keeps limbs apart at all times.
 //!
 //! In space the search is Newton's: quasi-Newton steps creep along the valley of nearly equal twisting dives. The Hessian of the
 //! Lagrangian is made convex without a change of the steps that constraints allow.
@@ -30,9 +33,11 @@ mod clearance;
 mod cost;
 mod error;
 mod literal;
+mod mirror;
 mod modelled;
 mod motion;
 mod named;
+mod nearest;
 mod program;
 mod report;
 mod search;
@@ -42,9 +47,10 @@ pub use body::Body;
 pub use capsule::{Capsule, NearestPoints, nearest_points};
 pub use error::DiveError;
 pub use literal::{LiteralDive, momentum_along};
+pub use mirror::mirror_image;
 pub use motion::{DiveMotion, PeakTorque};
 pub use program::DiveProgram;
-pub use report::{ALLOWED, DiveJudgementError, DiveReport};
+pub use report::{ALLOWED, DiveJudgementError, DiveReport, Nearest};
 pub use search::{DiveSearch, DiveSearchError};
 use serde::{Deserialize, Serialize};
 pub use template::KeyFrame;
@@ -104,12 +110,13 @@ pub struct Penalties {
 /// Steps of a dive: some hundred megabytes.
 const MOST_STEPS: usize = 100_000;
 
-/// How far apart capsules must be, and when.
+/// How far apart capsules must be, at all times.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clearance {
     /// Least distance of surfaces, m.
     pub distance: f64,
-    /// At how many times between start and finish, at most 10 000.
+    /// At how many times between start and finish it is a constraint to begin with, at most 10 000; searches add those at
+    /// which limbs come nearer in between.
     pub n_times: usize,
 }
 
@@ -131,14 +138,14 @@ pub struct Dive {
     /// For each channel the shares of the duration between which it may differ from zero; none: at all times.
     pub windows: Vec<Range>,
     /// Share of the duration at which twists and tilt must be what they are at the entry. Where the diver moves
-    /// symmetrically from then on they stay so.
+    /// symmetrically from then on they stay so. Before the entry it takes twists that are a multiple of ½.
     pub square_out: f64,
     /// Coefficients of each spline, of degree 5: at least 6.
     pub n_par: usize,
     /// Somersaults to the entry, counted from the upright: 3.5 ends on the hands. Backward ones are negative, as is their
     /// momentum.
     pub somersaults: f64,
-    /// Twists; none in the plane.
+    /// Twists, to the left positive; none in the plane.
     pub twists: f64,
     /// Forward lean at take-off, rad.
     pub lean: Range,
@@ -150,7 +157,7 @@ pub struct Dive {
     pub momentum: Range,
     /// Height of the feet over the water at take-off, m; not negative.
     pub platform: f64,
-    /// How far ahead of the toes' start the hands enter the water, m.
+    /// How far ahead of the toes' start the hands, or the feet where these are to enter first, enter the water, m.
     pub entry_distance: f64,
     /// Of the cost.
     pub penalties: Penalties,
@@ -201,6 +208,11 @@ impl Dive {
         {
             let allowed = "none in the plane, where limbs pass each other";
             return Err(DiveError::OutOfRange { argument: "clearance", allowed, found: distance });
+        }
+        if self.square_out < 1.0 && self.twists.is_finite() && (2.0 * self.twists).fract() != 0.0 {
+            // where the body is symmetric, its plane is that of the somersaults only then
+            let allowed = "a multiple of ½ where `square_out` is before the entry";
+            return Err(DiveError::OutOfRange { argument: "twists", allowed, found: self.twists });
         }
         if !(self.square_out > 0.0 && self.square_out <= 1.0) {
             let (argument, found) = ("square_out", self.square_out);
@@ -300,13 +312,13 @@ impl Dive {
             let argument = "postures";
             return Err(somersault_multibody::DynamicsError::Length { argument, expected, found }.into());
         }
-        for body in 1..model.n_bodies() {
+        for (body, link) in model.links().iter().enumerate().skip(1) {
             let Some([lower, upper]) = model.limits(body) else { continue };
             for (posture, angles) in self.postures.iter().enumerate() {
                 for dof in model.velocities_of(body) {
                     let found = angles[dof - n_root];
                     if !(lower..=upper).contains(&found) {
-                        let joint = model.name(body).unwrap_or_default().to_owned();
+                        let joint = link.name().to_owned();
                         return Err(DiveError::JointLimit { posture, joint, found, lower, upper });
                     }
                 }

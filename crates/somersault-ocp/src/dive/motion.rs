@@ -48,9 +48,9 @@ impl DiveMotion {
     pub fn peak_torques(&self, model: &Model) -> Vec<PeakTorque> {
         let n = model.n_velocities();
         let mut peaks = Vec::with_capacity(n);
-        for body in 1..model.n_bodies() {
+        for (body, link) in model.links().iter().enumerate().skip(1) {
             for dof in model.velocities_of(body) {
-                let joint = model.name(body).unwrap_or_default().to_owned();
+                let joint = link.name().to_owned();
                 let mut peak = PeakTorque { joint, torque: 0.0, time: 0.0 };
                 for (time, torques) in self.times.iter().zip(self.torques.chunks_exact(n)) {
                     if torques[dof].abs() > peak.torque.abs() {

@@ -81,23 +81,30 @@ impl Dive {
             .to_vec()
     }
 
-    /// Key frames for [`forward_twisting`](Self::forward_twisting): somersault with arms sideways, throw, twists
-    /// with arms overhead, square-out, pike, entry.
-    pub fn twisting_template() -> Vec<KeyFrame> {
-        [
-            (0.0, 0),
-            (0.26, 0),
-            (0.34, 3),
-            (0.4, 1),
-            (0.52, 1),
-            (0.58, 3),
-            (0.66, 0),
-            (0.72, 0),
-            (0.8, 5),
-            (0.9, 5),
-            (1.0, 1),
-        ]
-        .map(|(share, posture)| KeyFrame { share, posture })
-        .to_vec()
+    /// [`forward_twisting`](Self::forward_twisting) with other counts: its momentum has the sense of the somersaults, and
+    /// where twists and somersaults have opposite signs its postures are the mirror images, so that the throw of
+    /// [`twisting_template`](Self::twisting_template) tilts the body to the side that the twists need.
+    pub fn twisting(somersaults: f64, twists: f64) -> Result<Self, DiveError> {
+        let dive = Self { somersaults, twists, ..Self::forward_twisting() };
+        let dive = if somersaults * twists < 0.0 { Self { twists, ..dive.mirrored()? } } else { dive };
+        let Range { lower, upper } = dive.momentum;
+        let momentum = if somersaults < 0.0 { Range::new(-upper, -lower) } else { dive.momentum };
+        Ok(Self { momentum, ..dive })
+    }
+
+    /// Key frames for [`twisting`](Self::twisting) with these twists: somersault with arms sideways, throw, twists with arms
+    /// overhead, square-out, pike, entry; without twists the arms stay sideways until the pike.
+    ///
+    /// The square-out of whole twists is the throw in reverse. After an odd number of half twists right and left have changed
+    /// places in space, and the arms that undo the tilt move as the mirror image of that.
+    pub fn twisting_template(twists: f64) -> Vec<KeyFrame> {
+        let half_twists = (2.0 * twists).round();
+        let undoing = if half_twists % 2.0 == 0.0 { 3 } else { 2 };
+        let throw = [(0.26, 0), (0.34, 3), (0.4, 1), (0.52, 1), (0.58, undoing), (0.66, 0)];
+        let start = [(0.0, 0)];
+        let end = [(0.72, 0), (0.8, 5), (0.9, 5), (1.0, 1)];
+        let throw = if half_twists == 0.0 { &[][..] } else { &throw };
+        let frame = |(share, posture): &(f64, usize)| KeyFrame { share: *share, posture: *posture };
+        start.iter().chain(throw).chain(&end).map(frame).collect()
     }
 }

@@ -1,5 +1,12 @@
 //! What a dive is, judged by integrations that know nothing of how it was found.
+//!
+//! The full equations of the driven tree are integrated from take-off to entry, without use of the conserved momentum and in
+//! steps of their own. Somersaults, tilt and twist are counted along that flight, whole turns without jumps, and compared
+//! with those requested; its orientations are compared with the nodes of the program, and with a second, accurate
+//! integration of the reduced flight.
 
+use super::nearest::{Approach, Approaches};
+use super::program::requested;
 use super::{DiveError, DiveProgram, PeakTorque};
 use crate::attention::{Attention, GoOn};
 use crate::flight::{BodyAngles, joints_active};
@@ -9,10 +16,10 @@ use serde::{Deserialize, Serialize};
 use somersault_core::so3::angle_between;
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
-use somersault_integrators::solution::Recorder;
+use somersault_integrators::solution::{Recorder, Solution};
 use somersault_multibody::Data;
 use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
-use somersault_multibody::motion::{MotionError, TreeMotion, TreeSystem};
+use somersault_multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
 
 /// A dive that was found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,7 +28,7 @@ pub struct DiveReport {
     pub momentum: f64,
     /// T, s.
     pub duration: f64,
-    /// Somersaults from the upright to the entry, by the reduced flight integrated to 1e-12 from start to end.
+    /// Somersaults from the upright to the entry, counted along the full dynamics integrated from take-off to entry.
     pub somersaults: f64,
     /// Twists at the entry, likewise.
     pub twists: f64,
@@ -29,23 +36,26 @@ pub struct DiveReport {
     pub tilt: f64,
     /// Angle of the body's long axis to the vertical at the entry, likewise, rad.
     pub entry_angle: f64,
-    /// Greatest angle between that integration and the nodes of the program, rad.
+    /// Greatest difference of somersault, tilt and twist at the entry, likewise, from those requested, rad.
+    pub entry_defect: f64,
+    /// Greatest angle between the reduced flight, integrated to 1e-12 from take-off to entry, and the nodes of the program, rad.
     pub defect: f64,
-    /// That angle at each node, rad.
+    /// That angle at each node, rad; where the program restarts its orientation, with that before the restart or after it,
+    /// whichever is farther.
     pub defects: Vec<f64>,
     /// What the full dynamics of the driven tree, integrated to 1e-14 without use of the reduction, changes the
     /// angular momentum by: |ΔL|/max(|L|, |h|, L₀/1000), where h is the largest momentum that the joints alone have at a
     /// node, with the torso at rest, and L₀ = m h²/(1 s). A dive with no momentum to speak of has that of its limbs for a
     /// scale.
     pub momentum_drift: f64,
-    /// Angle between the orientations of full and reduced integration at the entry, rad.
+    /// Greatest angle between the orientations of full and reduced integration at the nodes, rad.
     pub full_dynamics_defect: f64,
     /// Least channel at 1000 times.
     pub least_channel: f64,
     /// Greatest sum of channels at 1000 times.
     pub greatest_sum: f64,
-    /// Least distance of limbs at 1000 times, m, and the limbs; none in the plane.
-    pub least_distance: Option<(f64, [String; 2])>,
+    /// Limbs nearest to each other at any time of the flight; none without a clearance.
+    pub nearest: Option<Nearest>,
     /// The largest force of each joint at the nodes.
     pub peak_torques: Vec<PeakTorque>,
     /// Centre of mass at take-off, from the toes' end of the platform at the water's level, m.
@@ -54,33 +64,95 @@ pub struct DiveReport {
     pub take_off_velocity: Vector3<f64>,
 }
 
+/// Limbs that come nearest to each other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Nearest {
+    /// No distance of surfaces is smaller at any time, and one is at most 10 μm greater, m. Found with bounds on the rate of
+    /// the distances between samples.
+    pub distance: f64,
+    /// The segments.
+    pub limbs: [String; 2],
+    /// When, s.
+    pub time: f64,
+    /// Distance requested, m.
+    pub clearance: f64,
+}
+
 /// Angle in rad, and momentum drift, that counts as agreement where nothing else is said.
 pub const ALLOWED: f64 = 1e-3;
 
 impl DiveReport {
-    /// Whether both integrations agree with what was found: orientations to `allowed` rad at all nodes and at the entry, the
-    /// angular momentum to this share of its scale.
+    /// Whether it is the dive requested, given the angle in rad that its use allows: [`flies`](Self::flies),
+    /// [`enters`](Self::enters) and [`is_clear`](Self::is_clear).
     pub fn is_confirmed(&self, allowed: f64) -> bool {
+        self.flies(allowed) && self.enters(allowed) && self.is_clear()
+    }
+
+    /// Whether the orientations of both integrations agree to `allowed` rad with the nodes and with each other, and the angular
+    /// momentum is kept to this share of its scale.
+    pub fn flies(&self, allowed: f64) -> bool {
         [self.defect, self.full_dynamics_defect, self.momentum_drift].iter().all(|x| *x <= allowed)
     }
 
-    /// One sentence: what the dive is worth, given the angle that its use allows.
+    /// Whether somersault, tilt and twist at the entry are those requested to `allowed` rad, whole turns counted.
+    pub fn enters(&self, allowed: f64) -> bool {
+        self.entry_defect <= allowed
+    }
+
+    /// Whether limbs keep the distance requested at all times.
+    pub fn is_clear(&self) -> bool {
+        self.nearest.as_ref().is_none_or(Nearest::is_clear)
+    }
+
+    /// What the dive is worth, given the angle that its use allows: one sentence, or one for each thing that is wrong.
     pub fn sentence(&self, allowed: f64) -> String {
-        let Self { defect, full_dynamics_defect: end, momentum_drift: drift, .. } = self;
+        let Self { defect, full_dynamics_defect: full, momentum_drift: drift, entry_defect: miss, .. } = self;
         if self.is_confirmed(allowed) {
-            format!(
-                "The dive holds when integrated anew: defects ≤ {defect:.1e} rad, momentum to {drift:.1e}, full dynamics to {end:.1e} rad."
-            )
-        } else {
-            format!(
-                "The optimum lives off its discretisation: integrated anew it is up to {defect:.1e} rad away, the momentum drifts by {drift:.1e} and the full dynamics end {end:.1e} rad away."
-            )
+            return format!(
+                "The dive holds when integrated anew: defects ≤ {defect:.1e} rad, momentum to {drift:.1e}, full dynamics to {full:.1e} rad, entry to {miss:.1e} rad."
+            );
         }
+        let mut sentences = Vec::new();
+        if !self.flies(allowed) {
+            sentences.push(format!(
+                "The optimum lives off its discretisation: integrated anew it is up to {defect:.1e} rad away, the momentum drifts by {drift:.1e} and the full dynamics are up to {full:.1e} rad away."
+            ));
+        }
+        if !self.enters(allowed) {
+            sentences.push(format!(
+                "The flight ends {miss:.1e} rad from the requested entry, with {:.4} somersaults, {:.4} twists and {:.2}° of tilt.",
+                self.somersaults,
+                self.twists,
+                self.tilt.to_degrees()
+            ));
+        }
+        if let Some(nearest) = self.nearest.as_ref().filter(|nearest| !nearest.is_clear()) {
+            let Nearest { distance, limbs: [a, b], time, clearance } = nearest;
+            sentences.push(format!(
+                "{a} and {b} come within {:.2} mm of each other at {time:.3} s, where {:.2} mm are requested.",
+                1e3 * distance,
+                1e3 * clearance
+            ));
+        }
+        sentences.join(" ")
+    }
+}
+
+impl Nearest {
+    /// Whether that is no less than requested.
+    pub fn is_clear(&self) -> bool {
+        self.distance >= self.clearance
     }
 }
 
 /// Times at which bounds are looked at.
 const TIMES: usize = 1000;
+/// Shares of the duration this near to each other are not added together: the first of them moves the others.
+const APART: f64 = 1e-3;
+/// Shares of the duration that are the same time.
+const SAME: f64 = 1e-6;
+/// Times at which turns are counted, at least.
+const SAMPLES: usize = 1000;
 
 impl DiveProgram {
     /// Judges the dive `z`.
@@ -136,59 +208,47 @@ impl DiveProgram {
         if attention.has_stopped {
             return Err(DiveJudgementError::Interrupted);
         }
-        let solution = recorder.into_solution();
-        let n_steps = program.path().n_steps();
+        let reduced =
+            Flown { is_planar, first: 0, duration, solution: recorder.into_solution(), end: end.state };
+        let (full, momentum_drift) = self.full_dynamics(&system, &start, &channels, &mut attention)?;
+        let path = program.path();
+        let n_steps = path.n_steps();
         let mut defects = Vec::with_capacity(n_steps + 1);
-        let mut orientations = Vec::with_capacity(n_steps + 1);
-        let mut last_angle = first[0];
+        let mut full_dynamics_defect: f64 = 0.0;
         for node in 0..=n_steps {
-            let t = duration * node as f64 / n_steps as f64;
-            let Some(state) = (if node == n_steps { Some(end.state.clone()) } else { solution.at(t) }) else {
-                continue;
-            };
-            let numbers = state.configuration.as_slice();
-            if is_planar {
-                defects.push((numbers[0] - program.path().angles()[node]).abs());
-                last_angle = numbers[0];
+            let share = node as f64 / n_steps as f64;
+            let (flown, by_full) = (reduced.at(share)?, full.at(share)?);
+            full_dynamics_defect = full_dynamics_defect.max(flown.apart(&by_full));
+            defects.push(if is_planar {
+                flown.apart(&Attitude::Angle(path.angles()[node]))
             } else {
-                let orientation = quaternion(numbers);
-                // as the path arrives: a restart changes it by less than the tolerance of the solver
-                defects.push(angle_between(&orientation, program.path().arrival(node)));
-                orientations.push(orientation);
-            }
+                // before and after a restart
+                let sides = [path.arrival(node), &path.orientations()[node]];
+                sides.iter().map(|side| flown.apart(&Attitude::Rotation(**side))).fold(0.0, f64::max)
+            });
         }
-        let tilt_of_axes = self.counting().axes.euler_angles().1;
-        let angles = if is_planar {
-            BodyAngles { somersault: tilt_of_axes - last_angle, ..BodyAngles::default() }
-        } else {
-            self.counting().along(&orientations).pop().unwrap_or_default()
-        };
+        let angles = self.count(&full)?;
+        let requested = requested(self.dive());
+        let entry_defect = [
+            angles.somersault - requested.somersault,
+            angles.tilt - requested.tilt,
+            angles.twist - requested.twist,
+        ]
+        .iter()
+        .fold(0.0, |most: f64, miss| most.max(miss.abs()));
         let entry_angle = {
             let down = -(angles.somersault.cos() * angles.tilt.cos());
             let level = (1.0 - down * down).max(0.0).sqrt();
             level.atan2(down.abs())
         };
-        let (momentum_drift, full_dynamics_defect) =
-            self.full_dynamics(&system, &start, &end.state, &channels, &mut attention)?;
         let mut least_channel = f64::INFINITY;
         let mut greatest_sum = f64::NEG_INFINITY;
-        let mut least_distance: Option<(f64, [&'static str; 2])> = None;
         let mut values = vec![0.0; motion.n_channels()];
-        let mut q = model.neutral();
-        let n_root = q.len() - motion.base().n_joints();
-        let mut data = Data::new(model);
         for k in 0..TIMES {
             let share = k as f64 / (TIMES - 1) as f64;
             motion.channels_into(&coefficients, share, 0, &mut values);
             least_channel = values.iter().fold(least_channel, |least, w| least.min(*w));
             greatest_sum = greatest_sum.max(values.iter().sum());
-            if let Some(clearance) = self.clearance() {
-                motion.base().positions_into(&values, &mut q[n_root..]);
-                let found = clearance.whole_body().nearest(model, &mut data, &q).map_err(DiveError::from)?;
-                if least_distance.is_none_or(|(least, _)| found.0 < least) {
-                    least_distance = Some(found);
-                }
-            }
         }
         Ok(DiveReport {
             momentum,
@@ -197,21 +257,70 @@ impl DiveProgram {
             twists: angles.twist / std::f64::consts::TAU,
             tilt: angles.tilt,
             entry_angle,
+            entry_defect,
             defect: defects.iter().copied().fold(0.0, f64::max),
             defects,
             momentum_drift,
             full_dynamics_defect,
             least_channel,
             greatest_sum,
-            least_distance: least_distance.map(|(distance, limbs)| (distance, limbs.map(str::to_owned))),
+            nearest: self.nearest(&coefficients, duration)?,
             peak_torques: self.motion(z)?.peak_torques(model),
             take_off,
             take_off_velocity,
         })
     }
 
-    /// Centre of mass and its velocity at take-off: feet on the platform's end at the start, hands at the water's level
-    /// at the entry distance at the finish.
+    /// Somersaults, tilt and twists along a flight, whole turns counted: the angles at its end.
+    fn count(&self, flown: &Flown) -> Result<BodyAngles, DiveError> {
+        let upright = self.counting().axes.euler_angles().1;
+        // nodes may be so few that the body turns by more than half between two
+        let n_samples = self.path().n_steps().max(SAMPLES);
+        let mut angles = BodyAngles::default();
+        for k in 0..=n_samples {
+            angles = match flown.at(k as f64 / n_samples as f64)? {
+                // forward turns are negative about the normal of the plane
+                Attitude::Angle(angle) => BodyAngles { somersault: upright - angle, ..BodyAngles::default() },
+                Attitude::Rotation(orientation) => self.counting().unwrapped(&orientation, &angles),
+            };
+        }
+        Ok(angles)
+    }
+
+    /// Shares of the duration at which limbs are nearer to each other than requested, but for those at which the clearance is a
+    /// constraint already.
+    pub(super) fn breaches(&self, z: &[f64]) -> Result<Vec<f64>, DiveError> {
+        let (Some(rows), Some(clearance)) = (self.clearance(), self.dive().clearance) else {
+            return Ok(Vec::new());
+        };
+        let (path, coefficients) = (self.path(), self.coefficients(z));
+        let found = Approaches::new(rows.whole_body(), path.model(), path.motion(), &coefficients)
+            .below(clearance.distance)?;
+        let mut shares: Vec<f64> = found.iter().map(|approach| approach.share).collect();
+        shares.sort_unstable_by(f64::total_cmp);
+        shares.dedup_by(|a, b| (*a - *b).abs() < APART);
+        shares.retain(|share| rows.shares().iter().all(|known| (share - known).abs() > SAME));
+        Ok(shares)
+    }
+
+    /// Limbs nearest to each other, where the dive has a clearance.
+    fn nearest(&self, coefficients: &[f64], duration: f64) -> Result<Option<Nearest>, DiveError> {
+        let (Some(rows), Some(clearance)) = (self.clearance(), self.dive().clearance) else {
+            return Ok(None);
+        };
+        let body = rows.whole_body();
+        let path = self.path();
+        let least = Approaches::new(body, path.model(), path.motion(), coefficients).least()?;
+        Ok(least.map(|Approach { distance, pair, share }| Nearest {
+            distance,
+            limbs: body.names(pair).map(str::to_owned),
+            time: share * duration,
+            clearance: clearance.distance,
+        }))
+    }
+
+    /// Centre of mass and its velocity at take-off: feet on the platform's end at the start, and at the finish the end of
+    /// the body that is to enter first, hands or feet, at the water's level at the entry distance.
     pub(super) fn ballistics(
         &self,
         program: &Self,
@@ -243,9 +352,10 @@ impl DiveProgram {
         } else {
             (&["right_toes", "left_toes"], &["right_hand", "left_hand"])
         };
+        let enters_first = if requested(self.dive()).somersault.cos() > 0.0 { feet } else { hands };
         let n_steps = program.path().n_steps();
         let start = Vector3::new(0.0, 0.0, self.dive().platform) + from(0.0, 0, feet)?;
-        let finish = Vector3::new(self.dive().entry_distance, 0.0, 0.0) + from(1.0, n_steps, hands)?;
+        let finish = Vector3::new(self.dive().entry_distance, 0.0, 0.0) + from(1.0, n_steps, enters_first)?;
         let velocity = (finish - start) / duration - model.gravity() * (0.5 * duration);
         Ok((start, velocity))
     }
@@ -267,15 +377,14 @@ impl DiveProgram {
         Ok(largest)
     }
 
-    /// Change of the momentum over its scale, and of the orientation at the end, by the full dynamics.
+    /// The flight by the full dynamics, and the change of its momentum over its scale.
     fn full_dynamics<S: somersault_multibody::flight::ShapeMotion>(
         &self,
         system: &FlightSystem<'_, S>,
-        start: &somersault_multibody::motion::TreeState,
-        end: &somersault_multibody::motion::TreeState,
+        start: &TreeState,
         channels: &Channels<'_>,
         attention: &mut Attention<'_>,
-    ) -> Result<(f64, f64), DiveJudgementError> {
+    ) -> Result<(Flown, f64), DiveJudgementError> {
         use somersault_integrators::system::System;
         let model = self.path().model();
         let duration = channels.duration;
@@ -287,35 +396,73 @@ impl DiveProgram {
         let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| channels.joints(t, 2, &mut a[n_root..]);
         let full = TreeSystem::new(model, ()).driven(split, drive).map_err(DiveError::from)?;
         let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-14, 1e-14) };
-        let full_end = full
+        let mut recorder = Recorder::new(0.0, &full_start, 1).with_dense_output();
+        let end = full
             .integrate_adaptive(
                 Method::Rkmk8,
                 Options::default(),
                 &full_start,
                 (0.0, duration),
                 &control,
-                attention,
+                &mut (&mut recorder, &mut *attention),
             )?
             .state;
         if attention.has_stopped {
             return Err(DiveJudgementError::Interrupted);
         }
         let mut velocities = vec![0.0; model.n_velocities()];
-        model.joint_velocities(&full_end, &mut velocities).map_err(DiveError::from)?;
+        model.joint_velocities(&end, &mut velocities).map_err(DiveError::from)?;
         let mut data = Data::new(model);
         let centroidal =
-            model.centroidal(&mut data, full_end.configuration.as_slice()).map_err(DiveError::from)?;
+            model.centroidal(&mut data, end.configuration.as_slice()).map_err(DiveError::from)?;
         let found = centroidal.momentum(&velocities).map_err(DiveError::from)?.angular;
         let wanted = system.flight().take_off().angular_momentum;
         let scale = wanted.norm().max(self.momentum_of_joints(channels)?).max(1e-3 * self.momentum_unit());
         let drift = (found - wanted).norm() / scale;
-        let numbers = full_end.configuration.as_slice();
-        let off = if self.path().is_planar() {
-            (numbers[2] - end.configuration.as_slice()[0]).abs()
-        } else {
-            angle_between(&quaternion(&numbers[3..7]), &quaternion(end.configuration.as_slice()))
+        let is_planar = self.path().is_planar();
+        // past the place of the root
+        let first = if is_planar { 2 } else { 3 };
+        Ok((Flown { is_planar, first, duration, solution: recorder.into_solution(), end }, drift))
+    }
+}
+
+/// Orientation of the torso.
+enum Attitude {
+    /// In the plane, whole turns counted, rad.
+    Angle(f64),
+    Rotation(UnitQuaternion<f64>),
+}
+
+impl Attitude {
+    /// The angle between them, rad.
+    fn apart(&self, other: &Self) -> f64 {
+        match (self, other) {
+            (Self::Angle(a), Self::Angle(b)) => (a - b).abs(),
+            (Self::Rotation(a), Self::Rotation(b)) => angle_between(a, b),
+            (Self::Angle(_), Self::Rotation(_)) | (Self::Rotation(_), Self::Angle(_)) => f64::INFINITY,
+        }
+    }
+}
+
+/// A flight that was integrated.
+struct Flown {
+    is_planar: bool,
+    /// Where its configurations have the orientation of the torso.
+    first: usize,
+    duration: f64,
+    solution: Solution<Coordinates>,
+    end: TreeState,
+}
+
+impl Flown {
+    fn at(&self, share: f64) -> Result<Attitude, DiveError> {
+        let within = (share < 1.0).then(|| self.solution.at(self.duration * share));
+        let state = match within {
+            Some(state) => state.ok_or_else(|| DiveError::Undefined("the integration ended early".into()))?,
+            None => self.end.clone(),
         };
-        Ok((drift, off))
+        let numbers = &state.configuration.as_slice()[self.first..];
+        Ok(if self.is_planar { Attitude::Angle(numbers[0]) } else { Attitude::Rotation(quaternion(numbers)) })
     }
 }
 

@@ -6,9 +6,12 @@
 //! constraints, with the multipliers μ · violation to begin with. All this with few steps of the orientation; the last
 //! stage has those of the dive, begins so near that it takes but a few iterations, and has the Hessians of the few steps.
 //! Where the stage before it ends without a solution, it only tells the residuals of what there is.
+//!
+//! Clearances are constraints at single times. Where the limbs of a solution come nearer in between, the time at which they
+//! are nearest is added and the stage goes on from there, until they keep apart at all times.
 
 use super::modelled::Modelled;
-use super::{Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame, Penalties};
+use super::{ALLOWED, Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame, Penalties};
 use crate::nlp::{Nlp, Structure};
 use crate::solver::{
     Flow, Globalisation, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start, Status,
@@ -16,6 +19,9 @@ use crate::solver::{
 use crate::verification::Verified;
 use rayon::prelude::*;
 use std::cell::Cell;
+
+/// Times at which a search asks for a clearance beside those of the dive, at most.
+const MOST_ADDED: usize = 60;
 
 /// How a dive is searched for.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +72,9 @@ impl DiveSearch {
         Self { soft_weights: vec![1.0, 10.0, 100.0, 1000.0], soft, hard, coarse_steps: Some(280) }
     }
 
-    /// Searches from `z`. `on_iteration` sees all stages and may end the search: of the stages that are left then the last
+    /// Searches from `z`. The status is that of the program; whether the motion is the dive requested says
+    /// [`solve_verified`](Self::solve_verified). Multipliers are those of the constraints of `program`, then of the clearances
+    /// that the search added. `on_iteration` sees all stages and may end the search: of the stages that are left then the last
     /// alone begins, to give what was found its residuals.
     pub fn solve(
         &self,
@@ -80,8 +88,7 @@ impl DiveSearch {
             if has_ended.get() { Flow::Stop } else { Flow::Continue }
         };
         let steps = self.coarse_steps.filter(|steps| *steps < program.dive().n_steps);
-        let mut coarse =
-            steps.map(|n_steps| Dive { n_steps, ..program.dive().clone() }.program()).transpose()?;
+        let coarse = steps.map(|n_steps| Dive { n_steps, ..program.dive().clone() }.program()).transpose()?;
         let mut start = Start::from(z);
         for weight in self.soft_weights.iter().take_while(|_| !has_ended.get()) {
             let mut stage = coarse.as_ref().unwrap_or(program).softened(*weight)?;
@@ -89,11 +96,20 @@ impl DiveSearch {
             start = following(&mut stage, report);
         }
         let mut program = program.clone();
-        let Some(model) = &mut coarse else { return self.constrained(&mut program, start, &mut watch) };
+        let Some(mut model) = coarse else {
+            let mut report = self.constrained(&mut program, start, &mut watch)?;
+            while let Some(start) = self.with_breaches(&mut [&mut program], &report)? {
+                report = self.constrained(&mut program, start, &mut watch)?;
+            }
+            return Ok(report);
+        };
         let mut solver = self.hard.clone();
         let mut given_up = None;
         if !has_ended.get() {
-            let found = self.constrained(model, start, &mut watch)?;
+            let mut found = self.constrained(&mut model, start, &mut watch)?;
+            while let Some(start) = self.with_breaches(&mut [&mut model, &mut program], &found)? {
+                found = self.constrained(&mut model, start, &mut watch)?;
+            }
             start = Start { z: found.z, constraint_multipliers: found.constraint_multipliers, hessian: None };
             if !matches!(found.status, Status::Converged | Status::Stalled) {
                 solver.max_iterations = 0;
@@ -101,11 +117,41 @@ impl DiveSearch {
             }
         }
         let start = self.prepared(&mut program, start);
-        let mut report = solver.solve(&mut Modelled { program: &mut program, model }, &start, &mut watch)?;
+        let modelled = &mut Modelled { program: &mut program, model: &mut model };
+        let mut report = solver.solve(modelled, &start, &mut watch)?;
+        while let Some(start) = self.with_breaches(&mut [&mut model, &mut program], &report)? {
+            let start = self.prepared(&mut program, start);
+            let modelled = &mut Modelled { program: &mut program, model: &mut model };
+            report = solver.solve(modelled, &start, &mut watch)?;
+        }
         if let (Some(status), Status::IterationLimit) = (given_up, report.status) {
             report.status = status;
         }
         Ok(report)
+    }
+
+    /// Where limbs of a solution come too near to each other between the times at which the clearance is a constraint of these
+    /// programs of one structure, makes it one there too, and returns where to go on. None where there is nothing to add, or
+    /// more than [`MOST_ADDED`] times would be.
+    fn with_breaches(
+        &self,
+        programs: &mut [&mut DiveProgram],
+        found: &Report,
+    ) -> Result<Option<Start>, DiveError> {
+        let Some(first) = programs.first().filter(|_| found.status.is_converged()) else { return Ok(None) };
+        let breaches = first.breaches(&found.z)?;
+        if breaches.is_empty() || first.added().len() + breaches.len() > MOST_ADDED {
+            return Ok(None);
+        }
+        for program in programs.iter_mut() {
+            **program = program.with_clearance_at(&breaches)?;
+        }
+        let mut start =
+            Start { constraint_multipliers: found.constraint_multipliers.clone(), ..found.z.clone().into() };
+        // rows of the times that are added come last
+        let n_rows = programs.first().map_or(0, |program| program.structure().constraints.len());
+        start.constraint_multipliers.resize(n_rows, 0.0);
+        Ok(Some(start))
     }
 
     /// A stage with constraints.
@@ -150,6 +196,14 @@ impl DiveSearch {
             self.solve(program, z, &mut |_| Flow::Continue)
         };
         templates.par_iter().with_max_len(1).map(solve).collect()
+    }
+}
+
+impl Verified<DiveReport, DiveJudgementError> {
+    /// Whether the dive requested was found: the program is solved, and integrations confirm its motion to [`ALLOWED`].
+    pub fn is_success(&self) -> bool {
+        let is_confirmed = self.verification.as_ref().is_ok_and(|report| report.is_confirmed(ALLOWED));
+        self.report.status.is_converged() && is_confirmed
     }
 }
 

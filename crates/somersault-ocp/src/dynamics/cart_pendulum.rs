@@ -6,9 +6,10 @@
 //! ```
 //! (A.2) as printed lacks the ℓ under τ, and (A.3) has the wrong sign of its entry (1, 2).
 
-use super::{Dofs, HybridDynamics};
+use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::{OcpError, expect_finite, expect_positive};
 use crate::nlp::EvaluationError;
+use nalgebra::Matrix6;
 use somersault_multibody::{Scalar, models::CartPendulum, nalgebra};
 
 /// The pendulum, passive, on the cart, active: q = (r, θ) as in the tree of [`CartPendulum`].
@@ -103,5 +104,23 @@ impl HybridDynamics for CartPendulumDynamics {
             by_torque,
         ]);
         Ok(())
+    }
+
+    fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives> {
+        None
+    }
+
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
+        Ok(())
+    }
+
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
+        Ok(())
+    }
+
+    fn bracket(&self, _group: usize, _d: &[f64]) -> Matrix6<f64> {
+        Matrix6::zeros()
     }
 }

@@ -71,39 +71,30 @@ pub trait HybridDynamics: Send {
         partials: &mut [f64],
     ) -> Result<(), EvaluationError>;
 
-    /// Whether [`add_curvature`](Self::add_curvature) does what it says.
-    fn has_curvature(&self) -> bool {
-        false
-    }
+    /// Its second derivatives; none where displacements do not commute, or nobody has written them.
+    fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives>;
 
+    /// out ← q ⊕ d; where displacements commute, the sum.
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError>;
+
+    /// out ← the d of least rotation with `from` ⊕ d = `to`; where displacements commute, the difference.
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError>;
+
+    /// The matrix of the bracket of a displacement `d` of all degrees of freedom with others, in group number `group` of
+    /// [`Dofs::groups`]; rows and columns beyond the degrees of freedom of the group are zero.
+    fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64>;
+}
+
+/// Second derivatives of [`HybridDynamics`] whose displacements commute.
+pub trait HybridSecondDerivatives {
     /// Adds Σ w_i ∂²found_i to `out`: second derivatives by q, by v and by what is known, one square matrix of three times
-    /// the degrees of freedom. Only where displacements commute.
-    fn add_curvature(
+    /// the degrees of freedom.
+    fn add_second_derivatives(
         &mut self,
-        _q: &[f64],
-        _v: &[f64],
-        _known: &[f64],
-        _weights: &[f64],
-        _out: &mut [f64],
-    ) -> Result<(), EvaluationError> {
-        Ok(())
-    }
-
-    /// out ← q ⊕ d.
-    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
-        Ok(())
-    }
-
-    /// out ← the d of least rotation with `from` ⊕ d = `to`.
-    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
-        Ok(())
-    }
-
-    /// The matrix of the bracket of a displacement `d` of all degrees of freedom with others, in group number `group`;
-    /// rows and columns beyond the degrees of freedom of the group are zero.
-    fn bracket(&self, _group: usize, _d: &[f64]) -> Matrix6<f64> {
-        Matrix6::zeros()
-    }
+        q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        weights: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), EvaluationError>;
 }

@@ -1,6 +1,6 @@
 //! Any tree, with any division into passive and active degrees of freedom.
 
-use super::{Dofs, HybridDynamics};
+use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::{OcpError, expect_length};
 use crate::nlp::EvaluationError;
 use nalgebra::{Matrix6, Vector3};
@@ -13,12 +13,32 @@ pub struct Tree {
     model: Model,
     split: Split,
     dofs: Dofs,
-    joints: Vec<Joint>,
+    /// Of the groups of `dofs`.
+    groups: Vec<Group>,
     data: Data,
     work: DerivativeData,
     acceleration: Vec<f64>,
     torque: Vec<f64>,
     bent: Option<Box<Bent>>,
+}
+
+/// A joint whose displacements do not commute.
+#[derive(Debug, Clone, Copy)]
+enum Group {
+    Spherical,
+    Planar,
+    Free,
+}
+
+impl Group {
+    fn of(joint: &Joint) -> Option<Self> {
+        match joint {
+            Joint::Fixed | Joint::Revolute { .. } | Joint::Prismatic { .. } => None,
+            Joint::Spherical => Some(Self::Spherical),
+            Joint::Planar => Some(Self::Planar),
+            Joint::Free => Some(Self::Free),
+        }
+    }
 }
 
 /// The tree over dual numbers, made when second derivatives are first asked for.
@@ -50,7 +70,7 @@ impl Tree {
             positions: vec![None; n],
             groups: Vec::new(),
         };
-        let mut joints = Vec::new();
+        let mut groups = Vec::new();
         for (i, link) in model.links().iter().enumerate() {
             let at = model.velocities_of(i);
             if at.len() == 1 {
@@ -62,14 +82,14 @@ impl Tree {
                 let joint = link.name().to_owned();
                 return Err(OcpError::ActiveJoint { joint, n_active, n_velocities: at.len() });
             }
-            if at.len() > 1 {
+            if let Some(group) = Group::of(link.joint()) {
                 dofs.groups.push(at);
-                joints.push(*link.joint());
+                groups.push(group);
             }
         }
         let (data, work) = (Data::new(&model), DerivativeData::new(&model));
         let room = || vec![0.0; n];
-        Ok(Self { model, split, dofs, joints, data, work, acceleration: room(), torque: room(), bent: None })
+        Ok(Self { model, split, dofs, groups, data, work, acceleration: room(), torque: room(), bent: None })
     }
 
     /// The tree.
@@ -88,21 +108,21 @@ pub(crate) fn undefined(error: DynamicsError) -> EvaluationError {
 }
 
 /// A displacement of a joint as a motion in the axes of its child.
-fn motion(joint: &Joint, d: &[f64]) -> Motion<f64> {
-    match joint {
-        Joint::Spherical => Motion::new(Vector3::zeros(), Vector3::new(d[0], d[1], d[2])),
-        Joint::Planar => Motion::new(Vector3::new(d[0], d[1], 0.0), Vector3::new(0.0, 0.0, d[2])),
-        _ => Motion::new(Vector3::new(d[0], d[1], d[2]), Vector3::new(d[3], d[4], d[5])),
+fn motion(group: Group, d: &[f64]) -> Motion<f64> {
+    match group {
+        Group::Spherical => Motion::new(Vector3::zeros(), Vector3::new(d[0], d[1], d[2])),
+        Group::Planar => Motion::new(Vector3::new(d[0], d[1], 0.0), Vector3::new(0.0, 0.0, d[2])),
+        Group::Free => Motion::new(Vector3::new(d[0], d[1], d[2]), Vector3::new(d[3], d[4], d[5])),
     }
 }
 
 /// The numbers of a displacement of a joint.
-fn numbers(joint: &Joint, m: &Motion<f64>) -> [f64; 6] {
+fn numbers(group: Group, m: &Motion<f64>) -> [f64; 6] {
     let (l, a) = (m.linear, m.angular);
-    match joint {
-        Joint::Spherical => [a.x, a.y, a.z, 0.0, 0.0, 0.0],
-        Joint::Planar => [l.x, l.y, a.z, 0.0, 0.0, 0.0],
-        _ => [l.x, l.y, l.z, a.x, a.y, a.z],
+    match group {
+        Group::Spherical => [a.x, a.y, a.z, 0.0, 0.0, 0.0],
+        Group::Planar => [l.x, l.y, a.z, 0.0, 0.0, 0.0],
+        Group::Free => [l.x, l.y, l.z, a.x, a.y, a.z],
     }
 }
 
@@ -146,13 +166,36 @@ impl HybridDynamics for Tree {
         Ok(())
     }
 
-    fn has_curvature(&self) -> bool {
-        self.dofs.groups.is_empty()
+    fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives> {
+        if self.dofs.groups.is_empty() { Some(self) } else { None }
     }
 
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        self.model.integrate(q, d, out).map_err(undefined)
+    }
+
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        self.model.difference(from, to, out).map_err(undefined)
+    }
+
+    fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64> {
+        let (group, at) = (self.groups[group], self.dofs.groups[group].clone());
+        let d = motion(group, &d[at.clone()]);
+        let mut matrix = Matrix6::zeros();
+        for j in 0..at.len() {
+            let mut unit = [0.0; 6];
+            unit[j] = 1.0;
+            let column = numbers(group, &d.cross(&motion(group, &unit)));
+            matrix.column_mut(j).copy_from_slice(&column);
+        }
+        matrix
+    }
+}
+
+impl HybridSecondDerivatives for Tree {
     /// By the analytic partials over dual numbers, one sweep for each position and velocity: what is found is linear in
     /// what is known.
-    fn add_curvature(
+    fn add_second_derivatives(
         &mut self,
         q: &[f64],
         v: &[f64],
@@ -184,26 +227,5 @@ impl HybridDynamics for Tree {
             arguments[j / n][j % n].eps = 0.0;
         }
         Ok(())
-    }
-
-    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        self.model.integrate(q, d, out).map_err(undefined)
-    }
-
-    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        self.model.difference(from, to, out).map_err(undefined)
-    }
-
-    fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64> {
-        let (joint, at) = (&self.joints[group], self.dofs.groups[group].clone());
-        let d = motion(joint, &d[at.clone()]);
-        let mut matrix = Matrix6::zeros();
-        for j in 0..at.len() {
-            let mut unit = [0.0; 6];
-            unit[j] = 1.0;
-            let column = numbers(joint, &d.cross(&motion(joint, &unit)));
-            matrix.column_mut(j).copy_from_slice(&column);
-        }
-        matrix
     }
 }

@@ -115,10 +115,16 @@ impl Counting {
         (sum + sum.transpose()) * 0.5
     }
 
-    /// The orientation with the same somersault, without tilt, all twists whole.
-    pub fn straightened(&self, orientation: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    /// The orientation with the same somersault, without tilt, and with the given twist, rad.
+    pub fn straightened(&self, orientation: &UnitQuaternion<f64>, twist: f64) -> UnitQuaternion<f64> {
         let somersault = self.angles(orientation).somersault;
-        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), somersault) * self.axes.inverse()
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), somersault);
+        turned * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), twist) * self.axes.inverse()
+    }
+
+    /// The world's lateral axis in axes of the root, where there is no tilt and the given twist, rad.
+    pub(crate) fn lateral(&self, twist: f64) -> Vector3<f64> {
+        self.axes * (UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -twist) * Vector3::y())
     }
 
     fn body(&self, orientation: &UnitQuaternion<f64>) -> Rotation3<f64> {
@@ -144,6 +150,27 @@ mod tests {
             let found = counting.angles(&(turned(somersault, tilt, twist) * counting.axes.inverse()));
             assert!((found.somersault - somersault).abs() < 1e-14);
             assert!((found.tilt - tilt).abs() < 1e-14 && (found.twist - twist).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn what_is_straight_stays_as_it_is() {
+        use std::f64::consts::PI;
+        let counting = Counting { axes: UnitQuaternion::from_euler_angles(0.1, -0.3, 0.2) };
+        for half_twists in -5..=5 {
+            let twist = PI * f64::from(half_twists);
+            for somersault in [0.4, -2.0, 3.0, 9.0] {
+                let straight = turned(somersault, 0.0, twist) * counting.axes.inverse();
+                assert!(straight.angle_to(&counting.straightened(&straight, twist)) < 1e-14);
+                // a small somersault more turns it about the lateral axis of the world
+                let h = 1e-6;
+                let more = turned(somersault + h, 0.0, twist) * counting.axes.inverse();
+                let by = (straight.inverse() * more).scaled_axis() / h;
+                assert!((by - counting.lateral(twist)).norm() < 1e-9, "{half_twists} {somersault}");
+                // and what is left of tilt and twist goes
+                let bent = turned(somersault, 0.2, twist - 0.3) * counting.axes.inverse();
+                assert!(straight.angle_to(&counting.straightened(&bent, twist)) < 1e-14);
+            }
         }
     }
 

@@ -58,6 +58,13 @@ pub(super) fn rate_derivatives(u: &Vector3<f64>, omega: &Vector3<f64>) -> [Matri
     [by_omega, by_u]
 }
 
+/// ∂ω/∂u̇, the inverse of 1 + û/2 + û²/12, which every u has.
+pub(super) fn omega_by_rate(u: &Vector3<f64>) -> Matrix3<f64> {
+    let (u_hat, square) = (hat(u), u.norm_squared());
+    let n = 1.0 + square / 12.0 + square * square / 144.0;
+    Matrix3::identity() - u_hat * (0.5 / n) + u_hat * u_hat * ((1.0 / 6.0 + square / 144.0) / n)
+}
+
 /// What a displacement of u turns exp(u) by, in the axes it leads to.
 pub(super) fn right_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|e| so3::dexp(&-u, &e)))
@@ -132,3 +139,18 @@ pub(super) fn turn<E>(
 
 /// Weights of Simpson's rule; the third stage repeats the second.
 pub(super) const SIMPSON: [f64; STAGES] = [1.0 / 6.0, 4.0 / 6.0, 0.0, 1.0 / 6.0];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rate_has_an_inverse() {
+        for size in [0.0, 1e-9, 0.3, 2.0, 12f64.sqrt(), 40.0] {
+            let u = Vector3::new(0.6, -0.64, 0.48) * size;
+            let [by_omega, _] = rate_derivatives(&u, &Vector3::x());
+            let product = omega_by_rate(&u) * by_omega;
+            assert!((product - Matrix3::identity()).amax() < 1e-13, "{size}: {product}");
+        }
+    }
+}

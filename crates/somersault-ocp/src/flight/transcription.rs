@@ -15,7 +15,9 @@ use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect
 use crate::motion::SplineMotion;
 use crate::nlp::{Bounds, EvaluationError};
 use crate::term::{Node, NodeGradient};
-use crate::transcription::{NodeSizes, NodeTangent, Outline, RolloutGradient, Transcription, Visit};
+use crate::transcription::{
+    NodeSizes, NodeTangent, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription, Visit,
+};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use somersault_core::so3;
 use somersault_core::spline::MAX_DEGREE;
@@ -517,6 +519,10 @@ impl Transcription for FlightShooting {
             gradient[first] += by_duration;
         }
         Ok(())
+    }
+
+    fn second_derivatives(&mut self) -> Option<&mut dyn RolloutSecondDerivatives> {
+        None
     }
 
     fn push_forward(&mut self, _defects: &mut [f64], visit: &mut Visit<'_>) -> Result<(), EvaluationError> {

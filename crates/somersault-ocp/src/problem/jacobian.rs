@@ -61,13 +61,9 @@ impl Rows {
             variables.push(all);
         }
         let entries = variables.iter().enumerate().flat_map(|(i, v)| v.iter().map(move |j| (i, *j)));
-        let pattern = Pattern::from_entries(variables.len(), outline.n_variables(), entries);
-        let places = variables
-            .iter()
-            .enumerate()
-            // every entry is in the pattern by construction
-            .map(|(i, v)| v.iter().filter_map(|j| pattern.position(i, *j)).collect())
-            .collect();
+        let (pattern, places) = Pattern::with_places(variables.len(), outline.n_variables(), entries);
+        let mut rest = places.into_iter();
+        let places = variables.iter().map(|v| rest.by_ref().take(v.len()).collect()).collect();
         (Self { variables, places, n_defects, constraints_at, costs_at }, pattern)
     }
 

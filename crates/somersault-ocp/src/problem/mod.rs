@@ -226,8 +226,8 @@ impl<T: Transcription> MotionProblemBuilder<T> {
     }
 
     /// Fails where something has no second derivatives.
-    fn expect_curvature(&self) -> Result<(), OcpError> {
-        if !self.transcription.has_curvature() {
+    fn expect_curvature(&mut self) -> Result<(), OcpError> {
+        if self.transcription.second_derivatives().is_none() {
             return Err(OcpError::NoCurvature { what: "the transcription".to_owned() });
         }
         let taken = self.costs.iter().map(|c| &c.taken).chain(self.constraints.iter().map(|c| &c.taken));
@@ -248,7 +248,7 @@ impl<T: Transcription> MotionProblemBuilder<T> {
     }
 
     /// The problem.
-    pub fn build(self) -> Result<MotionProblem<T>, OcpError> {
+    pub fn build(mut self) -> Result<MotionProblem<T>, OcpError> {
         self.expect_variables()?;
         if self.exact {
             self.expect_curvature()?;

@@ -1,7 +1,7 @@
 //! The problem as a nonlinear program.
 
 use super::{Constraint, Cost, MotionProblem, Taken};
-use crate::nlp::{Curvature, EvaluationError, Nlp, Structure};
+use crate::nlp::{Curvature, EvaluationError, Nlp, NoHessian, Structure};
 use crate::term::{Node, Term};
 use crate::transcription::Transcription;
 
@@ -155,11 +155,17 @@ impl<T: Transcription> Nlp for MotionProblem<T> {
         multipliers: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
+        if self.curvature() == Curvature::None {
+            return Err(NoHessian.into());
+        }
         self.gauss_newton(cost_factor, hessian)?;
         if self.exact {
             self.seed_costs(cost_factor)?;
             self.seed_constraints(multipliers)?;
-            self.transcription.add_curvature(&self.work.rollout, &self.structure.hessian, hessian)?;
+            let what =
+                || EvaluationError::Undefined { what: "the second derivative of the motion".to_owned() };
+            let motion = self.transcription.second_derivatives().ok_or_else(what)?;
+            motion.add_second_derivatives(&self.work.rollout, &self.structure.hessian, hessian)?;
         }
         Ok(())
     }

@@ -64,7 +64,8 @@ impl<D: HybridDynamics> Shooting<D> {
         self.curvature.weights = std::mem::take(&mut work.weights);
         let swept = self.sweep_backward(by, &mut work.gradient);
         work.weights = std::mem::take(&mut self.curvature.weights);
-        let done = swept.and_then(|()| self.bend(&mut work)).map(|()| {
+        let done = swept.and_then(|()| self.bend(&mut work)).and_then(|()| {
+            let mut added = Ok(());
             let mut forward = std::mem::take(&mut self.forward);
             for (number, tangents) in forward.iter_mut().enumerate() {
                 let n_variables = self.segments[number].variables.len();
@@ -77,13 +78,13 @@ impl<D: HybridDynamics> Shooting<D> {
                 self.bend_segment(number, tangents, &mut sum);
                 for (j, column) in self.segments[number].variables.iter().enumerate() {
                     for (i, row) in self.segments[number].variables[..=j].iter().enumerate() {
-                        if let Some(place) = pattern.position(*row, *column) {
-                            hessian[place] += sum.total[(i, j)];
-                        }
+                        let value = sum.total[(i, j)];
+                        added = added.and_then(|()| Ok(pattern.add(hessian, *row, *column, value)?));
                     }
                 }
             }
             self.forward = forward;
+            added
         });
         self.curvature = work;
         done
@@ -93,6 +94,8 @@ impl<D: HybridDynamics> Shooting<D> {
     fn bend(&mut self, work: &mut Work) -> Result<(), EvaluationError> {
         let Self { dynamics, stages, phases, scheme, .. } = self;
         let n = dynamics.dofs().n_velocities();
+        let what = || EvaluationError::Undefined { what: "the second derivative of the dynamics".to_owned() };
+        let dynamics = dynamics.second_derivatives().ok_or_else(what)?;
         for phase in phases {
             for step in 0..=phase.n_steps {
                 let n_stages = if step == phase.n_steps { 1 } else { scheme.n_stages() };
@@ -101,7 +104,7 @@ impl<D: HybridDynamics> Shooting<D> {
                     let (weights, size) = (&work.weights[i * n..(i + 1) * n], 9 * n * n);
                     let out = &mut work.stages[i * size..(i + 1) * size];
                     let (q, v, known) = (stages.position(i), stages.velocity(i), stages.known(i));
-                    dynamics.add_curvature(q, v, known, weights, out)?;
+                    dynamics.add_second_derivatives(q, v, known, weights, out)?;
                 }
             }
         }

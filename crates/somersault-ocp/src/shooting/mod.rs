@@ -30,7 +30,7 @@ use crate::error::{OcpError, expect_below, expect_length, expect_room};
 use crate::motion::{EigenpostureBase, SplineMotion};
 use crate::nlp::{Bounds, EvaluationError, Pattern};
 use crate::term::Node;
-use crate::transcription::{NodeSizes, Outline, RolloutGradient, Transcription};
+use crate::transcription::{NodeSizes, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription};
 use table::Table;
 use trajectory::Stages;
 
@@ -258,7 +258,7 @@ impl<D: HybridDynamics> Shooting<D> {
             first_defect = outline.n_defects();
             let n_links = match self.drive {
                 Drive::Motion if steps.start == 0 => link_rows(&self.phases, phase),
-                _ => 0,
+                Drive::Motion | Drive::Torque { .. } => 0,
             };
             for _ in 0..2 * passive.len() + 2 * n_links {
                 outline.defects.push(0.0, 0.0);
@@ -394,17 +394,10 @@ impl<D: HybridDynamics> Transcription for Shooting<D> {
         self.sweep_backward(by, gradient)
     }
 
-    fn has_curvature(&self) -> bool {
-        self.dynamics.has_curvature() && self.layout.durations.iter().all(Option::is_none)
-    }
-
-    fn add_curvature(
-        &mut self,
-        by: &RolloutGradient,
-        pattern: &Pattern,
-        hessian: &mut [f64],
-    ) -> Result<(), EvaluationError> {
-        self.sweep_curvature(by, pattern, hessian)
+    fn second_derivatives(&mut self) -> Option<&mut dyn RolloutSecondDerivatives> {
+        let has_fixed_durations = self.layout.durations.iter().all(Option::is_none);
+        let is_curved = has_fixed_durations && self.dynamics.second_derivatives().is_some();
+        if is_curved { Some(self) } else { None }
     }
 
     fn push_forward(
@@ -413,5 +406,16 @@ impl<D: HybridDynamics> Transcription for Shooting<D> {
         visit: &mut crate::transcription::Visit<'_>,
     ) -> Result<(), EvaluationError> {
         self.sweep_forward(defects, visit)
+    }
+}
+
+impl<D: HybridDynamics> RolloutSecondDerivatives for Shooting<D> {
+    fn add_second_derivatives(
+        &mut self,
+        by: &RolloutGradient,
+        pattern: &Pattern,
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.sweep_curvature(by, pattern, hessian)
     }
 }

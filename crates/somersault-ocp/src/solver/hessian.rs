@@ -29,14 +29,20 @@ enum Kind {
     QuasiNewton { blocks: Vec<Vec<usize>>, scaled: Vec<bool>, product: Vec<f64> },
 }
 
+/// Entries of the diagonal.
+fn diagonal(n: usize) -> Vec<(usize, usize)> {
+    (0..n).map(|i| (i, i)).collect()
+}
+
 impl Hessian {
     /// For what the program offers.
     pub(super) fn offered(offered: &Pattern) -> Self {
         let n = offered.n_rows;
-        let entries = offered.entries().map(|(_, i, j)| (i, j)).chain((0..n).map(|i| (i, i)));
-        let pattern = Pattern::from_entries(n, n, entries);
-        let at = offered.entries().map(|(_, i, j)| pattern.position(i, j).unwrap_or_default()).collect();
-        Self::new(pattern, Kind::Offered { at, values: vec![0.0; offered.n_entries()] })
+        let entries = offered.entries().map(|(_, i, j)| (i, j)).collect();
+        let (pattern, [at, diagonal_at]) = Pattern::with_places_of(n, n, [entries, diagonal(n)]);
+        let values = vec![0.0; pattern.n_entries()];
+        let kind = Kind::Offered { at, values: vec![0.0; offered.n_entries()] };
+        Self { pattern, values, diagonal_at, kind }
     }
 
     /// For a quasi-Newton approximation, which begins as the unit matrix.
@@ -45,17 +51,15 @@ impl Hessian {
         let blocks = if known.n_entries() == 0 { vec![(0..n).collect()] } else { coupled(known) };
         let entries = blocks
             .iter()
-            .flat_map(|b| b.iter().enumerate().flat_map(|(k, &j)| b[..=k].iter().map(move |&i| (i, j))));
-        let pattern = Pattern::from_entries(n, n, entries);
+            .flat_map(|b| b.iter().enumerate().flat_map(|(k, &j)| b[..=k].iter().map(move |&i| (i, j))))
+            .collect();
+        let (pattern, [_, diagonal_at]) = Pattern::with_places_of(n, n, [entries, diagonal(n)]);
         let scaled = vec![false; blocks.len()];
-        let mut hessian = Self::new(pattern, Kind::QuasiNewton { blocks, scaled, product: vec![0.0; n] });
+        let values = vec![0.0; pattern.n_entries()];
+        let kind = Kind::QuasiNewton { blocks, scaled, product: vec![0.0; n] };
+        let mut hessian = Self { pattern, values, diagonal_at, kind };
         hessian.reset();
         hessian
-    }
-
-    fn new(pattern: Pattern, kind: Kind) -> Self {
-        let diagonal_at = (0..pattern.n_rows).map(|i| pattern.position(i, i).unwrap_or_default()).collect();
-        Self { values: vec![0.0; pattern.n_entries()], pattern, diagonal_at, kind }
     }
 
     pub(super) fn is_quasi_newton(&self) -> bool {

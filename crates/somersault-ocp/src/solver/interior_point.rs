@@ -119,15 +119,10 @@ impl InteriorPoint {
         let a_values = vec![0.0; entries.len()];
         let a_matrix = CscMatrix::new(n_rows, n_columns, pattern.columns, pattern.rows, a_values);
 
-        let diagonal = (0..n).map(|i| (i, i));
-        let pattern = Pattern::from_entries(
-            n_columns,
-            n_columns,
-            hessian.entries().map(|(_, i, j)| (i, j)).chain(diagonal),
-        );
-        let at = |i: usize, j: usize| pattern.position(i, j).unwrap_or_default();
-        let hessian_at = hessian.entries().map(|(_, i, j)| at(i, j)).collect();
-        let diagonal_at = (0..n).map(|i| at(i, i)).collect();
+        let diagonal = (0..n).map(|i| (i, i)).collect();
+        let curved = hessian.entries().map(|(_, i, j)| (i, j)).collect();
+        let (pattern, [hessian_at, diagonal_at]) =
+            Pattern::with_places_of(n_columns, n_columns, [curved, diagonal]);
         let p_values = vec![0.0; pattern.n_entries()];
         Self {
             n,

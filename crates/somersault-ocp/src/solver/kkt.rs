@@ -66,14 +66,11 @@ impl Kkt {
     /// For a Hessian and a Jacobian of these patterns.
     pub(super) fn new(hessian: &Pattern, jacobian: &Pattern) -> Self {
         let (n, m) = (jacobian.n_columns(), jacobian.n_rows);
-        let diagonal = (0..n + m).map(|i| (i, i));
-        let upper_left = hessian.entries().map(|(_, i, j)| (i, j));
-        let upper_right = jacobian.entries().map(|(_, i, j)| (j, n + i));
-        let pattern = Pattern::from_entries(n + m, n + m, diagonal.chain(upper_left).chain(upper_right));
-        let at = |i: usize, j: usize| pattern.position(i, j).unwrap_or_default();
-        let hessian_at = hessian.entries().map(|(_, i, j)| at(i, j)).collect();
-        let jacobian_at = jacobian.entries().map(|(_, i, j)| at(j, n + i)).collect();
-        let diagonal_at = (0..n + m).map(|i| at(i, i)).collect();
+        let diagonal = (0..n + m).map(|i| (i, i)).collect();
+        let upper_left = hessian.entries().map(|(_, i, j)| (i, j)).collect();
+        let upper_right = jacobian.entries().map(|(_, i, j)| (j, n + i)).collect();
+        let (pattern, [diagonal_at, hessian_at, jacobian_at]) =
+            Pattern::with_places_of(n + m, n + m, [diagonal, upper_left, upper_right]);
         let n_entries = pattern.n_entries();
         let settings = QDLDLSettings { logical: true, regularize_enable: false, ..QDLDLSettings::default() };
         let matrix = CscMatrix::new(n + m, n + m, pattern.columns, pattern.rows, vec![1.0; n_entries]);

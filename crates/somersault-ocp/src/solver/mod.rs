@@ -36,7 +36,7 @@
 //! minimum then takes a fraction of the steps (7 instead of 171 for case A of the thesis' Table A.1, 9 for case G).
 //!
 //! ```
-//! use somersault_ocp::nlp::{Bounds, EvaluationError, Nlp, Pattern, Structure};
+//! use somersault_ocp::nlp::{Bounds, Curvature, EvaluationError, Nlp, NoHessian, Pattern, Structure};
 //! use somersault_ocp::solver::{Flow, NlpSolver, Sqp, Start};
 //!
 //! /// The largest x + y in the unit disc.
@@ -54,6 +54,12 @@
 //!         g.fill(-1.0);
 //!         j.copy_from_slice(&[2.0 * z[0], 2.0 * z[1]]);
 //!         Ok(())
+//!     }
+//!     fn curvature(&self) -> Curvature {
+//!         Curvature::None
+//!     }
+//!     fn hessian(&mut self, _: &[f64], _: f64, _: &[f64], _: &mut [f64]) -> Result<(), EvaluationError> {
+//!         Err(NoHessian.into())
 //!     }
 //! }
 //!

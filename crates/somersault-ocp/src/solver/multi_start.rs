@@ -75,7 +75,7 @@ impl MultiStartReport {
     pub fn unfinished(&self) -> Vec<&Report> {
         let ended = self.failures.iter().filter_map(|failure| match &failure.cause {
             FailureCause::Ended(report) => Some(report),
-            _ => None,
+            FailureCause::Error(_) | FailureCause::Skipped => None,
         });
         let mut ended: Vec<&Report> = ended.collect();
         ended.sort_by(|a, b| better(a, b));

@@ -82,7 +82,7 @@ impl<'a> Program<'a> {
     fn expect_in_time(&self) -> Result<(), EvaluationError> {
         match self.deadline {
             Some(deadline) if Instant::now() >= deadline => Err(EvaluationError::Failed(Box::new(OutOfTime))),
-            _ => Ok(()),
+            Some(_) | None => Ok(()),
         }
     }
 

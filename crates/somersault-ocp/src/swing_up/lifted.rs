@@ -32,7 +32,7 @@ pub struct SwingUp {
     constants: Vec<(usize, f64)>,
     /// Q in the order of e, and where it is in the Hessian.
     weights: [f64; ERROR],
-    weights_at: [usize; ERROR],
+    weights_at: Vec<usize>,
 }
 
 /// Steps between two nodes.
@@ -95,35 +95,32 @@ impl SwingUp {
         let of_segments =
             segments.iter().flat_map(|s| s.rows.into_iter().flat_map(|i| s.variables().map(move |j| (i, j))));
         let of_nodes = (0..n_rows).map(|i| (i, n + i));
-        let entries = of_segments.chain(of_nodes.clone()).chain(cart.iter().copied());
-        let jacobian = Pattern::from_entries(n_rows, n_variables, entries);
-        let of_error = (n_variables - ERROR..n_variables).map(|i| (i, i));
-        let entries = segments.iter().flat_map(|s| triangle(s.variables())).chain(of_error);
-        let hessian = Pattern::from_entries(n_variables, n_variables, entries);
+        let lists = [of_segments.collect(), of_nodes.collect(), cart.clone()];
+        let (jacobian, [segments_at, nodes_at, cart_at]) =
+            Pattern::with_places_of(n_rows, n_variables, lists);
+        let of_error = (n_variables - ERROR..n_variables).map(|i| (i, i)).collect();
+        let of_segments = segments.iter().flat_map(|s| triangle(s.variables())).collect();
+        let (hessian, [mut hessians_at, weights_at]) =
+            Pattern::with_places_of(n_variables, n_variables, [of_segments, of_error]);
+        let mut segments_at = segments_at.into_iter();
         for s in &mut segments {
-            let at = |row: usize| s.variables().filter_map(|j| jacobian.position(row, j)).collect();
-            let jacobian_at = s.rows.map(at);
-            s.hessian_at = triangle(s.variables()).filter_map(|(i, j)| hessian.position(i, j)).collect();
+            let n_columns = s.variables().count();
+            s.jacobian_at = s.rows.map(|_| segments_at.by_ref().take(n_columns).collect());
+            let rest = hessians_at.split_off(n_columns * (n_columns + 1) / 2);
+            s.hessian_at = std::mem::replace(&mut hessians_at, rest);
             s.hessian = vec![0.0; s.hessian_at.len()];
-            s.jacobian_at = jacobian_at;
         }
         let mut row = vec![0.0; n];
-        let mut constants = Vec::new();
-        for (i, j) in of_nodes {
-            constants.extend(jacobian.position(i, j).map(|at| (at, -1.0)));
-        }
-        for (i, j) in cart {
+        let mut constants: Vec<(usize, f64)> = nodes_at.into_iter().map(|at| (at, -1.0)).collect();
+        for ((i, j), at) in cart.into_iter().zip(cart_at) {
             passes.tables.row(end, i + 2 - n_rows, 0, &mut row);
-            constants.extend(jacobian.position(i, j).map(|at| (at, row[j])));
+            constants.push((at, row[j]));
         }
         let [a, b, c, d] = problem.terminal_weights;
         let zeros = Bounds { lower: vec![0.0; n_rows], upper: vec![0.0; n_rows] };
         Ok(Self {
             weights: [a, c, b, d],
-            weights_at: std::array::from_fn(|k| {
-                let i = n_variables - ERROR + k;
-                hessian.position(i, i).unwrap_or_default()
-            }),
+            weights_at,
             structure: Structure {
                 variables: Bounds::free(n_variables),
                 constraints: zeros,

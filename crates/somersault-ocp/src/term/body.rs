@@ -77,6 +77,10 @@ impl Term for PointPosition {
         3
     }
 
+    fn is_linear(&self) -> bool {
+        false
+    }
+
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
         rows.copy_from_slice(self.0.pose(node)?.translation.as_slice());
         Ok(())
@@ -117,6 +121,10 @@ impl Term for AxisDirection {
 
     fn n_rows(&self) -> usize {
         3
+    }
+
+    fn is_linear(&self) -> bool {
+        false
     }
 
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
@@ -164,6 +172,10 @@ impl Term for BodyOrientation {
 
     fn n_rows(&self) -> usize {
         3
+    }
+
+    fn is_linear(&self) -> bool {
+        false
     }
 
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {

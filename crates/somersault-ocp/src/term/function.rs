@@ -146,6 +146,10 @@ impl Term for Function {
         self.n_rows
     }
 
+    fn is_linear(&self) -> bool {
+        false
+    }
+
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
         (self.rows)(node, rows).map_err(EvaluationError::Failed)
     }

@@ -93,9 +93,7 @@ pub trait Term: Send {
     fn n_rows(&self) -> usize;
 
     /// Whether r is linear in the node, so that it has no curvature of its own.
-    fn is_linear(&self) -> bool {
-        false
-    }
+    fn is_linear(&self) -> bool;
 
     /// Writes r.
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError>;

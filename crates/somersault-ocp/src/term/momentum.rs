@@ -44,6 +44,10 @@ impl Term for Momentum {
         3
     }
 
+    fn is_linear(&self) -> bool {
+        false
+    }
+
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
         let Self { model, work, part } = self;
         let found = model.momentum_partials(work, node.position, node.velocity).map_err(undefined)?;

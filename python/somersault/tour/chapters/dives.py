@@ -165,7 +165,7 @@ def _table(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         ],
         [words("largest defect of the orientation, rad"), error_size(verified.defect)],
         [
-            words("reduced flight against full dynamics at the entry, rad"),
+            words("reduced flight against full dynamics, largest angle, rad"),
             error_size(verified.full_dynamics_defect),
         ],
         [
@@ -336,7 +336,7 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         f" In the dive found these weigh most: {_phases(dive)}."
         f" {_throw(dive)}"
     )
-    if not dive.success:
+    if not dive.report.success:
         page.text(
             f"The dive meets what is asked of it to {error_size(dive.report.feasibility)}, but its cost is"
             " not yet the least there is nearby: the search"

@@ -22,12 +22,13 @@ impl DiveProgram {
         let Some(k) = self.extra.momentum else { return Ok(()) };
         let (lower, upper) = (self.structure.variables.lower[k], self.structure.variables.upper[k]);
         let target = targets(&self.dive)[0];
+        let sense = if target < self.lean(z) { -1.0 } else { 1.0 };
         let mut miss = |value: f64, z: &mut [f64]| {
             z[k] = value;
             self.fly(z, false)?;
             Ok::<f64, DiveError>(self.entry_angles()[0] - target)
         };
-        let (mut last, mut value) = (0.2f64.clamp(lower, upper), 0.3f64.clamp(lower, upper));
+        let [mut last, mut value] = [0.2, 0.3].map(|size: f64| (sense * size).clamp(lower, upper));
         let mut miss_last = miss(last, z)?;
         for _ in 0..30 {
             let found = miss(value, z)?;
@@ -201,12 +202,18 @@ impl DiveProgram {
     }
 }
 
-/// Angles at the entry, rad: somersault, tilt and twist, or the first alone.
-pub(super) fn targets(dive: &Dive) -> Vec<f64> {
+/// Angles at the entry.
+pub(in crate::dive) fn requested(dive: &Dive) -> BodyAngles {
     let somersault = TAU * dive.somersaults + dive.entry_lean;
+    BodyAngles { somersault, tilt: 0.0, twist: TAU * dive.twists }
+}
+
+/// Those that are constraints, rad: somersault, tilt and twist, or the first alone.
+pub(super) fn targets(dive: &Dive) -> Vec<f64> {
+    let BodyAngles { somersault, tilt, twist } = requested(dive);
     match dive.diver.dimension {
         Dimension::Planar => vec![somersault],
-        Dimension::Spatial => vec![somersault, 0.0, TAU * dive.twists],
+        Dimension::Spatial => vec![somersault, tilt, twist],
     }
 }
 

@@ -52,7 +52,7 @@ impl DiveProgram {
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
             let coefficients = &self.coefficients;
-            clearance.add_curvature(model, motion, &self.column_of, coefficients, of_clearances, hessian)?;
+            clearance.add_curvature(model, motion, coefficients, of_clearances, hessian)?;
         }
         Ok(())
     }
@@ -74,7 +74,7 @@ impl DiveProgram {
         let mut normals = DMatrix::zeros(n, rows.len());
         for (row, mut normal) in rows.iter().zip(normals.column_iter_mut()) {
             for (column, entry) in normal.iter_mut().enumerate() {
-                *entry = self.structure.jacobian.position(*row, column).map_or(0.0, |k| self.last[k]);
+                *entry = self.structure.jacobian.value(&self.last, *row, column);
             }
             let length = normal.norm().max(f64::MIN_POSITIVE);
             normal /= length;
@@ -152,8 +152,8 @@ mod tests {
     #[test]
     fn the_curvature_is_that_of_differences_of_the_lagrangian() {
         let planar = Dive { n_steps: 10, ..Dive::forward_pike().unwrap() };
-        let spatial = Dive { n_steps: 25, ..Dive::forward_twisting() };
-        let templates = [Dive::pike_template(), Dive::twisting_template()];
+        let spatial = Dive { n_steps: 25, ..Dive::twisting(3.5, 1.5).unwrap() };
+        let templates = [Dive::pike_template(), Dive::twisting_template(1.5)];
         for (dive, template) in [planar, spatial].into_iter().zip(templates) {
             let dive = Dive {
                 lean: Range::new(0.0, 0.3),

@@ -12,6 +12,7 @@ use super::error::expect_positive;
 use super::{Channels, Dive, DiveError, Range};
 use crate::flight::{Counting, OrientationPath, PathGradient};
 use crate::nlp::{Bounds, Pattern, Structure};
+pub(in crate::dive) use angles::requested;
 use angles::{long_axis, targets};
 use channels::{LinearRow, channel_rows, free_parameters};
 pub(in crate::dive) use curvature::entry;
@@ -41,6 +42,10 @@ pub struct DiveProgram {
     rates: [Quadratic; 2],
     rate_unit: f64,
     linear: Vec<LinearRow>,
+    /// Shares of the duration at which clearances are constraints beside the equidistant ones.
+    added: Vec<f64>,
+    /// Where the Jacobian has the gradients of the angles, row by row.
+    angle_places: Vec<usize>,
     /// The Jacobian with all that is constant.
     jacobian: Vec<f64>,
     /// The Jacobian at the last point.
@@ -66,6 +71,20 @@ struct Extra {
 impl DiveProgram {
     pub(in crate::dive) fn try_new(dive: &Dive) -> Result<Self, DiveError> {
         dive.check()?;
+        Self::with_times(dive, Vec::new())
+    }
+
+    /// The same, with clearances as constraints at the given shares of the duration, too.
+    pub(in crate::dive) fn with_clearance_at(&self, shares: &[f64]) -> Result<Self, DiveError> {
+        Self::with_times(&self.dive, [&self.added, shares].concat())
+    }
+
+    /// Shares of the duration at which clearances are constraints beside the equidistant ones.
+    pub(in crate::dive) fn added(&self) -> &[f64] {
+        &self.added
+    }
+
+    fn with_times(dive: &Dive, added: Vec<f64>) -> Result<Self, DiveError> {
         let model = dive.diver.model()?;
         let motion = dive.motion(&model)?;
         let counting = Counting { axes: long_axis(dive, &model)? };
@@ -92,31 +111,35 @@ impl DiveProgram {
         let n_z = variables.len();
         let mut constraints = Bounds::default();
         let linear = channel_rows(dive, &model, &motion, &column_of, &mut constraints);
-        let mut entries = Vec::new();
-        for (row, LinearRow { factors }) in linear.iter().enumerate() {
-            entries.extend(factors.iter().map(|(column, _)| (row, *column)));
-        }
+        let of_row = |(row, LinearRow { factors }): (usize, &LinearRow)| {
+            factors.iter().map(move |(column, _)| (row, *column)).collect::<Vec<_>>()
+        };
+        let linear_entries = linear.iter().enumerate().flat_map(of_row).collect();
+        let mut angular_entries = Vec::new();
         for target in targets(dive) {
             let row = constraints.len();
             constraints.push(target, target);
-            entries.extend((0..n_z).map(|column| (row, column)));
+            angular_entries.extend((0..n_z).map(|column| (row, column)));
         }
-        let clearance = match (dive.diver.dimension, dive.clearance) {
+        let mut clearance = match (dive.diver.dimension, dive.clearance) {
             (Dimension::Spatial, Some(clearance)) => {
+                let first_row = constraints.len();
                 let rows =
-                    ClearanceRows::try_new(dive, &model, &motion, &column_of, clearance, constraints.len())?;
-                (0..rows.n_rows()).for_each(|_| constraints.push(clearance.distance, f64::INFINITY));
-                entries.extend(rows.entries(&column_of));
+                    ClearanceRows::try_new(dive, &model, &motion, &column_of, clearance, &added, first_row)?;
+                rows.bounds().for_each(|least| constraints.push(least, f64::INFINITY));
                 Some(rows)
             }
-            _ => None,
+            (Dimension::Spatial, None) | (Dimension::Planar, _) => None,
         };
-        let pattern = Pattern::from_entries(constraints.len(), n_z, entries);
+        let clearance_entries = clearance.iter().flat_map(ClearanceRows::entries).collect();
+        let lists = [linear_entries, angular_entries, clearance_entries];
+        let (pattern, [linear_places, angle_places, clearance_places]) =
+            Pattern::with_places_of(constraints.len(), n_z, lists);
         let mut jacobian = vec![0.0; pattern.n_entries()];
-        for (row, LinearRow { factors }) in linear.iter().enumerate() {
-            for (column, factor) in factors {
-                jacobian[pattern.position(row, *column).unwrap_or_default()] = *factor;
-            }
+        let factors = linear.iter().flat_map(|row| &row.factors);
+        linear_places.iter().zip(factors).for_each(|(place, (_, factor))| jacobian[*place] = *factor);
+        if let Some(rows) = &mut clearance {
+            rows.set_places(clearance_places);
         }
         let rate_unit = match dive.channels {
             Channels::Weights => 1.0,
@@ -132,6 +155,8 @@ impl DiveProgram {
             rates: [1, 2].map(|derivative| Quadratic::of_rate(&motion, &free, derivative)),
             rate_unit,
             linear,
+            added,
+            angle_places,
             last: jacobian.clone(),
             jacobian,
             clearance,
@@ -157,8 +182,10 @@ impl DiveProgram {
         let n_steps = program.path.n_steps();
         let square_out = (dive.square_out * n_steps as f64).round() as usize;
         let path = match dive.diver.dimension {
-            Dimension::Spatial if square_out < n_steps => program.path.with_restart(square_out, counting),
-            _ => program.path,
+            Dimension::Spatial if square_out < n_steps => {
+                program.path.with_restart(square_out, counting, requested(dive).twist)
+            }
+            Dimension::Spatial | Dimension::Planar => program.path,
         };
         let by_nodes = vec![Vector3::zeros(); n_steps + 1];
         Ok(Self { square_out, path, by_nodes, ..program })

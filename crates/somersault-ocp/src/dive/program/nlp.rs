@@ -79,25 +79,16 @@ impl Nlp for DiveProgram {
             row.fill(0.0);
             let factors = [0, 1, 2].map(|i| f64::from(u8::from(i == k)));
             self.pull_back_angles(z, &factors, &mut row);
-            let pattern = &self.structure.jacobian;
-            for (column, value) in row.iter().enumerate() {
-                jacobian[pattern.position(self.linear.len() + k, column).unwrap_or_default()] = *value;
-            }
+            let places = &self.angle_places[k * row.len()..];
+            places.iter().zip(&row).for_each(|(place, value)| jacobian[*place] = *value);
         }
         self.angle_row = row;
-        let pattern = &self.structure.jacobian;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
-            let found = clearance.differentiate(
-                model,
-                motion,
-                &self.column_of,
-                &self.coefficients,
-                pattern,
-                jacobian,
-            );
+            let found = clearance.differentiate(model, motion, &self.coefficients, jacobian);
             found.map_err(|error| undefined(error.into()))?;
         }
+        let pattern = &self.structure.jacobian;
         self.last.copy_from_slice(jacobian);
         if let Some(soft) = &self.soft {
             for (column, out) in gradient.iter_mut().enumerate() {

@@ -42,7 +42,7 @@ impl Soft {
         let mut row = vec![0.0; n];
         for violated in (first..pattern.n_rows).filter(|row| self.violations[*row] != 0.0) {
             for (column, value) in row.iter_mut().enumerate() {
-                *value = pattern.position(violated, column).map_or(0.0, |k| jacobian[k]);
+                *value = pattern.value(jacobian, violated, column);
             }
             let mut at = 0;
             for j in 0..n {

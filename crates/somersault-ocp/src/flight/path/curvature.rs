@@ -12,8 +12,8 @@
 
 use super::{NodeDerivatives, OrientationPath, SAMPLE_OF, SAMPLES};
 use crate::flight::step::{
-    NODES, STAGES, StageRate, WEIGHTS, displacement_curvature, rate, rate_curvature, rate_derivatives,
-    right_jacobian,
+    NODES, STAGES, StageRate, WEIGHTS, displacement_curvature, omega_by_rate, rate, rate_curvature,
+    rate_derivatives, right_jacobian,
 };
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use num_dual::Dual64;
@@ -66,7 +66,7 @@ impl OrientationPath {
             adjoints[step] = *adjoint;
             if let Some(restart) = self.restart.as_ref().filter(|restart| restart.node == step + 1) {
                 // past a restart nothing is left but the somersault, about the lateral axis
-                let weight = past.dot(&(restart.counting.axes * Vector3::y()));
+                let weight = past.dot(&restart.lateral());
                 at_arrival += restart.counting.curvature(&restart.before, [weight, 0.0, 0.0]);
             }
         });
@@ -269,8 +269,7 @@ impl Room {
             omega_tangents += by_orientation * &place_tangents;
             let [k_by_omega, k_by_u] = rate_derivatives(&u, &omega);
             k = rate(&u, &omega);
-            // 1 + û/2 + û²/12 has an inverse for every u
-            let by_k = k_by_omega.transpose().try_inverse().unwrap_or_default() * by_omega;
+            let by_k = omega_by_rate(&u).tr_mul(&by_omega);
             let [of_turn, of_both] = rate_curvature(&u, &omega, &by_k);
             let [of_start, of_place] = displacement_curvature(&u, &by_orientation.tr_mul(&by_omega));
             self.set_weights(TURN, TURN, &(of_turn + of_place));

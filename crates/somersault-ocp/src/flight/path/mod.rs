@@ -53,6 +53,8 @@ pub struct OrientationPath {
 struct Restart {
     node: usize,
     counting: Counting,
+    /// Twist past it, rad.
+    twist: f64,
     before: UnitQuaternion<f64>,
     /// Displacement after by displacement before.
     derivative: Matrix3<f64>,
@@ -123,12 +125,13 @@ impl OrientationPath {
         })
     }
 
-    /// Goes on from `node`, in space, with the orientation [straightened](Counting::straightened): multiple shooting in
-    /// which the defect there is tilt and twist. Whoever asks for them to vanish has a continuous path, and
-    /// meanwhile what is left of them is not amplified by the rest of the flight.
-    pub fn with_restart(mut self, node: usize, counting: Counting) -> Self {
+    /// Goes on from `node`, in space, with the orientation [straightened](Counting::straightened) to this twist, rad:
+    /// multiple shooting in which the defects there are the tilt, and the difference of the twist from this one. Whoever
+    /// constrains them to vanish has a continuous path, and meanwhile what is left of them is not amplified by the rest of
+    /// the flight.
+    pub fn with_restart(mut self, node: usize, counting: Counting, twist: f64) -> Self {
         let before = UnitQuaternion::identity();
-        self.restart = Some(Restart { node, counting, before, derivative: Matrix3::identity() });
+        self.restart = Some(Restart { node, counting, twist, before, derivative: Matrix3::identity() });
         self.is_derived = false;
         self
     }
@@ -288,9 +291,14 @@ impl OrientationPath {
 impl Restart {
     fn pass(&mut self, orientation: &mut UnitQuaternion<f64>) {
         self.before = *orientation;
-        *orientation = self.counting.straightened(&self.before);
+        *orientation = self.counting.straightened(&self.before, self.twist);
         let [somersault, ..] = self.counting.gradients(&self.before);
-        self.derivative = self.counting.axes * Vector3::y() * somersault.transpose();
+        self.derivative = self.lateral() * somersault.transpose();
+    }
+
+    /// The world's lateral axis past it, in axes of the root.
+    fn lateral(&self) -> Vector3<f64> {
+        self.counting.lateral(self.twist)
     }
 }
 

@@ -72,7 +72,7 @@ impl Run<'_> {
                     return Ok(self.restored(restoration));
                 }
                 Attempt::Stationary => return self.restore_boldly(restoration, before),
-                _ => restoration.damping *= 4.0,
+                Attempt::None | Attempt::Evaluated { .. } => restoration.damping *= 4.0,
             }
         }
         Ok(Advance::Ended(Status::Stalled))

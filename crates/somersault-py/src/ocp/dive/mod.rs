@@ -17,7 +17,7 @@ use crate::error::Error;
 use crate::named_models::Diver;
 use crate::plan::returns_interrupted;
 use crate::waiting::{Stop, attend};
-use plan::{CLEARANCE_TIMES, Plan};
+use plan::{Course, Plan};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -57,7 +57,8 @@ use std::time::Instant;
 ///     channel without a window, and the momentum.
 /// somersaults, twists : float, optional
 ///     Turns to the entry, somersaults counted from the upright; 3.5 and 0 unless given. Backward somersaults are negative
-///     and need a negative `momentum`.
+///     and need a negative `momentum`; twists to the right are negative, and multiples of ½ where `square_out` is before
+///     the entry.
 /// lean : float or tuple of float, optional
 ///     Forward lean at take-off, rad, or its range; 10° unless given.
 /// entry_lean : float, optional
@@ -69,13 +70,14 @@ use std::time::Instant;
 /// platform : float, optional
 ///     Height of the feet over the water at take-off, m, not negative; 10 m unless given.
 /// entry_distance : float, optional
-///     How far ahead the hands enter the water, m; 2 m unless given.
+///     How far ahead the hands enter the water, m, or the feet where these are to enter first; 2 m unless given.
 /// momentum_penalty, rate_penalty, acceleration_penalty : float, optional
 ///     a, b (s) and c (s³); 1, 10⁻³ and 0 unless given.
 /// clearance : float, optional
 ///     Least distance of limbs, m, of a spatial diver; None for none.
 /// clearance_times : int, optional
-///     At how many times it is asked for between take-off and entry; 35 unless given.
+///     At how many times it is a constraint to begin with, between take-off and entry; 35 unless given. The search adds those
+///     at which limbs come nearer in between.
 /// n_steps : int, optional
 ///     Steps of the orientation; 60 unless given.
 /// n_pieces : int, optional
@@ -115,7 +117,7 @@ impl Dive {
         options: Option<&Bound<'_, PyDict>>,
     ) -> Result<Self, Error> {
         let dive = dive::Dive { diver: diver.get().diver, ..dive::Dive::forward_pike()? };
-        let mut plan = Plan { dive, names: Vec::new(), clearance_times: CLEARANCE_TIMES, template: None };
+        let mut plan = Plan { own_postures: true, ..Plan::new(dive) };
         plan.set_postures(postures)?;
         plan.change(options)?;
         plan.build()
@@ -138,6 +140,23 @@ impl Dive {
         plan.build()
     }
 
+    /// The mirror image: right and left exchanged in all postures, and the twists the other way round. Its variables mean the
+    /// same, so that a solution of one is the mirror image of a solution of the other.
+    ///
+    /// Returns
+    /// -------
+    /// Dive
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> dive = ocp.dive_5174d(twists=0.5).mirrored()
+    /// >>> dive.options["twists"], dive.postures
+    /// (-0.5, ('C', 'A', 'E', 'D', 'mirrored I', 'H'))
+    fn mirrored(&self) -> Result<Self, Error> {
+        self.plan.mirrored()?.build()
+    }
+
     /// Diver: Who dives.
     #[getter]
     fn diver(&self, py: Python<'_>) -> Result<Diver, Error> {
@@ -154,7 +173,7 @@ impl Dive {
     #[getter]
     fn template(&self) -> Option<Vec<(f64, String)>> {
         let name = |frame: &KeyFrame| (frame.share, self.plan.names[frame.posture].clone());
-        self.plan.template.as_ref().map(|frames| frames.iter().map(name).collect())
+        self.plan.key_frames_or_own().map(|frames| frames.iter().map(name).collect())
     }
 
     /// dict: The other arguments of the class, by their names.
@@ -212,7 +231,7 @@ impl Dive {
     ) -> Result<Bound<'py, PyAny>, Error> {
         let z = match template {
             Some(template) => self.start_of(&self.plan.key_frames(template)?)?,
-            None => self.start_of(self.own_template()?)?,
+            None => self.start_of(&self.own_template()?)?,
         };
         Ok(numpy::PyArray1::from_vec(py, z).into_any())
     }
@@ -266,7 +285,7 @@ impl Dive {
         let z = match (z, warm) {
             (_, Some(solution)) => dive.checked(solution.get().report.z.clone())?,
             (Some(z), None) => dive.checked(with_shape("z", &[dive.n_variables()], z)?)?,
-            (None, None) => dive.start_of(dive.own_template()?)?,
+            (None, None) => dive.start_of(&dive.own_template()?)?,
         };
         let mut watcher = Watcher::new(callback)?;
         let (stop, mut stopped) = (Stop::at(deadline), false);
@@ -303,7 +322,7 @@ impl Dive {
     /// Returns
     /// -------
     /// list of DiveSolution
-    ///     One for each start: those that converged first, and of these the cheapest. After Ctrl-C or when the time
+    ///     One for each start: the successes first, and of these the cheapest. After Ctrl-C or when the time
     ///     is over, one for each start that had begun.
     #[pyo3(signature = (
         n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="return"
@@ -324,22 +343,22 @@ impl Dive {
         let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
         let search = dive.search_with(soft_weights, tol, max_iterations)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
-        let templates = KeyFrame::variations(dive.own_template()?, n_starts, seed);
+        let templates = KeyFrame::variations(&dive.own_template()?, n_starts, seed);
         let stop = Stop::at(deadline);
-        let from = |template: &Vec<KeyFrame>| -> Option<Result<Report, DiveSearchError>> {
-            if stop.is_asked() {
-                return None;
-            }
+        let solve = |template: &Vec<KeyFrame>| {
+            let z = dive.program.start(template)?;
             let watch = &mut |_: &Iteration<'_>| if stop.is_asked() { Flow::Stop } else { Flow::Continue };
-            Some(
-                dive.program
-                    .start(template)
-                    .map_err(DiveSearchError::from)
-                    .and_then(|z| search.solve(&dive.program, z, watch)),
-            )
+            let report = search.solve(&dive.program, z, watch)?;
+            // where that cannot be made, or is interrupted, the solution tries again when it is asked
+            let judged = report
+                .status
+                .is_converged()
+                .then(|| dive.program.report_while(&report.z, &mut || !stop.is_asked()).ok());
+            Ok::<_, DiveSearchError>((report, judged.flatten()))
         };
+        let from = |template: &Vec<KeyFrame>| (!stop.is_asked()).then(|| solve(template));
         let all =
-            || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<Report>, _>>();
+            || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<_>, _>>();
         let reports = attend(py, |raised| stop.raise(raised), all)??;
         let raised = stop.raised();
         if let Some(error) = raised
@@ -353,13 +372,19 @@ impl Dive {
             }
             _ => report.interrupted(),
         };
-        let solution = |report| DiveSolution::of(slf, ended(report));
-        let mut solutions = reports.into_iter().map(solution).collect::<Result<Vec<_>, _>>()?;
-        solutions.sort_by(|a, b| {
-            let failed = |solution: &DiveSolution| !solution.report.status.is_converged();
-            failed(a).cmp(&failed(b)).then(a.report.cost.total_cmp(&b.report.cost))
+        let solution = |(report, judged)| match judged {
+            Some(judged) => DiveSolution::judged(slf, ended(report), judged),
+            None => DiveSolution::of(slf, ended(report)),
+        };
+        let mut solutions = Vec::with_capacity(reports.len());
+        for found in reports {
+            let solution = solution(found)?;
+            solutions.push((!solution.success(py)?, solution));
+        }
+        solutions.sort_by(|(failed, a), (other, b)| {
+            failed.cmp(other).then(a.report.cost.total_cmp(&b.report.cost))
         });
-        Ok(solutions)
+        Ok(solutions.into_iter().map(|(_, solution)| solution).collect())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -373,7 +398,15 @@ impl Dive {
             options.set_item("template", template.iter().map(frame).collect::<Vec<_>>())?;
         }
         let diver = Diver::of(py, plan.dive.diver)?;
-        let arguments = (diver, plan.names.clone(), plan.dive.postures.clone(), options).into_pyobject(py)?;
+        let arguments = (
+            diver,
+            plan.names.clone(),
+            plan.dive.postures.clone(),
+            options,
+            plan.course.name(),
+            plan.own_postures,
+        );
+        let arguments = arguments.into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
 
@@ -385,13 +418,15 @@ impl Dive {
         names: Vec<String>,
         postures: Vec<Vec<f64>>,
         options: &Bound<'_, PyDict>,
+        course: &str,
+        own_postures: bool,
     ) -> Result<Self, Error> {
         if names.len() != postures.len() {
             let (n, found) = (postures.len(), names.len());
             return Err(Error::input(format!("`names` must have {n} entries, found {found}")));
         }
         let dive = dive::Dive { diver: diver.get().diver, postures, ..dive::Dive::forward_pike()? };
-        let mut plan = Plan { dive, names, clearance_times: CLEARANCE_TIMES, template: None };
+        let mut plan = Plan { names, course: Course::of(course)?, own_postures, ..Plan::new(dive) };
         plan.change(Some(options))?;
         plan.build()
     }
@@ -409,9 +444,9 @@ impl Dive {
 }
 
 impl Dive {
-    fn own_template(&self) -> Result<&[KeyFrame], Error> {
+    fn own_template(&self) -> Result<Vec<KeyFrame>, Error> {
         let none = || Error::input("the dive needs a `template`, or a start `z`");
-        self.plan.template.as_deref().ok_or_else(none)
+        self.plan.key_frames_or_own().ok_or_else(none)
     }
 
     /// The decision vector nearest to a template.

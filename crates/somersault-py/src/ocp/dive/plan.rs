@@ -8,7 +8,7 @@ use crate::ocp::arguments::{count, index, integer, number, number_or_range};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use somersault::multibody::models::Dimension;
+use somersault::multibody::models::{Dimension, Posture};
 use somersault::ocp::dive::{self, Channels, Clearance, KeyFrame, Range};
 
 /// A dive in the making.
@@ -17,8 +17,44 @@ pub(super) struct Plan {
     pub(super) dive: dive::Dive,
     pub(super) names: Vec<String>,
     pub(super) clearance_times: usize,
+    /// Given by the user.
     pub(super) template: Option<Vec<KeyFrame>>,
+    /// What it is where none is given.
+    pub(super) course: Course,
+    /// Whether the postures are the user's, and not those of a named dive.
+    pub(super) own_postures: bool,
 }
+
+/// The named dive that a plan began with.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Course {
+    /// None: without a template.
+    Open,
+    Pike,
+    /// Postures and template follow the twists.
+    Twisting,
+}
+
+impl Course {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Pike => "pike",
+            Self::Twisting => "twisting",
+        }
+    }
+
+    pub(super) fn of(name: &str) -> Result<Self, Error> {
+        let known = [Self::Open, Self::Pike, Self::Twisting];
+        let found = known.into_iter().find(|course| course.name() == name);
+        found.ok_or_else(|| {
+            Error::input(format!("`course` must be 'open', 'pike' or 'twisting', found '{name}'"))
+        })
+    }
+}
+
+/// What the mirror image of a letter that has none of its own is called.
+const MIRRORED: &str = "mirrored ";
 
 /// Names that the library has for arguments of a dive.
 pub(super) const NAMES: [(&str, &str); 8] = [
@@ -33,6 +69,18 @@ pub(super) const NAMES: [(&str, &str); 8] = [
 ];
 
 impl Plan {
+    /// Of a dive whose postures have no names yet.
+    pub(super) fn new(dive: dive::Dive) -> Self {
+        Self {
+            dive,
+            names: Vec::new(),
+            clearance_times: CLEARANCE_TIMES,
+            template: None,
+            course: Course::Open,
+            own_postures: false,
+        }
+    }
+
     /// Joint angles and names of postures.
     pub(super) fn set_postures(&mut self, postures: &Bound<'_, PyAny>) -> Result<(), Error> {
         let diver = self.dive.diver;
@@ -49,9 +97,14 @@ impl Plan {
         for (k, posture) in postures.try_iter().map_err(refused)?.enumerate() {
             let posture = posture?;
             let (name, angles) = match posture.extract::<String>() {
-                Ok(letter) => {
-                    let q = diver.configuration(letter.parse()?)?;
-                    (letter, q[n_root..].to_vec())
+                Ok(name) => {
+                    let (letter, is_mirrored) = match name.strip_prefix(MIRRORED) {
+                        Some(letter) => (letter, true),
+                        None => (name.as_str(), false),
+                    };
+                    let angles = diver.configuration(letter.parse()?)?[n_root..].to_vec();
+                    let angles = if is_mirrored { dive::mirror_image(&diver, &angles)? } else { angles };
+                    (name, angles)
                 }
                 Err(_) => (k.to_string(), real_numbers(&format!("postures[{k}]"), &posture)?),
             };
@@ -59,6 +112,27 @@ impl Plan {
             self.dive.postures.push(angles);
         }
         Ok(())
+    }
+
+    /// The template, or that of the named dive.
+    pub(super) fn key_frames_or_own(&self) -> Option<Vec<KeyFrame>> {
+        self.template.clone().or_else(|| match self.course {
+            Course::Open => None,
+            Course::Pike => Some(dive::Dive::pike_template()),
+            Course::Twisting => Some(dive::Dive::twisting_template(self.dive.twists)),
+        })
+    }
+
+    /// The mirror image.
+    pub(super) fn mirrored(&self) -> Result<Self, Error> {
+        let dive = self.dive.mirrored()?;
+        let postures = self.names.iter().zip(self.dive.postures.iter().zip(&dive.postures));
+        let names = postures.map(
+            |(name, (own, image))| {
+                if own == image { name.clone() } else { name_of(name, image) }
+            },
+        );
+        Ok(Self { names: names.collect(), dive, ..self.clone() })
     }
 
     /// A posture by its name, or its number.
@@ -96,10 +170,17 @@ impl Plan {
         }
         if let Some(postures) = changes.get_item("postures")? {
             self.set_postures(&postures)?;
+            self.own_postures = true;
         }
         for (name, value) in changes.iter() {
             let name: String = name.extract()?;
             self.set(&name, &value)?;
+        }
+        if self.course == Course::Twisting && !self.own_postures {
+            let dive::Dive { somersaults, twists, .. } = self.dive;
+            self.dive.postures = dive::Dive::twisting(somersaults, twists)?.postures;
+            let named = TWISTING.iter().zip(&self.dive.postures);
+            self.names = named.map(|(letter, angles)| name_of(letter, angles)).collect();
         }
         Ok(())
     }
@@ -169,8 +250,20 @@ fn channels_of(name: &str) -> Result<Channels, Error> {
     }
 }
 
-fn letters(names: &str) -> Vec<String> {
-    names.chars().map(String::from).collect()
+/// Postures of the twisting dive.
+const TWISTING: [&str; 6] = ["C", "A", "D", "E", "I", "H"];
+
+/// The letter with these angles in space.
+fn letter_of(angles: &[f64]) -> Option<String> {
+    Posture::ALL.into_iter().find(|posture| posture.spatial()[..] == *angles).map(|p| p.to_string())
+}
+
+/// What a letter's posture or its mirror image is called; angles without a letter keep their number.
+fn name_of(name: &str, angles: &[f64]) -> String {
+    letter_of(angles).unwrap_or_else(|| match name.parse::<Posture>() {
+        Ok(_) => format!("{MIRRORED}{name}"),
+        Err(_) => name.to_owned(),
+    })
 }
 
 /// The forward three and a half somersaults in pike position, 107B, in the plane (thesis 3.1).
@@ -198,8 +291,8 @@ fn letters(names: &str) -> Vec<String> {
 #[pyo3(signature = (**changes))]
 pub(crate) fn dive_107b(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Error> {
     let dive = dive::Dive::forward_pike()?;
-    let template = Some(dive::Dive::pike_template());
-    let mut plan = Plan { dive, names: letters("AH"), clearance_times: CLEARANCE_TIMES, template };
+    let names = ["A", "H"].map(str::to_owned).to_vec();
+    let mut plan = Plan { names, course: Course::Pike, ..Plan::new(dive) };
     plan.change(changes)?;
     plan.build()
 }
@@ -209,6 +302,10 @@ pub(crate) fn dive_107b(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Err
 /// Postures C, A, D, E, I and H, 2 s from the platform of 10 m into the water 2 m ahead. The search starts from a template:
 /// somersault with the arms sideways, throw, twists with the arms overhead, square-out, pike, entry.
 ///
+/// Postures and template follow the counts unless they are given: after an odd number of half twists the arms undo the tilt as
+/// the mirror image of the throw in reverse, without twists they do not throw, and where twists and somersaults have opposite
+/// signs all postures are mirror images. So ``twists=-2`` is the mirror image of ``twists=2``.
+///
 /// Parameters
 /// ----------
 /// **changes
@@ -217,13 +314,19 @@ pub(crate) fn dive_107b(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Err
 /// Returns
 /// -------
 /// Dive
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ocp.dive_5174d(twists=-2).postures
+/// ('C', 'A', 'E', 'D', 'mirrored I', 'H')
 #[pyfunction]
 #[pyo3(signature = (**changes))]
 pub(crate) fn dive_5174d(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Error> {
     let dive = dive::Dive::forward_twisting();
     let clearance_times = dive.clearance.map_or(CLEARANCE_TIMES, |clearance| clearance.n_times);
-    let template = Some(dive::Dive::twisting_template());
-    let mut plan = Plan { dive, names: letters("CADEIH"), clearance_times, template };
+    let names = TWISTING.map(str::to_owned).to_vec();
+    let mut plan = Plan { names, clearance_times, course: Course::Twisting, ..Plan::new(dive) };
     plan.change(changes)?;
     plan.build()
 }

@@ -8,7 +8,7 @@ use crate::ocp::solver::{Report, attended, status_name};
 use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::ocp::dive::{Channels, DiveMotion, PeakTorque};
+use somersault::ocp::dive::{Channels, DiveMotion, DiveReport, PeakTorque};
 use somersault::ocp::solver;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -32,15 +32,34 @@ pub(crate) struct DiveSolution {
 
 impl DiveSolution {
     pub(super) fn of(dive: &Bound<'_, Dive>, report: solver::Report) -> Result<Self, Error> {
+        let (judged, z) = (dive.get().program.clone(), report.z.clone());
+        let verifier = Verifier::new(move |py| {
+            Ok(Py::new(py, DiveVerification(attended(py, |go_on| judged.report_while(&z, go_on))?))?
+                .into_any())
+        });
+        Self::with_verifier(dive, report, verifier)
+    }
+
+    /// With what integrations have already made of it.
+    pub(super) fn judged(
+        dive: &Bound<'_, Dive>,
+        report: solver::Report,
+        found: DiveReport,
+    ) -> Result<Self, Error> {
+        let verification = Py::new(dive.py(), DiveVerification(found))?.into_any();
+        Self::with_verifier(dive, report, Verifier::of(dive.py(), verification))
+    }
+
+    fn with_verifier(
+        dive: &Bound<'_, Dive>,
+        report: solver::Report,
+        verifier: Arc<Verifier>,
+    ) -> Result<Self, Error> {
         let program = &dive.get().program;
         let model = program.path().model();
-        let (judged, z) = (program.clone(), report.z.clone());
         Ok(Self {
             dive: dive.clone().unbind(),
-            verifier: Verifier::new(move |py| {
-                Ok(Py::new(py, DiveVerification(attended(py, |go_on| judged.report_while(&z, go_on))?))?
-                    .into_any())
-            }),
+            verifier,
             motion: program.motion(&report.z)?,
             momentum: program.momentum(&report.z),
             duration: program.duration(&report.z),
@@ -77,31 +96,43 @@ impl DiveSolution {
         self.dive.clone_ref(py)
     }
 
-    /// Report: What the solver says, of the last stage.
+    /// Report: What the solver says of the program, in its last stage; the dive itself has its own `status` and `success`.
     #[getter]
     fn report(&self) -> Report {
         Report { report: self.report.clone(), verifier: Some(self.verifier.clone()) }
     }
 
-    /// str: How the search ended; see `Report`.
+    /// str: How the search ended: as in `Report`, or ``'false_convergence'`` where the program is solved and its motion is not
+    /// the dive requested, by its `verification`.
     #[getter]
-    fn status(&self) -> &'static str {
-        status_name(self.report.status)
+    pub(super) fn status(&self, py: Python<'_>) -> PyResult<&'static str> {
+        if self.report.status.is_converged() && !self.confirmed(py)? {
+            return Ok("false_convergence");
+        }
+        Ok(status_name(self.report.status))
     }
 
-    /// str: The status in a sentence, and another about the verification.
+    /// str: The status in a sentence, and what the verification says.
     #[getter]
     fn message(&self, py: Python<'_>) -> PyResult<String> {
-        Ok(format!("{}. {}", self.report.status.message(), self.verifier.judge(py)?.1))
+        let (confirmed, judged) = self.verifier.judge(py)?;
+        let status = match self.report.status {
+            solver::Status::Converged if !confirmed => {
+                "false convergence: the program is solved, and not the dive"
+            }
+            status => status.message(),
+        };
+        Ok(format!("{status}. {judged}"))
     }
 
-    /// bool: Whether all residuals are within their tolerances: the program is solved, whatever it is worth; see `confirmed`.
+    /// bool: Whether this is the dive requested: its program is solved, and it is `confirmed`.
     #[getter]
-    fn success(&self) -> bool {
-        self.report.status.is_converged()
+    pub(super) fn success(&self, py: Python<'_>) -> PyResult<bool> {
+        Ok(self.report.status.is_converged() && self.confirmed(py)?)
     }
 
-    /// bool: Whether integrations that know nothing of how the dive was found agree with it.
+    /// bool: Whether integrations that know nothing of how the dive was found agree with it: its flight, the counts at the entry
+    /// and the distances of limbs.
     #[getter]
     fn confirmed(&self, py: Python<'_>) -> PyResult<bool> {
         Ok(self.verifier.judge(py)?.0)
@@ -352,7 +383,7 @@ impl DiveSolution {
         let end = self.motion.angles.last().copied().unwrap_or_default();
         Ok(format!(
             "<DiveSolution: {}, {}, {:.3} somersaults, {:.3} twists, L = {:.2} kg m²/s, {} times>",
-            self.status(),
+            self.status(py)?,
             judgement(py, &self.verifier)?,
             end.somersault / TAU,
             end.twist / TAU,

@@ -4,19 +4,21 @@ use crate::convert::{any_vector, vector_array};
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::ocp::dive::{ALLOWED, DiveReport, PeakTorque};
+use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};
 
 /// A dive as independent integrations have it.
 ///
-/// The reduced flight is integrated from take-off to entry with a tolerance of 10⁻¹², and the full dynamics of the tree
-/// with driven joints, which know no conserved momentum, with 10⁻¹⁴. Bounds are looked at at 1000 times.
+/// The full dynamics of the tree with driven joints, which know no conserved momentum, are integrated from take-off to entry
+/// with a tolerance of 10⁻¹⁴; somersaults, twists and tilt are counted along that flight. The reduced flight is integrated
+/// beside it with 10⁻¹². Bounds are looked at at 1000 times, distances of limbs at all times.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct DiveVerification(pub(super) DiveReport);
 
 #[pymethods]
 impl DiveVerification {
-    /// bool: Whether both integrations agree with what was found: orientations to `allowed` rad at all times and at the
-    /// entry, the angular momentum to this share of its scale.
+    /// bool: Whether it is the dive requested: both integrations agree with the motion that was found and with each other to
+    /// `allowed` rad at all its times, and the angular momentum is kept to this share of its scale; somersaults, twists and
+    /// tilt at the entry are those requested to `allowed` rad; limbs keep their clearance at all times.
     #[getter]
     fn confirmed(&self) -> bool {
         self.0.is_confirmed(ALLOWED)
@@ -28,7 +30,7 @@ impl DiveVerification {
         ALLOWED
     }
 
-    /// str: What the dive is worth, in a sentence.
+    /// str: What the dive is worth, in a sentence, or in one for each thing that is wrong.
     #[getter]
     fn message(&self) -> String {
         self.0.sentence(ALLOWED)
@@ -58,7 +60,13 @@ impl DiveVerification {
         self.0.entry_angle
     }
 
-    /// float: Greatest angle between that integration and the motion that was found, at its times, rad.
+    /// float: Greatest difference of somersault, tilt and twist at the entry from those requested, whole turns counted, rad.
+    #[getter]
+    fn entry_defect(&self) -> f64 {
+        self.0.entry_defect
+    }
+
+    /// float: Greatest angle between the reduced flight and the motion that was found, at its times, rad.
     #[getter]
     fn defect(&self) -> f64 {
         self.0.defect
@@ -77,7 +85,7 @@ impl DiveVerification {
         self.0.momentum_drift
     }
 
-    /// float: Angle between the orientations of both integrations at the entry, rad.
+    /// float: Greatest angle between the orientations of both integrations at the times of `DiveSolution.t`, rad.
     #[getter]
     fn full_dynamics_defect(&self) -> f64 {
         self.0.full_dynamics_defect
@@ -95,16 +103,26 @@ impl DiveVerification {
         self.0.greatest_sum
     }
 
-    /// float or None: Least distance of limbs, m, where the dive has a clearance.
+    /// float or None: Least distance of limbs over all times, m, where the dive has a clearance: none is smaller, one at most
+    /// 10 μm greater.
     #[getter]
     fn least_distance(&self) -> Option<f64> {
-        self.0.least_distance.as_ref().map(|(distance, _)| *distance)
+        self.0.nearest.as_ref().map(|nearest| nearest.distance)
     }
 
     /// tuple of str or None: The limbs that come nearest.
     #[getter]
     fn nearest_limbs(&self) -> Option<(&str, &str)> {
-        self.0.least_distance.as_ref().map(|(_, [first, second])| (first.as_str(), second.as_str()))
+        self.0
+            .nearest
+            .as_ref()
+            .map(|Nearest { limbs: [first, second], .. }| (first.as_str(), second.as_str()))
+    }
+
+    /// float or None: When they do, s.
+    #[getter]
+    fn nearest_time(&self) -> Option<f64> {
+        self.0.nearest.as_ref().map(|nearest| nearest.time)
     }
 
     /// dict of str to (float, float): For each joint the largest force, N m, and when, s.
@@ -129,14 +147,19 @@ impl DiveVerification {
         let (py, found) = (slf.py(), &slf.get().0);
         let torques: Vec<_> =
             found.peak_torques.iter().map(|peak| (peak.joint.clone(), peak.torque, peak.time)).collect();
+        let nearest = found.nearest.as_ref().map(|nearest| {
+            let Nearest { distance, limbs, time, clearance } = nearest;
+            (*distance, limbs.clone(), *time, *clearance)
+        });
         let arguments = (
             (found.momentum, found.duration, found.somersaults, found.twists, found.tilt, found.entry_angle),
             (
                 numpy::PyArray1::from_slice(py, &found.defects),
                 found.momentum_drift,
                 found.full_dynamics_defect,
+                found.entry_defect,
             ),
-            (found.least_channel, found.greatest_sum, found.least_distance.clone()),
+            (found.least_channel, found.greatest_sum, nearest),
             torques,
             (vector_array(py, &found.take_off), vector_array(py, &found.take_off_velocity)),
         );
@@ -148,14 +171,16 @@ impl DiveVerification {
     fn _restore(
         _: &Bound<'_, PyType>,
         flight: (f64, f64, f64, f64, f64, f64),
-        integration: (Vec<f64>, f64, f64),
-        bounds: (f64, f64, Option<(f64, [String; 2])>),
+        integration: (Vec<f64>, f64, f64, f64),
+        bounds: (f64, f64, Option<(f64, [String; 2], f64, f64)>),
         torques: Vec<(String, f64, f64)>,
         take_off: (Bound<'_, PyAny>, Bound<'_, PyAny>),
     ) -> Result<Self, Error> {
         let (momentum, duration, somersaults, twists, tilt, entry_angle) = flight;
-        let (defects, momentum_drift, full_dynamics_defect) = integration;
-        let (least_channel, greatest_sum, least_distance) = bounds;
+        let (defects, momentum_drift, full_dynamics_defect, entry_defect) = integration;
+        let (least_channel, greatest_sum, nearest) = bounds;
+        let nearest =
+            nearest.map(|(distance, limbs, time, clearance)| Nearest { distance, limbs, time, clearance });
         let peak = |(joint, torque, time)| PeakTorque { joint, torque, time };
         Ok(Self(DiveReport {
             momentum,
@@ -164,13 +189,14 @@ impl DiveVerification {
             twists,
             tilt,
             entry_angle,
+            entry_defect,
             defect: defects.iter().copied().fold(0.0, f64::max),
             defects,
             momentum_drift,
             full_dynamics_defect,
             least_channel,
             greatest_sum,
-            least_distance,
+            nearest,
             peak_torques: torques.into_iter().map(peak).collect(),
             take_off: any_vector("take_off", &take_off.0)?,
             take_off_velocity: any_vector("take_off_velocity", &take_off.1)?,
