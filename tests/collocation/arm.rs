@@ -112,7 +112,7 @@ fn a_motion_on_too_coarse_a_mesh_is_named_a_mesh_limit() {
     let report = collocation.solve(&mut arm(Some(PI), 0.0), &[mesh], &mut |_| Flow::Continue).unwrap();
     assert_eq!(report.status, CollocationStatus::MeshLimit);
     let defect = report.confirmation.max_defect();
-    assert!(report.history[0].error > 1e-6 && defect > 1e-6 && defect < 1e-2, "{defect}");
+    assert!(report.history[0].accuracy.equations > 1e-6 && defect > 1e-6 && defect < 1e-2, "{defect}");
 }
 
 /// From a guess that is no motion at all the first program takes few steps, whatever its mesh, and never fails.

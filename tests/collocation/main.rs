@@ -3,5 +3,6 @@
 mod arm;
 mod derivatives;
 mod input;
+mod known;
 mod optima;
 mod radau;

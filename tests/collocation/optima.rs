@@ -1,5 +1,6 @@
 //! Optima with closed forms: states, controls, costates, free horizons, bounds that act, several phases.
 
+use crate::known;
 use somersault_multibody::{Scalar, models::CartPendulum};
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Dynamics, Ends, Guess, Interval, Linkage, Mesh, Phase,
@@ -24,6 +25,84 @@ fn uniform(intervals: usize, points: usize) -> Mesh {
 
 fn half<T: Scalar>() -> T {
     nalgebra::convert(0.5)
+}
+
+/// Success means that the cost is right to ten times the tolerance. The example `collocation_optima` solves all of them to
+/// 10⁻⁸ as well.
+#[test]
+fn known_costs_are_met_where_a_search_says_so() {
+    // what takes seconds, or is said not to be solved
+    let slow = |name: &str, tolerance: f64| {
+        let to_any = name.starts_with("Goddard") || name.ends_with("pendulum");
+        to_any
+            || (tolerance < 1e-7
+                && (name.contains("Denham") || name.contains("fuel") || name.contains("oscillator")))
+    };
+    for tolerance in [1e-6, 1e-8] {
+        for known in known::ALL.iter().filter(|known| !slow(known.name, tolerance)) {
+            let report = solve_phases(known.problem(), &[known.mesh()], tolerance);
+            let error = (report.cost - known.cost).abs() / known.cost.abs().max(1.0);
+            assert!(
+                error <= 10.0 * tolerance,
+                "{}, {tolerance}: {} is off by {error}",
+                known.name,
+                report.cost
+            );
+            assert!(report.accuracy().cost <= tolerance && report.accuracy().shortfall(tolerance).is_none());
+        }
+    }
+}
+
+/// What a mesh does not reach is said, with what is not.
+#[test]
+fn a_mesh_that_is_too_coarse_for_the_cost_is_no_success() {
+    let known = known::ALL.iter().find(|known| known.name == "Bryson and Denham, 0.02").unwrap();
+    let collocation = Collocation { max_meshes: 2, ..Collocation::default() };
+    let report = collocation.solve(&mut known.problem(), &[known.mesh()], &mut |_| Flow::Continue).unwrap();
+    assert_eq!(report.status, CollocationStatus::MeshLimit);
+    let error = (report.cost - known.cost).abs() / known.cost;
+    let estimate = report.accuracy().cost;
+    assert!(error > 1e-4 && estimate > 0.3 * error && estimate < 100.0 * error, "{error} {estimate}");
+    let said = report.accuracy().shortfall(1e-6).unwrap();
+    assert!(said.contains("error of the cost"), "{said}");
+}
+
+/// From rest to rest with least effort the cost is 6/T³: the longer the better. A bound beyond which nothing is gained, or a
+/// cost of the time, makes a minimum: 6/T³ + T is least, 4/3 · 18^(1/4), at T = 18^(1/4).
+#[test]
+fn effort_alone_over_a_free_time_has_no_minimum() {
+    let phase = |terms: Timed, end: Interval| {
+        Phase::new(DoubleIntegrator, terms)
+            .initial_state([0.0, 0.0])
+            .final_state([1.0, 0.0])
+            .horizon(0.0, end)
+    };
+    let solved = |phase: Phase| {
+        let mut problem = Problem::try_new(phase).unwrap();
+        Collocation::default().solve(&mut problem, &[uniform(10, 4)], &mut |_| Flow::Continue).unwrap()
+    };
+    for end in [Interval::at_least(0.1), Interval::new(0.1, 1e6)] {
+        let report = solved(phase(Timed(0.0), end));
+        assert_eq!(report.status, CollocationStatus::NoMinimum, "T = {:?}", report.phases[0].horizon());
+    }
+    let report = solved(phase(Timed(0.0), Interval::new(0.1, 4.0)));
+    assert_eq!(report.status, CollocationStatus::Converged);
+    assert!((report.cost - 6.0 / 64.0).abs() < 1e-8, "{}", report.cost);
+    let report = solved(phase(Timed(1.0), Interval::at_least(0.1)));
+    assert_eq!(report.status, CollocationStatus::Converged);
+    assert!((report.cost - 4.0 / 3.0 * 18f64.powf(0.25)).abs() < 1e-7, "{}", report.cost);
+}
+
+/// ½ ∫ u² dt and a cost of each second.
+struct Timed(f64);
+
+impl Terms for Timed {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        at.control[0] * at.control[0] * half()
+    }
+    fn end_cost<T: Scalar>(&self, ends: &Ends<'_, T>) -> T {
+        ends.final_time * nalgebra::convert(self.0)
+    }
 }
 
 /// ẋ = −x + u with cost ½ ∫ x² + u² dt, hyper-sensitive over a long time.

@@ -63,7 +63,7 @@ fn list() -> Result<(), Box<dyn Error>> {
                     record.status,
                     record.iterations,
                     record.cost,
-                    record.error
+                    record.accuracy.equations
                 );
             }
             let (phase, confirmation) = (&found.phases[0], &found.confirmation);

@@ -48,6 +48,11 @@ impl Interval {
         self.lower <= self.upper && self.lower < f64::INFINITY && self.upper > f64::NEG_INFINITY
     }
 
+    /// The larger of its finite bounds.
+    pub(super) fn size(&self) -> f64 {
+        [self.lower, self.upper].iter().filter(|x| x.abs() < NO_BOUND).fold(0.0, |m, x| m.max(x.abs()))
+    }
+
     pub(super) fn clamp(&self, x: f64) -> f64 {
         x.max(self.lower).min(self.upper)
     }

@@ -8,9 +8,13 @@
 //! Where e exceeds the tolerance ε, the interval gets P = ⌈log_N(e/ε)⌉ more points (Patterson, Hager & Rao 2015),
 //! or, where these are too many or the solution is not smooth, is divided. Not smooth is a state whose Legendre
 //! coefficients fall by less than a factor 10^0.5 with each degree (Liu, Hager & Rao 2018).
+//!
+//! An interval whose [cost, costates, Hamiltonian or bounds](super::optimality) are not accurate enough is divided by four
+//! where a bound begins or ceases to act in it, which grades the mesh towards that place, and gets two more points elsewhere.
 
 use super::error::CollocationError;
 use super::mesh::Mesh;
+use super::optimality::{Accuracy, IntervalOptimality};
 use super::problem::Phase;
 use super::radau::Radau;
 use super::solution::{PhaseSolution, combine};
@@ -114,34 +118,96 @@ fn slope(points: &[(f64, f64)]) -> f64 {
     mixed / square
 }
 
+/// What becomes of an interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Wish {
+    /// It stays.
+    Keep,
+    /// Its error of the states falls by this factor: more points, or parts where it is not smooth.
+    Reduce {
+        /// Error in tolerances.
+        excess: f64,
+        /// Whether more points help.
+        is_smooth: bool,
+    },
+    /// More points, or parts where it has as many as it may.
+    Enrich,
+    /// Parts, as many times as it takes until a place where it is not smooth lies in a short one.
+    Divide,
+}
+
+/// Parts of an interval where a bound begins or ceases to act.
+const PARTS: usize = 4;
+/// Points that an interval gets where something else than its equations is not accurate.
+const MORE_POINTS: usize = 2;
+/// Length in parts of the phase below which an interval is not divided.
+const SHORTEST: f64 = 1e-9;
+
+/// What errors ask of the intervals of all phases. `cost` is the size of the cost that its error is relative to.
+pub(super) fn wishes(
+    errors: &[Vec<IntervalError>],
+    optimality: &[Vec<IntervalOptimality>],
+    cost: f64,
+    tolerance: f64,
+) -> Vec<Vec<Wish>> {
+    // The largest errors of the cost, until half the tolerance is left for all others.
+    let mut costs: Vec<f64> = optimality.iter().flatten().map(|found| found.accuracy.cost).collect();
+    costs.sort_by(f64::total_cmp);
+    let mut rest = 0.5 * tolerance * cost;
+    let mut least = f64::INFINITY;
+    for found in costs {
+        if found > rest {
+            least = found;
+            break;
+        }
+        rest -= found;
+    }
+    let wish = |(error, found): (&IntervalError, &IntervalOptimality)| {
+        let excess = error.relative / tolerance;
+        // a NaN is not within
+        let is_far =
+            !(found.accuracy.cost < least) || !Accuracy { cost: 0.0, ..found.accuracy }.meets(tolerance);
+        match (excess > 1.0 || excess.is_nan(), is_far, found.switches) {
+            (false, false, _) => Wish::Keep,
+            (_, true, true) => Wish::Divide,
+            (false, true, false) => Wish::Enrich,
+            (true, _, _) => Wish::Reduce { excess, is_smooth: error.is_smooth },
+        }
+    };
+    errors.iter().zip(optimality).map(|(e, o)| e.iter().zip(o).map(wish).collect()).collect()
+}
+
 /// The next mesh: each interval as it is, with more points, or divided.
 pub(super) fn refined(
     mesh: &Mesh,
-    errors: &[IntervalError],
-    tolerance: f64,
+    wishes: &[Wish],
     min_points: usize,
     max_points: usize,
 ) -> Result<Mesh, CollocationError> {
     let (mut bounds, mut points) = (vec![0.0], Vec::new());
-    for (k, error) in errors.iter().enumerate() {
+    for (k, wish) in wishes.iter().enumerate() {
         let (start, end, n) = (mesh.bounds()[k], mesh.bounds()[k + 1], mesh.points()[k]);
-        let excess = error.relative / tolerance;
-        let more = excess.max(1.0).ln() / (n.max(2) as f64).ln();
-        // an error without a number asks for as much as one can get
-        let wanted = n + if more.is_finite() { more.ceil() as usize } else { max_points };
-        if excess <= 1.0 {
-            points.push(n);
-            bounds.push(end);
-        } else if wanted <= max_points && error.is_smooth {
-            points.push(wanted.max(min_points));
-            bounds.push(end);
-        } else {
-            let parts = (wanted.min(2 * max_points).div_ceil(min_points)).max(2);
-            for part in 1..=parts {
-                let fraction = part as f64 / parts as f64;
-                bounds.push(if part == parts { end } else { start + fraction * (end - start) });
-                points.push(min_points);
+        let (parts, each) = match *wish {
+            Wish::Keep => (1, n),
+            Wish::Divide if end - start < SHORTEST => (1, n),
+            Wish::Divide => (PARTS, min_points),
+            Wish::Enrich if n + MORE_POINTS <= max_points => (1, (n + MORE_POINTS).max(min_points)),
+            Wish::Enrich => (2, min_points.max(max_points / 2)),
+            Wish::Reduce { excess, is_smooth } => {
+                let more = excess.max(1.0).ln() / (n.max(2) as f64).ln();
+                // an error without a number asks for as much as one can get
+                let wanted = n + if more.is_finite() { more.ceil() as usize } else { max_points };
+                if wanted <= max_points && is_smooth {
+                    (1, wanted.max(min_points))
+                } else {
+                    ((wanted.min(2 * max_points).div_ceil(min_points)).max(2), min_points)
+                }
             }
+        };
+        for part in 1..=parts {
+            let fraction = part as f64 / parts as f64;
+            bounds.push(if part == parts { end } else { start + fraction * (end - start) });
+            points.push(each);
         }
     }
     Mesh::try_new(bounds, points)

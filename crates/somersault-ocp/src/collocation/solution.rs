@@ -6,12 +6,20 @@
 
 use super::error::CollocationError;
 use super::guess::Guess;
+use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
-use super::problem::expect_length;
+use super::problem::{PhaseBounds, expect_length};
 use super::transcription::Transcription;
 use crate::nlp::Nlp;
 use serde::{Deserialize, Serialize};
 use std::ops::Deref;
+
+/// Distance of a time to its bound, relative to its size, at which that holds it.
+const AT_BOUND: f64 = 1e-6;
+/// Slope of the cost along a time, relative to its terms, at which it falls.
+const FALLING: f64 = 1e-3;
+/// Power of the time with which a cost may fall: more is what solvers leave of a cost that is zero.
+const POWER: f64 = 1e3;
 
 /// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
 /// times have the end of the phase as a last row.
@@ -126,6 +134,16 @@ impl PhaseSolution {
         most - least
     }
 
+    /// The mean over time.
+    pub(super) fn mean_hamiltonian(&self) -> f64 {
+        let intervals = self.grid.intervals.iter();
+        let parts = intervals.flat_map(|interval| {
+            let points = interval.points().zip(interval.radau.weights());
+            points.map(|(i, w)| 0.5 * interval.length * w * self.hamiltonian[i])
+        });
+        parts.sum()
+    }
+
     /// x at t, by the polynomials of collocation. Times outside of the horizon count as its ends.
     pub fn state(&self, t: f64) -> Vec<f64> {
         let mut state = vec![0.0; self.states[0].len()];
@@ -201,6 +219,54 @@ impl Transcription<'_> {
             row += self.n_rows(k);
         }
         Ok(phases)
+    }
+
+    /// Multipliers of the bounds of the states of phase `k`, at each node, from those of all variables; in units of the cost
+    /// by those of the state.
+    pub(super) fn state_multipliers(&self, k: usize, bound_multipliers: &[f64]) -> Vec<Vec<f64>> {
+        let (layout, sizes) = (&self.variables.phases[k], self.problem.phases[k].sizes);
+        let multiplier = |variable: usize| {
+            let place = self.variables.place[variable];
+            place.map_or(0.0, |column| bound_multipliers[column] / self.variables.scales[variable])
+        };
+        let PhaseBounds { state, initial_state, .. } = &self.problem.phases[k].bounds;
+        // what holds the start alone is no bound of the motion
+        let is_held = |i: usize, s: usize| i > 0 || initial_state[s] == state[s];
+        let at = |i: usize, s: usize| if is_held(i, s) { multiplier(layout.state(i) + s) } else { 0.0 };
+        let at_node = |i: usize| (0..sizes.states).map(|s| at(i, s)).collect();
+        (0..=self.grids[k].n_points()).map(at_node).collect()
+    }
+
+    /// Whether the cost still falls along a time that its bounds leave free: whether the slope of the Lagrangian is not small
+    /// beside the terms that it is the sum of.
+    pub(super) fn time_runs_away(
+        &mut self,
+        z: &[f64],
+        multipliers: &[f64],
+    ) -> Result<bool, CollocationError> {
+        let mut constraints = vec![0.0; self.row_scales.len()];
+        let mut gradient = vec![0.0; z.len()];
+        let mut jacobian = vec![0.0; self.structure().jacobian.n_entries()];
+        let cost = self.evaluate(z, &mut constraints)?;
+        self.differentiate(z, &mut gradient, &mut jacobian)?;
+        let pattern = &self.structure().jacobian;
+        let runs = |layout: &PhaseLayout, variable: usize| {
+            let Some(column) = self.variables.place[variable] else { return false };
+            let values = &self.variables.values;
+            let (time, bounds) = (values[variable], &self.structure().variables);
+            let margin = AT_BOUND * (1.0 + time.abs());
+            if time - bounds.lower[column] < margin || bounds.upper[column] - time < margin {
+                return false;
+            }
+            let entries = pattern.columns[column]..pattern.columns[column + 1];
+            let parts = entries.map(|at| jacobian[at] * multipliers[pattern.rows[at]]);
+            let (sum, size) = parts
+                .fold((gradient[column], gradient[column].abs()), |(sum, size), x| (sum + x, size + x.abs()));
+            let duration = values[layout.times() + 1] - values[layout.times()];
+            sum.abs() > FALLING * size && duration * sum.abs() < POWER * cost.abs()
+        };
+        let mut phases = self.variables.phases.iter();
+        Ok(phases.any(|layout| (0..2).any(|end| runs(layout, layout.times() + end))))
     }
 
     fn phase_solution(&self, k: usize, row: usize, multipliers: &[f64]) -> PhaseSolution {

@@ -3,9 +3,10 @@
 use super::confirmation::{Confirmation, confirm_while};
 use super::error::CollocationError;
 use super::mesh::Mesh;
+use super::optimality::{Accuracy, optimality};
 use super::problem::Problem;
 use super::radau::MAX_POINTS;
-use super::refinement::{self, IntervalError};
+use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use crate::attention::GoOn;
@@ -21,8 +22,8 @@ const NO_MOTION: f64 = 1e-2;
 /// Collocation with mesh refinement.
 #[derive(Debug, Clone)]
 pub struct Collocation<S = Sqp> {
-    /// Relative error of the states that each interval may have: by the estimate of the refinement, and then as a
-    /// defect when it is integrated anew.
+    /// Relative error of the states that each interval may have, by the estimate of the refinement and then as a defect when
+    /// it is integrated again; relative error of the cost; and what else [`Accuracy::meets`] names.
     pub tolerance: f64,
     /// Meshes to try at most, the first among them.
     pub max_meshes: usize,
@@ -50,13 +51,17 @@ impl Default for Collocation {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum CollocationStatus {
-    /// The program converged on a mesh that meets the tolerance, and the motion was confirmed.
+    /// The program converged on a mesh where all estimated errors meet the tolerance ([`Accuracy::meets`]), and the motion
+    /// was confirmed by integration.
     Converged,
     /// The program converged, and its motion is none: integrated anew it leaves its own nodes by more than the tolerance
     /// though its mesh should meet it, or by more than 10⁻² of the states whatever the mesh.
     FalseConvergence,
-    /// The last mesh allowed does not meet the tolerance.
+    /// The last mesh allowed does not meet the tolerance: [`Accuracy::shortfall`] says in what.
     MeshLimit,
+    /// The cost still falls along a free time where the program ended: its slope is small beside one and not beside the terms
+    /// it is made of. A cost of effort alone has no minimum over a time without an upper bound.
+    NoMinimum,
     /// The program of the last mesh did not converge.
     NotSolved(Status),
 }
@@ -68,8 +73,8 @@ pub struct MeshRecord {
     pub meshes: Vec<Mesh>,
     /// Cost as the program sees it.
     pub cost: f64,
-    /// Largest estimated relative error of an interval.
-    pub error: f64,
+    /// Estimated errors.
+    pub accuracy: Accuracy,
     /// How the program ended.
     pub status: Status,
     /// Steps of the solver.
@@ -93,6 +98,13 @@ pub struct CollocationReport {
     pub history: Vec<MeshRecord>,
     /// Of the last program.
     pub program: Report,
+}
+
+impl CollocationReport {
+    /// Estimated errors of the solution.
+    pub fn accuracy(&self) -> Accuracy {
+        self.history.last().map_or_else(Accuracy::default, |mesh| mesh.accuracy)
+    }
 }
 
 impl<S: NlpSolver> Collocation<S> {
@@ -133,35 +145,48 @@ impl<S: NlpSolver> Collocation<S> {
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
             let phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
             let rest = transcription.rest(&program.constraint_multipliers);
+            let held: Vec<_> = (0..phases.len())
+                .map(|k| transcription.state_multipliers(k, &program.bound_multipliers))
+                .collect();
+            let runs_away = program.status.is_converged()
+                && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
             drop(transcription);
-            let pairs = problem.phases.iter_mut().zip(&phases);
-            let errors = pairs
-                .map(|(phase, solution)| refinement::errors(phase, solution))
-                .collect::<Result<Vec<_>, _>>()?;
-            let error = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
+            let (mut errors, mut optimal) = (Vec::new(), Vec::new());
+            for ((phase, solution), held) in problem.phases.iter_mut().zip(&phases).zip(&held) {
+                errors.push(refinement::errors(phase, solution)?);
+                optimal.push(optimality(phase, solution, held)?);
+            }
+            let size = program.cost.abs().max(1.0);
+            let mut accuracy = Accuracy::default();
+            optimal.iter().flatten().for_each(|found| accuracy.include(&found.accuracy));
+            accuracy.cost /= size;
+            accuracy.equations = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
             history.push(MeshRecord {
                 meshes: meshes.clone(),
                 cost: program.cost,
-                error,
+                accuracy,
                 status: program.status,
                 iterations: program.iterations,
                 time: began.elapsed(),
             });
-            let is_met = program.status.is_converged() && error <= self.tolerance;
-            if is_met || !is_usable(&program) || history.len() >= self.max_meshes {
-                return self.report(problem, phases, history, program, go_on);
+            let is_met = program.status.is_converged() && accuracy.meets(self.tolerance);
+            if is_met || runs_away || !is_usable(&program) || history.len() >= self.max_meshes {
+                return self.report(problem, phases, history, program, runs_away, go_on);
             }
-            meshes = meshes
-                .iter()
-                .zip(&errors)
-                .map(|(mesh, errors)| self.refined(mesh, errors))
-                .collect::<Result<_, _>>()?;
+            let wishes = refinement::wishes(&errors, &optimal, size, self.tolerance);
+            let finer = meshes.iter().zip(&wishes).map(|(mesh, wishes)| self.refined(mesh, wishes));
+            // no finer mesh is left, or it would be too large
+            let finer: Vec<Mesh> = match finer.collect::<Result<_, _>>() {
+                Ok(finer) if finer != meshes => finer,
+                _ => return self.report(problem, phases, history, program, runs_away, go_on),
+            };
+            meshes = finer;
             previous = Some((phases, rest));
         }
     }
 
-    fn refined(&self, mesh: &Mesh, errors: &[IntervalError]) -> Result<Mesh, CollocationError> {
-        refinement::refined(mesh, errors, self.tolerance, self.min_points, self.max_points)
+    fn refined(&self, mesh: &Mesh, wishes: &[refinement::Wish]) -> Result<Mesh, CollocationError> {
+        refinement::refined(mesh, wishes, self.min_points, self.max_points)
     }
 
     fn report(
@@ -170,6 +195,7 @@ impl<S: NlpSolver> Collocation<S> {
         phases: Vec<PhaseSolution>,
         history: Vec<MeshRecord>,
         program: Report,
+        runs_away: bool,
         go_on: GoOn<'_>,
     ) -> Result<CollocationReport, CollocationError> {
         let mut is_cut = false;
@@ -178,12 +204,14 @@ impl<S: NlpSolver> Collocation<S> {
             !is_cut
         };
         let confirmation = confirm_while(problem, &phases, &mut goes_on)?;
-        let is_met = history.last().is_some_and(|mesh| mesh.error <= self.tolerance);
+        let is_met = history.last().is_some_and(|mesh| mesh.accuracy.meets(self.tolerance));
         let defect = confirmation.max_defect();
         let status = if !program.status.is_converged() {
             CollocationStatus::NotSolved(program.status)
         } else if is_cut {
             CollocationStatus::NotSolved(Status::Interrupted)
+        } else if runs_away {
+            CollocationStatus::NoMinimum
         } else if defect > if is_met { self.tolerance } else { self.tolerance.max(NO_MOTION) } {
             CollocationStatus::FalseConvergence
         } else if !is_met {

@@ -218,9 +218,9 @@ impl InteriorPoint {
                 verbose: false,
                 presolve_enable: false,
                 max_iter: 100,
-                tol_gap_abs: 1e-9,
-                tol_gap_rel: 1e-9,
-                tol_feas: 1e-9,
+                tol_gap_abs: 1e-12,
+                tol_gap_rel: 1e-12,
+                tol_feas: 1e-12,
                 max_threads: 1,
                 ..DefaultSettings::default()
             };

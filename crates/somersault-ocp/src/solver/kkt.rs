@@ -9,13 +9,16 @@
 //! Rows are those of the unit matrix (bounds of variables) and of the Jacobian. The pattern is the same for
 //! all working sets, so that AMD and the symbolic factorisation happen once: variables at bounds and
 //! constraints out of the set keep a diagonal entry only. ε makes the matrix quasi-definite where H + σ 1 is
-//! positive definite, also where rows are dependent; iterative refinement takes it out again. By Sylvester's
-//! law of inertia H + σ 1 is positive definite on the null space of A where exactly n pivots are positive.
+//! positive definite, also where rows are dependent. Where a pivot vanishes, as it may where H has zeros, the factors are
+//! those with δ 1 added. Both are taken out again by GMRES on the residual with the factors as preconditioner
+//! (Saad 2003, algorithm 9.5), which a few directions of slow convergence do not hold up as they do plain refinement. By
+//! Sylvester's law of inertia H + (σ + δ) 1 is positive definite on the null space of A where exactly n pivots are positive.
 
 use super::program::max_norm;
 use crate::nlp::Pattern;
 use clarabel::algebra::CscMatrix;
 use clarabel::qdldl::{QDLDLFactorisation, QDLDLSettings};
+use nalgebra::DMatrix;
 
 /// What a row of the working set is held at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,9 +35,16 @@ pub(super) enum Activity {
 
 /// ε relative to squared row norm over ‖H‖.
 const DUAL_REGULARISATION: f64 = 1e-8;
+/// δ relative to ‖H‖.
+const PRIMAL_REGULARISATION: f64 = 1e-9;
+
 /// Pivots below this, relative to the largest entry of H, count as zero.
 const SMALLEST_PIVOT: f64 = 1e-13;
-const REFINEMENTS: usize = 10;
+/// Cycles of GMRES, and steps of each.
+const REFINEMENTS: usize = 6;
+const KRYLOV: usize = 12;
+/// Decrease of the residual that ends a cycle: no more digits are to be had of it.
+const DIGITS: f64 = 1e-12;
 /// Residual, relative to its terms, of a solution that is used.
 const ACCURACY: f64 = 1e-9;
 
@@ -59,7 +69,37 @@ pub(super) struct Kkt {
     compliance: f64,
     row_norms: Vec<f64>,
     residual: Vec<f64>,
+    krylov: Krylov,
     pub(super) count: usize,
+}
+
+/// Room for a cycle of GMRES: basis, what the preconditioner makes of it, and the triangular factor of the Hessenberg matrix.
+struct Krylov {
+    basis: Vec<Vec<f64>>,
+    directions: Vec<Vec<f64>>,
+    triangle: DMatrix<f64>,
+    rotations: [(f64, f64); KRYLOV],
+    projected: [f64; KRYLOV + 1],
+}
+
+impl Krylov {
+    fn new(size: usize) -> Self {
+        Self {
+            basis: vec![vec![0.0; size]; KRYLOV + 1],
+            directions: vec![vec![0.0; size]; KRYLOV],
+            triangle: DMatrix::zeros(KRYLOV + 1, KRYLOV),
+            rotations: [(1.0, 0.0); KRYLOV],
+            projected: [0.0; KRYLOV + 1],
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn add_scaled(to: &mut [f64], factor: f64, x: &[f64]) {
+    to.iter_mut().zip(x).for_each(|(to, x)| *to += factor * x);
 }
 
 impl Kkt {
@@ -94,6 +134,7 @@ impl Kkt {
             compliance: 0.0,
             row_norms: vec![0.0; m],
             residual: vec![0.0; n + m],
+            krylov: Krylov::new(n + m),
             count: 0,
         }
     }
@@ -158,7 +199,16 @@ impl Kkt {
             };
         }
         self.factors.update_values(&self.entries, &self.values);
-        if self.factors.refactor().is_err() || self.factors.positive_inertia() != n {
+        if self.factors.refactor().is_err() {
+            for i in (0..n).filter(|&i| free(i)) {
+                self.values[self.diagonal_at[i]] += PRIMAL_REGULARISATION * size;
+            }
+            self.factors.update_values(&self.entries, &self.values);
+            if self.factors.refactor().is_err() {
+                return false;
+            }
+        }
+        if self.factors.positive_inertia() != n {
             return false;
         }
         let smallest = self.factors.D.iter().fold(f64::INFINITY, |s, &d| if d > 0.0 { s.min(d) } else { s });
@@ -166,14 +216,21 @@ impl Kkt {
     }
 
     /// Solves with what was factored last. `targets[i]` is the d of row i, read where it is in the set; y is zero
-    /// elsewhere, and its first n entries are the multipliers of bounds. False where the rows contradict each
+    /// elsewhere, and its first n entries are the multipliers of bounds. What p and y hold is where it starts: where rows
+    /// hardly differ, multipliers stay near those. False where the rows contradict each
     /// other, or rounding leaves no digits.
     pub(super) fn solve(&mut self, q: &[f64], targets: &[f64], p: &mut [f64], y: &mut [f64]) -> bool {
         let n = self.n;
         for i in 0..n {
-            p[i] = if self.active[i] == Activity::Free { 0.0 } else { targets[i] };
+            p[i] = if self.active[i] == Activity::Free { p[i] } else { targets[i] };
         }
-        y.fill(0.0);
+        for (y, activity) in y[n..].iter_mut().zip(&self.active[n..]) {
+            *y = if *activity == Activity::Free { 0.0 } else { *y };
+        }
+        if !p.iter().chain(&*y).all(|x| x.is_finite()) {
+            p.fill(0.0);
+            y.fill(0.0);
+        }
         let mut last = f64::INFINITY;
         let mut accurate = false;
         for _ in 0..REFINEMENTS {
@@ -183,13 +240,7 @@ impl Kkt {
                 break;
             }
             last = error;
-            self.factors.solve(&mut self.residual);
-            for (x, correction) in p.iter_mut().zip(&self.residual) {
-                *x += correction;
-            }
-            for (x, correction) in y[n..].iter_mut().zip(&self.residual[n..]) {
-                *x += correction;
-            }
+            self.refine(p, &mut y[n..]);
         }
         // What holds a variable at its bound is what stationarity lacks there.
         self.dual_residual(q, p, &y[n..]);
@@ -197,6 +248,76 @@ impl Kkt {
             y[i] = if self.active[i] == Activity::Free { 0.0 } else { self.residual[i] };
         }
         accurate && p.iter().chain(y.iter()).all(|x| x.is_finite())
+    }
+
+    /// One cycle of GMRES for the correction that the residual asks for.
+    fn refine(&mut self, p: &mut [f64], y: &mut [f64]) {
+        let n = self.n;
+        let mut krylov = std::mem::replace(&mut self.krylov, Krylov::new(0));
+        let Krylov { basis, directions, triangle, rotations, projected } = &mut krylov;
+        let norm = dot(&self.residual, &self.residual).sqrt();
+        basis[0].iter_mut().zip(&self.residual).for_each(|(v, r)| *v = r / norm);
+        projected.fill(0.0);
+        projected[0] = norm;
+        let mut steps = 0;
+        for k in 0..KRYLOV {
+            directions[k].copy_from_slice(&basis[k]);
+            self.factors.solve(&mut directions[k]);
+            if !directions[k].iter().all(|x| x.is_finite()) {
+                break;
+            }
+            self.apply(&directions[k]);
+            for i in 0..=k {
+                triangle[(i, k)] = dot(&self.residual, &basis[i]);
+                add_scaled(&mut self.residual, -triangle[(i, k)], &basis[i]);
+            }
+            let rest = dot(&self.residual, &self.residual).sqrt();
+            for i in 0..k {
+                let (c, s) = rotations[i];
+                let (a, b) = (triangle[(i, k)], triangle[(i + 1, k)]);
+                (triangle[(i, k)], triangle[(i + 1, k)]) = (c * a + s * b, c * b - s * a);
+            }
+            let diagonal = triangle[(k, k)].hypot(rest);
+            if !(diagonal > 0.0 && diagonal.is_finite()) {
+                break;
+            }
+            let (c, s) = (triangle[(k, k)] / diagonal, rest / diagonal);
+            rotations[k] = (c, s);
+            triangle[(k, k)] = diagonal;
+            triangle[(k + 1, k)] = 0.0;
+            (projected[k], projected[k + 1]) = (c * projected[k], -s * projected[k]);
+            steps = k + 1;
+            if projected[k + 1].abs() <= DIGITS * norm || rest == 0.0 {
+                break;
+            }
+            basis[k + 1].iter_mut().zip(&self.residual).for_each(|(v, r)| *v = r / rest);
+        }
+        for i in (0..steps).rev() {
+            let known: f64 = (i + 1..steps).map(|j| triangle[(i, j)] * projected[j]).sum();
+            projected[i] = (projected[i] - known) / triangle[(i, i)];
+        }
+        for (factor, direction) in projected[..steps].iter().zip(&*directions) {
+            add_scaled(p, *factor, &direction[..n]);
+            add_scaled(y, *factor, &direction[n..]);
+        }
+        self.krylov = krylov;
+    }
+
+    /// Leaves the product of the matrix and a vector in the residual.
+    fn apply(&mut self, x: &[f64]) {
+        let (p, y) = x.split_at(self.n);
+        self.residual.fill(0.0);
+        let (dual, primal) = self.residual.split_at_mut(self.n);
+        self.hessian_pattern.add_symmetric_product(&self.hessian, p, dual);
+        self.jacobian_pattern.add_transposed_product(&self.jacobian, y, dual);
+        self.jacobian_pattern.add_product(&self.jacobian, p, primal);
+        for (i, r) in dual.iter_mut().enumerate() {
+            *r = if self.active[i] == Activity::Free { *r + self.shift * p[i] } else { p[i] };
+        }
+        for (i, r) in primal.iter_mut().enumerate() {
+            let is_held = self.active[self.n + i] != Activity::Free;
+            *r = if is_held && self.row_norms[i] > 0.0 { *r - self.compliance * y[i] } else { -y[i] };
+        }
     }
 
     /// Leaves −q − (H + σ 1) p − Jᵀ y in the first n entries of the residual.

@@ -21,6 +21,8 @@ use crate::nlp::{Pattern, Structure};
 const EXCHANGES: usize = 6;
 /// Multipliers that are not believed, relative to ‖∇f‖∞ (Gill, Murray & Saunders 2005 take the same).
 const HUGE_MULTIPLIER: f64 = 1e4;
+/// Multiple of the unit matrix, relative to ‖H‖, in a model that is to tell what bounds alone hold.
+const FLAT: f64 = 1e-6;
 /// Elastic weight at first, relative to ‖∇f‖∞, and at last.
 const FIRST_WEIGHT: f64 = 10.0;
 const LAST_WEIGHT: f64 = 1e8;
@@ -48,6 +50,7 @@ pub(super) struct Subproblem {
     targets: Vec<f64>,
     trial_set: Vec<Activity>,
     empty_set: Vec<Activity>,
+    no_hessian: Vec<f64>,
     /// What clarabel found, while a better step is tried.
     convex_p: Vec<f64>,
     convex_y: Vec<f64>,
@@ -86,6 +89,7 @@ impl Subproblem {
             targets: vec![0.0; n + m],
             trial_set: vec![Activity::Free; n + m],
             empty_set: vec![Activity::Free; n + m],
+            no_hessian: vec![0.0; hessian.pattern.n_entries()],
             convex_p: vec![0.0; n],
             convex_y: vec![0.0; n + m],
             last_shift: 0.0,
@@ -120,18 +124,23 @@ impl Subproblem {
         }
     }
 
-    /// Working set from multipliers: rows at or beyond the bound that theirs points to, and equalities.
+    /// Working set from multipliers of the constraints: equalities, and bounds that are nearer, relative to the largest
+    /// multiplier, than the multiplier that points to them is large. Those of the bounds of z follow from the others.
     pub(super) fn guess_set(&mut self, point: &Point, y: &[f64]) {
         self.set_bounds(point);
         let n = point.z.len();
+        self.y[..n].copy_from_slice(&point.gradient);
+        self.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut self.y[..n]);
+        self.y[..n].iter_mut().for_each(|slope| *slope = -*slope);
+        self.y[n..].copy_from_slice(y);
+        let size = max_norm(y).max(1.0);
         for i in 0..self.active.len() {
-            let (lower, upper) = (self.lower[i], self.upper[i]);
-            let multiplier = if i < n { 0.0 } else { y[i - n] };
+            let (lower, upper, multiplier) = (self.lower[i], self.upper[i], self.y[i]);
             self.active[i] = if lower == upper {
                 Activity::Equal
-            } else if multiplier > 0.0 && upper.is_finite() {
+            } else if multiplier > size * upper.abs() {
                 Activity::Upper
-            } else if multiplier < 0.0 && lower.is_finite() {
+            } else if -multiplier > size * lower.abs() {
                 Activity::Lower
             } else {
                 Activity::Free
@@ -149,6 +158,8 @@ impl Subproblem {
         let zero = vec![0.0; self.hessian_pattern.n_entries()];
         let n = point.z.len();
         y.fill(0.0);
+        self.p.fill(0.0);
+        self.y.fill(0.0);
         if self.kkt.factor(&zero, 1.0, &point.jacobian, &self.active)
             && self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y)
             && max_norm(&self.y[n..]) < 1e3
@@ -170,6 +181,8 @@ impl Subproblem {
         let slope = max_norm(&point.gradient).max(1.0);
         self.weight = self.weight.max(FIRST_WEIGHT * slope);
         self.trial_set.copy_from_slice(&self.active);
+        self.p.fill(0.0);
+        self.y.fill(0.0);
         let origin = if self.newton(point, hessian, floor, EXCHANGES) {
             Some(Origin::WorkingSet)
         } else {
@@ -261,32 +274,51 @@ impl Subproblem {
         if !self.factor_convex(point, hessian, &mut shift, false) {
             return None;
         }
+        // A large shift hides what bounds alone hold in place, as they do a control that switches between its own.
+        if shift > floor {
+            let size = max_norm(&hessian.values);
+            if self.interior_point(point, &self.no_hessian.clone(), FLAT * size)
+                && self.newton_on_found(point, hessian, floor)
+            {
+                return Some(Origin::WorkingSet);
+            }
+        }
+        if !self.interior_point(point, &hessian.values, shift) {
+            return None;
+        }
+        self.shift = shift;
+        self.convex_p.copy_from_slice(&self.p);
+        self.convex_y.copy_from_slice(&self.y);
+        if self.newton_on_found(point, hessian, floor) {
+            return Some(Origin::WorkingSet);
+        }
+        self.p.copy_from_slice(&self.convex_p);
+        self.y.copy_from_slice(&self.convex_y);
+        Some(Origin::Convex)
+    }
+
+    /// Leaves step, multipliers and set of clarabel for the model with these values and shift.
+    fn interior_point(&mut self, point: &Point, hessian: &[f64], shift: f64) -> bool {
         let solver = self.convex.get_or_insert_with(|| {
             let Structure { variables, constraints, jacobian, .. } = &self.structure;
             InteriorPoint::new(&self.hessian_pattern, jacobian, variables, constraints, false)
         });
         let data = Quadratic {
             gradient: &point.gradient,
-            hessian: &hessian.values,
+            hessian,
             shift,
             jacobian: &point.jacobian,
             lower: &self.lower,
             upper: &self.upper,
         };
         self.n_quadratic_programs += 1;
-        if solver.solve(&data, 0.0, &mut self.p, &mut self.y, &mut self.active) != Outcome::Solved {
-            return None;
-        }
-        self.shift = shift;
-        self.convex_p.copy_from_slice(&self.p);
-        self.convex_y.copy_from_slice(&self.y);
+        solver.solve(&data, 0.0, &mut self.p, &mut self.y, &mut self.active) == Outcome::Solved
+    }
+
+    /// Newton's step on the set that clarabel found.
+    fn newton_on_found(&mut self, point: &Point, hessian: &Hessian, floor: f64) -> bool {
         self.trial_set.copy_from_slice(&self.active);
-        if self.newton(point, hessian, floor, 2) {
-            return Some(Origin::WorkingSet);
-        }
-        self.p.copy_from_slice(&self.convex_p);
-        self.y.copy_from_slice(&self.convex_y);
-        Some(Origin::Convex)
+        self.newton(point, hessian, floor, 2)
     }
 
     /// Raises the weight until the step reduces the violation, or no weight does.

@@ -57,6 +57,8 @@ impl Subproblem {
         }
         let no_gradient = vec![0.0; n];
         let mut is_settled = false;
+        self.p.fill(0.0);
+        self.y.fill(0.0);
         for _ in 0..=EXCHANGES {
             self.set_targets();
             if !self.kkt.factor_least_squares(shift, &point.jacobian, &self.trial_set)

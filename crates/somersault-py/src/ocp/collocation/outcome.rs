@@ -52,13 +52,15 @@ impl CollocationOutcome {
 #[pymethods]
 impl CollocationOutcome {
     /// str: ``'converged'``; ``'false_convergence'`` where the program was solved and its motion is none;
-    /// ``'mesh_limit'`` where the last mesh does not meet the tolerance; else how the last program ended, as for `Report`.
+    /// ``'mesh_limit'`` where the last mesh does not meet the tolerance; ``'no_minimum'`` where the cost still falls along a free
+    /// time; else how the last program ended, as for `Report`.
     #[getter]
     pub(super) fn status(&self) -> &'static str {
         match self.report.status {
             CollocationStatus::Converged => "converged",
             CollocationStatus::FalseConvergence => "false_convergence",
             CollocationStatus::MeshLimit => "mesh_limit",
+            CollocationStatus::NoMinimum => "no_minimum",
             CollocationStatus::NotSolved(status) => status_name(status),
             // statuses to come end a search as well
             _ => "failed",
@@ -86,7 +88,17 @@ impl CollocationOutcome {
             CollocationStatus::NotSolved(status) => {
                 return format!("the program of the last mesh was not solved: {}", status.message());
             }
-            _ => "the last mesh allowed does not meet the tolerance".to_owned(),
+            CollocationStatus::NoMinimum => {
+                "no minimum: the cost still falls along a free time, which runs away; bound the duration \
+                                             from above, or let it cost"
+                    .to_owned()
+            }
+            CollocationStatus::MeshLimit => format!(
+                "the last mesh allowed does not meet the tolerance: {}",
+                self.report.accuracy().shortfall(self.tol).unwrap_or_default()
+            ),
+            // statuses to come end a search as well
+            _ => "failed".to_owned(),
         };
         match self.report.confirmation.violation_sentence(self.tol) {
             Some(violation) => format!("{said}. {violation}"),
@@ -135,6 +147,13 @@ impl CollocationOutcome {
     #[getter]
     fn violation(&self) -> f64 {
         self.report.confirmation.max_violation()
+    }
+
+    /// float: Estimated error of the cost, relative to one and the cost, from the residuals of states, costates and controls and
+    /// from bounds exceeded between the points.
+    #[getter]
+    fn cost_error(&self) -> f64 {
+        self.report.accuracy().cost
     }
 
     /// Report: Of the last program.

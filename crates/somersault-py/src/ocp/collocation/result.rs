@@ -9,8 +9,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::multibody;
 use somersault::ocp::collocation::{
-    CollocationReport, CollocationStatus, Confirmation, Mesh, MeshRecord, PhaseConfirmation, PhaseRows,
-    PhaseSolution,
+    Accuracy, CollocationReport, CollocationStatus, Confirmation, Mesh, MeshRecord, PhaseConfirmation,
+    PhaseRows, PhaseSolution,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,8 +34,8 @@ type Outcome = (String, f64, f64);
 type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
 /// Defects, error and state of one integration from start to end, violation and what it is of, running and end cost, cost.
 type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), (f64, f64), f64);
-/// Of a mesh: bounds, points, cost, error, status, steps, seconds.
-type Tried = (Vec<f64>, Vec<usize>, f64, f64, String, usize, f64);
+/// Of a mesh: bounds, points, cost, errors, status, steps, seconds.
+type Tried = (Vec<f64>, Vec<usize>, f64, [f64; 5], String, usize, f64);
 
 impl CollocationResult {
     pub(super) fn of(
@@ -165,8 +165,9 @@ impl CollocationResult {
         self.report.confirmation.end_to_end_error()
     }
 
-    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``cost``, ``error`` (largest relative one estimated),
-    /// ``status`` of the program, ``nit`` and ``seconds``.
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``cost``, estimated errors, relative, of the states (``error``),
+    /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
+    /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
     #[getter]
     fn meshes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let record = |record: &MeshRecord| {
@@ -174,7 +175,12 @@ impl CollocationResult {
             entry.set_item("n_intervals", record.meshes[0].n_intervals())?;
             entry.set_item("n_points", record.meshes[0].n_points())?;
             entry.set_item("cost", record.cost)?;
-            entry.set_item("error", record.error)?;
+            let Accuracy { equations, cost, costates, hamiltonian, violation } = record.accuracy;
+            entry.set_item("error", equations)?;
+            entry.set_item("cost_error", cost)?;
+            entry.set_item("costate_error", costates)?;
+            entry.set_item("hamiltonian_error", hamiltonian)?;
+            entry.set_item("violation", violation)?;
             entry.set_item("status", status_name(record.status))?;
             entry.set_item("nit", record.iterations)?;
             entry.set_item("seconds", record.time.as_secs_f64())?;
@@ -197,7 +203,9 @@ impl CollocationResult {
             let mesh = &record.meshes[0];
             let (status, seconds) = (status_name(record.status).to_owned(), record.time.as_secs_f64());
             let points = mesh.points().to_vec();
-            (mesh.bounds().to_vec(), points, record.cost, record.error, status, record.iterations, seconds)
+            let Accuracy { equations, cost, costates, hamiltonian, violation } = record.accuracy;
+            let errors = [equations, cost, costates, hamiltonian, violation];
+            (mesh.bounds().to_vec(), points, record.cost, errors, status, record.iterations, seconds)
         };
         let on_mesh: OnMesh =
             (phase.mesh().bounds().to_vec(), phase.mesh().points().to_vec(), phase.horizon());
@@ -240,6 +248,7 @@ impl CollocationResult {
             "converged" => CollocationStatus::Converged,
             "false_convergence" => CollocationStatus::FalseConvergence,
             "mesh_limit" => CollocationStatus::MeshLimit,
+            "no_minimum" => CollocationStatus::NoMinimum,
             other => CollocationStatus::NotSolved(status_of(other)?),
         };
         let (bounds, points, horizon) = on_mesh;
@@ -259,11 +268,13 @@ impl CollocationResult {
             let (n, found) = (2 * model.n_velocities(), phase.states[0].len());
             return Err(Error::input(format!("`states` must have {n} columns, found {found}")));
         }
-        let tried = |(bounds, points, cost, error, status, iterations, seconds): Tried| {
+        let tried = |(bounds, points, cost, errors, status, iterations, seconds): Tried| {
             let time = Duration::try_from_secs_f64(seconds)
                 .map_err(|_| Error::input(format!("`seconds` must not be negative, found {seconds}")))?;
             let meshes = vec![Mesh::try_new(bounds, points)?];
-            Ok(MeshRecord { meshes, cost, error, status: status_of(&status)?, iterations, time })
+            let [equations, of_cost, costates, hamiltonian, violation] = errors;
+            let accuracy = Accuracy { equations, cost: of_cost, costates, hamiltonian, violation };
+            Ok(MeshRecord { meshes, cost, accuracy, status: status_of(&status)?, iterations, time })
         };
         let confirmed = PhaseConfirmation {
             defects,
