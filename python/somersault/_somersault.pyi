@@ -440,6 +440,24 @@ class Cylinder(Surface):
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
+class SurfaceFunction:
+    def __new__(
+        cls,
+        function: Callable[[_Floats], tuple[float, ArrayLike]],
+        *,
+        lipschitz: float = 1.0,
+        concavity: float = ...,
+    ) -> SurfaceFunction: ...
+    @property
+    def function(self) -> Callable[[_Floats], tuple[float, ArrayLike]]: ...
+    @property
+    def lipschitz(self) -> float: ...
+    @property
+    def concavity(self) -> float: ...
+    def __call__(self, point: _Floats) -> tuple[float, ArrayLike]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
 class HuntCrossley:
     def __new__(cls, stiffness: float, damping: float = 0.0) -> HuntCrossley: ...
     @staticmethod
@@ -909,6 +927,8 @@ class Solution(Trajectory):
     @property
     def n_trials(self) -> int: ...
     @property
+    def n_substeps(self) -> int: ...
+    @property
     def sol(self) -> DenseOutput | None: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
@@ -1373,6 +1393,8 @@ def integrate(
     locate: bool = True,
     max_event_rate: float = 1e9,
     keep_events: bool = True,
+    graze: float = 1e-6,
+    max_substeps: int | None = 100_000,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,

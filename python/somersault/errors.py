@@ -113,7 +113,7 @@ class ChatteringError(IntegrateError):
 
 
 class SurfaceError(IntegrateError, InputError):
-    """A surface of your own has a distance or a gradient that is not finite."""
+    """A surface cannot be touched: a distance or gradient that is not finite, wrong, or steeper than stated."""
 
 
 class ContactError(InputError):

@@ -49,7 +49,7 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
 ) -> Located<Vec<Pose>> {
     let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::default(), &mut ()).unwrap()
+    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
 /// Momentum, and angular momentum about the origin.
@@ -200,7 +200,7 @@ fn methods_of_the_table_in_every_form_keep_their_order_on_colliding_balls() {
     let exact = run(&RungeKuttaMuntheKaas(Dop853), &system, &start, 0.3, 2e-4);
     let error = |method: Method, n: u64| {
         let grid = TimeGrid::try_with_steps(0.0, 0.3, n).unwrap();
-        let (options, location) = (Options::default(), Location::default());
+        let (options, location) = (Options::default(), Location::as_given());
         let found = integrate_located(method, options, &system, &start, &grid, &location, &mut ()).unwrap();
         distance(&found.state, &exact.state)
     };

@@ -37,7 +37,7 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
 ) -> Located<Pose> {
     let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::default(), &mut ()).unwrap()
+    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
 fn kinds(run: &Located<Pose>) -> Vec<EventKind> {
@@ -111,7 +111,7 @@ fn every_method_that_takes_torque_has_at_least_its_order_on_the_box_dropped_on_a
     // A run whose events are others, or whose implicit step is too large, does not count.
     let error = |method: Method, n: u32| {
         let grid = TimeGrid::try_with_steps(0.0, END, n.into()).unwrap();
-        let (options, location) = (Options::default(), Location::default());
+        let (options, location) = (Options::default(), Location::as_given());
         integrate_located(method, options, &model.system, &start, &grid, &location, &mut ())
             .ok()
             .filter(|found| kinds(found) == kinds(&exact))

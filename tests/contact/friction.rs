@@ -42,7 +42,7 @@ fn run_and_mode(
     let frozen = Frozen::new(system.clone(), 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     let stepper = RungeKuttaMuntheKaas4;
-    let run = integrate_hybrid(&frozen, &stepper, start, &grid, &Location::default(), observer).unwrap();
+    let run = integrate_hybrid(&frozen, &stepper, start, &grid, &Location::as_given(), observer).unwrap();
     (run, frozen.mode())
 }
 
@@ -108,7 +108,7 @@ fn every_method_keeps_its_order_to_the_stop_of_a_block_that_bounces_while_it_sli
     let law = CompliantLaw::try_new(BOUNCE.stiffness, BOUNCE.damping).unwrap();
     let block = block(law, coulomb(MU, 400.0, 40.0));
     let start = block.at(DROP.x, Vector3::new(THROW, 0.0, 0.0));
-    let location = Location::default();
+    let location = Location::as_given();
     for method in Method::ALL {
         let order = f64::from(method.info().orders.translation_with_velocity);
         let bases: [u32; 6] =
@@ -416,7 +416,7 @@ fn the_energy_of_a_block_that_sticks_and_slips_never_grows() {
         let grid = TimeGrid::try_new(0.0, 2.0, 2e-4).unwrap();
         let mut energy = Energy { frozen: &frozen, growth: 0.0 };
         let stepper = RungeKuttaMuntheKaas4;
-        let location = Location::default();
+        let location = Location::as_given();
         let run = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut energy).unwrap();
         println!("{damping}: {} events, growth {:e}", run.events.len(), energy.growth);
         assert!(energy.growth < 1e-13 && run.events.len() > 3, "{damping}: {:e}", energy.growth);

@@ -28,7 +28,7 @@ pub(crate) fn differentiate<F: ForceModel>(
 ) -> Result<Sensitivities, Box<Undifferentiated>> {
     let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
     let by = Differentiation::by(by);
-    differentiate_hybrid(&RKMK8, system, start, &by, &grid, &Location::default(), &mut ())
+    differentiate_hybrid(&RKMK8, system, start, &by, &grid, &Location::as_given(), &mut ())
 }
 
 /// A run by [`RKMK8`] from time 0.
@@ -40,7 +40,7 @@ pub(crate) fn located<F: ForceModel>(
 ) -> Located<Pose> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     let frozen = Frozen::new(system, 0.0, start);
-    integrate_hybrid(&frozen, &RKMK8, start, &grid, &Location::default(), &mut ()).unwrap()
+    integrate_hybrid(&frozen, &RKMK8, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
 /// From one state to another, in the twelve components.

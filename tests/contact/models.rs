@@ -31,7 +31,7 @@ fn run_from<'a, M: Stepper<Frozen<&'a System>>>(
 ) -> Located<Pose> {
     let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::default(), observer).unwrap()
+    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), observer).unwrap()
 }
 
 fn run<'a, M: Stepper<Frozen<&'a System>>>(

@@ -339,6 +339,9 @@ impl Surface for Bowl {
         let length = span.norm();
         SignedDistance { distance: 2.0 - length, gradient: -span / length }
     }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
 }
 
 fn wind(_: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {

@@ -1,10 +1,12 @@
 //! Contacts of several bodies, with surfaces and with each other.
 
-use crate::contacts::{Contact, event_kind, rolling};
+use crate::contacts::{Contact, event_kind, is_free, rolling};
 use crate::error::{ContactError, finite, positive};
 use crate::event::EventKind;
-use crate::hybrid::{Guard, Hybrid, HybridBodies};
-use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
+use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::surface::SurfaceFault;
+use crate::sweep::{BodySweep, Sweep};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::ForceModel;
@@ -168,6 +170,48 @@ impl BodyContacts {
     }
 }
 
+impl SpherePair {
+    /// How far the gap may move where the bodies move so.
+    fn sweep(&self, sweep: &impl Fn(usize) -> BodySweep) -> Sweep {
+        let [a, b] = &self.spheres;
+        BodySweep::between_spheres([&sweep(a.body), &sweep(b.body)], [a.centre.norm(), b.centre.norm()])
+    }
+
+    /// Whether the spheres have a normal.
+    fn examine(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> Result<(), SurfaceFault> {
+        let (at, _) = self.meet(bodies, x);
+        if at.normal == Vector3::zeros() {
+            return Err(SurfaceFault::Concentric { point: at.point.into() });
+        }
+        Ok(())
+    }
+
+    /// The rates of the laws in a mode.
+    fn rate_in(&self, mode: &ContactMode, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> ContactRate {
+        if matches!(mode, ContactMode::Open) {
+            return ContactRate::default();
+        }
+        let (at, arms) = self.meet(bodies, x);
+        let [first, second] = [0, 1].map(|i| {
+            let body = self.spheres[i].body;
+            Mobility::of_body(&bodies[body], &state(x, body), &arms[i], &at.normal)
+        });
+        self.law.rate(&at, &(first + second))
+    }
+}
+
+impl BodyContacts {
+    /// The sweep of each gap where the bodies move as `sweep` says.
+    fn gap_sweeps(
+        &self,
+        x: &State<Vec<Pose>>,
+        sweep: &impl Fn(usize) -> BodySweep,
+    ) -> impl Iterator<Item = Sweep> {
+        let of_surfaces = self.on_surfaces.iter().map(|(body, c)| c.sweep(&sweep(*body), &state(x, *body)));
+        of_surfaces.chain(self.pairs.iter().map(move |pair| pair.sweep(sweep)))
+    }
+}
+
 fn state(x: &State<Vec<Pose>>, body: usize) -> RigidBodyState {
     State { configuration: x.configuration[body], rate: x.rate[body] }
 }
@@ -221,6 +265,73 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
                 out[n + i] = law.friction_guard(mode, &at);
             }
         }
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        h: f64,
+        (before, after): (&State<Vec<Pose>>, &State<Vec<Pose>>),
+        out: &mut Vec<Sweep>,
+    ) {
+        let (contacts, is_free) = (self.interaction(), is_free(mode));
+        let sweep = |i: usize| {
+            let ends = (&state(before, i), &state(after, i));
+            BodySweep::between(&self.bodies()[i], &self.forces()[i], ends, h, is_free)
+        };
+        out.extend(contacts.gap_sweeps(before, &sweep));
+        if contacts.friction_has_modes {
+            out.resize(2 * contacts.len(), Sweep::UNKNOWN);
+        }
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        x: &State<Vec<Pose>>,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        let ahead = |i: usize| BodySweep::ahead(&self.bodies()[i], &self.forces()[i], &state(x, i), horizon);
+        if !is_free(mode) || (0..self.bodies().len()).any(|i| ahead(i).is_none()) {
+            return 0.0;
+        }
+        let sweep = |i: usize| ahead(i).unwrap_or(BodySweep::UNKNOWN);
+        let gaps = self.interaction().gap_sweeps(x, &sweep).zip(guards);
+        gaps.fold(horizon, |least, (sweep, guard)| least.min(sweep.clear_time(guard.gap)))
+    }
+
+    fn examine(&self, guard: usize, x: &State<Vec<Pose>>) -> Result<(), SurfaceFault> {
+        let contacts = self.interaction();
+        if let Some((body, contact)) = contacts.on_surfaces.get(guard) {
+            return contact.examine(&state(x, *body));
+        }
+        match contacts.pairs.get(guard.wrapping_sub(contacts.on_surfaces.len())) {
+            Some(pair) => pair.examine(self.bodies(), x),
+            None => Ok(()),
+        }
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &State<Vec<Pose>>) -> f64 {
+        let (contacts, bodies) = (self.interaction(), self.bodies());
+        let of_surfaces = contacts.on_surfaces.iter().zip(mode);
+        let of_pairs = contacts.pairs.iter().zip(mode.iter().skip(contacts.on_surfaces.len()));
+        let surfaces = of_surfaces.map(|((i, c), mode)| c.rate_in(mode, &bodies[*i], &state(x, *i)));
+        let pairs = of_pairs.map(|(pair, mode)| pair.rate_in(mode, bodies, x));
+        surfaces.chain(pairs).sum::<ContactRate>().bound()
+    }
+
+    fn energy(&self, mode: &Vec<ContactMode>, x: &State<Vec<Pose>>) -> Option<Energy> {
+        let mut sum = Energy::default();
+        for (i, (body, force)) in self.bodies().iter().zip(self.forces()).enumerate() {
+            sum.potential += force.potential(body, &state(x, i))?;
+            sum.kinetic += body.kinetic_energy(&state(x, i));
+        }
+        let encounters = self.interaction().encounters(self.bodies(), x).zip(mode);
+        sum.springs = encounters.map(|((law, at), mode)| law.energy_in(mode, &at)).sum();
+        Some(sum)
     }
 
     fn acceleration_in(

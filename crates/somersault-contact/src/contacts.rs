@@ -3,10 +3,11 @@
 use crate::error::{ContactError, direction, finite, positive};
 use crate::event::EventKind;
 use crate::friction::Friction;
-use crate::hybrid::{Guard, Hybrid, HybridBodies};
-use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
+use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Place, Shape};
-use crate::surface::{HalfSpace, Surface};
+use crate::surface::{self, HalfSpace, Surface, SurfaceFault, check_slope};
+use crate::sweep::{BodySweep, Sweep};
 use crate::touch::{Motion, Touch};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
@@ -102,7 +103,38 @@ impl Contact {
 
     #[inline(never)]
     fn place_on_surface(&self, x: &RigidBodyState) -> Place {
-        self.shape.place(|point| self.surface.signed_distance(point), x)
+        let distance = |point: &Vector3<f64>| {
+            let mut at = self.surface.signed_distance(point);
+            if check_slope(self.surface.as_ref(), point, &at.gradient).is_err() {
+                // The run ends at the guard, which is asked what is the matter.
+                at.distance = f64::NAN;
+            }
+            at
+        };
+        self.shape.place(distance, x)
+    }
+
+    /// Whether the surface is fit to be touched in a state of the body.
+    pub fn examine(&self, x: &RigidBodyState) -> Result<(), SurfaceFault> {
+        let point = x.position() + x.orientation() * self.shape.centre();
+        surface::examine(self.surface.as_ref(), &point)
+    }
+
+    /// How far the gap may move where the body moves so.
+    pub(crate) fn sweep(&self, body: &BodySweep, x: &RigidBodyState) -> Sweep {
+        match &self.plane {
+            Some(plane) => body.against(&self.shape, plane, x),
+            None => body.against(&self.shape, self.surface.as_ref(), x),
+        }
+    }
+
+    /// The rates of the laws in a mode.
+    pub(crate) fn rate_in(&self, mode: &ContactMode, body: &RigidBody, x: &RigidBodyState) -> ContactRate {
+        if matches!(mode, ContactMode::Open) {
+            return ContactRate::default();
+        }
+        let (at, arm) = self.meet(body, x);
+        self.law.rate(&at, &Mobility::of_body(body, x, &arm, &at.normal))
     }
 
     /// What the laws see in a state of a body.
@@ -232,6 +264,62 @@ impl Contacts {
     }
 }
 
+impl Contacts {
+    /// The sweeps of all gaps, between two states of a body h apart, under forces that are smooth.
+    pub(crate) fn sweeps<F: ForceModel>(
+        &self,
+        modes: &[ContactMode],
+        (body, forces): (&RigidBody, &F),
+        h: f64,
+        ends: (&RigidBodyState, &RigidBodyState),
+        out: &mut Vec<Sweep>,
+    ) {
+        let sweep = BodySweep::between(body, forces, ends, h, is_free(modes));
+        out.extend(self.contacts.iter().map(|contact| contact.sweep(&sweep, ends.0)));
+        if self.friction_has_modes {
+            out.resize(2 * self.contacts.len(), Sweep::UNKNOWN);
+        }
+    }
+
+    /// For how long no contact can close.
+    pub(crate) fn clear_time<F: ForceModel>(
+        &self,
+        modes: &[ContactMode],
+        (body, forces): (&RigidBody, &F),
+        x: &RigidBodyState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        if !is_free(modes) {
+            return 0.0;
+        }
+        let Some(sweep) = BodySweep::ahead(body, forces, x, horizon) else { return 0.0 };
+        let times = self.contacts.iter().zip(guards);
+        times.fold(horizon, |least, (c, guard)| least.min(c.sweep(&sweep, x).clear_time(guard.gap)))
+    }
+
+    /// Upper bound of |λ| of the contacts closed, 1/s.
+    pub(crate) fn rate(&self, modes: &[ContactMode], body: &RigidBody, x: &RigidBodyState) -> f64 {
+        self.contacts.iter().zip(modes).map(|(c, mode)| c.rate_in(mode, body, x)).sum::<ContactRate>().bound()
+    }
+
+    /// The energy of a body, its springs in contact and its forces.
+    pub(crate) fn total_energy<F: ForceModel>(
+        &self,
+        modes: &[ContactMode],
+        (body, forces): (&RigidBody, &F),
+        x: &RigidBodyState,
+    ) -> Option<Energy> {
+        let potential = forces.potential(body, x)?;
+        Some(Energy { kinetic: body.kinetic_energy(x), springs: self.energy_in(modes, body, x), potential })
+    }
+}
+
+/// Whether no contact is closed.
+pub(crate) fn is_free(modes: &[ContactMode]) -> bool {
+    modes.iter().all(|mode| matches!(mode, ContactMode::Open))
+}
+
 impl std::ops::Deref for Contacts {
     type Target = [Contact];
     fn deref(&self) -> &[Contact] {
@@ -336,6 +424,40 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
                 out[n + i] = contact.law.friction_guard(mode, &at);
             }
         }
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        h: f64,
+        ends: (&RigidBodyState, &RigidBodyState),
+        out: &mut Vec<Sweep>,
+    ) {
+        self.forces.1.sweeps(mode, (&self.body, &self.forces.0), h, ends, out);
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        x: &RigidBodyState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        self.forces.1.clear_time(mode, (&self.body, &self.forces.0), x, guards, horizon)
+    }
+
+    fn examine(&self, guard: usize, x: &RigidBodyState) -> Result<(), SurfaceFault> {
+        self.forces.1.get(guard).map_or(Ok(()), |contact| contact.examine(x))
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
+        self.forces.1.rate(mode, &self.body, x)
+    }
+
+    fn energy(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> Option<Energy> {
+        self.forces.1.total_energy(mode, (&self.body, &self.forces.0), x)
     }
 
     #[inline(always)]

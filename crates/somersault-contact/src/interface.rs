@@ -4,7 +4,9 @@ use crate::friction::{Friction, Resistance};
 use crate::hybrid::Guard;
 use crate::normal::NormalLaw;
 use nalgebra::Vector3;
+use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
+use somersault_integrators::state::RigidBodyState;
 
 /// What the laws see of two things that may touch: the first against the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +48,74 @@ pub enum ContactMode {
     Creep,
     /// Slides beyond it.
     Slide,
+}
+
+/// What a unit force at a contact does to the bodies, in the directions that laws act in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mobility {
+    /// Along the normal, 1/kg: the inverse of the effective mass.
+    pub normal: f64,
+    /// Along any tangent at most, 1/kg.
+    pub tangential: f64,
+    /// Of a unit couple at most, 1/(kg m²).
+    pub turning: f64,
+}
+
+impl Mobility {
+    /// Of a point of a body: 1/m + (r × n)·I⁻¹(r × n), and 1/m + r²/I₁ with the least principal moment I₁.
+    pub(crate) fn of_body(
+        body: &RigidBody,
+        x: &RigidBodyState,
+        arm: &Vector3<f64>,
+        normal: &Vector3<f64>,
+    ) -> Self {
+        let (inverse_mass, inertia) = (1.0 / body.mass(), body.inertia());
+        let lever = x.orientation().inverse_transform_vector(&arm.cross(normal));
+        let turning = 1.0 / inertia.principal_moments().min();
+        Self {
+            normal: inverse_mass + lever.dot(&inertia.velocity(&lever)),
+            tangential: inverse_mass + arm.norm_squared() * turning,
+            turning,
+        }
+    }
+}
+
+impl std::ops::Add for Mobility {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            normal: self.normal + other.normal,
+            tangential: self.tangential + other.tangential,
+            turning: self.turning + other.turning,
+        }
+    }
+}
+
+/// Stiffness and damping of contacts over the masses they move.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ContactRate {
+    /// Σ k/m, 1/s².
+    pub stiffness: f64,
+    /// Σ c/m, 1/s.
+    pub damping: f64,
+}
+
+impl ContactRate {
+    /// An upper bound of |λ|, 1/s: of what oscillates √(Σ k/m), of what is damped beyond that Σ c/m.
+    ///
+    /// The sums are traces, and so no less than any eigenvalue of several contacts together.
+    pub fn bound(&self) -> f64 {
+        self.stiffness.sqrt().max(self.damping)
+    }
+}
+
+impl std::iter::Sum for ContactRate {
+    fn sum<I: Iterator<Item = Self>>(rates: I) -> Self {
+        rates.fold(Self::default(), |a, b| Self {
+            stiffness: a.stiffness + b.stiffness,
+            damping: a.damping + b.damping,
+        })
+    }
 }
 
 /// Laws of a contact: along the normal, against sliding, against rolling and spinning.
@@ -186,6 +256,27 @@ impl ContactLaw {
             self.resistance.couple(push, &at.normal, &at.turning)
         };
         Wrench { force: at.normal * push + friction, torque }
+    }
+
+    /// Stiffness and damping over the masses that they move, while the contact is closed.
+    pub fn rate(&self, at: &Encounter, mobility: &Mobility) -> ContactRate {
+        let tangent = self.normal.stiffest(at.gap, at.rate, 1.0 / mobility.normal);
+        let (k, c) = match &self.friction {
+            Friction::None => (0.0, 0.0),
+            Friction::Regularised(law) => (0.0, law.coefficient() * tangent.force / law.speed()),
+            Friction::Coulomb(law) => (law.stiffness(), law.damping()),
+            Friction::Creep(law) => (0.0, law.damping()),
+        };
+        let couple = if self.resistance.is_none() {
+            0.0
+        } else {
+            self.resistance.rolling().max(self.resistance.spinning()) * tangent.force
+                / self.resistance.speed()
+        };
+        ContactRate {
+            stiffness: tangent.stiffness * mobility.normal + k * mobility.tangential,
+            damping: tangent.damping * mobility.normal + c * mobility.tangential + couple * mobility.turning,
+        }
     }
 
     /// Energy of the springs, J: that of the normal law and, while the contact sticks, ½ k ξ².

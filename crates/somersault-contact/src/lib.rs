@@ -48,6 +48,7 @@ pub mod shape;
 mod step_curve;
 pub mod studies;
 pub mod surface;
+pub mod sweep;
 mod touch;
 
 pub use error::ContactError;

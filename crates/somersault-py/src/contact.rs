@@ -4,7 +4,7 @@ use crate::bodies::State;
 use crate::contact_law::{Resistance, friction_law, laws, normal_law, parts, resistance_law};
 use crate::convert::{a_type, vector, vector_array, vector_or};
 use crate::error::Error;
-use crate::forces::{Failure, Reader, callable_name, sequence};
+use crate::forces::{Failure, Reader, sequence};
 use crate::surface::{CallableSurface, HalfSpace, Surface};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -24,9 +24,10 @@ use std::sync::Arc;
 /// point : array_like, shape (3,)
 ///     Point, body frame, from the centre of mass, m.
 /// surface : Surface or callable
-///     A surface, or ``f(point) -> (distance, gradient)`` for one of your own: the signed distance of a
-///     point of the world, negative in the solid, and its gradient. With p + 1 continuous derivatives
-///     it keeps an order p.
+///     A surface, or ``f(point) -> (distance, gradient)``: the signed distance of a point of the world, negative in
+///     the solid, and its gradient, of length 1. With p + 1 continuous derivatives it keeps an order p. A
+///     `SurfaceFunction` says besides how fast the distance changes; a plain callable counts as a distance,
+///     which changes by no more than the point moves.
 /// law : CompliantLaw or HuntCrossley
 ///     Law of the normal force.
 /// friction : CoulombFriction, CreepFriction or RegularisedFriction, optional
@@ -79,11 +80,7 @@ impl Contact {
         if self.is_built_in(py) {
             return contact;
         }
-        contact.against(Arc::new(CallableSurface {
-            callable: self.surface.clone_ref(py),
-            name: callable_name(self.surface.bind(py)),
-            failure: failure.clone(),
-        }))
+        contact.against(Arc::new(CallableSurface::new(self.surface.bind(py), failure)))
     }
 }
 

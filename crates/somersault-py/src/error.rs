@@ -235,6 +235,7 @@ impl From<Interruption> for Error {
             Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::surface(format!(
                 "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
             )),
+            Interruption::Surface { .. } => Self::surface(reason.to_string()),
             reason => Self::own("IntegrateError", &reason),
         }
     }

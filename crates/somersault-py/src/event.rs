@@ -12,6 +12,8 @@ use somersault::contact::event::{self, EventKind};
 pub(crate) struct Events<Q: Seen> {
     /// Steps tried.
     pub(crate) trials: u64,
+    /// Steps that were parts of longer ones.
+    pub(crate) substeps: u64,
     /// How many there were.
     pub(crate) count: u64,
     /// How many contacts there are; the guards of their friction follow theirs.
@@ -23,7 +25,7 @@ pub(crate) struct Events<Q: Seen> {
 impl<Q: Seen> Events<Q> {
     /// Of a run that looks for none.
     pub(crate) fn none() -> Self {
-        Self { trials: 0, count: 0, contacts: 1, events: Vec::new() }
+        Self { trials: 0, substeps: 0, count: 0, contacts: 1, events: Vec::new() }
     }
 }
 

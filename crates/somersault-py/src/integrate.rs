@@ -12,7 +12,7 @@ use crate::trajectory::{Cast, Report, Seen, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::Location;
+use somersault::contact::event::{Location, StiffSteps};
 use somersault::integrators::driver::{IntegrateError, Outcome, Status};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::state::{Pose, State};
@@ -162,6 +162,13 @@ fn run<B: Bodies>(
 ///     Most events per second and contact, averaged over the last 64, 1e9 unless given; more are an error.
 /// keep_events : bool, optional
 ///     Whether to keep the events; they are counted in any case.
+/// graze : float, optional
+///     Depth below which a hit on a rim or on a surface without a known `concavity` may be missed, m; 1e-6 unless
+///     given. Hits on all others are found whatever their depth.
+/// max_substeps : int or None, optional
+///     Most parts that a fixed step is divided into for the contacts closed; 100 000 unless given. 1 refuses steps
+///     that are too long for a contact with `IntegrateError`; None makes steps as they are given, for studies of
+///     methods.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
 ///     weighed by its length; an orientation counts as one radian.
@@ -196,7 +203,8 @@ fn run<B: Bodies>(
 /// IntegrateError
 ///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
 ///     of an implicit step was not solved (`StepError`), events follow each other too fast
-///     (`ChatteringError`).
+///     (`ChatteringError`), a surface is not fit to be touched (`SurfaceError`), a step is too long for a contact
+///     or the method gains energy in it.
 ///
 /// Notes
 /// -----
@@ -218,7 +226,7 @@ fn run<B: Bodies>(
 #[pyfunction]
 #[pyo3(signature = (
     body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, locate=true,
-    max_event_rate=1e9, keep_events=true, rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
     observer=None, on_interrupt="raise", progress=false
 ))]
 pub(crate) fn integrate<'py>(
@@ -235,6 +243,8 @@ pub(crate) fn integrate<'py>(
     locate: bool,
     max_event_rate: f64,
     keep_events: bool,
+    graze: f64,
+    #[pyo3(from_py_with = integer_or_none)] max_substeps: Option<i64>,
     rtol: Option<f64>,
     atol: Option<f64>,
     max_step: Option<f64>,
@@ -275,7 +285,15 @@ pub(crate) fn integrate<'py>(
         calls_python,
         return_interrupted,
     };
-    let location = Location { max_event_rate, keep_events };
+    let stiff = match max_substeps.map(u64::try_from) {
+        None => StiffSteps::AsGiven,
+        Some(Ok(most @ 1..)) => StiffSteps::Divide { most },
+        Some(_) => {
+            let found = max_substeps.unwrap_or_default();
+            return Err(Error::input(format!("`max_substeps` must be positive or None, found {found}")));
+        }
+    };
+    let location = Location { max_event_rate, keep_events, graze, stiff };
     let observer = observer.map(Bound::unbind);
     if cast.single {
         if interaction.is_some() {

@@ -102,7 +102,7 @@ mod _somersault {
         spectral_radii, stability_region, work_precision_study,
     };
     #[pymodule_export]
-    use crate::surface::{Cylinder, HalfSpace, Sphere, Surface};
+    use crate::surface::{Cylinder, HalfSpace, Sphere, Surface, SurfaceFunction};
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
     #[pymodule_export]

@@ -11,7 +11,7 @@ use somersault::contact::driver::{LocatedResult, integrate_located, integrate_lo
 use somersault::contact::event::{Interrupted, Located, Location};
 use somersault::contact::hybrid::HybridBodies;
 use somersault::integrators::body::RigidBody;
-use somersault::integrators::force::{BoxedForce, ForceModel, Wrench};
+use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
 use somersault::integrators::state::RigidBodyState;
 use somersault::integrators::system::StateOf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -42,6 +42,12 @@ impl ForceModel for CountedForces {
     }
     fn depends_on_velocity(&self) -> bool {
         self.models.depends_on_velocity()
+    }
+    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        self.models.bound(body, reach)
+    }
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.models.potential(body, x)
     }
 }
 
@@ -90,8 +96,8 @@ impl<S: HybridBodies<Configuration: Seen> + Evaluated + Sync> Bodies for InConta
                 (Err(reason.into()), so_far)
             }
         };
-        let Located { rejected, trials, event_count, events, .. } = located;
-        let events = Events { trials, count: event_count, contacts: self.contacts, events };
+        let Located { rejected, trials, substeps, event_count, events, .. } = located;
+        let events = Events { trials, substeps, count: event_count, contacts: self.contacts, events };
         Ended { status, rejected, nfev: self.system.evaluations(), events }
     }
 }

@@ -396,6 +396,7 @@ struct Log {
     events: Py<PyTuple>,
     count: u64,
     trials: u64,
+    substeps: u64,
 }
 
 /// What an integration leaves: a `Trajectory`, how it ended and what it took.
@@ -457,10 +458,10 @@ impl Solution {
         report: Report,
         events: Events<Q>,
     ) -> PyResult<Py<Self>> {
-        let Events { trials, count, contacts, events } = events;
+        let Events { trials, substeps, count, contacts, events } = events;
         let events =
             events.iter().map(|event| Event::of(py, contacts, event)).collect::<PyResult<Vec<_>>>()?;
-        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials };
+        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials, substeps };
         let times = std::mem::take(&mut recorded.times);
         let states = recorded.states.iter().flat_map(Q::split).collect();
         let dense = if dense {
@@ -531,10 +532,16 @@ impl Solution {
         self.log.count
     }
 
-    /// int: Steps tried to locate events, in addition to those made.
+    /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
     #[getter]
     fn n_trials(&self) -> u64 {
         self.log.trials
+    }
+
+    /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
+    #[getter]
+    fn n_substeps(&self) -> u64 {
+        self.log.substeps
     }
 
     /// DenseOutput or None: The state at any time, where dense output was asked for.
@@ -554,8 +561,8 @@ impl Solution {
         let py = slf.py();
         let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
         let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
-        let Log { events, count, trials } = &slf.get().log;
-        let log = (events, *count, *trials);
+        let Log { events, count, trials, substeps } = &slf.get().log;
+        let log = (events, *count, *trials, *substeps);
         let arguments = (base, (status, message, nfev, n_steps, n_rejected), log).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
@@ -567,14 +574,14 @@ impl Solution {
         py: Python<'_>,
         arrays: [Bound<'_, PyAny>; 6],
         report: (i32, String, u64, u64, u64),
-        log: (Py<PyTuple>, u64, u64),
+        log: (Py<PyTuple>, u64, u64, u64),
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
         let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
-        let (events, count, trials) = log;
-        let log = Log { events, count, trials };
+        let (events, count, trials, substeps) = log;
+        let log = Log { events, count, trials, substeps };
         Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, log, dense: None }))?)
     }
 }

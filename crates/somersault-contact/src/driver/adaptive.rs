@@ -14,8 +14,9 @@ use somersault_integrators::system::{Decoder, Form, StateOf, System, Unchanged};
 /// Integrates bodies with modes from `interval.0` to `interval.1` by a method of the table that estimates
 /// its error, with steps adapted to tolerances, locating events.
 ///
-/// Without events the steps are those of
-/// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive). After an event the step is
+/// Far from contacts the steps are those of
+/// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive). A step that is not proved clear of
+/// contacts is shortened to where the gap may be least, so that the gap takes part in the control of the steps. After an event the step is
 /// chosen afresh from the accelerations of the new mode. A step that leads to where a guard is not finite
 /// is rejected like one whose error is too large. The observer sees every committed step, those that end at
 /// events among them, with its curve.
@@ -113,14 +114,23 @@ where
         let mut error = stepper.error(x, &after.inner, h, memory, &settings.tolerances);
         let mut fault = None;
         if error <= 1.0
-            && let Err(reason) = run.worker.settle(t + h, after)
+            && let Err(reason) = run.worker.settle(t + h, &mut run.after)
         {
             (error, fault) = (f64::NAN, Some(reason));
+        }
+        if error <= 1.0
+            && let Some(part) = run.doubt(h, t_after)
+        {
+            // A contact may have come and gone: the step ends where it would have been closest.
+            control.shorten(part)?;
+            stepper.reject(&mut run.memory);
+            run.so_far.trials += 1;
+            continue;
         }
         match control.accepts(t, h, error) {
             Ok(true) => {}
             Ok(false) => {
-                stepper.reject(memory);
+                stepper.reject(&mut run.memory);
                 run.so_far.rejected += 1;
                 continue;
             }

@@ -8,6 +8,7 @@ use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System};
 
 /// A state in the variables of the form and in those of the system, and the guards there.
+#[derive(Clone)]
 pub(super) struct Point<Q: Configuration, B: Configuration> {
     pub(super) inner: State<B>,
     pub(super) outer: State<Q>,
@@ -70,7 +71,10 @@ where
         match out.guards.iter().enumerate().find(|(_, g)| !g.is_finite()) {
             None => Ok(()),
             Some((guard, &Guard { gap, rate, .. })) => {
-                Err(Interruption::NonFiniteGuard { guard, t, gap, rate })
+                Err(match self.frozen.system().examine(guard, &out.outer) {
+                    Err(fault) => Interruption::Surface { guard, t, fault },
+                    Ok(()) => Interruption::NonFiniteGuard { guard, t, gap, rate },
+                })
             }
         }
     }

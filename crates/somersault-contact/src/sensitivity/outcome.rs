@@ -123,6 +123,7 @@ pub(super) fn collect(run: Located<Varied<Pose, Twist>>, times: &[EventTime]) ->
             steps: run.steps,
             rejected: run.rejected,
             trials: run.trials,
+            substeps: run.substeps,
             event_count: run.event_count,
             events,
         },

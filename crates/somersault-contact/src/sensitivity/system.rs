@@ -7,8 +7,10 @@ use super::outcome::Grazing;
 use super::parameter::Parameter;
 use crate::contacts::BodyInContact;
 use crate::event::EventKind;
-use crate::hybrid::{Guard, Hybrid, HybridBodies};
+use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::surface::SurfaceFault;
+use crate::sweep::Sweep;
 use nalgebra::Vector3;
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
@@ -197,6 +199,40 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
 
     fn guards(&self, mode: &Vec<ContactMode>, t: f64, x: &VariedState, out: &mut Vec<Guard>) {
         self.system.guards(mode, t, &x.base(), out);
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        h: f64,
+        ends: (&VariedState, &VariedState),
+        out: &mut Vec<Sweep>,
+    ) {
+        self.system.sweeps(mode, t, h, (&ends.0.base(), &ends.1.base()), out);
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        x: &VariedState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        self.system.clear_time(mode, t, &x.base(), guards, horizon)
+    }
+
+    fn examine(&self, guard: usize, x: &VariedState) -> Result<(), SurfaceFault> {
+        self.system.examine(guard, &x.base())
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
+        self.system.contact_rate(mode, &x.base())
+    }
+
+    fn energy(&self, mode: &Vec<ContactMode>, x: &VariedState) -> Option<Energy> {
+        self.system.energy(mode, &x.base())
     }
 
     fn acceleration_in(
