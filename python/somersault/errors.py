@@ -113,7 +113,7 @@ class ChatteringError(IntegrateError):
 
 
 class SurfaceError(IntegrateError, InputError):
-    """A surface cannot be touched: a distance or gradient that is not finite, wrong, or steeper than stated."""
+    """A surface cannot be touched: its distance or gradient is wrong, not finite or too steep."""
 
 
 class ContactError(InputError):

@@ -373,7 +373,7 @@ impl ForceModel for Spring {
     fn potential(&self, _: &RigidBody, x: &RigidBodyState) -> Option<f64> {
         let length = (x.position() + x.orientation() * self.attachment - self.anchor).norm();
         let stretch = length - self.rest_length;
-        (self.damping >= 0.0).then(|| 0.5 * self.stiffness * stretch * stretch)
+        (self.damping >= 0.0).then_some(0.5 * self.stiffness * stretch * stretch)
     }
     fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let arm = x.orientation() * self.attachment;
