@@ -12,8 +12,7 @@ _Wrench: TypeAlias = tuple[ArrayLike, ArrayLike]
 _AnyForce: TypeAlias = ForceModel | Callable[[float, State], _Wrench]
 _AnyMethod: TypeAlias = str | MethodInfo
 _Law: TypeAlias = CompliantLaw | HuntCrossley
-_RollingFriction: TypeAlias = CreepFriction | RegularisedFriction
-_Friction: TypeAlias = CoulombFriction | _RollingFriction
+_Friction: TypeAlias = CoulombFriction | RegularisedFriction
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
@@ -22,7 +21,7 @@ _Parameter: TypeAlias = (
     | tuple[Literal["stiffness", "damping", "friction"], int]
     | tuple[Literal["acceleration"], ArrayLike]
 )
-_EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "turn", "other"]
+_EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Entry: TypeAlias = float | tuple[float, float] | None
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
@@ -94,7 +93,6 @@ __all__ = [
     "Correlation",
     "Cost",
     "CoulombFriction",
-    "CreepFriction",
     "Cylinder",
     "DenseOutput",
     "Diagnosis",
@@ -475,24 +473,17 @@ class RegularisedFriction:
 
 @final
 class CoulombFriction:
-    def __new__(cls, coefficient: float, stiffness: float, damping: float = 0.0) -> CoulombFriction: ...
+    def __new__(
+        cls, coefficient: float, stiffness: float, damping: float, static_coefficient: float | None = None
+    ) -> CoulombFriction: ...
     @property
     def coefficient(self) -> float: ...
     @property
     def stiffness(self) -> float: ...
     @property
     def damping(self) -> float: ...
-    def __eq__(self, other: object, /) -> bool: ...
-    def __ne__(self, other: object, /) -> bool: ...
-    def __reduce__(self) -> tuple[Any, ...]: ...
-
-@final
-class CreepFriction:
-    def __new__(cls, coefficient: float, damping: float) -> CreepFriction: ...
     @property
-    def coefficient(self) -> float: ...
-    @property
-    def damping(self) -> float: ...
+    def static_coefficient(self) -> float: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -522,7 +513,7 @@ class Contact:
         surface: _Surface,
         law: _Law,
         *,
-        friction: _RollingFriction | None = None,
+        friction: _Friction | None = None,
         resistance: Resistance | None = None,
     ) -> Contact: ...
     @staticmethod
@@ -533,7 +524,7 @@ class Contact:
         plane: HalfSpace,
         law: _Law,
         *,
-        friction: _RollingFriction | None = None,
+        friction: _Friction | None = None,
         resistance: Resistance | None = None,
     ) -> Contact: ...
     @property
@@ -562,7 +553,7 @@ class SpherePair:
         law: _Law,
         *,
         centers: Sequence[ArrayLike] | None = None,
-        friction: _RollingFriction | None = None,
+        friction: _Friction | None = None,
         resistance: Resistance | None = None,
     ) -> SpherePair: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -599,6 +590,8 @@ class Sensitivities:
     def by_parameters(self) -> _Floats: ...
     @property
     def event_times(self) -> _Floats: ...
+    @property
+    def stretches(self) -> _Floats: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
@@ -908,6 +901,8 @@ class Solution(Trajectory):
     def n_events(self) -> int: ...
     @property
     def n_trials(self) -> int: ...
+    @property
+    def stretches(self) -> _Floats: ...
     @property
     def sol(self) -> DenseOutput | None: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -1370,6 +1365,7 @@ def integrate(
     interaction: Gravitation | Callable[[float, list[State]], _Wrench] | None = None,
     contacts: Contact | Sequence[Contact] | Sequence[Contact | Sequence[Contact] | None] | None = None,
     pairs: SpherePair | Sequence[SpherePair] | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
     locate: bool = True,
     max_event_rate: float = 1e9,
     keep_events: bool = True,
@@ -1391,12 +1387,18 @@ def differentiate(
     state: State,
     interval: tuple[float, float] | Sequence[float],
     *,
-    dt: float,
+    dt: float | None = None,
     contacts: Contact | Sequence[Contact],
     method: _AnyMethod | None = None,
     forces: _AnyForce | Sequence[_AnyForce] | None = None,
     parameters: Sequence[_Parameter] | None = None,
-    grazing: float = 1e-9,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
+    grazing: float = 1.5e-8,
     max_event_rate: float = 1e9,
 ) -> Sensitivities: ...
 def integrate_tree(
@@ -2230,7 +2232,7 @@ def sliding_block(
     slope: float = 0.0,
 ) -> Scene: ...
 def rolling_disk(
-    mass: float, radius: float, law: CompliantLaw, friction: CreepFriction, tilt: float, turning: float
+    mass: float, radius: float, law: CompliantLaw, friction: CoulombFriction, tilt: float, turning: float
 ) -> Scene: ...
 def tippe_top(
     mass: float,
@@ -2242,7 +2244,7 @@ def tippe_top(
     spin: float,
     sag: float = 0.0,
     *,
-    friction: _RollingFriction | None = None,
+    friction: _Friction | None = None,
 ) -> Scene: ...
 def restitution(damping_ratio: float) -> float: ...
 def damping_ratio(restitution: float) -> float: ...

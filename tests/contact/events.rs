@@ -11,7 +11,7 @@ use somersault_contact::models::BouncingBall;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Surface};
 use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, Observer, Status, Step, TimeGrid};
+use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, Step, TimeGrid};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKutta4, RungeKuttaMuntheKaas};
 use somersault_integrators::solution::Recorder;
@@ -330,6 +330,9 @@ fn height(x: &RigidBodyState) -> Guard {
 
 impl Hybrid for Bouncer {
     type Mode = bool;
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
     fn mode(&self, _: f64, x: &RigidBodyState) -> bool {
         height(x).is_inside()
     }
@@ -449,6 +452,9 @@ impl System for DryFriction {
 
 impl Hybrid for DryFriction {
     type Mode = bool;
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
     fn mode(&self, _: f64, x: &RigidBodyState) -> bool {
         x.velocity().x < 0.0
     }
@@ -570,6 +576,9 @@ impl RigidSystem for Doubling {
 impl Hybrid for Doubling {
     type Mode = Vec<ContactMode>;
     const RESETS: bool = true;
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
     fn mode(&self, t: f64, x: &RigidBodyState) -> Vec<ContactMode> {
         self.0.system.mode(t, x)
     }

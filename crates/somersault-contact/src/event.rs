@@ -18,9 +18,6 @@ pub enum EventKind {
     Stick,
     /// A contact that stuck begins to slide.
     Slip,
-    /// The direction of sliding has turned by 60° since the last event of this kind, or since
-    /// sliding began. Nothing happens to the motion.
-    Turn,
 }
 
 impl EventKind {

@@ -2,6 +2,7 @@
 
 use crate::event::EventKind;
 use somersault_integrators::body::RigidBody;
+use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::state::State;
 use somersault_integrators::system::{
     BodyPoses, BodyRate, Decoder, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
@@ -66,6 +67,9 @@ pub trait Hybrid: System {
 
     /// Whether states jump at events; [`reset`](Self::reset) is called only where they do.
     const RESETS: bool = false;
+
+    /// Why the system cannot be integrated as it stands; drivers ask before a run.
+    fn check(&self) -> Result<(), IntegrateError>;
 
     /// The mode that a state belongs to: by [`Guard::is_inside`] of its guards, so that both agree where a
     /// guard is zero.
@@ -138,6 +142,9 @@ pub trait HybridBodies: Hybrid + RigidSystem {
 impl<S: Hybrid + ?Sized> Hybrid for &S {
     type Mode = S::Mode;
     const RESETS: bool = S::RESETS;
+    fn check(&self) -> Result<(), IntegrateError> {
+        (**self).check()
+    }
     fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
         (**self).mode(t, x)
     }

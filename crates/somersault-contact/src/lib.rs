@@ -46,6 +46,7 @@ pub mod normal;
 pub mod sensitivity;
 pub mod shape;
 mod step_curve;
+pub mod stretches;
 pub mod studies;
 pub mod surface;
 mod touch;

@@ -45,6 +45,13 @@ impl ErrorSum {
         self.count += 1;
     }
 
+    /// Adds one vector by the length of its error.
+    #[inline]
+    pub(crate) fn add_norm(&mut self, error: f64, size: f64, tolerances: &Tolerances) {
+        self.squares += (error / (tolerances.absolute + tolerances.relative * size)).powi(2);
+        self.count += 1;
+    }
+
     /// Root mean square; at most 1 where the tolerances are met.
     pub fn root_mean_square(&self) -> f64 {
         (self.squares / self.count as f64).sqrt()
@@ -485,8 +492,12 @@ pub trait Poses: Configuration {
     fn twist(rate: &Self::Rate, i: usize) -> Twist;
     /// Sets the rate of body `i`.
     fn set_twist(rate: &mut Self::Rate, i: usize, twist: Twist);
-    /// The same poses, to be moved by body-frame rates; all rates zero.
-    fn in_body_frame(&self) -> State<Self::InBodyFrame>;
+    /// The same poses, to be moved by body-frame rates, and the same variables; the rates of the bodies zero.
+    fn in_body_frame(x: &State<Self>) -> State<Self::InBodyFrame>;
+    /// The variables of first order beside all bodies; see [`augmented`](crate::augmented).
+    fn variables(rate: &Self::Rate) -> &[Vector3<f64>];
+    /// The same, to be changed.
+    fn variables_mut(rate: &mut Self::Rate) -> &mut [Vector3<f64>];
 }
 
 impl Poses for Pose {
@@ -512,8 +523,16 @@ impl Poses for Pose {
         *rate = twist;
     }
     #[inline]
-    fn in_body_frame(&self) -> State<InBody<Pose>> {
-        State { configuration: InBody(*self), rate: InBody::default() }
+    fn in_body_frame(x: &State<Self>) -> State<InBody<Pose>> {
+        State { configuration: InBody(x.configuration), rate: InBody::default() }
+    }
+    #[inline]
+    fn variables(_: &Self::Rate) -> &[Vector3<f64>] {
+        &[]
+    }
+    #[inline]
+    fn variables_mut(_: &mut Self::Rate) -> &mut [Vector3<f64>] {
+        &mut []
     }
 }
 
@@ -540,8 +559,16 @@ impl Poses for InBody<Pose> {
         rate.0 = twist;
     }
     #[inline]
-    fn in_body_frame(&self) -> State<Self> {
-        State { configuration: *self, rate: InBody::default() }
+    fn in_body_frame(x: &State<Self>) -> State<Self> {
+        State { configuration: x.configuration, rate: InBody::default() }
+    }
+    #[inline]
+    fn variables(_: &Self::Rate) -> &[Vector3<f64>] {
+        &[]
+    }
+    #[inline]
+    fn variables_mut(_: &mut Self::Rate) -> &mut [Vector3<f64>] {
+        &mut []
     }
 }
 
@@ -562,14 +589,23 @@ impl<C: Poses> Poses for Vec<C> {
     fn set_twist(rate: &mut Self::Rate, i: usize, twist: Twist) {
         C::set_twist(&mut rate[i], 0, twist);
     }
-    fn in_body_frame(&self) -> State<Self::InBodyFrame> {
-        let (configuration, rate) = self
-            .iter()
-            .map(|c| {
-                let s = c.in_body_frame();
+    fn in_body_frame(x: &State<Self>) -> State<Self::InBodyFrame> {
+        let bodies = x.configuration.iter().zip(&x.rate);
+        let (configuration, rate) = bodies
+            .map(|(configuration, rate)| {
+                let x = State { configuration: configuration.clone(), rate: rate.clone() };
+                let s = C::in_body_frame(&x);
                 (s.configuration, s.rate)
             })
             .unzip();
         State { configuration, rate }
+    }
+    #[inline]
+    fn variables(_: &Self::Rate) -> &[Vector3<f64>] {
+        &[]
+    }
+    #[inline]
+    fn variables_mut(_: &mut Self::Rate) -> &mut [Vector3<f64>] {
+        &mut []
     }
 }

@@ -29,7 +29,7 @@ use std::sync::Arc;
 ///     it keeps an order p.
 /// law : CompliantLaw or HuntCrossley
 ///     Law of the normal force.
-/// friction : CoulombFriction, CreepFriction or RegularisedFriction, optional
+/// friction : CoulombFriction or RegularisedFriction, optional
 ///     Law of friction; none unless given.
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.
@@ -113,7 +113,7 @@ impl Contact {
     /// radius : float
     ///     Radius, m.
     /// surface, law, friction, resistance
-    ///     As of a point; friction may not be a CoulombFriction, as a ball rolls.
+    ///     As of a point.
     #[staticmethod]
     #[pyo3(signature = (center, radius, surface, law, *, friction=None, resistance=None))]
     fn ball(
@@ -141,7 +141,7 @@ impl Contact {
     /// plane : HalfSpace
     ///     The plane.
     /// law, friction, resistance
-    ///     As of a point; friction may not be a CoulombFriction, as a rim rolls.
+    ///     As of a point.
     #[staticmethod]
     #[pyo3(signature = (center, axis, radius, plane, law, *, friction=None, resistance=None))]
     fn rim(
@@ -180,7 +180,7 @@ impl Contact {
         normal_law(py, self.contact.law())
     }
 
-    /// CoulombFriction, CreepFriction, RegularisedFriction or None: The law of friction.
+    /// CoulombFriction, RegularisedFriction or None: The law of friction.
     #[getter]
     fn friction<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         friction_law(py, self.contact.law())
@@ -273,7 +273,7 @@ impl Contact {
 ///     Law of the normal force.
 /// centers : tuple of array_like, shape (3,), optional
 ///     Centres of the spheres, each in the frame of its body, m; the centres of mass unless given.
-/// friction : CreepFriction or RegularisedFriction, optional
+/// friction : CoulombFriction or RegularisedFriction, optional
 ///     Law of friction; none unless given.
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.

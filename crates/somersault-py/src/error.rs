@@ -157,7 +157,8 @@ impl From<IntegrateError> for Error {
             | IntegrateError::TooManySteps { .. }
             | IntegrateError::InitialState { .. }
             | IntegrateError::NoErrorEstimate { .. }
-            | IntegrateError::RigidBodiesOnly { .. } => Self::own("IntegrateInputError", &error),
+            | IntegrateError::RigidBodiesOnly { .. }
+            | IntegrateError::Variables { .. } => Self::own("IntegrateInputError", &error),
             error => Self::own("IntegrateError", &error),
         }
     }

@@ -7,6 +7,7 @@ use crate::trajectory::Seen;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::event::{self, EventKind};
+use somersault::integrators::nalgebra::Vector3;
 
 /// The events of a run, and what it took to find them.
 pub(crate) struct Events<Q: Seen> {
@@ -18,12 +19,14 @@ pub(crate) struct Events<Q: Seen> {
     pub(crate) contacts: usize,
     /// Those kept.
     pub(crate) events: Vec<event::Event<Q>>,
+    /// Stretches of the contacts in the state reached, m.
+    pub(crate) stretches: Vec<Vector3<f64>>,
 }
 
 impl<Q: Seen> Events<Q> {
     /// Of a run that looks for none.
     pub(crate) fn none() -> Self {
-        Self { trials: 0, count: 0, contacts: 1, events: Vec::new() }
+        Self { trials: 0, count: 0, contacts: 1, events: Vec::new(), stretches: Vec::new() }
     }
 }
 
@@ -45,7 +48,6 @@ impl Event {
             EventKind::ReEngagement => "re_engagement",
             EventKind::Stick => "stick",
             EventKind::Slip => "slip",
-            EventKind::Turn => "turn",
             _ => "other",
         };
         let state = Q::to_python(py, &event.state)?.unbind();
@@ -90,8 +92,7 @@ impl Event {
     }
 
     /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
-    /// released below the surface is held again, ``'stick'``, ``'slip'``, or ``'turn'``, where the direction
-    /// of sliding has turned by 60° and nothing else happens.
+    /// released below the surface is held again, ``'stick'`` or ``'slip'``.
     #[getter]
     fn kind(&self) -> &str {
         &self.kind

@@ -47,8 +47,8 @@ mod _somersault {
     use crate::contact::{Contact, SpherePair};
     #[pymodule_export]
     use crate::contact_law::{
-        CompliantLaw, CoulombFriction, CreepFriction, HuntCrossley, RegularisedFriction, Resistance,
-        damping_ratio, restitution,
+        CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
+        restitution,
     };
     #[pymodule_export]
     use crate::event::Event;

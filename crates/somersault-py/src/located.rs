@@ -10,10 +10,12 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::driver::{LocatedResult, integrate_located, integrate_located_adaptive};
 use somersault::contact::event::{Interrupted, Located, Location};
 use somersault::contact::hybrid::HybridBodies;
+use somersault::contact::stretches::{Touching, WithStretches};
+use somersault::integrators::augmented::Augmented;
 use somersault::integrators::body::RigidBody;
 use somersault::integrators::force::{BoxedForce, ForceModel, Wrench};
-use somersault::integrators::state::RigidBodyState;
-use somersault::integrators::system::StateOf;
+use somersault::integrators::state::{RigidBodyState, State};
+use somersault::integrators::system::{StateOf, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Models that add up and count how often they are evaluated.
@@ -48,7 +50,7 @@ impl ForceModel for CountedForces {
 /// Bodies with contacts whose events are located.
 pub(crate) struct InContact<S> {
     /// Bodies, forces and contacts.
-    pub(crate) system: S,
+    pub(crate) system: WithStretches<S>,
     /// Number of contacts.
     pub(crate) contacts: usize,
     /// How events are located.
@@ -74,15 +76,18 @@ impl Evaluated for BodiesInContact<CountedForces> {
     }
 }
 
-impl<S: HybridBodies<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S> {
-    type Configuration = S::Configuration;
+/// The bodies with the stretches of their contacts.
+type Held<S> = Augmented<<S as System>::Configuration>;
+
+impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S> {
+    type Configuration = Held<S>;
 
     fn solve(
         &self,
-        initial: &StateOf<S>,
+        initial: &State<Held<S>>,
         plan: &Plan,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> Ended<S::Configuration> {
+        observer: &mut Monitor<Held<S>>,
+    ) -> Ended<Held<S>> {
         let (status, located) = match plan.locate(&self.system, initial, &self.location, observer) {
             Ok(located) => (Ok(located.status), located),
             Err(interrupted) => {
@@ -90,9 +95,10 @@ impl<S: HybridBodies<Configuration: Seen> + Evaluated + Sync> Bodies for InConta
                 (Err(reason.into()), so_far)
             }
         };
-        let Located { rejected, trials, event_count, events, .. } = located;
-        let events = Events { trials, count: event_count, contacts: self.contacts, events };
-        Ended { status, rejected, nfev: self.system.evaluations(), events }
+        let Located { rejected, trials, event_count, events, state, .. } = located;
+        let stretches = state.rate.variables;
+        let events = Events { trials, count: event_count, contacts: self.contacts, events, stretches };
+        Ended { status, rejected, nfev: self.system.0.evaluations(), events }
     }
 }
 

@@ -35,7 +35,7 @@ where
     H: HybridBodies,
     O: Observer<H::Configuration>,
 {
-    check_start(interval.0, initial, location)?;
+    check_start(system, interval.0, initial, location)?;
     let frozen = Frozen::new(system, interval.0, initial);
     let visit = Visit { frozen: &frozen, initial, interval, settings, location, observer };
     method.visit_embedded(options, &frozen, visit).unwrap_or_else(|| {
@@ -60,9 +60,30 @@ where
     M: EmbeddedStepper<Frozen<H>>,
     O: Observer<H::Configuration>,
 {
-    check_start(interval.0, initial, location)?;
+    let form = (frozen, &StateOf::<H>::clone as &dyn Fn(&StateOf<H>) -> StateOf<H>, Unchanged);
+    integrate_hybrid_form_adaptive(frozen, form, stepper, initial, (interval, settings), location, observer)
+}
+
+/// The same with the system in other variables: a form, and the ways to its variables and back.
+pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D, O>(
+    frozen: &Frozen<H>,
+    (form, encode, decoder): (&B, &dyn Fn(&StateOf<H>) -> StateOf<B>, D),
+    stepper: &M,
+    initial: &StateOf<H>,
+    (interval, settings): ((f64, f64), &Adaptive),
+    location: &Location,
+    observer: &mut O,
+) -> LocatedResult<H::Configuration>
+where
+    H: Hybrid,
+    B: System,
+    M: EmbeddedStepper<B>,
+    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
+    O: Observer<H::Configuration>,
+{
+    check_start(frozen.system(), interval.0, initial, location)?;
     frozen.freeze(interval.0, initial);
-    let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: &StateOf::<H>::clone };
+    let worker = Worker { frozen, form, stepper, decoder, encode };
     run(worker, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
 }
 

@@ -35,7 +35,7 @@ where
     H: HybridBodies,
     O: Observer<H::Configuration>,
 {
-    check_start(grid.time(0), initial, location)?;
+    check_start(system, grid.time(0), initial, location)?;
     let frozen = Frozen::new(system, grid.time(0), initial);
     method.visit(options, &frozen, Visit { frozen: &frozen, initial, grid, location, observer })
 }
@@ -55,9 +55,30 @@ where
     M: Stepper<Frozen<H>>,
     O: Observer<H::Configuration>,
 {
-    check_start(grid.time(0), initial, location)?;
+    let form = (frozen, &StateOf::<H>::clone as &dyn Fn(&StateOf<H>) -> StateOf<H>, Unchanged);
+    integrate_hybrid_form(frozen, form, stepper, initial, grid, location, observer)
+}
+
+/// The same with the system in other variables: a form, and the ways to its variables and back.
+pub(crate) fn integrate_hybrid_form<H, B, M, D, O>(
+    frozen: &Frozen<H>,
+    (form, encode, decoder): (&B, &dyn Fn(&StateOf<H>) -> StateOf<B>, D),
+    stepper: &M,
+    initial: &StateOf<H>,
+    grid: &TimeGrid,
+    location: &Location,
+    observer: &mut O,
+) -> LocatedResult<H::Configuration>
+where
+    H: Hybrid,
+    B: System,
+    M: Stepper<B>,
+    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
+    O: Observer<H::Configuration>,
+{
+    check_start(frozen.system(), grid.time(0), initial, location)?;
     frozen.freeze(grid.time(0), initial);
-    let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: &StateOf::<H>::clone };
+    let worker = Worker { frozen, form, stepper, decoder, encode };
     run(worker, (grid.time(0), initial), location, observer, |run| steps(run, *grid))
 }
 

@@ -35,5 +35,8 @@ use crate::event::{Interrupted, Located};
 pub use adaptive::{integrate_hybrid_adaptive, integrate_located_adaptive};
 pub use fixed::{integrate_hybrid, integrate_located};
 
+pub(crate) use adaptive::integrate_hybrid_form_adaptive;
+pub(crate) use fixed::integrate_hybrid_form;
+
 /// The outcome of a run with events.
 pub type LocatedResult<Q> = Result<Located<Q>, Box<Interrupted<Q>>>;

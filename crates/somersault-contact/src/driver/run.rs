@@ -69,12 +69,15 @@ where
 }
 
 /// Errors where a run cannot start.
-pub(super) fn check_start<Q: Configuration>(
+pub(super) fn check_start<H: Hybrid>(
+    system: &H,
     t: f64,
-    initial: &State<Q>,
+    initial: &StateOf<H>,
     location: &Location,
-) -> Result<(), Box<Interrupted<Q>>> {
-    check_state(initial)
+) -> Result<(), Box<Interrupted<H::Configuration>>> {
+    system
+        .check()
+        .and_then(|()| check_state(initial))
         .and_then(|()| check_positive("max_event_rate", location.max_event_rate))
         .map_err(|error| broken_at_start(error.into(), t, initial))
 }

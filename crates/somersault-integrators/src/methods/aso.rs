@@ -10,6 +10,7 @@
 //! (5.14) prints ωₙ for ω̄ₙ of (5.16), whose commutator sign is right. The start-up is ours.
 
 use super::rkmk::RungeKuttaMuntheKaas4;
+use crate::augmented::advance;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
@@ -93,6 +94,8 @@ impl<S: RigidSystem> Stepper<S> for AugmentedSecondOrder {
                 out.configuration.set_pose(i, next);
                 S::Configuration::set_twist(&mut out.rate, i, rate);
             }
+            let slopes = [(1.5 * h, &m.now), (-0.5 * h, &m.before)];
+            advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
         } else {
             RungeKuttaMuntheKaas4.step(system, t, x, h, &mut m.starter, out)?;
         }

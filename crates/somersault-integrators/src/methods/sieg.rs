@@ -7,6 +7,7 @@
 //! never grows: taking the product with ω₊ removes the bracket, and ω₊ᵀIω₊ = ω₊ᵀIωₙ bounds the one by
 //! the other (Cauchy–Schwarz). It is damped instead, which is why physics engines use it.
 
+use crate::augmented::advance;
 use crate::state::{Configuration, Poses, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf};
@@ -66,6 +67,7 @@ impl<S: RigidSystem> Stepper<S> for SemiImplicitEulerGyroscopic {
             out.configuration.set_pose(i, next);
             S::Configuration::set_twist(&mut out.rate, i, rate);
         }
+        advance::<S::Configuration>(&x.rate, &[(h, wrenches)], &mut out.rate);
         Ok(())
     }
 }

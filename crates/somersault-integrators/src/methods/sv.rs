@@ -13,6 +13,7 @@
 //! The start-up, which the thesis leaves open.
 
 use super::rkmk::RungeKuttaMuntheKaas4;
+use crate::augmented::advance;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
@@ -108,6 +109,8 @@ impl<S: RigidSystem> VerletMemory<S> {
                     out.configuration.set_pose(i, next);
                     S::Configuration::set_twist(&mut out.rate, i, rate);
                 }
+                let slopes = [(h * newest, &*wrenches), (h * (1.0 - newest), wrenches_before)];
+                advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
             }
         }
         match &mut self.before {

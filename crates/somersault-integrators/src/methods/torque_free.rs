@@ -1,6 +1,7 @@
 //! Bodies without torque: the discrete Moser–Veselov map for the rotation, velocity Verlet for the
 //! translation.
 
+use crate::augmented::advance;
 use crate::moser_veselov::{CompensatedVector, MoserVeselov};
 use crate::preprocessing::{ModifiedMoments, Preprocessing};
 use crate::state::{Pose, Poses, Twist};
@@ -126,6 +127,8 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
             // Where forces depend on the velocity, this prediction is good enough for order 2.
             S::Configuration::set_twist(&mut out.rate, i, Twist { linear: twist.linear + a * h, angular });
         }
+        let ahead: &[_] = if free { &[] } else { &[(h, &self.wrenches)] };
+        advance::<S::Configuration>(&x.rate, ahead, &mut out.rate);
         if free {
             return Ok(());
         }
@@ -137,6 +140,8 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
             twist.linear = S::Configuration::twist(&x.rate, i).linear + (before + ahead) * (0.5 * h);
             S::Configuration::set_twist(&mut out.rate, i, twist);
         }
+        let slopes = [(0.5 * h, &self.wrenches), (0.5 * h, &self.wrenches_ahead)];
+        advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
         std::mem::swap(&mut self.wrenches, &mut self.wrenches_ahead);
         self.wrenches_hold = !system.depends_on_velocity();
         Ok(())
