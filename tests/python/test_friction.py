@@ -77,7 +77,11 @@ def test_a_block_that_starts_loaded_stays_and_a_run_goes_on_with_its_stretches()
     again = run(block, 1.0, stretches=motion.stretches)
     np.testing.assert_allclose(again.position[-1], motion.position[-1], atol=1e-12)
     raises(errors.InputError, "`stretches`", lambda: run(block, 1.0, stretches=[0.0]))
-    raises(errors.InputError, "`stretches` are those of contacts", lambda: run(block, 1.0, stretches="loaded", contacts=None))
+    raises(
+        errors.InputError,
+        "`stretches` are those of contacts",
+        lambda: run(block, 1.0, stretches="loaded", contacts=None),
+    )
     raises(errors.InputError, "`locate` must be true", lambda: run(block, 1.0, locate=False))
 
 
@@ -114,7 +118,9 @@ def test_rolling_resistance_slows_a_rolling_ball() -> None:
 
 def test_a_steady_disk_goes_round() -> None:
     tilt, turning = 1.2, 2.5
-    disk = contact.rolling_disk(1.0, 0.2, CompliantLaw(1e5, 300.0), CoulombFriction(0.8, 0.0, 2000.0), tilt, turning)
+    disk = contact.rolling_disk(
+        1.0, 0.2, CompliantLaw(1e5, 300.0), CoulombFriction(0.8, 0.0, 2000.0), tilt, turning
+    )
     motion = run(disk, 0.5, dt=1e-4, every=100)
     axis = motion.orientation.apply((0, 0, 1))
     np.testing.assert_allclose(np.arccos(axis[:, 2]), tilt, atol=0.02)
@@ -229,7 +235,11 @@ def test_adapted_steps_locate_events_too() -> None:
     [
         (lambda: HuntCrossley(-1.0), errors.ContactError, "`stiffness` must be positive"),
         (lambda: HuntCrossley.from_materials((1, 1), (0.3, 0.7), 1), errors.ContactError, "`poisson_ratio`"),
-        (lambda: CoulombFriction(-0.1, 1.0, 1.0), errors.ContactError, "`coefficient` must be finite and not"),
+        (
+            lambda: CoulombFriction(-0.1, 1.0, 1.0),
+            errors.ContactError,
+            "`coefficient` must be finite and not",
+        ),
         (lambda: CoulombFriction(0.1, -1.0, 1.0), errors.ContactError, "`stiffness` must be finite and not"),
         (lambda: CoulombFriction(0.3, 1.0, 1.0, 0.2), errors.ContactError, "`static_coefficient` must be"),
         (lambda: CoulombFriction(0.1, 0.0, 0.0), errors.ContactError, "`damping` must be positive"),

@@ -2,7 +2,7 @@
 
 use super::LocatedResult;
 use super::run::{Run, broken_at_start, check_start, run};
-use super::worker::Worker;
+use super::worker::{Encode, Worker};
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Status, check_interval};
@@ -60,14 +60,14 @@ where
     M: EmbeddedStepper<Frozen<H>>,
     O: Observer<H::Configuration>,
 {
-    let form = (frozen, &StateOf::<H>::clone as &dyn Fn(&StateOf<H>) -> StateOf<H>, Unchanged);
+    let form = (frozen, &StateOf::<H>::clone as Encode<'_, H, Frozen<H>>, Unchanged);
     integrate_hybrid_form_adaptive(frozen, form, stepper, initial, (interval, settings), location, observer)
 }
 
 /// The same with the system in other variables: a form, and the ways to its variables and back.
 pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D, O>(
     frozen: &Frozen<H>,
-    (form, encode, decoder): (&B, &dyn Fn(&StateOf<H>) -> StateOf<B>, D),
+    (form, encode, decoder): (&B, Encode<'_, H, B>, D),
     stepper: &M,
     initial: &StateOf<H>,
     (interval, settings): ((f64, f64), &Adaptive),

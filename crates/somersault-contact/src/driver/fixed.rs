@@ -2,7 +2,7 @@
 
 use super::LocatedResult;
 use super::run::{Run, check_start, run};
-use super::worker::Worker;
+use super::worker::{Encode, Worker};
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Flow, Observer, Status, TimeGrid};
@@ -55,14 +55,14 @@ where
     M: Stepper<Frozen<H>>,
     O: Observer<H::Configuration>,
 {
-    let form = (frozen, &StateOf::<H>::clone as &dyn Fn(&StateOf<H>) -> StateOf<H>, Unchanged);
+    let form = (frozen, &StateOf::<H>::clone as Encode<'_, H, Frozen<H>>, Unchanged);
     integrate_hybrid_form(frozen, form, stepper, initial, grid, location, observer)
 }
 
 /// The same with the system in other variables: a form, and the ways to its variables and back.
 pub(crate) fn integrate_hybrid_form<H, B, M, D, O>(
     frozen: &Frozen<H>,
-    (form, encode, decoder): (&B, &dyn Fn(&StateOf<H>) -> StateOf<B>, D),
+    (form, encode, decoder): (&B, Encode<'_, H, B>, D),
     stepper: &M,
     initial: &StateOf<H>,
     grid: &TimeGrid,

@@ -14,6 +14,9 @@ pub(super) struct Point<Q: Configuration, B: Configuration> {
     pub(super) guards: Vec<Guard>,
 }
 
+/// The way from the variables of a system to those of a form.
+pub(crate) type Encode<'a, H, B> = &'a dyn Fn(&StateOf<H>) -> StateOf<B>;
+
 /// A system with modes, the form that a method integrates, the method, and the ways between the form's
 /// variables and the system's.
 pub(super) struct Worker<'a, H: Hybrid, B: System, M, D> {
@@ -21,7 +24,7 @@ pub(super) struct Worker<'a, H: Hybrid, B: System, M, D> {
     pub(super) form: &'a B,
     pub(super) stepper: &'a M,
     pub(super) decoder: D,
-    pub(super) encode: &'a dyn Fn(&StateOf<H>) -> StateOf<B>,
+    pub(super) encode: Encode<'a, H, B>,
 }
 
 impl<H, B, M, D> Worker<'_, H, B, M, D>

@@ -52,7 +52,7 @@ impl<'a> Linearization<'a> {
         let centre = x.orientation() * contact.shape().centre();
         let axis = match contact.shape() {
             Shape::Rim { axis, .. } => x.orientation() * axis.as_ref(),
-            _ => Vector3::zeros(),
+            Shape::Point(_) | Shape::Ball { .. } => Vector3::zeros(),
         };
         let bends = contact.law().friction.has_stretch() && contact.surface().as_half_space().is_none();
         let place = x.position() + centre;
