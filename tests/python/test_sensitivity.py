@@ -70,14 +70,16 @@ def test_adapted_steps_and_methods_in_body_variables_give_the_same_derivatives()
     top, end = contact.spinning_top(), 0.05
     fixed = differentiate(top, end, parameters=["mass"])
     assert fixed.event_times.shape == (len(fixed.events), 13)
-    for options in ({"method": "rkmk8_b"}, {"dt": None, "rtol": 1e-10, "atol": 1e-12, "method": None}):
+    # Errors of derivatives are not weighed: the largest step bounds them.
+    adapted = {"dt": None, "rtol": 1e-10, "atol": 1e-12, "max_step": 1e-3, "method": None}
+    for options in ({"method": "rkmk8_b"}, adapted):
         found = differentiate(top, end, parameters=["mass"], **options)
         for name in ("by_state", "by_parameters", "event_times"):
             one, other = getattr(found, name), getattr(fixed, name)
             np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(other).max())
 
 
-@pytest.mark.parametrize(("height", "side"), [(0.0, "touch"), (1e-12, "miss")])
+@pytest.mark.parametrize(("height", "side"), [(-1e-12, "touch"), (0.0, ""), (1e-12, "miss")])
 def test_a_graze_and_a_near_miss_have_one_sided_derivatives_only(height: float, side: str) -> None:
     # Pushed up at 2 m/s² from a fall, the body turns at the ground, or just above it.
     body = somersault.RigidBody.box(1.0, (0.1, 0.1, 0.1))
