@@ -327,7 +327,7 @@ mod tests {
     };
     const CONSTANTS: LawChange = LawChange { stiffness: 30.0, damping: 0.4, friction: 0.2 };
     const STRETCH: Vector3<f64> = Vector3::new(0.03, 0.05, 0.025);
-    const STRETCH_CHANGE: Vector3<f64> = Vector3::new(-0.3, 0.6, 0.2);
+    const STRETCH_CHANGE: Vector3<f64> = Vector3::new(-0.03, 0.06, 0.02);
 
     fn encounter(epsilon: f64) -> Encounter {
         Encounter {
