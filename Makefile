@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 METHODS := $(wildcard crates/somersault-integrators/src/methods/*.rs)
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint docs pictures bench bench-peers fuzz wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures bench bench-peers fuzz wheel package clean
 
 # This list.
 help:
@@ -40,6 +40,10 @@ test-rust:
 # The tests in Python.
 test-python: $(VENV)/.extension-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
+
+# Long versions of tests, which take minutes.
+studies:
+	cargo test --workspace --exclude somersault-benches --tests -- --ignored
 
 # The book with the documentation of the crates in it, in out/book; links are followed.
 docs: $(VENV)/.extension

@@ -101,7 +101,10 @@ class IntegrateInputError(IntegrateError, InputError):
 
 
 class StepError(IntegrateError):
-    """A step failed: the equation of an implicit step was not solved."""
+    """A step failed.
+
+    The equation of an implicit step was not solved, or a body turns further in it than the method allows.
+    """
 
 
 class TorqueError(StepError, InputError):

@@ -235,6 +235,7 @@ impl<Q: Configuration> Observer<Q> for () {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<Q: Configuration, O: Observer<Q>> Observer<Q> for &mut O {
     const ACTIVE: bool = O::ACTIVE;
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {

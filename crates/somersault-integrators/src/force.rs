@@ -90,11 +90,7 @@ pub trait ForceModel {
     /// By default a central difference, exact but for rounding where the wrench is linear in the mass.
     fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         let step = 6e-6 * body.mass();
-        let at = |mass: f64| {
-            RigidBody::try_new(mass, *body.inertia())
-                .map(|other| self.wrench(t, &other, x))
-                .unwrap_or_default()
-        };
+        let at = |mass: f64| self.wrench(t, &body.with_mass(mass), x);
         (at(body.mass() + step) - at(body.mass() - step)) * (0.5 / step)
     }
 }
@@ -128,6 +124,7 @@ where
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
     #[inline]
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
@@ -164,6 +161,7 @@ impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
 /// A boxed model, for choices made at run time.
 pub type BoxedForce = Box<dyn ForceModel + Send + Sync>;
 
+#[deny(clippy::missing_trait_methods)]
 impl ForceModel for BoxedForce {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         (**self).wrench(t, body, x)
@@ -192,6 +190,7 @@ impl ForceModel for BoxedForce {
 }
 
 /// The sum of the models in the list; an empty list is the free body.
+#[deny(clippy::missing_trait_methods)]
 impl ForceModel for Vec<BoxedForce> {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         self.iter().fold(Wrench::default(), |sum, f| sum + f.wrench(t, body, x))

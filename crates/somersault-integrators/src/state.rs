@@ -70,10 +70,16 @@ pub trait Rate: Clone + std::fmt::Debug + Storage + Send + Sync + 'static {
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self);
     /// self ← dexp⁻¹_u(self).
     fn dexp_inv(&mut self, u: &Self);
+    /// Largest norm of the parts in so(3): of a velocity the rate at which orientations turn, of a displacement the
+    /// angle. An angle about a fixed axis is a number of ℝ and none of them.
+    fn angle(&self) -> f64;
     /// Whether all components are finite.
     fn is_finite(&self) -> bool;
     /// Weighs `error` against the larger of `self` and `other`.
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum);
+    /// The same with every tangent carried along, which [`weigh`](Self::weigh) leaves out: for an iteration that must
+    /// converge in all of them.
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum);
 }
 
 /// A point of ℝᵐ × SO(3)ᵏ.
@@ -94,6 +100,8 @@ pub trait Configuration: Clone + std::fmt::Debug + Storage + Send + Sync + 'stat
     fn is_finite(&self) -> bool;
     /// Weighs a displacement `error` against the size of `self` and `other`.
     fn weigh(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum);
+    /// The same with every tangent carried along, as [`Rate::weigh_all`].
+    fn weigh_all(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum);
 }
 
 /// A configuration and its rate. What `rate` stands for (velocity, or momentum) is the system's to say.
@@ -271,6 +279,10 @@ impl Rate for Twist {
         self.angular = so3::dexp_inv(&u.angular, &self.angular);
     }
     #[inline(always)]
+    fn angle(&self) -> f64 {
+        self.angular.norm()
+    }
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         finite(self.linear.iter().chain(&self.angular))
     }
@@ -278,6 +290,10 @@ impl Rate for Twist {
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         sum.add(&error.linear, self.linear.norm().max(other.linear.norm()), tolerances);
         sum.add(&error.angular, self.angular.norm().max(other.angular.norm()), tolerances);
+    }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.weigh(other, error, tolerances, sum);
     }
 }
 
@@ -313,6 +329,10 @@ impl Configuration for Pose {
     fn weigh(&self, other: &Self, error: &Twist, tolerances: &Tolerances, sum: &mut ErrorSum) {
         sum.add(&error.linear, self.position.norm().max(other.position.norm()), tolerances);
         sum.add(&error.angular, 1.0, tolerances);
+    }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &Twist, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.weigh(other, error, tolerances, sum);
     }
 }
 
@@ -355,12 +375,20 @@ impl Rate for InBody<Twist> {
         self.0.angular = so3::dexp_inv(&-u.0.angular, &self.0.angular);
     }
     #[inline(always)]
+    fn angle(&self) -> f64 {
+        self.0.angle()
+    }
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         self.0.is_finite()
     }
     #[inline(always)]
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.0.weigh(&other.0, &error.0, tolerances, sum);
+    }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.0.weigh_all(&other.0, &error.0, tolerances, sum);
     }
 }
 
@@ -396,6 +424,10 @@ impl Configuration for InBody<Pose> {
     fn weigh(&self, other: &Self, error: &InBody<Twist>, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.0.weigh(&other.0, &error.0, tolerances, sum);
     }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &InBody<Twist>, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.0.weigh_all(&other.0, &error.0, tolerances, sum);
+    }
 }
 
 impl<T: Storage> Storage for Vec<T> {
@@ -421,11 +453,17 @@ impl<V: Rate> Rate for Vec<V> {
     fn dexp_inv(&mut self, u: &Self) {
         self.iter_mut().zip(u).for_each(|(s, u)| s.dexp_inv(u));
     }
+    fn angle(&self) -> f64 {
+        self.iter().map(V::angle).fold(0.0, f64::max)
+    }
     fn is_finite(&self) -> bool {
         self.iter().all(V::is_finite)
     }
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh(o, e, tolerances, sum));
+    }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh_all(o, e, tolerances, sum));
     }
 }
 
@@ -448,6 +486,9 @@ impl<C: Configuration> Configuration for Vec<C> {
     }
     fn weigh(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh(o, e, tolerances, sum));
+    }
+    fn weigh_all(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh_all(o, e, tolerances, sum));
     }
 }
 

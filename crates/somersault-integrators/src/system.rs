@@ -38,6 +38,7 @@ pub trait System {
     fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: System + ?Sized> System for &S {
     type Configuration = S::Configuration;
     type Workspace = S::Workspace;
@@ -102,6 +103,7 @@ pub fn torques_in_body_axes<Q: Poses>(
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: RigidSystem + ?Sized> RigidSystem for &S {
     #[inline(always)]
     fn body(&self, i: usize) -> &RigidBody {

@@ -133,12 +133,20 @@ impl<V: Rate> Rate for Varied<V> {
     fn dexp_inv(&mut self, u: &Self) {
         self.base.dexp_inv(&u.base);
     }
+    /// Of the base: tangents are of ℝᵐ.
+    fn angle(&self) -> f64 {
+        self.base.angle()
+    }
     fn is_finite(&self) -> bool {
         self.base.is_finite() && self.columns.is_finite()
     }
     /// Weighs the base alone, so that columns do not change the steps of a motion.
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.base.weigh(&other.base, &error.base, tolerances, sum);
+    }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.base.weigh_all(&other.base, &error.base, tolerances, sum);
+        self.columns.weigh_all(&other.columns, &error.columns, tolerances, sum);
     }
 }
 
@@ -166,6 +174,10 @@ impl<Q: Configuration> Configuration for Varied<Q, Q::Rate> {
     /// Weighs the base alone, so that columns do not change the steps of a motion.
     fn weigh(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.base.weigh(&other.base, &error.base, tolerances, sum);
+    }
+    fn weigh_all(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.base.weigh_all(&other.base, &error.base, tolerances, sum);
+        self.columns.weigh_all(&other.columns, &error.columns, tolerances, sum);
     }
 }
 

@@ -12,8 +12,9 @@ use somersault::contact::event::{Interrupted, Located, Location};
 use somersault::contact::hybrid::HybridBodies;
 use somersault::integrators::body::RigidBody;
 use somersault::integrators::force::{BoxedForce, ForceModel, Wrench};
-use somersault::integrators::state::RigidBodyState;
+use somersault::integrators::state::{RigidBodyState, Twist};
 use somersault::integrators::system::StateOf;
+use somersault::integrators::variation::Tangent;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Models that add up and count how often they are evaluated.
@@ -29,6 +30,7 @@ impl CountedForces {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl ForceModel for CountedForces {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         self.calls.fetch_add(1, Ordering::Relaxed);
@@ -42,6 +44,18 @@ impl ForceModel for CountedForces {
     }
     fn depends_on_velocity(&self) -> bool {
         self.models.depends_on_velocity()
+    }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.models.wrench_variation(t, body, x, along)
+    }
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.models.mass_derivative(t, body, x)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Half kick of the momenta, free drift, half kick: the frame of the splitting methods for rigid bodies.
 
-use crate::moser_veselov::NotConverged;
 use crate::state::{Pose, Poses, Twist};
+use crate::stepper::StepError;
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -42,8 +42,8 @@ impl<S: RigidSystem> KickDriftKickMemory<S> {
         x: &StateOf<S>,
         h: f64,
         out: &mut StateOf<S>,
-        drift: impl Fn(usize, &Vector3<f64>) -> Result<UnitQuaternion<f64>, NotConverged>,
-    ) -> Result<(), NotConverged> {
+        drift: impl Fn(usize, &Vector3<f64>) -> Result<UnitQuaternion<f64>, StepError>,
+    ) -> Result<(), StepError> {
         let free = system.is_free();
         if !free && !self.wrenches_hold {
             system.wrenches(t, x, &mut self.wrenches);

@@ -69,6 +69,11 @@ macro_rules! methods {
             $(#[doc = concat!("[`", stringify!($stepper), "`], ", methods!(@scope $kind), ".")] $variant,)*
         }
 
+        $(const _: () = assert!(
+            <$stepper as Scheme>::INFO.embedded.is_some() == methods!(@is_embedded $($embedded)?),
+            concat!("the row of ", stringify!($variant), " and its INFO differ in whether it is embedded"),
+        );)*
+
         impl Method {
             /// All methods, in the order of the table.
             pub const ALL: [Self; [$(Self::$variant),*].len()] = [$(Self::$variant),*];
@@ -129,6 +134,8 @@ macro_rules! methods {
             }
         }
     };
+    (@is_embedded) => { false };
+    (@is_embedded embedded) => { true };
     (@thesis $variant:ident) => { Self::$variant };
     (@scope any) => { "any system" };
     (@scope $kind:ident) => { concat!("rigid bodies in ", stringify!($kind), " variables") };

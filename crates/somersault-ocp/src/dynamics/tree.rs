@@ -3,9 +3,9 @@
 use super::{Dofs, HybridDynamics};
 use crate::error::{OcpError, expect_length};
 use crate::nlp::EvaluationError;
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 use num_dual::Dual64;
-use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Motion, Split};
+use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Split};
 
 /// A tree as [`HybridDynamics`]; joint forces of passive degrees of freedom, viscous friction and gravity are its own.
 #[derive(Debug, Clone)]
@@ -85,25 +85,6 @@ impl Tree {
 
 pub(crate) fn undefined(error: DynamicsError) -> EvaluationError {
     EvaluationError::Undefined { what: format!("the motion of the tree ({error})") }
-}
-
-/// A displacement of a joint as a motion in the axes of its child.
-fn motion(joint: &Joint, d: &[f64]) -> Motion<f64> {
-    match joint {
-        Joint::Spherical => Motion::new(Vector3::zeros(), Vector3::new(d[0], d[1], d[2])),
-        Joint::Planar => Motion::new(Vector3::new(d[0], d[1], 0.0), Vector3::new(0.0, 0.0, d[2])),
-        _ => Motion::new(Vector3::new(d[0], d[1], d[2]), Vector3::new(d[3], d[4], d[5])),
-    }
-}
-
-/// The numbers of a displacement of a joint.
-fn numbers(joint: &Joint, m: &Motion<f64>) -> [f64; 6] {
-    let (l, a) = (m.linear, m.angular);
-    match joint {
-        Joint::Spherical => [a.x, a.y, a.z, 0.0, 0.0, 0.0],
-        Joint::Planar => [l.x, l.y, a.z, 0.0, 0.0, 0.0],
-        _ => [l.x, l.y, l.z, a.x, a.y, a.z],
-    }
 }
 
 impl HybridDynamics for Tree {
@@ -196,13 +177,12 @@ impl HybridDynamics for Tree {
 
     fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64> {
         let (joint, at) = (&self.joints[group], self.dofs.groups[group].clone());
-        let d = motion(joint, &d[at.clone()]);
+        let d = joint.motion(&d[at.clone()]);
         let mut matrix = Matrix6::zeros();
         for j in 0..at.len() {
             let mut unit = [0.0; 6];
             unit[j] = 1.0;
-            let column = numbers(joint, &d.cross(&motion(joint, &unit)));
-            matrix.column_mut(j).copy_from_slice(&column);
+            joint.numbers(&d.cross(&joint.motion(&unit)), matrix.column_mut(j).as_mut_slice());
         }
         matrix
     }
