@@ -68,7 +68,7 @@ _GENERAL = ("translation_with_velocity", "translation_with_orientation")
 
 
 def _order(info: somersault.MethodInfo, benign: str, *general: str) -> str:
-    """An order, in brackets that of the general case, after a semicolon both of the rates where they are others."""
+    """An order, in brackets that of the general case; after a semicolon those of the rates, where others."""
 
     def of(orders: dict[str, int | None]) -> str:
         first, others = orders[benign], [orders[name] for name in general]

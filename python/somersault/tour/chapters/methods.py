@@ -58,9 +58,11 @@ def write(page: Page, measurements: Measurements) -> None:
         " adapt their step. Orders differ between ℝ³ and SO(3): that is the point of the study."
     )
     page.text(
-        "An order in brackets is a lower one: on ℝ³ where forces depend on the velocity or the orientation, on"
-        " SO(3) where a torque acts; after a semicolon stand the orders of the velocities, where they are others."
-        " Within a step, by dense output, the order is the lower of that at its ends and of the column. Evaluations are those of the equations of motion in each step, once started; a method"
+        "An order in brackets is a lower one: on ℝ³ where forces depend on the velocity or the orientation,"
+        " on SO(3) where a torque acts; after a semicolon stand the orders of the velocities, where they"
+        " differ. Within a step, by dense output, the order is the lower of that at its ends and of the"
+        " column."
+        " Evaluations are those of the equations of motion in each step, once started; a method"
         " that solves an equation in each step may need them for every iteration. Earlier steps are those a"
         " method remembers, and must be made by another method first."
     )
