@@ -44,10 +44,12 @@ impl Slots {
         let mapped: Vec<_> = recorded.iter().map(|&(i, j)| map(i, j)).collect();
         let pattern =
             Pattern::from_entries(n_rows, n_columns, mapped.iter().flatten().map(|&(i, j, _)| (i, j)));
-        let slot = |entry: &Option<(usize, usize, f64)>| {
-            entry
-                .and_then(|(i, j, factor)| pattern.position(i, j).map(|at| Slot { at, factor }))
-                .unwrap_or(Slot { at: NOWHERE, factor: 0.0 })
+        let slot = |entry: &Option<(usize, usize, f64)>| match *entry {
+            None => Slot { at: NOWHERE, factor: 0.0 },
+            Some((i, j, factor)) => {
+                let at = pattern.position(i, j).expect("the pattern is made from these entries");
+                Slot { at, factor }
+            }
         };
         let slots = mapped.iter().map(slot).collect();
         (pattern, Self { slots })
@@ -68,9 +70,8 @@ pub(super) struct Writer<'a> {
 impl Sink for Writer<'_> {
     #[inline(always)]
     fn add(&mut self, _: usize, _: usize, value: f64) {
-        if let Some(&Slot { at, factor }) = self.slots.next()
-            && at != NOWHERE
-        {
+        let &Slot { at, factor } = self.slots.next().expect("both runs of a loop have the same entries");
+        if at != NOWHERE {
             self.values[at] += factor * value;
         }
     }

@@ -72,6 +72,11 @@ impl Accuracy {
         self.parts(tolerance).iter().all(|(_, found, allowed)| found <= allowed)
     }
 
+    /// The largest error in parts of what it may be.
+    pub(super) fn excess(&self, tolerance: f64) -> f64 {
+        self.parts(tolerance).iter().fold(0.0, |m: f64, (_, found, allowed)| m.max(found / allowed))
+    }
+
     /// What exceeds that most, if anything does.
     pub fn shortfall(&self, tolerance: f64) -> Option<String> {
         let parts = self.parts(tolerance);
