@@ -25,6 +25,8 @@ const EXCHANGES: usize = 6;
 const HUGE_MULTIPLIER: f64 = 1e4;
 /// Exchanges of one row at a time, after clarabel.
 const SINGLE_EXCHANGES: usize = 100;
+/// Shift, relative to ‖H‖, that may hide what bounds hold.
+const HIDING: f64 = 1e-2;
 /// Multiple of the unit matrix, relative to ‖H‖, in a model that is to tell what bounds alone hold.
 const FLAT: f64 = 1e-6;
 /// Elastic weight at first, relative to ‖∇f‖∞, and at last.
@@ -284,8 +286,8 @@ impl Subproblem {
             return None;
         }
         // A large shift hides what bounds alone hold in place, as they do a control that switches between its own.
-        if shift > floor {
-            let size = max_norm(&hessian.values);
+        let size = max_norm(&hessian.values);
+        if shift > floor.max(HIDING * size) {
             if self.interior_point(point, &self.no_hessian.clone(), FLAT * size)
                 && self.newton_on_found(point, hessian, floor)
             {
@@ -472,6 +474,8 @@ impl Subproblem {
             };
             self.targets[n + i] = bound - trial.constraints[i] + self.jp[i];
         }
+        self.p.fill(0.0);
+        self.y.fill(0.0);
         if !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y) {
             return false;
         }
