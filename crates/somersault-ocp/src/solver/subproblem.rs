@@ -288,9 +288,10 @@ impl Subproblem {
         // A large shift hides what bounds alone hold in place, as they do a control that switches between its own.
         let size = max_norm(&hessian.values);
         if shift > floor.max(HIDING * size) {
-            if self.interior_point(point, &self.no_hessian.clone(), FLAT * size)
-                && self.newton_on_found(point, hessian, floor)
-            {
+            let flat = std::mem::take(&mut self.no_hessian);
+            let is_solved = self.interior_point(point, &flat, FLAT * size);
+            self.no_hessian = flat;
+            if is_solved && self.newton_on_found(point, hessian, floor) {
                 return Some(Origin::WorkingSet);
             }
         }
