@@ -2315,7 +2315,9 @@ _Direction: TypeAlias = Literal["forward", "backward"]
 _Dims: TypeAlias = tuple[int, int, int]
 _EndStates: TypeAlias = Sequence[float | None] | _Floats
 _Pair: TypeAlias = tuple[float, float] | Sequence[float]
-_PlacedStatus: TypeAlias = Literal["placed", "stalled", "max_iterations", "singular_costates", "flow"]
+_PlacedStatus: TypeAlias = Literal[
+    "placed", "stalled", "max_iterations", "singular_costates", "flow", "limit_reached"
+]
 _OfPoint: TypeAlias = Callable[[_Floats], ArrayLike]
 
 @final
@@ -2399,6 +2401,8 @@ class Spectrum:
     @property
     def vectors(self) -> _Floats: ...
     @property
+    def balanced(self) -> _Floats: ...
+    @property
     def rates(self) -> _Floats: ...
     @property
     def pairing_defect(self) -> float: ...
@@ -2409,6 +2413,10 @@ class Diagnosis:
     @property
     def dims(self) -> _Dims: ...
     @property
+    def verdict(
+        self,
+    ) -> Literal["complete", "partial", "insensitive", "undetermined", "not_hamiltonian"]: ...
+    @property
     def is_hyper_sensitive(self) -> bool: ...
     @property
     def is_partially_hyper_sensitive(self) -> bool: ...
@@ -2416,6 +2424,8 @@ class Diagnosis:
     def time(self) -> float: ...
     @property
     def fast_rates(self) -> tuple[float, float]: ...
+    @property
+    def balanced_rates(self) -> tuple[float, float]: ...
     @property
     def center_rate(self) -> float: ...
     @property
@@ -2483,7 +2493,15 @@ class Placement:
     def tol(self) -> float: ...
     @property
     def max_iterations(self) -> int: ...
-    def place(self, flow: VariationalFlow, p: ArrayLike, direction: _Direction = "forward") -> Placed: ...
+    def place(
+        self,
+        flow: VariationalFlow,
+        p: ArrayLike,
+        direction: _Direction = "forward",
+        *,
+        max_time: float | None = None,
+        max_evaluations: int | None = None,
+    ) -> Placed: ...
     def following(
         self, flow: VariationalFlow, optimum: Extremal, error: ArrayLike, sizes: ArrayLike, bound: float
     ) -> list[Following]: ...
@@ -2541,17 +2559,32 @@ class Matching:
         corrections: ArrayLike | None = None,
     ) -> Matching: ...
     def grid_search(
-        self, spacing: ArrayLike, *, tol: float = 2e-3, finest: float = 1e-4, max_rounds: int = 100
+        self,
+        spacing: ArrayLike,
+        *,
+        tol: float = 2e-3,
+        finest: float = 1e-4,
+        max_rounds: int = 100,
+        max_time: float | None = None,
+        max_evaluations: int | None = None,
     ) -> Matched: ...
     def least_squares(
-        self, conserved: Sequence[int] = ..., *, tol: float = 2e-3, max_rounds: int = 30
+        self,
+        conserved: Sequence[int] = ...,
+        *,
+        tol: float = 2e-3,
+        max_rounds: int = 30,
+        max_time: float | None = None,
+        max_evaluations: int | None = None,
     ) -> Matched: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class Matched:
     @property
-    def status(self) -> Literal["matched", "exhausted", "max_rounds", "no_start"]: ...
+    def status(
+        self,
+    ) -> Literal["matched", "exhausted", "max_rounds", "limit_reached", "no_start"]: ...
     @property
     def success(self) -> bool: ...
     @property
@@ -2574,7 +2607,18 @@ class Extremal:
     @property
     def system(self) -> System: ...
     @property
-    def status(self) -> Literal["converged", "stalled", "max_iterations", "singular"]: ...
+    def status(
+        self,
+    ) -> Literal[
+        "converged",
+        "floor",
+        "hamiltonian_drifts",
+        "stalled",
+        "max_iterations",
+        "singular",
+        "limit_reached",
+        "on_the_way",
+    ]: ...
     @property
     def message(self) -> str: ...
     @property
@@ -2585,6 +2629,10 @@ class Extremal:
     def nodes(self) -> _Floats: ...
     @property
     def residual(self) -> float: ...
+    @property
+    def floor(self) -> float: ...
+    @property
+    def hamiltonian_drift(self) -> float | None: ...
     @property
     def n_iterations(self) -> int: ...
     @property
@@ -2605,6 +2653,12 @@ class Continued:
     def extremal(self) -> Extremal: ...
     @property
     def success(self) -> bool: ...
+    @property
+    def status(self) -> Literal["arrived", "broke_off", "limit_reached"]: ...
+    @property
+    def stage(self) -> str: ...
+    @property
+    def message(self) -> str: ...
     @property
     def s(self) -> float: ...
     @property
@@ -2660,6 +2714,8 @@ def shoot(
     max_iterations: int = 100,
     rtol: float = 1e-13,
     atol: float = 1e-15,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Extremal: ...
 def cold_start(
     system: System,
@@ -2673,6 +2729,8 @@ def cold_start(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...
 def continue_through(
     system: System,
@@ -2686,6 +2744,8 @@ def continue_through(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...
 def travel_arm(
     system: System,
@@ -2698,6 +2758,8 @@ def travel_arm(
     max_iterations: int = 100,
     rtol: float = 1e-13,
     atol: float = 1e-15,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...
 def follow(
     family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],
@@ -2709,4 +2771,6 @@ def follow(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...

@@ -168,8 +168,10 @@ impl Chain {
     }
 
     fn __repr__(&self) -> String {
-        let last = self.times.last().copied().unwrap_or_default();
-        format!("<Chain: {} factors, to {last} s>", self.links.len())
+        match self.times.last() {
+            Some(last) => format!("<Chain: {} factors, to {last} s>", self.links.len()),
+            None => "<Chain: empty>".to_owned(),
+        }
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -206,6 +208,6 @@ fn index(number: isize, length: usize) -> Result<usize, Error> {
     let place = if number < 0 { number + length as isize } else { number };
     match usize::try_from(place) {
         Ok(place) if place < length => Ok(place),
-        _ => Err(PyIndexError::new_err(format!("index {number} of {length} entries")).into()),
+        Ok(_) | Err(_) => Err(PyIndexError::new_err(format!("index {number} of {length} entries")).into()),
     }
 }
