@@ -177,7 +177,7 @@ def test_a_derivative_off_by_a_thousandth_is_refused(name: str, entry: int) -> N
     assert ftla.cold_start(pendulum(), [1.0, 0.0], [0.2, 0.1], 2.0).success
     rng = np.random.default_rng(entry)
     for part in (1e-3, *10.0 ** rng.uniform(-3.0, -1.0, 2) * rng.choice([-1.0, 1.0], 2)):
-        # where the control is zero so is the error of the gradient by it, and the Hessian is told that does not fit
+        # the gradient by a control of zero is right; the Hessian is what does not fit it
         told = r"`hessian\(" if (name, entry) == ("gradient", 2) else rf"`{name}\("
         with pytest.raises(errors.FtlaInputError, match=told + ".*must be the derivative of"):
             ftla.cold_start(pendulum(name, entry, part), [1.0, 0.0], [0.2, 0.1], 2.0)

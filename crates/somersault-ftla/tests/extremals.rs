@@ -9,7 +9,8 @@ use somersault_ftla::continuation::{Continuation, Stage};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, Extremal, Shooting, ShootingError, Status, graded_times};
 use somersault_ftla::system::{
-    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem, TreeMinimumTorque,
+    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
+    TreeMinimumTorque,
 };
 use somersault_multibody::{Data, models::CartPendulum};
 use somersault_testkit::travels::{Travel, random_travels};

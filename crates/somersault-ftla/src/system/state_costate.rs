@@ -262,7 +262,7 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
         let mut size = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
             let (value, gradient, hessian) = self.problem.by_control(x, costate, &u);
-            if !(gradient.iter().chain(hessian.iter()).all(|g| g.is_finite())) {
+            if !(value.is_finite() && gradient.iter().chain(hessian.iter()).all(|g| g.is_finite())) {
                 return Err(SystemError::NonFinite);
             }
             let free: [bool; NU] = std::array::from_fn(|i| {
