@@ -1987,7 +1987,7 @@ class ScoringOptions:
         duration: bool = False,
         n_components: int | None = None,
         max_components: int = 5,
-        scale: tuple[float, float] = (0.0, 10.0),
+        scale: tuple[float, float] = ...,
     ) -> ScoringOptions: ...
     @property
     def n_frames(self) -> int: ...
