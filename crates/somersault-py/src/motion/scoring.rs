@@ -136,8 +136,10 @@ impl Performance {
             let points = places.map(|(i, k)| Some(point(i, k))).collect();
             let recording = recording::MarkerRecording::try_new(names, times, points)?;
             Self { performance: scoring::Performance::from_markers(&recording)? }
-        } else {
+        } else if kind == FeatureKind::Coordinates.to_string() {
             Self::new(times, names, values, path)?
+        } else {
+            return Err(Error::input(format!("`kind` must be 'markers' or 'coordinates', found '{kind}'")));
         };
         Ok(if synthetic { found.labelled_synthetic() } else { found })
     }
