@@ -4,8 +4,9 @@
 
 The samples of c3d.org are in the repository BTKData of the Biomechanical ToolKit; none is kept here. Points
 must be equal to single precision, in the unit of the file. Files that contradict themselves, and files that
-one of the two does not read, are listed with the reason. Where the two differ, the one is right whose frames,
-with the analog values that the header declares, end where the file does. Fails where that is not this package.
+one of the two does not read, are listed with the reason. Where the two differ, the one is right whose
+frames, with the analog values that the header declares, end where the file does. Fails where that is not
+this package.
 """
 
 import struct
