@@ -216,6 +216,20 @@ def test_sizes_are_refused_before_memory_is_asked_for(call: str, message: str) -
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited otherwise there")
+def test_a_run_that_fills_the_memory_ends_with_what_it_recorded() -> None:
+    program = """
+        try:
+            somersault.integrate(body, start, (0.0, 1e9), rtol=1e-6, max_step=1.0, max_steps=10**12)
+        except somersault.InputError as fault:
+            print(len(fault.solution), fault)
+    """
+    done = run_limited(program, 300 << 20)
+    assert done.returncode == 0, done.stderr[-2000:]
+    count, _, message = done.stdout.partition(" ")
+    assert int(count) > 100_000 and "give a larger `every`" in message
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited otherwise there")
 def test_so_are_those_of_the_command_line(tmp_path: Any) -> None:
     (tmp_path / "a.toml").write_text(
         "[body]\nmass = 1.0\nbox = [0.2, 0.4, 0.6]\n[run]\ninterval = [0.0, 1.0]\ndt = 1e-15\n"
@@ -233,6 +247,9 @@ LONG = {
     "search of a dive": "ocp.dive_107b().search(20000)",
     "dive": "ocp.dive_5174d().solve()",
     "collocation": "ocp.arm_motion(tol=1e-13)",
+    "energy": "studies.energy('euler', studies.prisms(100), steps=[10**7])",
+    "radii": "studies.spectral_radii('ab4', np.linspace(-1, 0, 3000), np.linspace(0, 1, 3000))",
+    "work": "studies.work_precision(studies.Problem.case(1), 'rkmk', [1e-8])",
     "derivatives": "contact.differentiate(top.body, top.state, (0, 1e3), dt=1e-5, contacts=top.contacts)",
     "spectrum": "ftla.VariationalFlow(ftla.arm()).spectrum([-1.5, 0.05, 0, 0, -0.2, -0.01, -1.3, -0.1], 1e6)",
     "components": "motion.Pca(np.random.default_rng(0).normal(size=(3000, 3000)))",

@@ -1,7 +1,7 @@
 //! What happens in contacts during a run.
 
 use crate::bodies::State;
-use crate::convert::a_type;
+use crate::convert::{a_type, entries};
 use crate::error::Error;
 use crate::trajectory::Seen;
 use pyo3::prelude::*;
@@ -70,7 +70,7 @@ impl Event {
         state: &Bound<'_, PyAny>,
     ) -> Result<Self, Error> {
         let is_one = state.is_instance_of::<State>();
-        if !is_one && state.extract::<Vec<State>>().is_err() {
+        if !is_one && entries::<State>(state).is_err() {
             let found = a_type(state);
             return Err(Error::input(format!("`state` must be a State or a list of them, found {found}")));
         }

@@ -123,7 +123,8 @@ impl<Q: Configuration> Monitor<Q> {
         let bytes = steps as f64 * self.bytes;
         let what = format!("the records of {steps} steps (give a larger `every`)");
         expect_room(&what, bytes as usize)?;
-        self.room = steps;
+        // beside the steps the start is recorded
+        self.room = steps.saturating_add(3);
         Ok(())
     }
 
@@ -179,14 +180,14 @@ impl<Q: Configuration> Observer<Q> for Monitor<Q> {
         if self.failure.get().is_some() {
             return Flow::Stop;
         }
-        let _ = self.recorder.observe(step);
-        (self.steps, self.t) = (step.index, step.t_after);
-        if self.steps >= self.room
+        if step.index.saturating_add(2) >= self.room
             && let Err(error) = self.expect_room_for(self.room.saturating_mul(2))
         {
             self.failure.set(error.into());
             return Flow::Stop;
         }
+        let _ = self.recorder.observe(step);
+        (self.steps, self.t) = (step.index, step.t_after);
         let mut flow = Flow::Continue;
         if let Some(watch) = &self.watch {
             match Python::attach(|py| watch(py, step.t_after, step.after)) {

@@ -98,31 +98,41 @@ pub(crate) fn attend<T: Send>(
     done.ok_or_else(|| Error::of_system("the work broke off".to_owned()))
 }
 
-/// As [`attend`], but where a handler of signals raises, the exception comes at once, and the work ends unheard when it next
-/// asks whether to go on.
+/// As [`attend`], for work that may take long to end: what was raised comes once `patience` is over, or at once after a
+/// second signal, and the work ends unheard when it next asks whether to go on.
+///
+/// Work that ended in time comes with what was raised.
 pub(crate) fn attend_or_leave<T: Send + 'static>(
     py: Python<'_>,
+    patience: Duration,
     work: impl FnOnce(&Stop) -> T + Send + 'static,
-) -> Result<T, Error> {
+) -> Result<(T, Option<PyErr>), Error> {
     let stop = Arc::new(Stop::default());
     if works() {
-        return Ok(py.detach(|| work(&stop)));
+        return Ok((py.detach(|| work(&stop)), None));
     }
     let threads = threads()?;
     let (sender, receiver) = sync_channel(1);
     let within = Arc::clone(&stop);
     let worker = std::thread::Builder::new().name("somersault".to_owned()).spawn(move || {
-        // nobody listens any more after a signal
+        // nobody may listen any more after a signal
         let _ = sender.send(threads.install(|| work(&within)));
     });
     let worker = worker.map_err(|error| Error::of_system(format!("no thread can be started: {error}")))?;
-    let ended: PyResult<T> = py.detach(move || {
+    let ended: PyResult<(T, Option<PyErr>)> = py.detach(move || {
+        let mut first: Option<(PyErr, Instant)> = None;
         loop {
             match receiver.recv_timeout(ATTENTION) {
-                Ok(done) => return Ok(done),
+                Ok(done) => return Ok((done, first.map(|(raised, _)| raised))),
                 Err(RecvTimeoutError::Timeout) => {
                     if let Err(raised) = Python::attach(|py| py.check_signals()) {
                         stop.ask();
+                        if patience.is_zero() || first.is_some() {
+                            return Err(raised);
+                        }
+                        first = Some((raised, Instant::now()));
+                    }
+                    if let Some((raised, _)) = first.take_if(|(_, since)| since.elapsed() >= patience) {
                         return Err(raised);
                     }
                 }

@@ -3,6 +3,7 @@
 use super::dimension::{DIMENSIONS, by_rows, expect_square, for_dimension, matrix, matrix_array, vector};
 use super::error::input;
 use super::spectrum::Spectrum;
+use crate::convert::integer;
 use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
@@ -154,9 +155,18 @@ impl Chain {
     /// Returns
     /// -------
     /// Spectrum
+    ///
+    /// Raises
+    /// ------
+    /// FtlaInputError
+    ///     If there is no such time.
     #[pyo3(signature = (mark=-1))]
-    fn spectrum(&self, mark: isize) -> Result<Spectrum, Error> {
-        self.spectrum_of(self.marks[index(mark, self.marks.len())?])
+    fn spectrum(&self, #[pyo3(from_py_with = integer)] mark: i64) -> Result<Spectrum, Error> {
+        let known = self.marks.len();
+        let number = index(mark as isize, known).map_err(|_| {
+            super::error::input(format!("`mark` must be from -{known} to {known} - 1, found {mark}"))
+        })?;
+        self.spectrum_of(self.marks[number])
     }
 
     fn __len__(&self) -> usize {

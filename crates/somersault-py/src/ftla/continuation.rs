@@ -195,7 +195,7 @@ fn through<const N: usize>(
 pub(crate) fn continue_through(
     py: Python<'_>,
     system: Py<System>,
-    stages: Vec<Bound<'_, PyAny>>,
+    #[pyo3(from_py_with = crate::convert::entries)] stages: Vec<Bound<'_, PyAny>>,
     horizon: f64,
     fractions: &Bound<'_, PyAny>,
     tol: f64,

@@ -4,10 +4,10 @@ use super::markers::MarkerRecording;
 use super::matrix::{self, count, matrix, matrix_array, numbers_array};
 use super::pca::Pca;
 use super::worker::attended;
-use crate::convert::real_numbers;
+use crate::convert::{entries, real_numbers};
 use crate::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::{PyBytes, PyTuple, PyType};
 use somersault::motion::scoring::{self, VectorOptions};
 
 /// A motion to be scored, frame by frame.
@@ -272,7 +272,7 @@ impl ScoringModel {
     #[pyo3(signature = (motions, scores, options=None))]
     fn new(
         py: Python<'_>,
-        motions: Vec<Bound<'_, Performance>>,
+        #[pyo3(from_py_with = entries)] motions: Vec<Bound<'_, Performance>>,
         scores: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, ScoringOptions>>,
     ) -> Result<Self, Error> {
@@ -333,7 +333,9 @@ impl ScoringModel {
     /// path : path
     fn save(&self, path: &Bound<'_, PyAny>) -> Result<(), Error> {
         let text = self.model.to_json()?;
-        matrix::path("path", path)?.call_method1("write_text", (text, "utf-8"))?;
+        let (py, path) = (path.py(), matrix::path("path", path)?);
+        let text = PyBytes::new(py, text.as_bytes());
+        py.import("somersault.storage")?.call_method1("write_bytes", (path, text))?;
         Ok(())
     }
 
