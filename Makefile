@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 METHODS := $(wildcard crates/somersault-integrators/src/methods/*.rs)
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint docs pictures bench bench-peers fuzz wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures bench bench-peers fuzz mutate wheel package clean
 
 # This list.
 help:
@@ -41,6 +41,10 @@ test-rust:
 test-python: $(VENV)/.extension-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
+# Long versions of tests, which take minutes.
+studies:
+	cargo test --workspace --exclude somersault-benches --tests -- --ignored
+
 # The book with the documentation of the crates in it, in out/book; links are followed.
 docs: $(VENV)/.extension
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
@@ -68,6 +72,10 @@ fuzz:
 	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
 	for format in bvh c3d joint_motion judged marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
 		out/corpus/$$format fuzz/corpus/$$format -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024 || exit 1; done
+
+# 30,000 calls of the Python package with wrong arguments, in children that an abort takes alone.
+mutate: $(VENV)/.extension-dev
+	$(BIN)/python tests/python/mutated_calls.py --calls 30000
 
 # A wheel and a source distribution in dist/.
 wheel: $(VENV)/.tools

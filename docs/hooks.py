@@ -64,25 +64,35 @@ def _page(name: str) -> str:
     return text.partition("\n")[2].replace("](docs/", "](")
 
 
-def _order(orders: dict[str, int | None], benign: str, general: str) -> str:
-    first, second = orders[benign], orders[general]
-    return str(first) if first == second else f"{first} ({second if second is not None else 'none'})"
+_GENERAL = ("translation_with_velocity", "translation_with_orientation")
+
+
+def _order(info: somersault.MethodInfo, benign: str, *general: str) -> str:
+    """An order, in brackets that of the general case; after a semicolon those of the rates, where others."""
+
+    def of(orders: dict[str, int | None]) -> str:
+        first, others = orders[benign], [orders[name] for name in general]
+        second = None if None in others else min(order for order in others if order is not None)
+        return str(first) if first == second else f"{first} ({second if second is not None else 'none'})"
+
+    configuration, rate = of(info.orders), of(info.rate_orders)
+    return configuration if configuration == rate else f"{configuration}; {rate}"
 
 
 def _methods() -> str:
     """The table of methods."""
     lines = [
-        "| Method | | Order on ℝ³ | on SO(3) | Evaluations | Earlier steps | Steps | Takes |",
-        "|---|---|---|---|---|---|---|---|",
+        "| Method | | Order on ℝ³ | on SO(3) | Within steps | Evaluations | Earlier steps | Steps | Takes |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for info in somersault.methods():
-        translation = _order(info.orders, "translation", "translation_with_velocity")
-        rotation = _order(info.orders, "rotation", "rotation_with_torque")
+        translation = _order(info, "translation", *_GENERAL)
+        rotation = _order(info, "rotation", "rotation_with_torque")
         steps = "fixed or adapted" if info.adaptive else "fixed"
         solves = " and iterations" if info.implicit else ""
         lines.append(
-            f"| `{info.name}` | {info.title} | {translation} | {rotation} | {info.evaluations}{solves}"
-            f" | {info.history} | {steps} | {info.scope} |"
+            f"| `{info.name}` | {info.title} | {translation} | {rotation} | {info.dense_order}"
+            f" | {info.evaluations}{solves} | {info.history} | {steps} | {info.scope} |"
         )
     return "\n".join(lines)
 

@@ -103,7 +103,7 @@ fn located_steps_allocate_nothing_between_events() {
 fn no_step_allocates_for_a_tree_or_its_flight() {
     use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
     use somersault::multibody::motion::{TreeMotion, TreeState, TreeSystem};
-    use somersault::multibody::{Force, Velocities, motion::TreeForces};
+    use somersault::multibody::{Force, Velocities, motion::BodyWrenches, motion::TreeForces};
 
     /// A torque and a wrench on every joint and body.
     struct Steady;
@@ -112,9 +112,12 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
         fn add_torque(&self, _: f64, _: &[f64], _: &[f64], torque: &mut [f64]) {
             torque[6..].iter_mut().for_each(|t| *t += 0.1);
         }
-        fn has_wrenches(&self) -> bool {
-            true
+        fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+            Some(self)
         }
+    }
+
+    impl BodyWrenches for Steady {
         fn add_wrenches(&self, _: f64, _: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
             wrenches.iter_mut().for_each(|w| w.linear.z += 0.5);
         }

@@ -26,20 +26,35 @@ __all__ = ["ArmExtremal", "arm_extremals", "solve_arm"]
 _LONGEST = 1e4
 
 
+#: Options of the searches for an extremal.
+_OPTIONS = ("tol", "max_iterations", "rtol", "atol", "max_time", "max_evaluations")
+
+
 @dataclass(frozen=True)
 class ArmExtremal:
-    """One of several extremals of the arm."""
+    """One of several extremals of the arm, or what a search for one came to."""
 
-    #: θ₂ of the folded arm, rad.
+    #: θ₂ of the folded arm, rad: the multiple of π nearest to θ₂ half-way through the motion. Where there
+    #: is none, the one that the search was for.
     fold: float
     #: Whole turns added to the last θ₂.
     turns: int
-    #: ½ ∫ γ₁u₁² + γ₂u₂² dt.
+    #: ½ ∫ γ₁u₁² + γ₂u₂² dt; NaN where the search did not arrive.
     cost: float
+    #: The motion; where the search did not arrive, its best iterate.
     extremal: Extremal
+    #: As `Continued.status`: ``'arrived'``, ``'broke_off'`` or ``'limit_reached'``.
+    status: str = "arrived"
+    #: As `Continued.message`.
+    message: str = ""
 
-    def __reduce__(self) -> tuple[type[ArmExtremal], tuple[float, int, float, Extremal]]:
-        return ArmExtremal, (self.fold, self.turns, self.cost, self.extremal)
+    @property
+    def success(self) -> bool:
+        """Whether it is an extremal."""
+        return self.status == "arrived"
+
+    def __reduce__(self) -> tuple[type[ArmExtremal], tuple[float, int, float, Extremal, str, str]]:
+        return ArmExtremal, (self.fold, self.turns, self.cost, self.extremal, self.status, self.message)
 
 
 def solve_arm(
@@ -68,7 +83,8 @@ def solve_arm(
     system : System, optional
         As `arm` makes it; that of the thesis unless given.
     options
-        ``tol``, ``max_iterations``, ``rtol`` and ``atol`` as those of `shoot`.
+        ``tol``, ``max_iterations``, ``rtol``, ``atol``, ``max_time`` and ``max_evaluations`` as those of
+        `shoot`.
 
     Returns
     -------
@@ -121,7 +137,8 @@ def arm_extremals(
     Returns
     -------
     list of ArmExtremal
-        Those that were found; a fold and a number of turns that lead nowhere are left out.
+        Each motion once, the cheapest first; then, with a status and a message, the folds and turns that
+        led to none.
     """
     final = _numbers("final_state", final_state, 4)
     ways = _numbers("folds", folds, None)
@@ -129,21 +146,37 @@ def arm_extremals(
     _expect_options("arm_extremals", options)
     if (whole != np.round(whole)).any():
         raise FtlaInputError(f"`turns` must be whole numbers, found {turns!r}")
-    found = []
+    found: list[ArmExtremal] = []
+    failed: list[ArmExtremal] = []
     for fold in ways:
         for turn in whole:
             last = final + np.array([0.0, 2.0 * np.pi * turn, 0.0, 0.0])
             continued = solve_arm(initial_state, last, horizon, fold=float(fold), system=system, **options)
-            if continued.success:
-                extremal = continued.extremal
-                found.append(ArmExtremal(float(fold), int(turn), extremal.cost(), extremal))
-    return sorted(found, key=lambda each: each.cost)
+            how = (continued.status, continued.message)
+            if not continued.success:
+                failed.append(ArmExtremal(float(fold), int(turn), np.nan, continued.extremal, *how))
+                continue
+            motion = continued.extremal
+            folded = np.pi * float(np.round(motion(0.5 * horizon)[1] / np.pi))
+            each = ArmExtremal(folded, int(turn), motion.cost(), motion, *how)
+            if not any(_same(each, other) for other in found):
+                found.append(each)
+    return sorted(found, key=lambda each: each.cost) + failed
+
+
+def _same(one: ArmExtremal, other: ArmExtremal) -> bool:
+    """Whether two extremals between the same ends are one motion: it follows from where it starts."""
+    if one.turns != other.turns:
+        return False
+    p, q = one.extremal.nodes[0], other.extremal.nodes[0]
+    # costates are in one unit, whatever it is; two motions that start within a millionth meet nowhere else
+    return bool(np.abs(p - q)[4:].max() <= 1e-6 * max(np.abs(p[4:]).max(), np.abs(q[4:]).max()))
 
 
 def _expect_options(function: str, options: dict[str, Any]) -> None:
     """Options are those of `shoot`, and are told of under the name of what was called."""
     for name in options:
-        if name not in ("tol", "max_iterations", "rtol", "atol"):
+        if name not in _OPTIONS:
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")
 
 

@@ -12,8 +12,7 @@ _Wrench: TypeAlias = tuple[ArrayLike, ArrayLike]
 _AnyForce: TypeAlias = ForceModel | Callable[[float, State], _Wrench]
 _AnyMethod: TypeAlias = str | MethodInfo
 _Law: TypeAlias = CompliantLaw | HuntCrossley
-_RollingFriction: TypeAlias = CreepFriction | RegularisedFriction
-_Friction: TypeAlias = CoulombFriction | _RollingFriction
+_Friction: TypeAlias = CoulombFriction | RegularisedFriction
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
@@ -22,7 +21,7 @@ _Parameter: TypeAlias = (
     | tuple[Literal["stiffness", "damping", "friction"], int]
     | tuple[Literal["acceleration"], ArrayLike]
 )
-_EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "turn", "other"]
+_EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Entry: TypeAlias = float | tuple[float, float] | None
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
@@ -94,7 +93,6 @@ __all__ = [
     "Correlation",
     "Cost",
     "CoulombFriction",
-    "CreepFriction",
     "Cylinder",
     "DenseOutput",
     "Diagnosis",
@@ -165,6 +163,7 @@ __all__ = [
     "State",
     "Subspace",
     "Surface",
+    "SurfaceFunction",
     "SwingUpVerification",
     "SyntheticDive",
     "SyntheticFlight",
@@ -441,6 +440,24 @@ class Cylinder(Surface):
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
+class SurfaceFunction:
+    def __new__(
+        cls,
+        function: Callable[[_Floats], tuple[float, ArrayLike]],
+        *,
+        lipschitz: float = 1.0,
+        concavity: float = ...,
+    ) -> SurfaceFunction: ...
+    @property
+    def function(self) -> Callable[[_Floats], tuple[float, ArrayLike]]: ...
+    @property
+    def lipschitz(self) -> float: ...
+    @property
+    def concavity(self) -> float: ...
+    def __call__(self, point: _Floats) -> tuple[float, ArrayLike]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
 class HuntCrossley:
     def __new__(cls, stiffness: float, damping: float = 0.0) -> HuntCrossley: ...
     @staticmethod
@@ -476,24 +493,17 @@ class RegularisedFriction:
 
 @final
 class CoulombFriction:
-    def __new__(cls, coefficient: float, stiffness: float, damping: float = 0.0) -> CoulombFriction: ...
+    def __new__(
+        cls, coefficient: float, stiffness: float, damping: float, static_coefficient: float | None = None
+    ) -> CoulombFriction: ...
     @property
     def coefficient(self) -> float: ...
     @property
     def stiffness(self) -> float: ...
     @property
     def damping(self) -> float: ...
-    def __eq__(self, other: object, /) -> bool: ...
-    def __ne__(self, other: object, /) -> bool: ...
-    def __reduce__(self) -> tuple[Any, ...]: ...
-
-@final
-class CreepFriction:
-    def __new__(cls, coefficient: float, damping: float) -> CreepFriction: ...
     @property
-    def coefficient(self) -> float: ...
-    @property
-    def damping(self) -> float: ...
+    def static_coefficient(self) -> float: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -523,7 +533,7 @@ class Contact:
         surface: _Surface,
         law: _Law,
         *,
-        friction: _RollingFriction | None = None,
+        friction: _Friction | None = None,
         resistance: Resistance | None = None,
     ) -> Contact: ...
     @staticmethod
@@ -534,7 +544,7 @@ class Contact:
         plane: HalfSpace,
         law: _Law,
         *,
-        friction: _RollingFriction | None = None,
+        friction: _Friction | None = None,
         resistance: Resistance | None = None,
     ) -> Contact: ...
     @property
@@ -563,7 +573,7 @@ class SpherePair:
         law: _Law,
         *,
         centers: Sequence[ArrayLike] | None = None,
-        friction: _RollingFriction | None = None,
+        friction: _Friction | None = None,
         resistance: Resistance | None = None,
     ) -> SpherePair: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -600,6 +610,8 @@ class Sensitivities:
     def by_parameters(self) -> _Floats: ...
     @property
     def event_times(self) -> _Floats: ...
+    @property
+    def stretches(self) -> _Floats: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
@@ -668,6 +680,12 @@ class MethodInfo:
     def citation(self) -> str: ...
     @property
     def orders(self) -> dict[str, int | None]: ...
+    @property
+    def rate_orders(self) -> dict[str, int | None]: ...
+    @property
+    def dense_order(self) -> int: ...
+    @property
+    def angle_limit(self) -> float | None: ...
     @property
     def evaluations(self) -> int: ...
     @property
@@ -909,6 +927,10 @@ class Solution(Trajectory):
     def n_events(self) -> int: ...
     @property
     def n_trials(self) -> int: ...
+    @property
+    def stretches(self) -> _Floats: ...
+    @property
+    def n_substeps(self) -> int: ...
     @property
     def sol(self) -> DenseOutput | None: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
@@ -1376,9 +1398,12 @@ def integrate(
     interaction: Gravitation | Callable[[float, list[State]], _Wrench] | None = None,
     contacts: Contact | Sequence[Contact] | Sequence[Contact | Sequence[Contact] | None] | None = None,
     pairs: SpherePair | Sequence[SpherePair] | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
     locate: bool = True,
     max_event_rate: float = 1e9,
     keep_events: bool = True,
+    graze: float = 1e-6,
+    max_substeps: int | None = ...,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,
@@ -1397,12 +1422,18 @@ def differentiate(
     state: State,
     interval: tuple[float, float] | Sequence[float],
     *,
-    dt: float,
+    dt: float | None = None,
     contacts: Contact | Sequence[Contact],
     method: _AnyMethod | None = None,
     forces: _AnyForce | Sequence[_AnyForce] | None = None,
     parameters: Sequence[_Parameter] | None = None,
-    grazing: float = 1e-9,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
+    grazing: float = 1.5e-8,
     max_event_rate: float = 1e9,
 ) -> Sensitivities: ...
 def integrate_tree(
@@ -1994,7 +2025,7 @@ class ScoringOptions:
         duration: bool = False,
         n_components: int | None = None,
         max_components: int = 5,
-        scale: tuple[float, float] = (0.0, 10.0),
+        scale: tuple[float, float] = ...,
     ) -> ScoringOptions: ...
     @property
     def n_frames(self) -> int: ...
@@ -2274,7 +2305,7 @@ def sliding_block(
     slope: float = 0.0,
 ) -> Scene: ...
 def rolling_disk(
-    mass: float, radius: float, law: CompliantLaw, friction: CreepFriction, tilt: float, turning: float
+    mass: float, radius: float, law: CompliantLaw, friction: CoulombFriction, tilt: float, turning: float
 ) -> Scene: ...
 def tippe_top(
     mass: float,
@@ -2286,7 +2317,7 @@ def tippe_top(
     spin: float,
     sag: float = 0.0,
     *,
-    friction: _RollingFriction | None = None,
+    friction: _Friction | None = None,
 ) -> Scene: ...
 def restitution(damping_ratio: float) -> float: ...
 def damping_ratio(restitution: float) -> float: ...
@@ -2359,7 +2390,9 @@ _Direction: TypeAlias = Literal["forward", "backward"]
 _Dims: TypeAlias = tuple[int, int, int]
 _EndStates: TypeAlias = Sequence[float | None] | _Floats
 _Pair: TypeAlias = tuple[float, float] | Sequence[float]
-_PlacedStatus: TypeAlias = Literal["placed", "stalled", "max_iterations", "singular_costates", "flow"]
+_PlacedStatus: TypeAlias = Literal[
+    "placed", "stalled", "max_iterations", "singular_costates", "flow", "limit_reached"
+]
 _OfPoint: TypeAlias = Callable[[_Floats], ArrayLike]
 
 @final
@@ -2443,6 +2476,8 @@ class Spectrum:
     @property
     def vectors(self) -> _Floats: ...
     @property
+    def balanced(self) -> _Floats: ...
+    @property
     def rates(self) -> _Floats: ...
     @property
     def pairing_defect(self) -> float: ...
@@ -2453,6 +2488,10 @@ class Diagnosis:
     @property
     def dims(self) -> _Dims: ...
     @property
+    def verdict(
+        self,
+    ) -> Literal["complete", "partial", "insensitive", "undetermined", "not_hamiltonian"]: ...
+    @property
     def is_hyper_sensitive(self) -> bool: ...
     @property
     def is_partially_hyper_sensitive(self) -> bool: ...
@@ -2460,6 +2499,8 @@ class Diagnosis:
     def time(self) -> float: ...
     @property
     def fast_rates(self) -> tuple[float, float]: ...
+    @property
+    def balanced_rates(self) -> tuple[float, float]: ...
     @property
     def center_rate(self) -> float: ...
     @property
@@ -2527,7 +2568,15 @@ class Placement:
     def tol(self) -> float: ...
     @property
     def max_iterations(self) -> int: ...
-    def place(self, flow: VariationalFlow, p: ArrayLike, direction: _Direction = "forward") -> Placed: ...
+    def place(
+        self,
+        flow: VariationalFlow,
+        p: ArrayLike,
+        direction: _Direction = "forward",
+        *,
+        max_time: float | None = None,
+        max_evaluations: int | None = None,
+    ) -> Placed: ...
     def following(
         self, flow: VariationalFlow, optimum: Extremal, error: ArrayLike, sizes: ArrayLike, bound: float
     ) -> list[Following]: ...
@@ -2585,17 +2634,32 @@ class Matching:
         corrections: ArrayLike | None = None,
     ) -> Matching: ...
     def grid_search(
-        self, spacing: ArrayLike, *, tol: float = 2e-3, finest: float = 1e-4, max_rounds: int = 100
+        self,
+        spacing: ArrayLike,
+        *,
+        tol: float = 2e-3,
+        finest: float = 1e-4,
+        max_rounds: int = 100,
+        max_time: float | None = None,
+        max_evaluations: int | None = None,
     ) -> Matched: ...
     def least_squares(
-        self, conserved: Sequence[int] = ..., *, tol: float = 2e-3, max_rounds: int = 30
+        self,
+        conserved: Sequence[int] = ...,
+        *,
+        tol: float = 2e-3,
+        max_rounds: int = 30,
+        max_time: float | None = None,
+        max_evaluations: int | None = None,
     ) -> Matched: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class Matched:
     @property
-    def status(self) -> Literal["matched", "exhausted", "max_rounds", "no_start"]: ...
+    def status(
+        self,
+    ) -> Literal["matched", "exhausted", "max_rounds", "limit_reached", "no_start"]: ...
     @property
     def success(self) -> bool: ...
     @property
@@ -2618,7 +2682,18 @@ class Extremal:
     @property
     def system(self) -> System: ...
     @property
-    def status(self) -> Literal["converged", "stalled", "max_iterations", "singular"]: ...
+    def status(
+        self,
+    ) -> Literal[
+        "converged",
+        "floor",
+        "hamiltonian_drifts",
+        "stalled",
+        "max_iterations",
+        "singular",
+        "limit_reached",
+        "on_the_way",
+    ]: ...
     @property
     def message(self) -> str: ...
     @property
@@ -2629,6 +2704,10 @@ class Extremal:
     def nodes(self) -> _Floats: ...
     @property
     def residual(self) -> float: ...
+    @property
+    def floor(self) -> float: ...
+    @property
+    def hamiltonian_drift(self) -> float | None: ...
     @property
     def n_iterations(self) -> int: ...
     @property
@@ -2649,6 +2728,12 @@ class Continued:
     def extremal(self) -> Extremal: ...
     @property
     def success(self) -> bool: ...
+    @property
+    def status(self) -> Literal["arrived", "broke_off", "limit_reached"]: ...
+    @property
+    def stage(self) -> str: ...
+    @property
+    def message(self) -> str: ...
     @property
     def s(self) -> float: ...
     @property
@@ -2704,6 +2789,8 @@ def shoot(
     max_iterations: int = 100,
     rtol: float = 1e-13,
     atol: float = 1e-15,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Extremal: ...
 def cold_start(
     system: System,
@@ -2717,6 +2804,8 @@ def cold_start(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...
 def continue_through(
     system: System,
@@ -2730,6 +2819,8 @@ def continue_through(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...
 def travel_arm(
     system: System,
@@ -2742,6 +2833,8 @@ def travel_arm(
     max_iterations: int = 100,
     rtol: float = 1e-13,
     atol: float = 1e-15,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...
 def follow(
     family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],
@@ -2753,4 +2846,6 @@ def follow(
     atol: float = 1e-15,
     first_step: float = 0.1,
     min_step: float = 1e-4,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
 ) -> Continued: ...

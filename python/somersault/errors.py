@@ -102,7 +102,10 @@ class IntegrateInputError(IntegrateError, InputError):
 
 
 class StepError(IntegrateError):
-    """A step failed: the equation of an implicit step was not solved."""
+    """A step failed.
+
+    The equation of an implicit step was not solved, or a body turns further in it than the method allows.
+    """
 
 
 class TorqueError(StepError, InputError):
@@ -114,7 +117,7 @@ class ChatteringError(IntegrateError):
 
 
 class SurfaceError(IntegrateError, InputError):
-    """A surface of your own has a distance or a gradient that is not finite."""
+    """A surface cannot be touched: its distance or gradient is wrong, not finite or too steep."""
 
 
 class ContactError(InputError):

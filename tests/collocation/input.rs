@@ -215,6 +215,23 @@ fn limits_and_stops_are_statuses_with_the_best_motion() {
     assert_eq!(report.status, CollocationStatus::NotSolved(Status::Infeasible), "{:?}", report.history);
 }
 
+/// A path constraint that is announced and not written.
+struct Forgotten;
+
+impl Terms for Forgotten {
+    fn n_path_constraints(&self) -> usize {
+        1
+    }
+}
+
+#[test]
+fn a_constraint_that_is_not_written_is_no_zero() {
+    let phase = Phase::new(Line, Forgotten).path_bounds([Interval::new(-1.0, 1.0)]);
+    let mut problem = Problem::try_new(phase).unwrap();
+    let failed = Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap_err();
+    assert!(failed.to_string().contains("path constraint"), "{failed}");
+}
+
 /// ẍ = u, cost ∫ u² dt, with x twice as a path constraint.
 struct Block;
 

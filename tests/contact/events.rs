@@ -4,14 +4,15 @@ use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{integrate_hybrid, integrate_located};
 use somersault_contact::event::{EventKind, Interruption, Located, Location};
-use somersault_contact::hybrid::{Frozen, Guard, Hybrid, HybridBodies};
+use somersault_contact::hybrid::{Energy, Frozen, Guard, Hybrid, HybridBodies};
 use somersault_contact::interface::ContactMode;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::BouncingBall;
-use somersault_contact::surface::{HalfSpace, SignedDistance, Surface};
+use somersault_contact::surface::{HalfSpace, SignedDistance, Surface, SurfaceFault};
+use somersault_contact::sweep::Sweep;
 use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, Observer, Status, Step, TimeGrid};
+use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, Step, TimeGrid};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKutta4, RungeKuttaMuntheKaas};
 use somersault_integrators::solution::Recorder;
@@ -330,11 +331,40 @@ fn height(x: &RigidBodyState) -> Guard {
 
 impl Hybrid for Bouncer {
     type Mode = bool;
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
     fn mode(&self, _: f64, x: &RigidBodyState) -> bool {
         height(x).is_inside()
     }
     fn guards(&self, _: &bool, _: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
         out.push(height(x));
+    }
+    fn sweeps(
+        &self,
+        touches: &bool,
+        _: f64,
+        h: f64,
+        ends: (&RigidBodyState, &RigidBodyState),
+        out: &mut Vec<Sweep>,
+    ) {
+        // In the air it falls at g; the spring is judged by the cubic.
+        let speed = ends.0.velocity().z.abs().max(ends.1.velocity().z.abs()) + 0.5 * self.gravity * h;
+        let air = Sweep { speed, fall: self.gravity, size: 0.001 };
+        out.push(if *touches { Sweep::UNKNOWN } else { air });
+    }
+    fn clear_time(&self, _: &bool, _: f64, _: &RigidBodyState, _: &[Guard], _: f64) -> f64 {
+        0.0
+    }
+    fn examine(&self, _: usize, _: &RigidBodyState) -> Result<(), SurfaceFault> {
+        Ok(())
+    }
+    fn contact_rate(&self, _: &bool, _: &RigidBodyState) -> f64 {
+        // Its steps are exact.
+        0.0
+    }
+    fn energy(&self, _: &RigidBodyState) -> Option<Energy> {
+        None
     }
     fn acceleration_in(&self, touches: &bool, (): &mut (), _: f64, x: &RigidBodyState, out: &mut Twist) {
         *out = Twist::default();
@@ -416,7 +446,7 @@ fn a_million_contacts_complete_and_add_nothing_but_rounding() {
 fn a_hundred_thousand_contacts_by_a_method_of_the_table_keep_the_energy_to_its_order() {
     let system = particle(1e4, 0.0, Arc::new(HalfSpace::ground()), -9.81);
     let start = at(0.001, 0.0);
-    let location = Location { keep_events: false, ..Location::default() };
+    let location = Location { keep_events: false, ..Location::as_given() };
     let drift = |end: f64, dt: f64| {
         let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
         let (method, options) = (Method::Rkmk8B, Options::default());
@@ -449,11 +479,29 @@ impl System for DryFriction {
 
 impl Hybrid for DryFriction {
     type Mode = bool;
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
     fn mode(&self, _: f64, x: &RigidBodyState) -> bool {
         x.velocity().x < 0.0
     }
     fn guards(&self, _: &bool, _: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
         out.push(Guard { gap: x.velocity().x, ..Guard::default() });
+    }
+    fn sweeps(&self, _: &bool, _: f64, _: f64, _: (&RigidBodyState, &RigidBodyState), out: &mut Vec<Sweep>) {
+        out.push(Sweep::UNKNOWN);
+    }
+    fn clear_time(&self, _: &bool, _: f64, _: &RigidBodyState, _: &[Guard], _: f64) -> f64 {
+        0.0
+    }
+    fn examine(&self, _: usize, _: &RigidBodyState) -> Result<(), SurfaceFault> {
+        Ok(())
+    }
+    fn contact_rate(&self, _: &bool, _: &RigidBodyState) -> f64 {
+        0.0
+    }
+    fn energy(&self, _: &RigidBodyState) -> Option<Energy> {
+        None
     }
     fn acceleration_in(&self, backward: &bool, (): &mut (), _: f64, _: &RigidBodyState, out: &mut Twist) {
         *out = Default::default();
@@ -514,6 +562,9 @@ impl Surface for Torn {
         let distance = if point.z < 0.2 { f64::NAN } else { point.z };
         SignedDistance { distance, gradient: Vector3::z() }
     }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
 }
 
 #[test]
@@ -570,11 +621,44 @@ impl RigidSystem for Doubling {
 impl Hybrid for Doubling {
     type Mode = Vec<ContactMode>;
     const RESETS: bool = true;
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
     fn mode(&self, t: f64, x: &RigidBodyState) -> Vec<ContactMode> {
         self.0.system.mode(t, x)
     }
     fn guards(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
         self.0.system.guards(mode, t, x, out);
+    }
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        h: f64,
+        ends: (&RigidBodyState, &RigidBodyState),
+        out: &mut Vec<Sweep>,
+    ) {
+        self.0.system.sweeps(mode, t, h, ends, out);
+    }
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        x: &RigidBodyState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        self.0.system.clear_time(mode, t, x, guards, horizon)
+    }
+    fn examine(&self, guard: usize, x: &RigidBodyState) -> Result<(), SurfaceFault> {
+        self.0.system.examine(guard, x)
+    }
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
+        self.0.system.contact_rate(mode, x)
+    }
+    fn energy(&self, _: &RigidBodyState) -> Option<Energy> {
+        // The jumps of its spin add to it.
+        None
     }
     fn acceleration_in(
         &self,

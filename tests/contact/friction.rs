@@ -1,52 +1,58 @@
 //! Friction: stick and slip, creep, the smooth law, rolling and spinning resistance, against closed forms.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
+use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_located};
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::friction::{
-    CoulombFriction, CreepFriction, Friction, RegularisedFriction, Resistance,
-};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::driver::{integrate_hybrid, integrate_located, integrate_located_adaptive};
+use somersault_contact::event::{EventKind, Interruption, Located, Location};
+use somersault_contact::friction::{CoulombFriction, Friction, RegularisedFriction, Resistance};
+use somersault_contact::hybrid::{Frozen, Hybrid};
 use somersault_contact::interface::{ContactLaw, ContactMode, Encounter};
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::SlidingBlock;
+use somersault_contact::stretches::{Touching, WithStretches};
 use somersault_contact::surface::{HalfSpace, Solid, Sphere};
+use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
-use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Method, Options, RungeKuttaMuntheKaas4};
-use somersault_integrators::state::{Pose, RigidBodyState};
-use somersault_testkit::bouncing_ball;
+use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::force::{ForceModel, Gravity, Wrench};
+use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
+use somersault_integrators::stepper::Scope;
+use somersault_integrators::system::{RigidSystem, StateOf, System as _};
 use somersault_testkit::order::slope;
 use somersault_testkit::trees::Random;
 use std::sync::Arc;
 
 type System = BodyInContact<Gravity>;
+type Stretched = State<Augmented<Pose>>;
 
 const GRAVITY: f64 = 9.81;
 
 /// A run by the classic method of order 4 on the group, in world axes.
-fn run(system: &System, start: &RigidBodyState, end: f64, dt: f64) -> Located<Pose> {
-    run_and_mode(system, start, end, dt, &mut ()).0
+fn run<F: ForceModel>(
+    system: &BodyInContact<F>,
+    start: &Stretched,
+    interval: (f64, f64),
+    dt: f64,
+) -> Located<Augmented<Pose>> {
+    let frozen = Frozen::new(WithStretches(system), interval.0, start);
+    let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
+    integrate_hybrid(&frozen, &RungeKuttaMuntheKaas4, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
-fn run_and_mode(
-    system: &System,
-    start: &RigidBodyState,
+/// The same from a state without stretch.
+fn run_from<F: ForceModel>(
+    system: &BodyInContact<F>,
+    start: RigidBodyState,
     end: f64,
     dt: f64,
-    observer: &mut impl Observer<Pose>,
-) -> (Located<Pose>, Vec<ContactMode>) {
-    let frozen = Frozen::new(system.clone(), 0.0, start);
-    let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    let stepper = RungeKuttaMuntheKaas4;
-    let run = integrate_hybrid(&frozen, &stepper, start, &grid, &Location::default(), observer).unwrap();
-    (run, frozen.mode())
+) -> Located<Augmented<Pose>> {
+    run(system, &WithStretches(system).unstretched(start), (0.0, end), dt)
 }
 
-fn kinds(run: &Located<Pose>) -> Vec<EventKind> {
+fn kinds(run: &Located<Augmented<Pose>>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -62,192 +68,435 @@ fn coulomb(coefficient: f64, stiffness: f64, damping: f64) -> CoulombFriction {
     CoulombFriction::try_new(coefficient, stiffness, damping).unwrap()
 }
 
-// ---------------------------------------------------------------------------------------- stick and slip
+// ------------------------------------------------------------------------------------------------- inclines
 
-#[test]
-fn a_sliding_block_stops_at_the_right_place_and_time_and_stays() {
-    let block = block(stiff(), coulomb(0.4, 1e4, 20.0));
-    let (run, mode) = run_and_mode(&block.system, &block.sliding(3.0), 1.0, 0.01, &mut ());
-    let (time, way) = (3.0 / (0.4 * GRAVITY), 9.0 / (2.0 * 0.4 * GRAVITY));
-    assert_eq!(kinds(&run), [EventKind::Stick]);
-    assert!((run.events[0].t - time).abs() < 1e-14, "{:e}", run.events[0].t - time);
-    assert!((run.state.position().x - way).abs() < 1e-13, "{:e}", run.state.position().x - way);
-    assert!(run.state.velocity().norm() < 1e-13, "{:e}", run.state.velocity().norm());
-    assert!(matches!(mode[0], ContactMode::Stick { .. }));
+const MASS: f64 = 1.3;
+const MU: f64 = 0.4;
+const HOLD: f64 = 1e4;
+
+/// What of a block touches the slope, and whether the normal force varies.
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Point,
+    Box,
+    Varying,
 }
 
-const BOUNCE: bouncing_ball::BouncingBall =
-    bouncing_ball::BouncingBall { mass: 1.0, stiffness: 400.0, damping: 4.0, gravity: GRAVITY };
-const DROP: bouncing_ball::Motion = bouncing_ball::Motion { x: 0.1, v: 0.0 };
-const THROW: f64 = 1.5;
-const MU: f64 = 0.3;
-
-/// x and v of the bouncing block before it stops, from the closed form of its height.
-fn slide(t: f64) -> (f64, f64) {
-    let (z, _) = BOUNCE.run(DROP, t);
-    let way = THROW * t - MU * (0.5 * GRAVITY * t * t + z.x - DROP.x - DROP.v * t);
-    (way, THROW - MU * (GRAVITY * t + z.v - DROP.v))
-}
-
-/// Time and place of the stop.
-fn bounced_stop() -> (f64, f64) {
-    let (mut near, mut far) = (0.0, 2.0);
-    for _ in 0..100 {
-        let middle = 0.5 * (near + far);
-        if slide(middle).1 > 0.0 { near = middle } else { far = middle }
-    }
-    (far, slide(far).0)
-}
-
-#[test]
-fn every_method_keeps_its_order_to_the_stop_of_a_block_that_bounces_while_it_slides() {
-    const END: f64 = 0.7;
-    let (time, place) = bounced_stop();
-    let (height, switches) = BOUNCE.run(DROP, END);
-    assert!((0.5..0.7).contains(&time) && switches.len() == 3, "{time} {switches:?}");
-    let law = CompliantLaw::try_new(BOUNCE.stiffness, BOUNCE.damping).unwrap();
-    let block = block(law, coulomb(MU, 400.0, 40.0));
-    let start = block.at(DROP.x, Vector3::new(THROW, 0.0, 0.0));
-    let location = Location::default();
-    for method in Method::ALL {
-        let order = f64::from(method.info().orders.translation_with_velocity);
-        let bases: [u32; 6] =
-            if order > 4.0 { [10, 14, 20, 28, 40, 80] } else { [50, 100, 200, 400, 800, 1600] };
-        let mut points = Vec::new();
-        for base in bases {
-            let mut sum = 0.0;
-            for i in 0..5 {
-                let n = base + base * i / 10;
-                let grid = TimeGrid::try_with_steps(0.0, END, n.into()).unwrap();
-                let run = integrate_located(
-                    method,
-                    Options::default(),
-                    &block.system,
-                    &start,
-                    &grid,
-                    &location,
-                    &mut (),
-                )
-                .unwrap();
-                let stops: Vec<_> = run.events.iter().filter(|e| e.kind == EventKind::Stick).collect();
-                if run.events.len() != 4 || stops.len() != 1 {
-                    sum = f64::NAN;
-                    break;
-                }
-                let x = &run.state;
-                sum +=
-                    (stops[0].t - time).powi(2) + (x.position().x - place).powi(2) + x.velocity().x.powi(2);
-                sum += (x.position().z - 0.03 - height.x).powi(2) + (x.velocity().z - height.v).powi(2);
-            }
-            let error = (sum / 5.0).sqrt();
-            if error > if order > 4.0 { 1e-13 } else { 3e-12 } {
-                points.push((END / f64::from(base), error));
-            }
-        }
-        let last = &points[points.len().saturating_sub(4)..];
-        let found = slope(last);
-        println!("{method:10} order {order} found {found:.2} {:.1e}", last.last().unwrap().1);
-        assert!((found - order).abs() < 0.4, "{method}: {found} {points:?}");
-    }
+/// A block on a slope, resting on its springs: the ground stays z = 0 and the weight turns. `swing` is the part of
+/// its share along the normal by which the normal force varies.
+fn on_slope(
+    kind: Kind,
+    angle: f64,
+    ratio: f64,
+    swing: f64,
+) -> (BodyInContact<impl ForceModel + Clone>, RigidBodyState) {
+    let body = RigidBody::try_box(MASS, Vector3::new(0.2, 0.2, 0.1)).unwrap();
+    let (half, height) = match kind {
+        Kind::Point | Kind::Varying => (0.0, 0.0),
+        Kind::Box => (0.1, 0.05),
+    };
+    let corners = [[half, half], [half, -half], [-half, half], [-half, -half]];
+    let corners = &corners[..if half > 0.0 { 4 } else { 1 }];
+    let count = corners.len() as f64;
+    let friction = CoulombFriction::from_damping_ratio(MU, HOLD / count, MASS / count, ratio).unwrap();
+    let law = CompliantLaw::from_frequency(MASS / count, 120.0, 0.3).unwrap();
+    let contact = |[x, y]: &[f64; 2]| {
+        let law = ContactLaw::from(law).with_friction(friction);
+        Contact::try_new(Vector3::new(*x, *y, -height), Arc::new(HalfSpace::ground()), law).unwrap()
+    };
+    let (sin, cos) = angle.sin_cos();
+    let weight = move |t: f64, body: &RigidBody, _: &RigidBodyState| {
+        let push = GRAVITY * cos * (1.0 + swing * (7.0 * t).sin());
+        Wrench { force: Vector3::new(GRAVITY * sin, 0.0, -push) * body.mass(), torque: Vector3::zeros() }
+    };
+    let mut start = RigidBodyState::default();
+    start.configuration.position.z = height - GRAVITY * cos / (120.0 * 120.0);
+    (BodyInContact::new(body, (weight, Contacts::new(corners.iter().map(contact).collect()))), start)
 }
 
 #[test]
-fn stick_and_slip_alternate_as_in_closed_form_and_do_not_chatter() {
-    // On a slope of tan α < μ, released with the spring unstretched and undamped, the load swings to twice
-    // its value and breaks loose, slides to a stop, and so on.
-    let (angle, mu, k) = (0.3f64, 0.4, 900.0);
-    let block = block(stiff(), coulomb(mu, k, 0.0)).on_slope(angle);
-    let (load, hold) = (GRAVITY * angle.sin(), mu * GRAVITY * angle.cos());
-    let w = k.sqrt();
-    let loose = (1.0 - hold / load).acos() / w;
-    let speed = load / w * (w * loose).sin();
-    let slides = speed / (hold - load);
-    let (run, _) = run_and_mode(&block.system, &block.sliding(0.0), 2.0, 2e-4, &mut ());
-    let cycle = loose + slides;
-    assert_eq!(run.events.len(), 2 * (2.0 / cycle) as usize + usize::from(2.0 % cycle > loose));
-    for (i, pair) in run.events.chunks(2).enumerate() {
-        let begin = i as f64 * cycle;
-        assert!(pair[0].kind == EventKind::Slip && (pair[0].t - begin - loose).abs() < 1e-9, "{i}");
-        if let Some(stop) = pair.get(1) {
-            assert!(stop.kind == EventKind::Stick && (stop.t - begin - cycle).abs() < 1e-9, "{i}");
-            let way = (i + 1) as f64 * (hold / k + 0.5 * speed * slides);
-            assert!((stop.state.position().x - way).abs() < 1e-9, "{i}");
-        }
-    }
-    assert!(run.events.len() > 8, "{}", run.events.len());
-}
-
-#[test]
-fn critical_damping_holds_a_block_up_to_a_load_of_the_cone_over_one_and_e_to_the_minus_two() {
-    // From rest k ξ + c ξ̇ = L − m ξ̈ swings up to (1 + e⁻²) L, at ω t = 2.
-    let (mu, k) = (0.5f64, 1e4f64);
-    let steepest = (mu / (1.0 + (-2.0f64).exp())).atan();
-    for (angle, holds) in [(0.1, true), (0.3, true), (steepest - 1e-6, true), (steepest + 1e-6, false)] {
-        let block = block(stiff(), coulomb(mu, k, 2.0 * k.sqrt())).on_slope(angle);
-        let run = run(&block.system, &block.sliding(0.0), 1.0, 2e-4);
-        if holds {
-            let stretch = GRAVITY * angle.sin() / k;
-            assert!(run.events.is_empty(), "{angle}: {:?}", kinds(&run));
-            assert!((run.state.position().x - stretch).abs() < 1e-13, "{angle}: {:?}", run.state.position());
+fn a_block_rests_exactly_where_coulombs_law_holds_it() {
+    // The whole grid, to 100 s, is the example `incline`. The law before this one crept at 13 mm/s at 0.55 μ
+    // without damping and at 7 mm/s at 0.9 μ with critical damping.
+    let mut random = Random::new(5);
+    for case in 0..36 {
+        let kind = [Kind::Point, Kind::Box, Kind::Varying][case % 3];
+        let part = [0.1, 0.3, 0.55, 0.8, 0.9, 0.95, 1.1][case % 7];
+        let ratio = 10f64.powf(random.within(-1.3, 0.0));
+        let thrown = [0.0, -0.5, 0.5][(case / 3) % 3];
+        let swing = match kind {
+            Kind::Point | Kind::Box => 0.0,
+            Kind::Varying => 0.9 * f64::max(1.0 - part, 0.0),
+        };
+        let angle = (part * MU).atan();
+        let (system, mut start) = on_slope(kind, angle, ratio, swing);
+        start.rate.linear.x = thrown;
+        let before = run_from(&system, start, 5.0, 2e-3);
+        let after = run(&system, &before.state, (5.0, 6.0), 2e-3);
+        let way = after.state.base().position().x - before.state.base().position().x;
+        let context = format!("{kind:?} {part} {ratio} {thrown}: {way:e}");
+        if part < 1.0 {
+            assert!(way.abs() < 1e-9, "{context}");
         } else {
-            assert_eq!(run.events[0].kind, EventKind::Slip);
-            assert!((run.events[0].t - 2.0 / k.sqrt()).abs() < 2e-4, "{}", run.events[0].t);
+            let pull = GRAVITY * (angle.sin() - MU * angle.cos());
+            let expected = before.state.base().velocity().x + 0.5 * pull;
+            assert!((way - expected).abs() < 1e-3 * expected && way > 4.0 * pull, "{context} {expected}");
+        }
+        assert!(before.event_count < 40 && after.event_count < 4, "{context} {:?}", kinds(&before));
+    }
+}
+
+#[test]
+fn a_block_that_starts_loaded_does_not_move_at_all() {
+    for (kind, bound) in [(Kind::Point, 1e-14), (Kind::Box, 2e-3)] {
+        for part in [0.2, 0.9] {
+            let angle = (part * MU).atan();
+            let (system, start) = on_slope(kind, angle, 0.1, 0.0);
+            let with = WithStretches(&system);
+            let loaded = with.loaded(0.0, start);
+            let held: f64 = loaded.variables().iter().map(|stretch| stretch.x).sum();
+            let expected = MASS * GRAVITY * angle.sin() / HOLD * loaded.variables().len() as f64;
+            assert!((held - expected).abs() < 1e-12 * expected, "{kind:?} {part}: {held} {expected}");
+            // The box pitches onto its lower springs.
+            let end = run(&system, &loaded, (0.0, 0.5), 2e-3);
+            let moved = (end.state.base().position() - start.position()).norm();
+            // Its upper points lose load as it does, and slip by themselves where the cone is nearly reached.
+            let still = end.event_count == 0 || matches!(kind, Kind::Box) && part > 0.5;
+            assert!(moved < bound && still, "{kind:?} {part}: {moved:e}");
         }
     }
-}
-
-/// A block on a slope of tan α = μ, thrown at `angle` from the downhill direction.
-fn oblique(angle: f64) -> (SlidingBlock, RigidBodyState) {
-    let mu = 0.3f64;
-    let law = CompliantLaw::try_new(400.0, 40.0).unwrap();
-    let block = block(law, coulomb(mu, 1e4, 200.0)).on_slope(mu.atan());
-    let mut start = block.sliding(0.0);
-    start.rate.linear = Vector3::new(2.0 * angle.cos(), 2.0 * angle.sin(), 0.0);
-    (block, start)
+    // Beyond the cone the springs carry what they can.
+    let angle = (1.5 * MU).atan();
+    let (system, start) = on_slope(Kind::Point, angle, 0.1, 0.0);
+    let loaded = WithStretches(&system).loaded(0.0, start);
+    let held = loaded.variables()[0].norm();
+    assert!((held - MU * MASS * GRAVITY * angle.cos() / HOLD).abs() < 1e-9, "{held}");
 }
 
 #[test]
-fn sliding_that_turns_keeps_the_order_and_its_constant() {
-    // With tan α = μ the speed changes as −(1 − cos φ) and v (1 + cos φ) = v + v_x is constant.
-    let (block, start) = oblique(2.6);
-    let constant = |x: &RigidBodyState| x.velocity().norm() + x.velocity().x;
-    let mut points = Vec::new();
-    for n in [50, 100, 200, 400] {
-        let run = run(&block.system, &start, 1.5, 1.5 / f64::from(n));
-        assert_eq!(kinds(&run), [EventKind::Turn; 2]);
-        points.push((1.5 / f64::from(n), (constant(&run.state) - constant(&start)).abs()));
+fn given_stretches_are_laid_into_the_plane_of_contact_and_checked() {
+    let (system, start) = on_slope(Kind::Point, 0.1, 0.1, 0.0);
+    let with = WithStretches(&system);
+    let state = with.stretched(start, vec![Vector3::new(1e-3, 2e-3, 3e-3)]).unwrap();
+    assert_eq!(state.variables(), [Vector3::new(1e-3, 2e-3, 0.0)]);
+    let mut above = start;
+    above.configuration.position.z = 1.0;
+    let state = with.stretched(above, vec![Vector3::new(1e-3, 2e-3, 3e-3)]).unwrap();
+    assert_eq!(state.variables(), [Vector3::zeros()]);
+    for bad in [vec![], vec![Vector3::zeros(); 2], vec![Vector3::new(f64::NAN, 0.0, 0.0)]] {
+        let error = with.stretched(start, bad).unwrap_err();
+        assert!(matches!(error, ContactError::Stretches { contacts: 1, .. }), "{error}");
     }
-    assert!((slope(&points) - 4.0).abs() < 0.4, "{} {points:?}", slope(&points));
 }
 
 #[test]
-fn a_stop_at_the_end_of_a_curve_costs_order() {
-    // With f = μ g cos α and s = g sin α, v (f + s cos φ) falls by f² − s² a second. The direction turns
-    // as φ ~ v^p with p = s/(f − s) on the way to the stop.
-    for (angle, mu) in [(0.1f64, 0.3f64), (0.2, 0.3)] {
-        let (f, s) = (mu * GRAVITY * angle.cos(), GRAVITY * angle.sin());
-        let law = CompliantLaw::try_new(400.0, 40.0).unwrap();
-        let block = block(law, coulomb(mu, 1e4, 200.0)).on_slope(angle);
-        let mut start = block.sliding(0.0);
-        start.rate.linear = Vector3::new(1.2 * 2.0f64.cos(), 1.2 * 2.0f64.sin(), 0.0);
-        let time = 1.2 * (f + s * 2.0f64.cos()) / (f * f - s * s);
-        let points: Vec<_> = [100, 200, 400, 800, 1600, 3200]
-            .into_iter()
-            .map(|n| {
-                let mut sum = 0.0;
-                for i in 0..6 {
-                    let h = 1.5 * time / f64::from(n + n * i / 12);
-                    let run = run(&block.system, &start, 1.5 * time, h);
-                    let stop = run.events.iter().find(|e| e.kind == EventKind::Stick).unwrap();
-                    sum += (stop.t - time).powi(2);
-                }
-                (1.5 * time / f64::from(n), (sum / 6.0f64).sqrt())
-            })
-            .collect();
-        println!("p = {:.2}: {:.2} {points:?}", s / (f - s), slope(&points));
-        assert!((0.9..3.5).contains(&slope(&points)), "{angle}: {points:?}");
-        assert!(points[5].1 < 2e-5, "{angle}: {points:?}");
+fn friction_with_a_stretch_is_refused_where_the_state_has_no_place_for_it() {
+    let (system, start) = on_slope(Kind::Point, 0.1, 0.1, 0.0);
+    let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
+    let (options, location) = (Options::default(), Location::as_given());
+    let error = integrate_located(Method::Rkmk, options, &system, &start, &grid, &location, &mut ())
+        .unwrap_err()
+        .reason;
+    assert!(matches!(error, Interruption::Integrate(IntegrateError::Variables { .. })), "{error}");
+    assert!(error.to_string().contains("WithStretches"), "{error}");
+}
+
+// ---------------------------------------------------------------------------------------------------- orders
+
+/// A force by mass as a function of time, without torque; of one type, so that every method is compiled once.
+#[derive(Debug, Clone, Copy)]
+struct Push(fn(f64) -> Vector3<f64>);
+
+impl ForceModel for Push {
+    fn wrench(&self, t: f64, body: &RigidBody, _: &RigidBodyState) -> Wrench {
+        Wrench { force: (self.0)(t) * body.mass(), torque: Vector3::zeros() }
     }
+    fn is_free(&self) -> bool {
+        false
+    }
+    fn is_torque_free(&self) -> bool {
+        true
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+}
+
+type Forced = BodyInContact<Push>;
+
+/// A block that is dragged to and fro on its springs: it slips, sticks and slips again.
+fn dragged() -> (Forced, RigidBodyState) {
+    let law = CompliantLaw::try_new(400.0, 8.0).unwrap();
+    let block = block(law, coulomb(0.3, 500.0, 30.0));
+    let mut start = block.sliding(0.6);
+    start.rate.linear.y = 0.2;
+    let drag = Push(|t| Vector3::new(-4.5 * (6.0 * t).sin(), 1.5 * (5.0 * t).cos(), -GRAVITY));
+    (Forced::new(block.system.body, (drag, block.system.forces.1)), start)
+}
+
+/// A ball thrown without spin onto the inside of a sphere: it slips, rolls, and turns with the ground.
+fn thrown_ball() -> (BodyInContact<Gravity>, RigidBodyState) {
+    let inertia = somersault_core::Inertia::try_sphere(1.0, 0.1).unwrap();
+    let law = ContactLaw::from(CompliantLaw::try_new(500.0, 10.0).unwrap())
+        .with_friction(coulomb(0.25, 200.0, 10.0));
+    let bowl = Sphere::try_new(Vector3::new(0.0, 0.0, 1.0), 1.0, Solid::Outside).unwrap();
+    let contact = Contact::try_ball(Vector3::zeros(), 0.1, Arc::new(bowl), law).unwrap();
+    let body = RigidBody::try_new(1.0, inertia).unwrap();
+    let mut start = RigidBodyState::default();
+    start.configuration.position.z = 0.1 - GRAVITY / 500.0;
+    start.rate.linear = Vector3::new(1.0, 0.4, 0.0);
+    start.rate.angular = Vector3::new(0.0, 0.0, 3.0);
+    (BodyInContact::new(body, (Gravity::earth(), Contacts::new(vec![contact]))), start)
+}
+
+fn distance(x: &Stretched, y: &Stretched) -> f64 {
+    let (a, b) = (x.base(), y.base());
+    let turned = somersault_core::so3::angle_between(a.orientation(), b.orientation());
+    let parts = (a.position() - b.position()).norm_squared()
+        + turned * turned
+        + (a.velocity() - b.velocity()).norm_squared()
+        + (a.angular_velocity() - b.angular_velocity()).norm_squared();
+    let stretches: f64 = x.variables().iter().zip(y.variables()).map(|(a, b)| (a - b).norm_squared()).sum();
+    (parts + 1e4 * stretches).sqrt()
+}
+
+/// Slopes of the errors of methods over step sizes, each the mean over several sizes near by.
+fn keeps_order(
+    (system, start): (Forced, RigidBodyState),
+    end: f64,
+    methods: impl Iterator<Item = (Method, f64)>,
+    least: usize,
+) {
+    let with = WithStretches(&system);
+    let start = with.unstretched(start);
+    let frozen = Frozen::new(with, 0.0, &start);
+    let grid = TimeGrid::try_with_steps(0.0, end, 16_000).unwrap();
+    let (options, location) = (Options::default(), Location::as_given());
+    let stepper = RungeKuttaMuntheKaas(Dop853);
+    let exact = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut ()).unwrap();
+    let switches = kinds(&exact);
+    println!("{switches:?}");
+    assert!(switches.len() >= least && switches.contains(&EventKind::Stick));
+    for (method, order) in methods {
+        let bases: &[u64] = match order {
+            order if order > 6.0 => &[20, 26, 34, 44],
+            order if order > 4.0 => &[60, 85, 120, 170],
+            _ => &[400, 800, 1600, 3200],
+        };
+        let mut points = Vec::new();
+        for &base in bases {
+            let mut sum = 0.0;
+            for i in 0..3 {
+                let n = base + base * i / 10;
+                let grid = TimeGrid::try_with_steps(0.0, end, n).unwrap();
+                let run =
+                    integrate_located(method, options, &with, &start, &grid, &location, &mut ()).unwrap();
+                let misses = run.events.len() != exact.events.len();
+                sum += if misses { f64::INFINITY } else { distance(&run.state, &exact.state).powi(2) };
+            }
+            let error = (sum / 3.0).sqrt();
+            if error.is_finite() && error > 2e-12 {
+                points.push((end / base as f64, error));
+            }
+        }
+        let found = slope(&points);
+        println!("{method:10} order {order} found {found:.2} {points:?}");
+        // Errors of order 8 are seen only with steps on the scale of the contact, where the slope is 6 to 8.
+        let least = if order > 6.0 { order - 2.0 } else { order - 0.4 };
+        assert!(points.len() >= 2 && found > least, "{method}: {found} {points:?}");
+    }
+}
+
+#[test]
+fn every_method_keeps_its_order_through_slip_stick_and_slip() {
+    let order = |method: Method| f64::from(method.info().orders.translation_with_velocity);
+    let methods = Method::ALL.into_iter().map(|method| (method, order(method)));
+    keeps_order(dragged(), 1.4, methods, 2);
+}
+
+#[test]
+fn every_method_that_takes_torque_keeps_its_order_as_a_ball_comes_to_roll_in_a_bowl() {
+    let methods = Method::ALL.into_iter().filter_map(|method| {
+        let orders = method.info().orders;
+        let with_torque = orders.rotation_with_torque?;
+        (method.info().scope != Scope::TorqueFree)
+            .then_some((method, f64::from(orders.translation_with_velocity.min(with_torque))))
+    });
+    let (System { body, forces }, start) = thrown_ball();
+    let weight = Push(|_| Vector3::z() * -GRAVITY);
+    keeps_order((Forced::new(body, (weight, forces.1)), start), 0.6, methods, 1);
+}
+
+#[test]
+fn adapted_steps_meet_their_tolerances_through_slip_stick_and_slip() {
+    let (system, start) = dragged();
+    let with = WithStretches(&system);
+    let start = with.unstretched(start);
+    let run = |relative: f64| {
+        let mut settings = Adaptive::default();
+        (settings.tolerances.relative, settings.tolerances.absolute) = (relative, 1e-2 * relative);
+        let (options, location) = (Options::default(), Location::as_given());
+        let interval = (0.0, 1.4);
+        integrate_located_adaptive(
+            Method::Rkmk8B,
+            options,
+            &with,
+            &start,
+            interval,
+            &settings,
+            &location,
+            &mut (),
+        )
+        .unwrap()
+    };
+    let exact = run(1e-13);
+    for tolerance in [1e-6, 1e-8, 1e-10] {
+        let found = run(tolerance);
+        let error = distance(&found.state, &exact.state);
+        println!("{tolerance:e}: {} steps, {error:e}", found.steps);
+        assert_eq!(kinds(&found), kinds(&exact));
+        assert!(error < 100.0 * tolerance, "{tolerance:e}: {error:e}");
+    }
+}
+
+// ------------------------------------------------------------------------------------------- stick and slip
+
+#[test]
+fn force_and_rate_of_stretch_are_continuous_between_stick_and_slip_and_bounded_by_the_cone() {
+    let mut random = Random::new(3);
+    let law = coulomb(0.4, 900.0, 7.0);
+    for _ in 0..200 {
+        let sliding = random.vector(1.0);
+        let stretch = random.vector(0.01);
+        // The normal force at which the cone just holds p.
+        let push = law.hold(&stretch, &sliding).norm() / 0.4;
+        let [stick, slip] = [false, true].map(|slips| {
+            (law.force(slips, push, &stretch, &sliding), law.stretch_rate(slips, push, &stretch, &sliding))
+        });
+        assert!((stick.0 - slip.0).norm() < 1e-13 * push, "{stick:?} {slip:?}");
+        assert!((stick.1 - slip.1).norm() < 1e-13 * (push / 7.0 + 1.0), "{stick:?} {slip:?}");
+        let less = 0.7 * push;
+        let force = law.force(true, less, &stretch, &sliding);
+        assert!((force.norm() - 0.4 * less).abs() < 1e-12 * push);
+        // The velocity of slip is parallel to p.
+        let velocity = sliding - law.stretch_rate(true, less, &stretch, &sliding);
+        let hold = law.hold(&stretch, &sliding);
+        assert!(velocity.cross(&hold).norm() < 1e-12 * hold.norm() && velocity.dot(&hold) > 0.0);
+    }
+}
+
+#[test]
+fn a_static_coefficient_holds_to_its_cone_and_lets_the_force_fall() {
+    // Pulled by a force that grows, a block breaks away where p = μ_s N and slips under μ N.
+    let friction = coulomb(0.3, 4e3, 100.0).with_static(0.5).unwrap();
+    let block = block(stiff(), friction);
+    let start = block.sliding(0.0);
+    let pull = |t: f64, _: &RigidBody, _: &RigidBodyState| Wrench {
+        force: Vector3::new(2.0 * t, 0.0, -GRAVITY),
+        torque: Vector3::zeros(),
+    };
+    let system = BodyInContact::new(block.system.body, (pull, block.system.forces.1));
+    let run = run_from(&system, start, 3.0, 1e-3);
+    assert_eq!(kinds(&run), [EventKind::Slip]);
+    let event = &run.events[0];
+    let hold = friction.hold(&event.state.variables()[0], event.state.base().velocity());
+    assert!((hold.x - 0.5 * GRAVITY).abs() < 1e-9, "{hold:?}");
+    // The pull is then 2 t: the block lags by m a = 0.
+    assert!((2.0 * event.t - 0.5 * GRAVITY).abs() < 1e-1, "{}", event.t);
+    let (before, after) = (vec![ContactMode::Closed], vec![ContactMode::Slip]);
+    let with = WithStretches(&system);
+    let push = |mode: &Vec<ContactMode>| {
+        let mut slope = with.rest().rate;
+        with.acceleration_in(mode, &mut (), event.t, &event.state, &mut slope);
+        slope.base.linear.x
+    };
+    assert!(
+        (push(&after) - push(&before) - 0.2 * GRAVITY).abs() < 1e-9,
+        "{} {}",
+        push(&after),
+        push(&before)
+    );
+    // Beyond, m v̇ = 2 t − μ N.
+    let way = 1.0 * (9.0 - event.t * event.t) - 0.3 * GRAVITY * (3.0 - event.t);
+    let speed = run.state.base().velocity().x - event.state.base().velocity().x;
+    assert!((speed - way).abs() < 1e-9, "{speed} {way}");
+    for bad in [0.2, f64::NAN, f64::INFINITY] {
+        let error = coulomb(0.3, 1.0, 1.0).with_static(bad).unwrap_err();
+        assert!(matches!(error, ContactError::StaticCoefficient { kinetic: 0.3, .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_ball_rolls_down_a_slope_with_five_sevenths_of_its_pull_and_a_rim_with_two_thirds() {
+    // While it sticks and the spring has settled, the point of contact rests.
+    let (angle, radius) = (0.2f64, 0.1);
+    let law = ContactLaw::from(stiff()).with_friction(coulomb(0.3, 5e3, 40.0));
+    let ball = Contact::try_ball(Vector3::zeros(), radius, Arc::new(HalfSpace::ground()), law).unwrap();
+    let rim = Contact::try_rim(Vector3::zeros(), Vector3::y(), radius, HalfSpace::ground(), law).unwrap();
+    let (sin, cos) = angle.sin_cos();
+    let gravity = Gravity { acceleration: Vector3::new(GRAVITY * sin, 0.0, -GRAVITY * cos) };
+    for (contact, moment, part) in [(ball, 0.4, 5.0 / 7.0), (rim, 0.5, 2.0 / 3.0)] {
+        let inertia = moment * radius * radius;
+        let moments = Vector3::new(if moment < 0.45 { inertia } else { 0.5 * inertia }, inertia, inertia);
+        let moments =
+            if moment < 0.45 { moments } else { Vector3::new(0.5 * inertia, inertia, 0.5 * inertia) };
+        let body = RigidBody::try_principal(1.0, moments).unwrap();
+        let system = BodyInContact::new(body, (gravity, Contacts::new(vec![contact])));
+        let mut start = RigidBodyState::default();
+        start.configuration.position.z = radius - GRAVITY * cos / stiff().stiffness();
+        let first = run_from(&system, start, 1.0, 1e-3);
+        let then = run(&system, &first.state, (1.0, 2.0), 1e-3);
+        let [v, w] = [&first, &then].map(|run| run.state.base().velocity().x);
+        assert!((w - v - part * GRAVITY * sin).abs() < 1e-9, "{part}: {}", w - v);
+        let slides = w - radius * then.state.base().angular_velocity().y;
+        assert!(slides.abs() < 1e-9 && then.event_count == 0, "{part}: {slides:e}");
+    }
+}
+
+#[test]
+fn two_spheres_that_turn_as_one_carry_their_stretch_with_them() {
+    let law =
+        ContactLaw::from(CompliantLaw::try_new(1e3, 1.0).unwrap()).with_friction(coulomb(0.5, 900.0, 5.0));
+    let sphere = |body| BodySphere::try_new(body, Vector3::zeros(), 0.1).unwrap();
+    let pair = SpherePair::try_new(sphere(0), sphere(1), law).unwrap();
+    let contacts = BodyContacts::try_new(2, vec![], vec![pair]).unwrap();
+    let body = RigidBody::try_new(1.0, somersault_core::Inertia::try_sphere(1.0, 0.1).unwrap()).unwrap();
+    let still = Gravity { acceleration: Vector3::zeros() };
+    let system = BodiesInContact::try_new(vec![body; 2], vec![still; 2], contacts).unwrap();
+    let with = WithStretches(&system);
+    let turning = Vector3::new(0.7, -1.1, 0.4);
+    let place = Vector3::new(0.05, 0.06, 0.04).normalize() * 0.09;
+    let pose = |position| Pose { position, orientation: UnitQuaternion::identity() };
+    let twist = |position: &Vector3<f64>| Twist { linear: turning.cross(position), angular: turning };
+    let state =
+        State { configuration: vec![pose(place), pose(-place)], rate: vec![twist(&place), twist(&-place)] };
+    let stretch = place.cross(&Vector3::z()) * 0.01;
+    let start = with.stretched(state, vec![stretch]).unwrap();
+    let mut slope = start.rate.clone();
+    with.acceleration(&mut (), 0.0, &start, &mut slope);
+    let expected = turning.cross(&start.variables()[0]);
+    assert!((slope.variables[0] - expected).norm() < 1e-15, "{:?} {expected:?}", slope.variables[0]);
+    let force = system_force(&with, &start);
+    assert!((force[0] + force[1]).norm() < 1e-14 && force[0].norm() > 1.0, "{force:?}");
+}
+
+fn system_force<S: Touching<Configuration = Vec<Pose>>>(
+    with: &WithStretches<S>,
+    x: &StateOf<WithStretches<S>>,
+) -> [Vector3<f64>; 2] {
+    let mut wrenches = x.rate.clone();
+    with.wrenches(0.0, x, &mut wrenches);
+    [wrenches.base[0].linear, wrenches.base[1].linear]
+}
+
+#[test]
+fn a_stretch_stays_in_the_plane_of_contact_on_curved_ground() {
+    let (system, start) = thrown_ball();
+    let run = run_from(&system, start, 1.0, 1e-3);
+    let normal = (Vector3::z() - run.state.base().position()).normalize();
+    let stretch = run.state.variables()[0];
+    assert!(stretch.norm() > 1e-4, "{stretch:?}");
+    assert!(normal.dot(&stretch).abs() < 1e-8 * stretch.norm(), "{:e}", normal.dot(&stretch));
 }
 
 // --------------------------------------------------------------------------------------- rolling and spin
@@ -267,11 +516,12 @@ fn ball(friction: impl Into<Friction>, resistance: Resistance) -> (System, Rigid
 #[test]
 fn a_ball_that_slides_comes_to_roll_with_five_sevenths_of_its_speed() {
     let (mu, c, throw) = (0.2, 50.0, 1.4);
-    let (system, mut start) = ball(CreepFriction::try_new(mu, c).unwrap(), Resistance::default());
+    let (system, mut start) = ball(CoulombFriction::try_new(mu, 0.0, c).unwrap(), Resistance::default());
     start.rate.linear.x = throw;
     let bound = mu * GRAVITY / c;
     let time = (throw - bound) / (3.5 * mu * GRAVITY);
-    let run = run(&system, &start, 1.0, 1e-3);
+    let run = run_from(&system, start, 1.0, 1e-3);
+    let state = run.state.base();
     assert_eq!(kinds(&run), [EventKind::Stick]);
     assert!((run.events[0].t - time).abs() < 1e-13);
     // Afterwards the sliding velocity u decays as exp(−7/2 c t/m) and v̇ = −c u/m.
@@ -280,10 +530,10 @@ fn a_ball_that_slides_comes_to_roll_with_five_sevenths_of_its_speed() {
     let speed = throw - mu * GRAVITY * time - c * bound / rate * (1.0 - decay);
     let way = throw * time - 0.5 * mu * GRAVITY * time * time + (throw - mu * GRAVITY * time) * (1.0 - time)
         - c * bound / rate * ((1.0 - time) - (1.0 - decay) / rate);
-    assert!((run.state.velocity().x - speed).abs() < 1e-9, "{:e}", run.state.velocity().x - speed);
-    assert!((run.state.position().x - way).abs() < 1e-9, "{:e}", run.state.position().x - way);
-    assert!((run.state.velocity().x - 5.0 / 7.0 * throw).abs() < 1e-9);
-    assert!((run.state.angular_velocity().y - run.state.velocity().x / 0.1).abs() < 1e-8);
+    assert!((state.velocity().x - speed).abs() < 1e-9, "{:e}", state.velocity().x - speed);
+    assert!((state.position().x - way).abs() < 1e-9, "{:e}", state.position().x - way);
+    assert!((state.velocity().x - 5.0 / 7.0 * throw).abs() < 1e-9);
+    assert!((state.angular_velocity().y - state.velocity().x / 0.1).abs() < 1e-8);
 }
 
 #[test]
@@ -304,9 +554,10 @@ fn smooth_friction_slows_a_block_as_in_closed_form() {
     };
     let mut points = Vec::new();
     for n in [100, 200, 400, 800] {
-        let run = run(&system, &start, 0.4, 0.4 / f64::from(n));
+        let run = run_from(&system, start, 0.4, 0.4 / f64::from(n));
         assert!(run.events.is_empty());
-        let v = run.state.velocity();
+        let state = run.state.base();
+        let v = state.velocity();
         assert!((v.y / v.x - 0.8 / 0.6).abs() < 1e-12);
         points.push((0.4 / f64::from(n), (left(1.0) - left(v.norm()) - mu * GRAVITY * 0.4).abs()));
     }
@@ -325,8 +576,8 @@ fn a_spinning_ball_slows_as_in_closed_form() {
         let s = v.hypot(scale);
         s + scale * (v / (scale + s)).ln()
     };
-    let run = run(&system, &start, 1.5, 1e-3);
-    let spin = run.state.angular_velocity().z;
+    let run = run_from(&system, start, 1.5, 1e-3);
+    let spin = run.state.base().angular_velocity().z;
     assert!(spin > 0.3 && spin < 3.0, "{spin}");
     assert!((left(10.0) - left(spin) - torque * 1.5).abs() < 1e-9, "{spin}");
 }
@@ -337,14 +588,18 @@ fn rolling_resistance_slows_a_rolling_ball_by_five_sevenths_of_b_over_r() {
     // v̇ = −(5/7) g b/r.
     let (arm, damping) = (1e-3, 50.0);
     let resistance = Resistance::try_new(arm, 0.0, 1e-4).unwrap();
-    let (system, mut start) = ball(CreepFriction::try_new(0.5, damping).unwrap(), resistance);
+    let (system, mut start) = ball(CoulombFriction::try_new(0.5, 0.0, damping).unwrap(), resistance);
     (start.rate.linear.x, start.rate.angular.y) = (1.0, 10.0);
-    let run = run(&system, &start, 1.0, 1e-3);
+    let run = run_from(&system, start, 1.0, 1e-3);
     let slowing = 5.0 / 7.0 * GRAVITY * arm / 0.1;
     let delay = 1.0 / (3.5 * damping);
     let speed = 1.0 - slowing * (1.0 - delay * (1.0 - (-1.0 / delay).exp()));
     assert!(run.events.is_empty());
-    assert!((run.state.velocity().x - speed).abs() < 1e-9, "{:e}", run.state.velocity().x - speed);
+    assert!(
+        (run.state.base().velocity().x - speed).abs() < 1e-9,
+        "{:e}",
+        run.state.base().velocity().x - speed
+    );
 }
 
 // ------------------------------------------------------------------------------------------------ energy
@@ -357,7 +612,7 @@ fn friction_and_resistance_never_give_energy() {
         Friction::None,
         RegularisedFriction::try_new(0.4, 0.1).unwrap().into(),
         coulomb(0.4, 100.0, 3.0).into(),
-        CreepFriction::try_new(0.4, 10.0).unwrap().into(),
+        CoulombFriction::try_new(0.4, 0.0, 10.0).unwrap().into(),
     ]
     .map(|friction| ContactLaw::from(stiff()).with_friction(friction).with_resistance(resistance));
     for case in 0..2000 {
@@ -370,15 +625,25 @@ fn friction_and_resistance_never_give_energy() {
             point: random.vector(1.0),
             sliding: sliding - normal * normal.dot(&sliding),
             turning: random.vector(1.0),
+            tilting: Vector3::zeros(),
             mass: 1.0,
         };
+        let stretch = random.vector(0.1);
+        let stretch = stretch - normal * normal.dot(&stretch);
         for law in &laws {
-            let mode = law.mode(&at);
-            let effort = law.effort_in(&mode, &at);
+            let mode = law.mode(&at, &stretch);
+            let effort = law.effort_in(&mode, &at, &stretch);
             let push = law.normal.force_in_contact(at.gap, at.rate);
             let friction = effort.force - normal * push;
-            let power = friction.dot(&at.sliding) + effort.torque.dot(&at.turning);
-            let size = friction.norm() * at.sliding.norm();
+            // What the spring stores is not lost.
+            let stored = match &law.friction {
+                Friction::None | Friction::Regularised(_) => 0.0,
+                Friction::Coulomb(friction) => {
+                    friction.stiffness() * stretch.dot(&law.stretch_rate_in(&mode, &at, &stretch))
+                }
+            };
+            let power = friction.dot(&at.sliding) + effort.torque.dot(&at.turning) + stored;
+            let size = friction.norm() * at.sliding.norm() + stored.abs();
             assert!(power <= 1e-12 * size, "case {case}: {law:?} {mode:?} {at:?} {power:e}");
             assert!(normal.dot(&friction).abs() <= 1e-12 * push, "case {case}: {law:?} {at:?}");
             let bound = 0.4 * push * (1.0 + 1e-12);
@@ -387,19 +652,19 @@ fn friction_and_resistance_never_give_energy() {
     }
 }
 
-/// Watches the energy, that of the sticking springs included.
+/// Watches the energy, that of the springs of friction included.
 struct Energy<'a> {
-    frozen: &'a Frozen<System>,
+    system: WithStretches<&'a System>,
     growth: f64,
 }
 
-impl Observer<Pose> for Energy<'_> {
-    fn observe(&mut self, step: &mut Step<'_, Pose>) -> Flow {
-        let (system, mode) = (self.frozen.system(), self.frozen.mode());
-        let energy = |x: &RigidBodyState| {
-            system.body.kinetic_energy(x)
-                - system.body.mass() * system.forces.0.acceleration.dot(x.position())
-                + system.forces.1.energy_in(&mode, &system.body, x)
+impl Observer<Augmented<Pose>> for Energy<'_> {
+    fn observe(&mut self, step: &mut Step<'_, Augmented<Pose>>) -> Flow {
+        let System { body, forces } = self.system.0;
+        let energy = |x: &Stretched| {
+            let base = x.base();
+            body.kinetic_energy(&base) - body.mass() * forces.0.acceleration.dot(base.position())
+                + self.system.energy(x)
         };
         self.growth = self.growth.max(energy(step.after) - energy(step.before));
         Flow::Continue
@@ -407,19 +672,24 @@ impl Observer<Pose> for Energy<'_> {
 }
 
 #[test]
-fn the_energy_of_a_block_that_sticks_and_slips_never_grows() {
-    let angle = 0.3;
-    for damping in [0.0, 5.0, 60.0] {
-        let block = block(stiff(), coulomb(0.4, 900.0, damping)).on_slope(angle);
+fn energy_never_grows_while_a_block_sticks_and_slips_or_a_ball_rolls_in_a_bowl() {
+    let mut cases = Vec::new();
+    for damping in [1.0, 5.0, 60.0] {
+        let block = block(stiff(), coulomb(0.4, 900.0, damping)).on_slope(0.3);
         let start = block.at(0.05, Vector3::new(0.7, -0.4, 0.0));
-        let frozen = Frozen::new(block.system.clone(), 0.0, &start);
+        cases.push((block.system, start));
+    }
+    cases.push(thrown_ball());
+    for (system, start) in &cases {
+        let with = WithStretches(system);
+        let start = with.unstretched(*start);
+        let frozen = Frozen::new(with, 0.0, &start);
         let grid = TimeGrid::try_new(0.0, 2.0, 2e-4).unwrap();
-        let mut energy = Energy { frozen: &frozen, growth: 0.0 };
-        let stepper = RungeKuttaMuntheKaas4;
-        let location = Location::default();
+        let mut energy = Energy { system: with, growth: 0.0 };
+        let (stepper, location) = (RungeKuttaMuntheKaas4, Location::as_given());
         let run = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut energy).unwrap();
-        println!("{damping}: {} events, growth {:e}", run.events.len(), energy.growth);
-        assert!(energy.growth < 1e-13 && run.events.len() > 3, "{damping}: {:e}", energy.growth);
+        println!("{} events, growth {:e}", run.events.len(), energy.growth);
+        assert!(energy.growth < 1e-12 && !run.events.is_empty(), "{:e}", energy.growth);
     }
 }
 
@@ -427,34 +697,29 @@ fn the_energy_of_a_block_that_sticks_and_slips_never_grows() {
 
 #[test]
 fn friction_laws_and_rolling_shapes_refuse_bad_input() {
-    use ContactError::{AnchorOnRolling, Direction, Negative, NonFinite, NotPositive};
+    use ContactError::{Direction, Negative, NonFinite, NotPositive};
     let coulomb = CoulombFriction::try_new;
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(coulomb(bad, 1.0, 0.0), Err(Negative { argument: "coefficient", .. })));
-        assert!(matches!(coulomb(0.3, bad, 0.0), Err(NotPositive { argument: "stiffness", .. })));
-        assert!(matches!(coulomb(0.3, 1.0, bad), Err(Negative { argument: "damping", .. })));
+        assert!(matches!(coulomb(bad, 1.0, 1.0), Err(Negative { argument: "coefficient", .. })));
+        assert!(matches!(coulomb(0.3, bad, 1.0), Err(Negative { argument: "stiffness", .. })));
+        assert!(matches!(coulomb(0.3, 1.0, bad), Err(NotPositive { argument: "damping", .. })));
         let regularised = RegularisedFriction::try_new;
         assert!(matches!(regularised(bad, 1.0), Err(Negative { argument: "coefficient", .. })));
         assert!(matches!(regularised(0.3, bad), Err(NotPositive { argument: "speed", .. })));
-        assert!(matches!(CreepFriction::try_new(bad, 1.0), Err(Negative { argument: "coefficient", .. })));
-        assert!(matches!(CreepFriction::try_new(0.3, bad), Err(NotPositive { argument: "damping", .. })));
         assert!(matches!(Resistance::try_new(bad, 0.0, 1.0), Err(Negative { argument: "rolling", .. })));
         assert!(matches!(Resistance::try_new(0.0, bad, 1.0), Err(Negative { argument: "spinning", .. })));
         assert!(matches!(Resistance::try_new(0.0, 0.0, bad), Err(NotPositive { argument: "speed", .. })));
     }
-    assert!(matches!(coulomb(0.3, 0.0, 0.0), Err(NotPositive { argument: "stiffness", .. })));
+    assert!(matches!(coulomb(0.3, 1.0, 0.0), Err(NotPositive { argument: "damping", .. })));
     let zero = Vector3::zeros();
     let bowl = Arc::new(Sphere::try_new(zero, 1.0, Solid::Outside).unwrap());
-    let anchored = ContactLaw::from(stiff()).with_friction(coulomb(0.3, 1.0, 0.0).unwrap());
     let ball = |centre, radius, law| Contact::try_ball(centre, radius, bowl.clone(), law).map(|_| ());
     let plain = ContactLaw::from(stiff());
-    assert_eq!(ball(zero, 0.1, anchored), Err(AnchorOnRolling));
     assert!(matches!(ball(zero, 0.0, plain), Err(NotPositive { argument: "radius", .. })));
     assert!(matches!(
         ball(Vector3::new(f64::NAN, 0.0, 0.0), 0.1, plain),
         Err(NonFinite { argument: "centre", .. })
     ));
     let rim = |axis, law| Contact::try_rim(zero, axis, 0.1, HalfSpace::ground(), law).map(|_| ());
-    assert_eq!(rim(Vector3::z(), anchored), Err(AnchorOnRolling));
     assert!(matches!(rim(zero, plain), Err(Direction { argument: "axis", .. })));
 }

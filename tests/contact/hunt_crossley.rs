@@ -28,7 +28,7 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
 ) -> Located<Pose> {
     let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::default(), &mut ()).unwrap()
+    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
 /// A body of 1 kg that meets the ground at 1 m/s under no weight, with e = 0.7.

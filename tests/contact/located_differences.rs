@@ -3,11 +3,13 @@
 use nalgebra::SVector;
 use somersault_contact::contacts::BodyInContact;
 use somersault_contact::driver::integrate_hybrid;
-use somersault_contact::event::{Located, Location};
+use somersault_contact::event::{Event, Located, Location};
 use somersault_contact::hybrid::Frozen;
 use somersault_contact::sensitivity::{
     Differentiation, Parameter, Sensitivities, Undifferentiated, differentiate_hybrid,
 };
+use somersault_contact::stretches::WithStretches;
+use somersault_integrators::augmented::Augmented;
 use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
@@ -28,10 +30,10 @@ pub(crate) fn differentiate<F: ForceModel>(
 ) -> Result<Sensitivities, Box<Undifferentiated>> {
     let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
     let by = Differentiation::by(by);
-    differentiate_hybrid(&RKMK8, system, start, &by, &grid, &Location::default(), &mut ())
+    differentiate_hybrid(&RKMK8, system, start, &by, &grid, &Location::as_given(), &mut ())
 }
 
-/// A run by [`RKMK8`] from time 0.
+/// A run by [`RKMK8`] from time 0, its contacts unstretched.
 pub(crate) fn located<F: ForceModel>(
     system: BodyInContact<F>,
     start: &RigidBodyState,
@@ -39,8 +41,17 @@ pub(crate) fn located<F: ForceModel>(
     dt: f64,
 ) -> Located<Pose> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    let frozen = Frozen::new(system, 0.0, start);
-    integrate_hybrid(&frozen, &RKMK8, start, &grid, &Location::default(), &mut ()).unwrap()
+    let with = WithStretches(&system);
+    let start = with.unstretched(*start);
+    let frozen = Frozen::new(with, 0.0, &start);
+    let run = integrate_hybrid(&frozen, &RKMK8, &start, &grid, &Location::as_given(), &mut ()).unwrap();
+    let bare = |event: Event<Augmented<Pose>>| {
+        let Event { t, guard, kind, impulse, state } = event;
+        Event { t, guard, kind, impulse, state: state.base() }
+    };
+    let Located { t, state, status, steps, rejected, trials, substeps, event_count, events } = run;
+    let events = events.into_iter().map(bare).collect();
+    Located { t, state: state.base(), status, steps, rejected, trials, substeps, event_count, events }
 }
 
 /// From one state to another, in the twelve components.
@@ -95,7 +106,7 @@ pub(crate) fn agrees_with_differences<F: ForceModel>(
         });
         let column = if k < 12 { found.state.column(k) } else { found.parameters.column(k - 12) };
         let error = (column - states).norm() / column.norm();
-        let event_times = found.event_times.row(k).transpose();
+        let event_times = found.event_times.column(k);
         let scale = event_times.norm().max(f64::MIN_POSITIVE);
         let time_error = (event_times - times.rows(0, base.events.len())).norm() / scale;
         println!("column {k}: {:.3e}, error {error:.1e}, of the event times {time_error:.1e}", column.norm());

@@ -12,3 +12,6 @@ mod orders;
 mod sensitivity;
 mod sensitivity_errors;
 mod sensitivity_friction;
+mod shots;
+mod stiff;
+mod surfaces;

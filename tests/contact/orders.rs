@@ -33,7 +33,7 @@ fn try_run<F: ForceModel>(
     observer: &mut impl Observer<Pose>,
 ) -> Result<Run, Box<Interrupted<Pose>>> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_located(method, Options::default(), system, start, &grid, &Location::default(), observer)
+    integrate_located(method, Options::default(), system, start, &grid, &Location::as_given(), observer)
 }
 
 fn run<F: ForceModel>(

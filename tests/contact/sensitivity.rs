@@ -10,8 +10,8 @@ use somersault_contact::event::{EventKind, Location};
 use somersault_contact::law::{CompliantLaw, damping_ratio, restitution};
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::sensitivity::{
-    Differentiation, FrozenVariational, Parameter, VariedState, differentiate_hybrid,
-    differentiate_hybrid_adaptive, differentiate_located,
+    Differentiation, FrozenVariational, Parameter, VariedPose, VariedState, differentiate_hybrid,
+    differentiate_hybrid_adaptive, differentiate_located, differentiate_located_adaptive,
 };
 use somersault_contact::surface::{Cylinder, HalfSpace, SignedDistance, Solid, Sphere, Surface};
 use somersault_core::so3;
@@ -21,9 +21,9 @@ use somersault_integrators::force::{Drag, Gravity, Spring, Wrench};
 use somersault_integrators::methods::{
     AdamsBashforth4, DormandPrince, Heun, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
 };
-use somersault_integrators::state::{Pose, RigidBodyState, Twist};
+use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::stepper::Stepper;
-use somersault_integrators::variation::{Tangent, Varied};
+use somersault_integrators::variation::Tangent;
 use somersault_testkit::bouncing_ball;
 use somersault_testkit::order::slope;
 use std::sync::Arc;
@@ -112,7 +112,7 @@ fn the_derivative_of_a_central_impact_is_that_of_its_restitution() {
             assert!((found - expected).abs() < 1e-10 * speed, "{e} {k}: {found} {expected}");
         }
         // The time of touch-down is height over speed.
-        let times = found.event_times.column(0);
+        let times = found.event_times.row(0);
         assert!((times[2] - 1.0 / speed).abs() < 1e-14 && (times[8] - 0.01 / speed.powi(2)).abs() < 1e-14);
     }
 }
@@ -165,8 +165,8 @@ fn at(z: f64, velocity: f64) -> RigidBodyState {
 /// Whether `ok` holds for each of the events, seen as the columns before and after it.
 struct Jumps(Vec<(VariedState, Option<VariedState>)>, u64);
 
-impl Observer<Varied<Pose, Twist>> for Jumps {
-    fn observe(&mut self, step: &mut Step<'_, Varied<Pose, Twist>>) -> Flow {
+impl Observer<VariedPose> for Jumps {
+    fn observe(&mut self, step: &mut Step<'_, VariedPose>) -> Flow {
         if let Some((_, after @ None)) = self.0.last_mut()
             && step.index == self.1 + 1
         {
@@ -191,9 +191,9 @@ fn columns_jump_by_the_saltation_matrix_at_touch_down_and_not_at_release() {
     use EventKind::{Release, TouchDown};
     assert_eq!(kinds, [TouchDown, Release, TouchDown, Release]);
     for event in &found.run.events {
-        let (before, after) = jumps.0.iter().find(|(before, _)| before.base() == event.state).unwrap();
+        let (before, after) = jumps.0.iter().find(|(before, _)| before.body() == event.state).unwrap();
         let after = after.as_ref().unwrap();
-        assert_eq!(before.base(), after.base());
+        assert_eq!(before.body(), after.body());
         for (k, (before, after)) in before.columns().zip(after.columns()).enumerate() {
             assert_eq!(before.displacement, after.displacement);
             // δv⁺ = δv⁻ − (c/m) n (n · δx).
@@ -339,6 +339,9 @@ impl Surface for Bowl {
         let length = span.norm();
         SignedDistance { distance: 2.0 - length, gradient: -span / length }
     }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
 }
 
 fn wind(_: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
@@ -462,4 +465,30 @@ fn the_derivative_by_name_and_with_adapted_steps_is_that_by_the_stepper() {
     let time_error = (adapted.event_times - &own.event_times).norm() / own.event_times.norm();
     println!("{error:.1e} {time_error:.1e} in {} steps", adapted.run.steps);
     assert!(error < 1e-8 && time_error < 1e-8 && adapted.run.steps < 400, "{error:e} {time_error:e}");
+    // The named run is the same, and methods in body variables agree with those of the world.
+    let named = |method| {
+        differentiate_located_adaptive(
+            method,
+            options,
+            &system,
+            &start,
+            &by,
+            interval,
+            &settings,
+            &location,
+            &mut (),
+        )
+        .unwrap()
+    };
+    let again = named(Method::Rkmk8);
+    assert_eq!((again.state, again.run.state), (adapted.state, adapted.run.state));
+    let body =
+        differentiate_located(Method::Rkmk8B, options, &system, &start, &by, &grid, &location, &mut ())
+            .unwrap();
+    for found in [&body, &named(Method::Rkmk8B)] {
+        let error = (found.state - own.state).norm() / own.state.norm();
+        let of_parameters = (&found.parameters - &own.parameters).norm() / own.parameters.norm();
+        let time_error = (&found.event_times - &own.event_times).norm() / own.event_times.norm();
+        assert!(error < 1e-8 && of_parameters < 1e-8 && time_error < 1e-8, "{error:e} {time_error:e}");
+    }
 }

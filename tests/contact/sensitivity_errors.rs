@@ -3,12 +3,11 @@
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::{Interruption, Location};
-use somersault_contact::friction::CoulombFriction;
 use somersault_contact::law::CompliantLaw;
-use somersault_contact::models::{BouncingBall, SlidingBlock};
+use somersault_contact::models::BouncingBall;
 use somersault_contact::sensitivity::{
-    Differentiation, Parameter, SensitivityError, Undifferentiated, differentiate_hybrid,
-    differentiate_hybrid_adaptive, differentiate_located,
+    Differentiation, Parameter, SensitivityError, Side, Undifferentiated, differentiate_hybrid,
+    differentiate_located, differentiate_located_adaptive,
 };
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
@@ -41,22 +40,40 @@ fn a_graze_is_an_error_that_keeps_the_solution() {
         let body = RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap();
         BodyInContact::new(body, (up, Contacts::new(vec![contact])))
     };
+    // Turned around at a depth, or at a height above the ground where that is negative.
     let dip = |depth: f64| at(0.25, -(4.0 * (0.25 + depth)).sqrt());
-    let by = Differentiation { grazing: 5e-4, ..Differentiation::default() };
-    let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
-    let run = |damping, depth| {
-        let location = Location::default();
+    let run = |damping, depth, grazing| {
+        let (location, grid) = (Location::default(), TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap());
+        let by = Differentiation { grazing, ..Differentiation::default() };
         differentiate_hybrid(&RKMK8, &system(damping), &dip(depth), &by, &grid, &location, &mut ())
     };
-    let error = run(0.5, 1e-8).unwrap_err();
-    let SensitivityError::Grazing(grazing) = error.reason else { panic!("{error}") };
-    // It touches with 2 mm/s · √(depth/1 µm), and 5e-4 of a second at 2 m/s² is 1 mm/s.
-    assert!((grazing.rate + 2e-4).abs() < 1e-6 && (grazing.bound - 1e-3).abs() < 1e-15, "{grazing:?}");
-    assert!((grazing.t - 0.5).abs() < 1e-3 && error.to_string().starts_with("guard 0 is touched at t = 0.4"));
-    assert_eq!((error.so_far.run.t, error.so_far.run.events.len()), (1.0, 2));
-    assert!(error.so_far.state.iter().all(|d| d.is_finite()));
-    // Deeper, or without damping, it has one.
-    assert!(run(0.5, 1e-5).is_ok() && run(0.0, 1e-8).is_ok());
+    let grazing_of = |error: Box<Undifferentiated>| match error.reason {
+        SensitivityError::Grazing(grazing) => grazing,
+        _ => panic!("{error}"),
+    };
+    for (depth, side) in [(1e-8, Side::Touching), (-1e-8, Side::Missing)] {
+        let error = run(0.5, depth, 5e-8).unwrap_err();
+        assert_eq!(error.so_far.run.t, 1.0);
+        assert_eq!(error.so_far.run.events.len(), if depth > 0.0 { 2 } else { 0 });
+        assert!(error.so_far.state.iter().all(|d| d.is_finite()));
+        let message = error.to_string();
+        assert!(message.starts_with("contact 0 is grazed at t = 0."), "{message}");
+        assert!(message.ends_with(&format!("motions that {side}")), "{message}");
+        let grazing = grazing_of(error);
+        // The gap is ½ · 2 (t − ½)² − depth, and the way that the point covers 1 m.
+        assert!((grazing.gap + depth).abs() < 1e-12 && (grazing.bound - 5e-8).abs() < 1e-10, "{grazing:?}");
+        assert!((grazing.t - 0.5).abs() < 1e-3 && grazing.side == side, "{grazing:?}");
+    }
+    // Deeper, higher, or without damping, there is a derivative.
+    assert!(run(0.5, 1e-7, 5e-8).is_ok() && run(0.5, -1e-7, 5e-8).is_ok() && run(0.0, 1e-8, 5e-8).is_ok());
+    // An exact graze, and a miss by a picometre, with the least bound: they gave −0.2997 and 0.6 in silence.
+    for (depth, least) in [(0.0, 0.0), (1e-12, -1e-12), (-1e-12, 1e-12)] {
+        for grazing in [1e-300, Differentiation::default().grazing] {
+            let found = grazing_of(run(0.5, depth, grazing).unwrap_err());
+            assert!((found.gap - least).abs() < 1e-13, "{depth}: {found:?}");
+            assert!((found.bound - f64::EPSILON.sqrt()).abs() < 1e-10, "{found:?}");
+        }
+    }
 }
 
 #[test]
@@ -123,24 +140,37 @@ fn methods_parameters_and_steps_that_cannot_be_are_refused() {
             .map_err(|error| error.reason)
             .map(|found| found.run.t)
     };
-    for method in [Method::Lgvi, Method::RkmkB, Method::Rk4L, Method::Split4] {
+    for method in [Method::Lgvi, Method::Rk4L, Method::Split4] {
         let error = attempt(method, &[]).unwrap_err();
         assert_eq!(error, SensitivityError::Method { method: method.info().name });
     }
-    assert_eq!(attempt(Method::Rkmk, &[]), Ok(0.5));
+    assert_eq!((attempt(Method::Rkmk, &[]), attempt(Method::RkmkB, &[])), (Ok(0.5), Ok(0.5)));
     let error = attempt(Method::Rkmk, &[Parameter::Friction(0)]).unwrap_err();
     assert_eq!(error, SensitivityError::NoFriction { contact: 0 });
-    let friction = CoulombFriction::try_new(0.4, 2e3, 5.0).unwrap();
-    let law = CompliantLaw::try_new(5e4, 50.0).unwrap();
-    let block = SlidingBlock::try_new(1.5, Vector3::new(0.2, 0.2, 0.1), law, friction).unwrap();
-    let attempt = |max_step: f64| {
-        let settings = Adaptive { max_step, ..Adaptive::default() };
-        let (start, by) = (block.sliding(2.0), Differentiation::by([Parameter::Friction(0)]));
-        let (system, interval) = (&block.system, (0.0, 0.3));
-        differentiate_hybrid_adaptive(&RKMK8, system, &start, &by, interval, &settings, &location, &mut ())
-            .map_err(|error| error.reason)
-            .map(|found| found.run.t)
+    let adaptive = |method: Method| {
+        let (start, by) = (ball.at(0.5, 0.0), Differentiation::default());
+        let (options, settings, interval) = (Options::default(), Adaptive::default(), (0.0, 0.5));
+        differentiate_located_adaptive(
+            method,
+            options,
+            &ball.system,
+            &start,
+            &by,
+            interval,
+            &settings,
+            &location,
+            &mut (),
+        )
+        .map_err(|error| error.reason)
+        .map(|found| found.run.t)
     };
-    assert_eq!(attempt(f64::INFINITY), Err(SensitivityError::UnboundedStep));
-    assert_eq!(attempt(1e-2), Ok(0.3));
+    assert_eq!(adaptive(Method::Rkmk8B), Ok(0.5));
+    let error = adaptive(Method::Heun).unwrap_err();
+    assert!(error.to_string().contains("no error estimate"), "{error}");
+    let stretches = vec![Vector3::zeros(); 3];
+    let by = Differentiation { stretches, ..Differentiation::default() };
+    let error =
+        differentiate_hybrid(&RKMK8, &ball.system, &ball.at(0.5, 0.0), &by, &grid, &location, &mut ())
+            .unwrap_err();
+    assert!(error.to_string().starts_with("`stretches` must have"), "{error}");
 }

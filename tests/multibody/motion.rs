@@ -7,7 +7,7 @@ use somersault::integrators::state::Configuration;
 use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::models::{CartPendulum, TwoLinkArm};
 use somersault::multibody::motion::{
-    Coordinates, MotionError, TreeForces, TreeMotion, TreeState, TreeSystem,
+    BodyWrenches, Coordinates, MotionError, TreeForces, TreeMotion, TreeState, TreeSystem,
 };
 use somersault::multibody::{
     Data, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, Split, Velocities,
@@ -288,9 +288,11 @@ fn power_of_torques_wrenches_and_gravity_is_the_change_of_energy_along_a_run() {
             torque[8] += (3.0 * t).cos();
             torque[12] += 0.4;
         }
-        fn has_wrenches(&self) -> bool {
-            true
+        fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+            Some(self)
         }
+    }
+    impl BodyWrenches for Push {
         fn add_wrenches(&self, t: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
             // a force along the world's x axis at the origin of the forearm
             let pose = bodies.positions().pose(3).unwrap();

@@ -132,7 +132,11 @@ def name_of(function: Any) -> str | None:
         return name
     if type(function).__module__.startswith("somersault"):
         return f"{type(function).__name__}.__call__"
-    return None
+    # a static method of the extension knows no more than its name
+    qualified = str(getattr(function, "__qualname__", ""))
+    extension = importlib.import_module("somersault._somersault")
+    kind = getattr(extension, qualified.partition(".")[0], None)
+    return qualified if isinstance(kind, type) and getattr(kind, name, None) == function else None
 
 
 def examples() -> Iterator[tuple[str, str]]:
@@ -185,8 +189,6 @@ def starts(slowest: float) -> list[Start]:
 def uncovered(found: list[Start]) -> list[str]:
     """Public callables without a start."""
     seen = {start.name for start in found}
-    # static methods do not know their class, and inherited ones are their heir's
-    members = {name.rpartition(".")[2] for name in seen}
     extension = importlib.import_module("somersault._somersault")
     missing = []
     for name in extension.__all__:
@@ -205,7 +207,7 @@ def uncovered(found: list[Start]) -> list[str]:
             if not member.startswith("_")
             and (callable(value) or isinstance(value, (classmethod, staticmethod)))
             and f"{name}.{member}" not in seen
-            and not (isinstance(value, staticmethod) and member in members)
+            # an inherited method is its heir's
             and not any(f"{heir.__name__}.{member}" in seen for heir in thing.__subclasses__())
         ]
     return missing

@@ -51,7 +51,7 @@ contact.HuntCrossley.from_restitution(1e6, 0.6, 1.0)
 contact.restitution(0.1)
 contact.damping_ratio(0.6)
 coulomb = contact.CoulombFriction(0.3, 1e4, 2.0)
-creep = contact.CreepFriction(0.3, 50.0)
+creep = contact.CoulombFriction(0.3, 0.0, 50.0)
 regular = contact.RegularisedFriction(0.3, 0.01)
 resistance = contact.Resistance(1e-3, 2e-3, 0.1)
 plane = contact.HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -380,7 +380,10 @@ motion.normalize_frames(stamps, np.zeros(20), 10)
 motion.turns_about(spatial.model, still)
 performances = [
     motion.Performance(
-        stamps, np.random.default_rng(i).normal(size=(20, 12)), np.random.default_rng(i).normal(size=(20, 3))
+        stamps,
+        list("abcdefghijkl"),
+        np.random.default_rng(i).normal(size=(20, 12)),
+        np.random.default_rng(i).normal(size=(20, 3)),
     )
     for i in range(8)
 ]

@@ -74,6 +74,31 @@ def test_the_fastest_way_under_a_bound_takes_two_roots_of_the_way() -> None:
     assert found.u.min() >= -1.0 - 1e-6 and found.u.max() <= 1.0 + 1e-6
 
 
+@pytest.mark.parametrize(
+    ("ceiling", "cost"), [(0.2, 2 + 6 * (1 - 4 * 0.2) ** 2), (1 / 9, 4.0), (0.02, 4 / (9 * 0.02))]
+)
+def test_success_below_a_ceiling_is_right_in_its_cost(ceiling: float, cost: float) -> None:
+    # Bryson and Denham's problem (Bryson & Ho 1975, section 3.11)
+    problem = ocp.CollocationProblem(block(), [0.0, 1.0], [0.0, -1.0], 1.0, state_upper=(ceiling, np.inf))
+    found = problem.solve(n_intervals=7, n_points=3)
+    assert found.success and found.cost == pytest.approx(cost, rel=1e-5)
+    assert found.cost_error <= 1e-6 and found.violation <= 2e-6
+    # what a coarse mesh does not reach is said
+    coarse = problem.solve(n_intervals=7, n_points=3, max_meshes=1)
+    assert coarse.status == "mesh_limit" and "estimated error of the cost" in coarse.message
+    assert abs(coarse.cost - cost) <= coarse.cost_error * coarse.cost
+    assert set(coarse.meshes[0]) >= {"error", "cost_error", "costate_error", "hamiltonian_error", "violation"}
+
+
+def test_a_time_without_an_upper_bound_needs_a_cost() -> None:
+    endless = ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], (0.5, np.inf)).solve()
+    assert not endless.success and endless.status == "no_minimum"
+    assert "bound the duration" in endless.message
+    assert pickle.loads(pickle.dumps(endless)).status == "no_minimum"
+    timed = ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], (0.5, np.inf), time_weight=1.0).solve()
+    assert timed.success and timed.t[-1] == pytest.approx(18**0.25, abs=1e-6)
+
+
 def test_ends_may_be_bounded_and_states_too() -> None:
     found = ocp.CollocationProblem(
         block(), [0.0, 0.0], [(0.5, 2.0), None], 1.0, state_upper=(np.inf, 0.55), state_lower=-10.0

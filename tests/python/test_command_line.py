@@ -102,7 +102,7 @@ def test_motions_are_scored_with_what_the_scores_are_worth(
         assert message in capsys.readouterr().err
 
     capsys.readouterr()
-    refused('scorer = "scorer.json"\n', "needs exactly one of judged, scorer and motions")
+    refused('scorer = "scorer.json"\n', "needs exactly one of judged, scorer and motions; found scorer")
     refused('scorer = "scorer.json"\nmotions = []\n', "motions: must have at least 1 entries, found 0")
     twice = document.read_text().replace('file = "3.csv"', 'file = "./1.csv"')
     refused(twice, "judged.3.file: is the file of entry 1 too")
@@ -370,19 +370,6 @@ def test_what_was_perhaps_meant_is_said(
     (tmp_path / "a.toml").write_text(tree)
     assert main(["integrate", str(tmp_path / "a.toml")]) == 2
     assert "did you mean two_link_arm?" in capsys.readouterr().err
-
-
-def test_a_scorer_without_motions_writes_an_empty_table(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    motion = pytest.importorskip("somersault.motion")
-    rng = np.random.default_rng(0)
-    t = np.linspace(0.0, 1.0, 30)
-    seen = [motion.Performance(t, rng.normal(size=(30, 4)), rng.normal(size=(30, 3))) for _ in range(8)]
-    motion.ScoringModel(seen, rng.normal(size=8)).save(tmp_path / "scorer.json")
-    (tmp_path / "a.toml").write_text('scorer = "scorer.json"\n')
-    assert main(["score", str(tmp_path / "a.toml")]) == 0
-    assert capsys.readouterr().out == "file,score,predicted\n"
 
 
 def test_a_reader_may_stop_reading() -> None:

@@ -89,7 +89,9 @@ class TestForwardPike:
         assert verified.least_channel > -1e-8 and verified.greatest_sum < 1.0 + 1e-8
         assert verified.least_distance is None and verified.nearest_limbs is None
         assert verified.nearest_time is None
-        assert verified.entry_defect == pytest.approx(2.0 * np.pi * abs(verified.somersaults - 3.5), abs=1e-12)
+        assert verified.entry_defect == pytest.approx(
+            2.0 * np.pi * abs(verified.somersaults - 3.5), abs=1e-12
+        )
 
     def test_holds_in_a_flight_of_the_library(self, pike: ocp.DiveSolution) -> None:
         """`multibody.fly` with the joints as splines of the solution, made by SciPy."""
@@ -336,7 +338,7 @@ class TestEndings:
         assert found.status == "time_limit" and np.isfinite(found.q).all()
 
     @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
-    @pytest.mark.parametrize("call", ["solve(tol=1e-300, max_iterations=10**6)", "search(8)[0]"])
+    @pytest.mark.parametrize("call", ["solve(tol=1e-15, max_iterations=10**6)", "search(8)[0]"])
     def test_ctrl_c_gives_the_best_iterate(self, call: str) -> None:
         script = f"""
 import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
@@ -389,12 +391,14 @@ class TestForwardTwisting:
         other = ocp.dive_5174d(twists=-2)
         assert other.postures == twisting.dive.mirrored().postures == ("C", "A", "E", "D", "mirrored I", "H")
         assert other.options == twisting.dive.mirrored().options
-        image = other.solve(twisting.z, soft_weights=[], max_iterations=5)
-        assert image.success, image.message
-        np.testing.assert_allclose(image.z, twisting.z, atol=1e-6)
-        np.testing.assert_allclose(image.twists, -twisting.twists, atol=1e-6)
-        np.testing.assert_allclose(image.tilt, -twisting.tilt, atol=1e-6)
-        np.testing.assert_allclose(image.somersaults, twisting.somersaults, atol=1e-6)
+        image = other.solve(twisting.z, soft_weights=[], max_iterations=0)
+        assert image.confirmed, image.message
+        np.testing.assert_allclose(image.z, twisting.z, atol=1e-12)
+        np.testing.assert_allclose(image.twists, -twisting.twists, atol=1e-9)
+        np.testing.assert_allclose(image.tilt, -twisting.tilt, atol=1e-9)
+        np.testing.assert_allclose(image.somersaults, twisting.somersaults, atol=1e-9)
+        solved = other.solve(twisting.z, soft_weights=[])
+        assert solved.success and solved.momentum == pytest.approx(twisting.momentum, rel=1e-6)
         back = other.replace(twists=2)
         assert back.postures == twisting.dive.postures and back.template == twisting.dive.template
 
@@ -422,7 +426,7 @@ class TestHalfTwists:
     """Dives that end facing the other way."""
 
     def test_the_state_is_continuous_and_the_count_the_one_requested(self) -> None:
-        # ended half a turn from its own nodes, with one twist in place of a half, and 26° off the vertical when flown
+        # was solved with a half turn between two nodes: one twist for a half, 26° off the vertical in flight
         found = ocp.dive_5174d(somersaults=2.5, twists=0.5, duration=1.8).solve()
         assert found.success, found.message
         assert np.abs(np.diff(found.twists)).max() < 0.05 and np.abs(np.diff(found.somersaults)).max() < 0.05
@@ -460,7 +464,7 @@ class TestHalfTwists:
         assert back.postures == ocp.dive_5174d(twists=-1).postures
 
     def test_a_quarter_twist_is_refused_where_the_body_would_leave_its_plane(self) -> None:
-        with pytest.raises(errors.OcpInputError, match=r"`twists` must be a multiple of ½.*0\.25"):
+        with pytest.raises(errors.InputError, match=r"`twists` must be a multiple of ½.*0\.25"):
             ocp.dive_5174d(twists=0.25)
         assert ocp.dive_5174d(twists=0.25, square_out=1.0).options["twists"] == 0.25
 

@@ -87,6 +87,20 @@ def test_intervals(interval: tuple[float, float]) -> None:
     raises(errors.IntegrateInputError, "`interval` must run forward", lambda: run(interval=interval))
 
 
+@pytest.mark.parametrize("interval", [(), (1.0,), (0.0, 1.0, 2.0), None, 5, "ab", (0.0, "x"), [[0.0, 1.0]]])
+def test_intervals_that_are_none_name_the_argument(interval: object) -> None:
+    model = somersault.multibody.two_link_arm()
+    at_rest = ([0.0, 0.0], [0.0, 0.0])
+    for call in (
+        lambda: run(interval=interval),
+        lambda: somersault.multibody.integrate(model, *at_rest, interval, dt=0.1),  # type: ignore[arg-type]
+        lambda: somersault.multibody.fly(model, *at_rest, lambda t: ([], []), interval, dt=0.1),  # type: ignore[arg-type]
+        lambda: somersault.batch.integrate(BODY, [START], interval, 0.1),  # type: ignore[arg-type]
+        lambda: somersault.contact.differentiate(BODY, START, interval, dt=0.1, contacts=[]),  # type: ignore[arg-type]
+    ):
+        raises(errors.InputError, "`interval` must be real numbers of shape (2,), found", call)
+
+
 def test_a_step_too_small_for_its_interval() -> None:
     raises(errors.IntegrateInputError, "is too small for the interval", lambda: run(dt=1e-300))
 
@@ -98,6 +112,10 @@ def test_an_unknown_method_lists_the_known_ones() -> None:
         assert name in str(caught.value)
     with pytest.raises(KeyError, match="no method is named"):
         somersault.methods()["rk5"]
+    for name, meant in (("rkmkk", "rkmk"), ("dmv2z", "dmv2"), ("hune", "heun")):
+        raises(errors.UnknownMethodError, f"; did you mean `{meant}`?", lambda n=name: run(method=n))  # type: ignore[misc]
+        with pytest.raises(KeyError, match="did you mean"):
+            somersault.methods()[name]
     raises(errors.InputError, "`method` must be a name or a row", lambda: run(method=4))
 
 
@@ -208,7 +226,8 @@ def test_a_state_that_stops_being_finite_ends_the_run() -> None:
 
 
 def test_every_exception_has_the_common_base_and_bad_input_is_a_value_error() -> None:
-    for name in errors.__all__:
-        error = getattr(errors, name)
+    for error in (getattr(errors, name) for name in errors.__all__):
+        if issubclass(error, Warning):
+            continue
         assert issubclass(error, errors.SomersaultError)
         assert issubclass(error, ValueError) == issubclass(error, errors.InputError)

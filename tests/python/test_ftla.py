@@ -140,7 +140,7 @@ def test_factors_multiply_to_the_matrix(arm: ftla.VariationalFlow) -> None:
     assert chain.marks[-1] == len(chain) and list(chain.times) == [1.0, 2.0] and chain.n_evaluations > 0
     np.testing.assert_array_equal(chain[-1].end, chain[len(chain) - 1].end)
     assert chain.spectrum(0).time == pytest.approx(1.0) and chain.spectrum().time == pytest.approx(2.0)
-    with pytest.raises(IndexError, match="2 of 2"):
+    with pytest.raises(errors.FtlaInputError, match="`mark` must be from -2 to 1, found 2"):
         chain.spectrum(2)
 
 
@@ -171,6 +171,57 @@ def test_the_arm_is_partially_hyper_sensitive_in_words_and_numbers(arm: ftla.Var
     assert diagnosis.window[0] <= diagnosis.time <= diagnosis.window[1]
     schedule = diagnosis.schedule()
     assert 0.2 < schedule[0] < 0.3 and 3.0 < schedule[-1] < 4.0
+
+
+def linear(rates: np.ndarray) -> ftla.VariationalFlow:
+    return ftla.VariationalFlow(ftla.System(lambda p: rates @ p, lambda p: rates, len(rates)))
+
+
+def test_growth_like_a_power_of_time_is_not_hyper_sensitive() -> None:
+    # x'' = u with least energy: T³/6, 1.7e5 at a hundred seconds
+    rates = np.zeros((4, 4))
+    rates[0, 1], rates[1, 3], rates[3, 2] = 1.0, -1.0, -1.0
+    for factor in (1e-6, 1.0, 1e6):
+        scale = np.array([1.0, 1.0, factor, factor])
+        spectra = linear(scale[:, None] * rates / scale).spectra(np.zeros(4), np.arange(5.0, 101.0, 5.0))
+        for horizon, verdict in ((100.0, "insensitive"), (350.0, "undetermined")):
+            diagnosis = ftla.diagnose(spectra, horizon)
+            assert diagnosis.verdict == verdict and not diagnosis.is_hyper_sensitive, str(diagnosis)
+            assert diagnosis.dims == (0, 4, 0)
+
+
+def test_what_is_no_control_problem_is_not_called_one() -> None:
+    # Lorenz' equations, beside a decay
+    def field(p: np.ndarray) -> np.ndarray:
+        x, y, z, w = p
+        return np.array([10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z, -w])
+
+    def jacobian(p: np.ndarray) -> np.ndarray:
+        x, y, z, _ = p
+        rates = np.array([[-10.0, 10.0, 0.0], [28.0 - z, -1.0, -x], [y, x, -8.0 / 3.0]])
+        return np.block([[rates, np.zeros((3, 1))], [np.zeros((1, 3)), -np.ones((1, 1))]])
+
+    flow = ftla.VariationalFlow(ftla.System(field, jacobian, 4), rtol=1e-8)
+    diagnosis = ftla.diagnose(flow.spectra([1.0, 1.0, 20.0, 1.0], [1.0, 2.0, 3.0, 4.0]), 40.0)
+    assert diagnosis.verdict == "not_hamiltonian" and not diagnosis.is_hyper_sensitive
+    assert str(diagnosis).startswith("not an optimal control problem")
+
+
+def test_averaging_times_that_do_not_tell_are_said_not_to() -> None:
+    spectra = ftla.VariationalFlow(ftla.linear_regulator()).spectra([1.0, 0.4], [2.0, 4.0])
+    diagnosis = ftla.diagnose(spectra, 40.0)
+    assert diagnosis.verdict == "undetermined" and "factor of four" in str(diagnosis)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_a_diagnosis_does_not_depend_on_the_unit_of_cost(arm: ftla.VariationalFlow, factor: float) -> None:
+    times = np.arange(0.5, 5.1, 0.5)
+    plain = ftla.diagnose(arm.spectra(START, times), 10.0)
+    scaled = ftla.VariationalFlow(ftla.arm(weights=(factor, 0.5 * factor)), rtol=1e-12)
+    start = START * np.repeat([1.0, factor], 4)
+    found = ftla.diagnose(scaled.spectra(start, times), 10.0)
+    assert (found.verdict, found.dims) == (plain.verdict, plain.dims) == ("partial", (2, 4, 2))
+    np.testing.assert_allclose(found.balanced_rates, plain.balanced_rates, rtol=1e-2)
 
 
 def test_costates_one_and_three_are_the_ones_to_hold(arm: ftla.VariationalFlow) -> None:

@@ -144,6 +144,128 @@ def test_a_scalar_that_is_not_finite_is_named() -> None:
         system.hamiltonian([1.0, 0.4])
 
 
+def pendulum(wrong: str = "", entry: int = 0, part: float = 0.0) -> ftla.System:
+    """A driven pendulum; one entry of a derivative may be off by a part of itself."""
+
+    def off(name: str, values: Any) -> Any:
+        numbers = np.array(values, dtype=float)
+        if name == wrong:
+            numbers.flat[entry] *= 1.0 + part
+            if name == "hessian":
+                numbers = np.triu(numbers) + np.triu(numbers, 1).T
+        return numbers
+
+    return ftla.state_costate(
+        lambda x, u: [x[1], u[0] - np.sin(x[0]) - 0.2 * x[1] * abs(x[1])],
+        lambda x, u: float(0.5 * (x[0] ** 2 + 2.0 * u[0] ** 2) + x[1] ** 2),
+        2,
+        1,
+        jacobian=lambda x, u: off("jacobian", [[0.0, 1.0, 0.0], [-np.cos(x[0]), -0.4 * abs(x[1]), 1.0]]),
+        gradient=lambda x, u: off("gradient", [x[0], 2.0 * x[1], 2.0 * u[0]]),
+        hessian=lambda x, u, costate: off(
+            "hessian",
+            np.diag([1.0 + costate[1] * np.sin(x[0]), 2.0 - 0.4 * costate[1] * np.sign(x[1]), 2.0]),
+        ),
+    )
+
+
+WRONG = [("jacobian", (1, 3, 4, 5)), ("gradient", (0, 1, 2)), ("hessian", (0, 4, 8))]
+
+
+@pytest.mark.parametrize(("name", "entry"), [(name, k) for name, entries in WRONG for k in entries])
+def test_a_derivative_off_by_a_thousandth_is_refused(name: str, entry: int) -> None:
+    assert ftla.cold_start(pendulum(), [1.0, 0.0], [0.2, 0.1], 2.0).success
+    rng = np.random.default_rng(entry)
+    for part in (1e-3, *10.0 ** rng.uniform(-3.0, -1.0, 2) * rng.choice([-1.0, 1.0], 2)):
+        # the gradient by a control of zero is right; the Hessian is what does not fit it
+        told = r"`hessian\(" if (name, entry) == ("gradient", 2) else rf"`{name}\("
+        with pytest.raises(errors.FtlaInputError, match=told + ".*must be the derivative of"):
+            ftla.cold_start(pendulum(name, entry, part), [1.0, 0.0], [0.2, 0.1], 2.0)
+
+
+@pytest.mark.parametrize("entry", range(4))
+def test_a_jacobian_of_a_field_off_by_a_thousandth_is_refused(entry: int) -> None:
+    def wrong(p: Array) -> Array:
+        rates = jacobian(p)
+        rates.flat[entry] *= 1.001
+        return rates
+
+    system = ftla.System(field, wrong, 2)
+    # at zero two entries vanish, and are right
+    for call in (
+        lambda: ftla.VariationalFlow(system).transition([1.0, 0.4], 1.0),
+        lambda: ftla.shoot(system, [1.0], [1.5], np.linspace(0.0, 4.0, 9), np.zeros((9, 2))),
+    ):
+        with pytest.raises(errors.FtlaInputError, match=r"`jacobian\(p\)` must be the derivative of `field`"):
+            call()
+
+
+def test_derivatives_are_checked_to_both_sides_of_a_kink() -> None:
+    # |x| and its slope to the right, at the kink itself
+    system = ftla.System(
+        lambda p: np.array([p[1], abs(p[0])]),
+        lambda p: np.array([[0.0, 1.0], [1.0 if p[0] >= 0.0 else -1.0, 0.0]]),
+        2,
+    )
+    assert np.isfinite(ftla.VariationalFlow(system).transition([0.0, 0.0], 1.0).matrix).all()
+
+
+def test_a_field_that_is_not_that_of_its_hamiltonian_is_no_success() -> None:
+    own = ftla.System(field, jacobian, 2, hamiltonian=lambda p: 1.01 * hamiltonian(p) + 0.1 * p[0])
+    fractions = ftla.graded_times(1.0, 0.02, 0.2)
+    found = ftla.continue_through(own, [([0.0], [0.0]), ([1.0], [1.5])], 10.0, fractions)
+    assert not found.success and "Hamiltonian is not constant" in found.message
+    shot = ftla.shoot(own, [1.0], [1.5], 10.0 * fractions, np.zeros((len(fractions), 2)))
+    assert shot.status == "hamiltonian_drifts" and not shot.success and shot.residual <= 1e-11
+    assert shot.hamiltonian_drift is not None and shot.hamiltonian_drift > 1e-3
+
+
+def exploding(p: Array) -> Array:
+    """The cubic regulator up to x = 1.2, where arithmetic overflows."""
+    import math
+
+    return field(p) + 0.0 * math.exp(1e4 * max(p[0] - 1.2, 0.0))
+
+
+@pytest.mark.parametrize("overflow", [True, False])
+def test_trials_that_overflow_are_rejected_and_the_best_is_kept(overflow: bool) -> None:
+    def nan(p: Array) -> Array:
+        return field(p) if p[0] < 1.2 else np.full(2, np.nan)
+
+    system = ftla.System(exploding if overflow else nan, jacobian, 2)
+    fractions = ftla.graded_times(1.0, 0.02, 0.2)
+    found = ftla.continue_through(system, [([0.0], [0.0]), ([0.5], [1.0]), ([0.75], [1.5])], 10.0, fractions)
+    assert found.status == "broke_off" and found.stage == "to stage 3 of 3"
+    assert found.extremal.status == "on_the_way" and found.extremal.nodes[-1, 0] == pytest.approx(
+        1.2, abs=0.1
+    )
+    # at the first point it is the reason that is told
+    with pytest.raises(errors.FieldError) as caught:
+        ftla.VariationalFlow(system).state([1.5, 0.0], 1.0)
+    if overflow:
+        assert isinstance(caught.value.__cause__, OverflowError)
+
+
+def test_a_problem_without_a_value_beyond_a_bound_is_followed_up_to_it() -> None:
+    def cost(x: Array, u: Array) -> float:
+        return float(0.5 * (x @ x + u @ u)) if x[0] < 1.2 else np.nan
+
+    system = ftla.state_costate(
+        lambda x, u: -x + u,
+        cost,
+        1,
+        1,
+        jacobian=lambda x, u: [[-1.0, 1.0]],
+        gradient=lambda x, u: [x[0] if x[0] < 1.2 else np.nan, u[0]],
+        hessian=lambda x, u, costate: np.eye(2),
+    )
+    fractions = ftla.graded_times(1.0, 0.02, 0.2)
+    found = ftla.continue_through(system, [([0.0], [0.0]), ([0.5], [1.0]), ([0.75], [1.5])], 10.0, fractions)
+    assert found.status == "broke_off" and 0.5 < found.s < 1.0
+    with pytest.raises(errors.FieldError, match="`gradient` returned NaN"):
+        system.field([1.5, 0.0])
+
+
 @pytest.mark.parametrize(
     ("returned", "found"),
     [

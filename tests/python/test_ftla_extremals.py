@@ -211,7 +211,9 @@ CART = multibody.cart_pendulum()
         ),
         pytest.param(ftla.tree(CART), [0.0] * 4, [1.0, np.pi, 0.0, 0.0], 3.0, id="cart and pole driven"),
         pytest.param(ftla.tree(CART, passive=[1]), [0.0] * 4, [1.0, 0.0, 0.0, 0.0], 3.0, id="pole passive"),
-        pytest.param(ftla.tree(CART, passive=[1]), [0.0] * 4, [0.0, np.pi, 0.0, 0.0], 2.0, id="swing-up"),
+        # the angle counts from the upright
+        pytest.param(ftla.tree(CART, passive=[1]), [0.0] * 4, [0.0, np.pi, 0.0, 0.0], 2.0, id="swing-down"),
+        pytest.param(ftla.tree(CART, passive=[1]), [0.0, np.pi, 0.0, 0.0], [0.0] * 4, 2.0, id="swing-up"),
     ],
 )
 def test_trees_start_cold_from_their_ends(
@@ -241,6 +243,7 @@ def test_trees_start_cold_from_their_ends(
 def test_a_limited_joint_of_a_tree_gets_no_more_than_its_limit() -> None:
     t = np.linspace(0.0, 3.0, 301)
     ends = ([0.0] * 4, [1.0, 0.0, 0.0, 0.0], 3.0)
+    assert CART.potential_energy([0.0, 0.0]) > CART.potential_energy([0.0, np.pi])
     driven = ftla.cold_start(ftla.tree(CART), *ends).extremal
     limit = 0.8 * np.abs(driven.control(t)[:, 0]).max()
     limited = ftla.cold_start(ftla.tree(CART, torque_limits=[limit, np.inf]), *ends)
@@ -400,7 +403,68 @@ def test_what_does_not_converge_has_a_status_and_its_last_nodes() -> None:
         ftla.arm(), stages, 10.0, ftla.graded_times(1.0, 0.01, 0.04), first_step=1.0, min_step=0.9
     )
     assert not far.success and far.s < 1.0 and far.n_rejected > 0 and "broke off" in repr(far)
+    assert far.status == "broke_off" and far.stage.startswith("to stage ") and far.stage in far.message
     assert np.isfinite(far.extremal.nodes).all()
+
+
+@pytest.mark.parametrize("factor", [1e-6, 35.0, 1e6])
+def test_weights_do_not_change_how_the_arm_is_solved(factor: float, found: ftla.Continued) -> None:
+    scaled = ftla.solve_arm(INITIAL, FINAL, 10.0, system=ftla.arm(weights=(factor, 0.5 * factor)))
+    assert scaled.status == "arrived" and scaled.stage == found.stage
+    assert scaled.extremal.residual <= 1e-11 and scaled.extremal.cost() == pytest.approx(
+        factor * found.extremal.cost(), rel=1e-8
+    )
+    np.testing.assert_allclose(scaled.extremal.nodes[0, 4:], factor * found.extremal.nodes[0, 4:], rtol=1e-7)
+
+
+def test_a_floor_of_rounding_is_a_status(found: ftla.Continued) -> None:
+    extremal = found.extremal
+    tight = ftla.shoot(extremal.system, INITIAL, FINAL, extremal.times, extremal.nodes, tol=1e-15)
+    assert tight.status == "floor" and not tight.success and "rounding" in tight.message
+    assert tight.residual < 1e-11 and tight.residual <= 8.0 * tight.floor
+
+
+def test_every_search_ends_at_its_limits_with_its_best(
+    matching: ftla.Matching, found: ftla.Continued
+) -> None:
+    extremal = found.extremal
+    arm, rest = ftla.arm(), [0.0, np.pi, 0.0, 0.0]
+    stages = [(rest, rest), (INITIAL, FINAL)]
+    fractions = ftla.graded_times(1.0, 0.01, 0.04)
+    searches: list[Any] = [
+        lambda **limit: ftla.solve_arm(INITIAL, FINAL, 10.0, **limit),
+        lambda **limit: ftla.cold_start(arm, INITIAL, FINAL, 10.0, **limit),
+        lambda **limit: ftla.continue_through(arm, stages, 10.0, fractions, **limit),
+        lambda **limit: ftla.follow(lambda s: (arm, INITIAL, FINAL, 10.0 + 9.0 * s), extremal, **limit),
+    ]
+    limits: list[dict[str, Any]] = [{"max_time": 1e-3}, {"max_evaluations": 1000}]
+    for limit in limits:
+        for search in searches:
+            ended = search(**limit)
+            assert ended.status == "limit_reached" and not ended.success, ended.message
+            assert "limit" in ended.message and ended.stage in ended.message
+            assert np.isfinite(ended.extremal.nodes).all()
+        guess = np.zeros((len(extremal.times), 8))
+        shot = ftla.shoot(arm, INITIAL, FINAL, extremal.times, guess, **limit)
+        assert shot.status == "limit_reached" and "limit" in shot.message
+        assert matching.least_squares([0], **limit).status == "limit_reached"
+        spacing = [[0.02, 0.1], [0.02, 0.1]]
+        assert matching.grid_search(spacing, **limit).status == "limit_reached"
+    placement = ftla.Placement((2, 4, 2), [0, 2], np.arange(0.25, 3.6, 0.25))
+    off = extremal.nodes[0] + [0.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, -0.05]
+    placed = placement.place(ftla.VariationalFlow(arm), off, max_evaluations=2000)
+    assert placed.status == "limit_reached" and "limit" in placed.message
+
+
+def test_arm_extremals_are_each_one_motion_and_those_not_found_are_told() -> None:
+    # two seeds of one motion; the fold is that of the motion
+    twice = ftla.arm_extremals(INITIAL, FINAL, 10.0, folds=[np.pi, 3.0], turns=[0])
+    assert [(each.fold, each.turns, each.success) for each in twice] == [(np.pi, 0, True)]
+    both = ftla.arm_extremals(INITIAL, FINAL, 10.0, folds=[np.pi], turns=[0, 1], max_evaluations=30_000)
+    assert len(both) == 2
+    for each in both:
+        assert each.success or (each.status == "limit_reached" and np.isnan(each.cost) and each.message)
+    assert not both[-1].success
 
 
 def test_searches_without_a_start_say_so() -> None:

@@ -23,7 +23,7 @@ ground = somersault.contact.Contact(
 )
 print("ready", flush=True)
 try:
-    motion = somersault.integrate(body, start, (0.0, 1e9), dt=1e-3, every=1000, {options})
+    motion = somersault.integrate(body, start, (0.0, 1e6), dt=1e-3, every=1000, {options})
     print("returned", time.monotonic(), motion.status, len(motion), motion.t[-1], motion.message, sep="|")
 except KeyboardInterrupt:
     print("raised", time.monotonic(), sep="|")

@@ -18,12 +18,18 @@ def test_the_table_is_found_by_index_and_by_name() -> None:
         assert pickle.loads(pickle.dumps(row)) == row
         assert row.keeps and row.not_for
         assert row.title and row.citation and row.evaluations >= 1 and row.history >= 0
-        assert set(row.orders) == {
-            "translation",
-            "translation_with_velocity",
-            "rotation",
-            "rotation_with_torque",
-        }
+        assert (
+            set(row.orders)
+            == set(row.rate_orders)
+            == {
+                "translation",
+                "translation_with_velocity",
+                "translation_with_orientation",
+                "rotation",
+                "rotation_with_torque",
+            }
+        )
+        assert row.dense_order >= 3 and (row.angle_limit is None or row.angle_limit > 0.0)
         assert (row.orders["rotation_with_torque"] is None) == (row.scope == "torque-free")
         assert row.adaptive == (row.embedded_order is not None)
     assert "rk5" not in table and 3 not in table
@@ -60,3 +66,39 @@ def test_the_table_prints_one_line_a_method() -> None:
     lines = repr(methods()).splitlines()
     assert [line.split()[0] for line in lines[1:]] == methods().names
     assert len(lines) == 1 + len(methods())
+
+
+def test_the_table_says_for_what_its_orders_hold() -> None:
+    table = methods()
+    for name in ("rk4", "ab4", "siabm4", "rk4_l", "ab4_l"):
+        orders = table[name].orders
+        assert (orders["translation"], orders["translation_with_orientation"]) == (4, 2)
+    assert table["sv"].orders["translation"] == 2 and table["sv"].rate_orders["translation"] == 1
+    for name in ("pmv6", "pmv8", "pmv10", "split4"):
+        assert table[name].dense_order == 4
+    assert (table["rkmk5"].dense_order, table["rkmk8_b"].dense_order) == (5, 8)
+    line = next(line for line in repr(table).splitlines() if line.startswith("sv "))
+    assert "2 (1); 1" in line
+
+
+def test_a_step_beyond_the_limit_names_the_angle_allowed() -> None:
+    # Of a ball, whose step every method can solve.
+    body, start = somersault.RigidBody.sphere(1.0, 1.0), somersault.State(angular_velocity=(1.0, 2.0, 3.0))
+    for row in methods():
+        if row.angle_limit is not None:
+            with pytest.raises(
+                somersault.errors.StepError, match=f"more than the {row.angle_limit:.3f} rad a step"
+            ):
+                somersault.integrate(body, start, (0.0, 10.0), dt=1.0, method=row)
+
+
+def test_imid_comes_to_rest() -> None:
+    spring = somersault.forces.Spring(
+        anchor=(0.0, 0.0, 2.0), attachment=(0.0, 0.0, 0.0), stiffness=40.0, damping=6.0, rest_length=0.8
+    )
+    body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+    start = somersault.State(position=(0.0, 0.0, 1.0))
+    solution = somersault.integrate(
+        body, start, (0.0, 60.0), dt=0.02, method="imid", forces=[somersault.forces.Gravity(), spring]
+    )
+    assert solution.position[-1, 2] == pytest.approx(2.0 - 0.8 - 9.81 / 40.0, abs=1e-13)

@@ -152,7 +152,7 @@ class TestFits:
         whole = motion.place_markers(markers, np.linspace(0.0, 1.0, 12), q)
         for seed in range(3):
             fit = motion.MarkerFit(markers).fit(blurred(whole, 0.0, missing=0.2, seed=seed))
-            assert fit.success and fit.rms < 1e-9, (seed, fit.status, fit.rms)
+            assert fit.converged and fit.rms < 1e-9, (seed, fit.status, fit.rms)
 
     def test_weights_draw_the_model_to_a_marker(self) -> None:
         model = PLANAR.model

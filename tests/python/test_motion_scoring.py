@@ -189,7 +189,7 @@ class TestValidation:
         for i in (0, 7, 15):
             rest = [m for k, m in enumerate(self.motions) if k != i]
             model = motion.ScoringModel(rest, np.delete(self.scores, i))
-            assert found.predictions[i] == pytest.approx(model.score(self.motions[i]), abs=1e-9)
+            assert found.predictions[i] == pytest.approx(model.score(self.motions[i]).value, abs=1e-9)
             assert found.n_components[i] == len(model.coefficients)
         assert found.rms_error == pytest.approx(np.sqrt(np.mean((found.predictions - self.scores) ** 2)))
 

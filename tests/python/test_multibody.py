@@ -365,6 +365,8 @@ def test_bad_arrays_are_named(model: Model, state: tuple[Array, Array, Array]) -
 def test_bad_bodies_and_splits_are_named(model: Model, state: tuple[Array, Array, Array]) -> None:
     q, v, a = state
     raises(errors.DynamicsInputError, "no body is named `nobody`", lambda: model.body("nobody"))
+    close = f"{model.names[1]}s"
+    raises(errors.DynamicsInputError, f"; did you mean `{model.names[1]}`?", lambda: model.body(close))
     raises(errors.DynamicsInputError, "body number 99 does not exist", lambda: model.jacobian(q, 99))
     raises(errors.InputError, "`axes` must be", lambda: model.jacobian(q, 0, axes="body"))  # type: ignore[arg-type]
     hybrid = model.hybrid_dynamics

@@ -357,10 +357,6 @@ class TestMotionProblem:
             ({"drive": "wind"}, "drive"),
             ({"scheme": "magic"}, "scheme"),
             ({"lower": [0.0, 0.0]}, "lower"),
-            (
-                {"constraints": [ocp.Constraint(ocp.entries("velocity"), np.nan, -1.0)]},
-                "`lower` and `upper` has bounds NaN to -1",
-            ),
             ({"constraints": [ocp.Constraint(ocp.point_position("wing"), 0.0, 1.0)]}, "wing"),
             ({"constraints": [ocp.Constraint(ocp.entries("velocity", [7]), 0.0, 1.0)]}, "7"),
         ],
@@ -371,6 +367,8 @@ class TestMotionProblem:
         assert isinstance(caught.value, errors.InputError)
 
     def test_refuses_bad_numbers(self) -> None:
+        with pytest.raises(errors.InputError, match="`lower` of a constraint must be numbers or infinite"):
+            ocp.Constraint(ocp.entries("velocity"), np.nan, -1.0)
         posed = problem()
         with pytest.raises(errors.InputError, match="`z`"):
             posed.cost(np.full(posed.n_variables, np.nan))
@@ -422,7 +420,7 @@ posed = ocp.MotionProblem(
 print("ready", flush=True)
 try:
     report = posed.solve(
-        np.zeros(30) + 0.1, solver="gradient_descent", tol=1e-300, max_iterations=10**9, on_interrupt={on!r})
+        np.zeros(30) + 0.1, solver="gradient_descent", tol=1e-15, max_iterations=10**9, on_interrupt={on!r})
     print("returned", time.monotonic(), report.status, np.isfinite(report.cost), sep="|")
 except KeyboardInterrupt as error:
     print("raised", time.monotonic(), error.report.status, np.isfinite(error.report.cost), sep="|")

@@ -447,3 +447,20 @@ def test_problems_with_nothing_to_vary_are_refused() -> None:
     assert ocp.CollocationProblem(block(), **rest, **still).solve().success
     with pytest.raises(errors.OcpInputError, match="`state_lower` and `state_upper`, `control_lower` and"):
         ocp.CollocationProblem(block(), **rest, **still, control_lower=0.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, [np.nan, 0.0], [0.0, np.nan]])
+def test_nan_in_costs_and_constraints_is_refused_by_name(value: Any) -> None:
+    term = ocp.entries("torque", [0, 1])
+    for name, call in (
+        ("weights", lambda: ocp.Cost(term, value)),
+        ("target", lambda: ocp.Cost(term, [1.0, 1.0], value)),
+        ("lower", lambda: ocp.Constraint(term, value, [1.0, 1.0])),
+        ("upper", lambda: ocp.Constraint(term, [-1.0, -1.0], value)),
+    ):
+        with pytest.raises(errors.OcpInputError, match=f"`{name}` .*found NaN"):
+            call()
+    with pytest.raises(errors.OcpInputError, match="`target` must be finite, found inf"):
+        ocp.Cost(term, None, np.inf)
+    # a bound that is not there
+    ocp.Constraint(term, -np.inf, [np.inf, 1.0])

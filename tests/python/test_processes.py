@@ -2,10 +2,12 @@
 
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import textwrap
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,7 +15,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import batch, ftla, motion, multibody, ocp, studies
+from somersault import batch, contact, ftla, motion, multibody, ocp, studies
 
 BODY = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
 START = somersault.State(angular_velocity=(0.1, 5.0, 0.3))
@@ -88,7 +90,10 @@ def _fit() -> Any:
 def _validation() -> Any:
     rng = np.random.default_rng(0)
     t = np.linspace(0.0, 1.0, 20)
-    seen = [motion.Performance(t, rng.normal(size=(20, 4)), rng.normal(size=(20, 3))) for _ in range(8)]
+    seen = [
+        motion.Performance(t, list("abcd"), rng.normal(size=(20, 4)), rng.normal(size=(20, 3)))
+        for _ in range(8)
+    ]
     return motion.validate(seen, np.arange(8.0), n_resamples=20).predictions.tolist()
 
 
@@ -170,15 +175,15 @@ def test_threads_return_the_same(here: list[Any]) -> None:
     assert found == [here] * len(found)
 
 
-def run_limited(program: str) -> subprocess.CompletedProcess[str]:
-    """Runs a program that may take 2 GB of memory more than Python and somersault do."""
-    limited = """
+def run_limited(program: str, bytes: int = 2 << 30) -> subprocess.CompletedProcess[str]:
+    """Runs a program that may take so much memory more than Python and somersault do."""
+    limited = f"""
         import resource
         import numpy as np
         import somersault
         from somersault import contact, ftla, motion, multibody, ocp, studies
         used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + (2 << 30), used + (2 << 30)))
+        resource.setrlimit(resource.RLIMIT_AS, (used + {bytes}, used + {bytes}))
         body, start = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6)), somersault.State()
         arm = multibody.two_link_arm()
     """
@@ -215,12 +220,13 @@ def test_sizes_are_refused_before_memory_is_asked_for(call: str, message: str) -
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited otherwise there")
 def test_a_run_that_fills_the_memory_ends_with_what_it_recorded() -> None:
-    done = run_limited("""
+    program = """
         try:
             somersault.integrate(body, start, (0.0, 1e9), rtol=1e-6, max_step=1.0, max_steps=10**12)
         except somersault.InputError as fault:
             print(len(fault.solution), fault)
-    """)
+    """
+    done = run_limited(program, 300 << 20)
     assert done.returncode == 0, done.stderr[-2000:]
     count, _, message = done.stdout.partition(" ")
     assert int(count) > 100_000 and "give a larger `every`" in message
@@ -236,3 +242,59 @@ def test_so_are_those_of_the_command_line(tmp_path: Any) -> None:
         raise SystemExit(main(["integrate", {str(tmp_path / "a.toml")!r}]))
     """)
     assert done.returncode == 2 and "give a larger `every`" in done.stderr
+
+
+#: Calls that take long, and what comes of Ctrl-C: an exception, or a result where that is the default.
+LONG = {
+    "search of the pendulum": "ocp.CartPendulumProblem().search(20000)",
+    "search of a dive": "ocp.dive_107b().search(20000)",
+    "dive": "ocp.dive_5174d().solve()",
+    "collocation": "ocp.arm_motion(tol=1e-13)",
+    "energy": "studies.energy('euler', studies.prisms(100), steps=[10**7])",
+    "radii": "studies.spectral_radii('ab4', np.linspace(-1, 0, 3000), np.linspace(0, 1, 3000))",
+    "work": "studies.work_precision(studies.Problem.case(1), 'rkmk', [1e-8])",
+    "derivatives": "contact.differentiate(top.body, top.state, (0, 1e3), dt=1e-5, contacts=top.contacts)",
+    "spectrum": "ftla.VariationalFlow(ftla.arm()).spectrum([-1.5, 0.05, 0, 0, -0.2, -0.01, -1.3, -0.1], 1e6)",
+    "components": "motion.Pca(np.random.default_rng(0).normal(size=(3000, 3000)))",
+    "rows": "diver.mass_matrix(np.zeros((10**5, diver.n_positions)) + diver.neutral())",
+    "batch": "somersault.batch.integrate(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",
+}
+
+
+def _clocks() -> tuple[float, float]:
+    return time.monotonic(), time.process_time()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of this kind are not sent there")
+@pytest.mark.parametrize("what", LONG)
+def test_ctrl_c_ends_every_long_call_within_half_a_second(what: str) -> None:
+    names = {
+        **{"np": np, "somersault": somersault, "ocp": ocp, "studies": studies, "contact": contact},
+        **{"ftla": ftla, "motion": motion, "multibody": multibody, "BODY": BODY, "START": START},
+        **{"top": contact.spinning_top(), "diver": multibody.diver_spatial().model},
+    }
+    sent: list[float] = []
+
+    def interrupt(*_: Any) -> None:
+        if not sent:
+            sent.extend(_clocks())
+            raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        try:
+            found = eval(LONG[what], names)
+        except KeyboardInterrupt:
+            pass
+        else:
+            is_short = isinstance(found, list) and len(found) < 20_000
+            status = [one.status for one in found] if isinstance(found, list) else [found.status]
+            assert not sent or "interrupted" in status or is_short
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    if sent:
+        wall, processor = (now - then for now, then in zip(_clocks(), sent, strict=True))
+        # where others have the processors too, half a second of them counts
+        assert wall < 0.5 or processor < 0.5

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from somersault import State, contact, errors, integrate
+import somersault
+from somersault import State, contact, errors, forces, integrate
 from somersault.contact import CompliantLaw, Scene, Sensitivities
 
 G = 9.81
@@ -30,9 +31,9 @@ def test_a_ball_dropped_from_higher_touches_down_later_by_the_closed_form() -> N
     found = differentiate(ball, 0.4, parameters=["mass", ("acceleration", (0.0, 0.0, -1.0))])
     assert found.events[0].kind == "touch_down"
     # t = √(2h/g): dt/dh = 1/√(2gh) and dt/dg = −t/(2g); the mass does not matter before.
-    assert found.event_times[2, 0] == pytest.approx(1 / np.sqrt(2 * G * height), rel=1e-10)
-    assert found.event_times[12, 0] == pytest.approx(0.0, abs=1e-12)
-    assert found.event_times[13, 0] == pytest.approx(-np.sqrt(2 * height / G) / (2 * G), rel=1e-10)
+    assert found.event_times[0, 2] == pytest.approx(1 / np.sqrt(2 * G * height), rel=1e-10)
+    assert found.event_times[0, 12] == pytest.approx(0.0, abs=1e-12)
+    assert found.event_times[0, 13] == pytest.approx(-np.sqrt(2 * height / G) / (2 * G), rel=1e-10)
 
 
 def test_columns_of_the_top_are_differences_of_its_located_runs() -> None:
@@ -65,14 +66,53 @@ def test_columns_of_the_top_are_differences_of_its_located_runs() -> None:
         np.testing.assert_allclose(found.by_state[:, column], difference, atol=2e-5 * size, rtol=0)
 
 
+def test_adapted_steps_and_methods_in_body_variables_give_the_same_derivatives() -> None:
+    top, end = contact.spinning_top(), 0.05
+    fixed = differentiate(top, end, parameters=["mass"])
+    assert fixed.event_times.shape == (len(fixed.events), 13)
+    # Errors of derivatives are not weighed: the largest step bounds them.
+    adapted = {"dt": None, "rtol": 1e-10, "atol": 1e-12, "max_step": 1e-3, "method": None}
+    for options in ({"method": "rkmk8_b"}, adapted):
+        found = differentiate(top, end, parameters=["mass"], **options)
+        for name in ("by_state", "by_parameters", "event_times"):
+            one, other = getattr(found, name), getattr(fixed, name)
+            np.testing.assert_allclose(one, other, atol=1e-7 * np.abs(other).max())
+
+
+@pytest.mark.parametrize(("height", "side"), [(-1e-12, "touch"), (0.0, ""), (1e-12, "miss")])
+def test_a_graze_and_a_near_miss_have_one_sided_derivatives_only(height: float, side: str) -> None:
+    # Pushed up at 2 m/s² from a fall, the body turns at the ground, or just above it.
+    body = somersault.RigidBody.box(1.0, (0.1, 0.1, 0.1))
+    start = State((0, 0, 0.25 + height), velocity=(0, 0, -1.0))
+    touching = contact.Contact((0, 0, 0), contact.HalfSpace(), CompliantLaw(50.0, 0.5))
+    up = forces.Gravity((0, 0, 2.0))
+    with pytest.raises(errors.SensitivityError, match=f"one-sided, of motions that {side}") as caught:
+        contact.differentiate(body, start, (0.0, 1.0), dt=1e-2, contacts=touching, forces=up)
+    assert caught.value.solution.by_state.shape == (12, 12)
+
+
+def test_the_derivative_through_stick_and_slip_is_the_difference_of_runs() -> None:
+    friction = contact.CoulombFriction(0.4, 2e3, 20.0)
+    law = CompliantLaw(5e4, 300.0)
+    ends = []
+    for speed in (1.0 - 1e-5, 1.0, 1.0 + 1e-5):
+        block = contact.sliding_block(1.5, (0.2, 0.2, 0.1), law, friction, speed, 0.1)
+        found = differentiate(block, 0.6)
+        ends.append(found.state.position[0])
+        if speed == 1.0:
+            slope = found.by_state[0, 6]
+            assert [event.kind for event in found.events] == ["stick"]
+    assert slope == pytest.approx((ends[2] - ends[0]) / 2e-5, rel=1e-7)
+
+
 def test_what_has_no_derivative_is_refused_by_name() -> None:
     top = contact.spinning_top()
     with pytest.raises(errors.SensitivityInputError, match="friction of contact 0"):
         differentiate(top, 0.01, parameters=[("friction", 0)])
     with pytest.raises(errors.SensitivityInputError, match="found contact 3"):
         differentiate(top, 0.01, parameters=[("stiffness", 3)])
-    with pytest.raises(errors.SensitivityInputError, match="world variables"):
-        differentiate(top, 0.01, method="rkmk_b")
+    with pytest.raises(errors.SensitivityInputError, match="of the world or of the body"):
+        differentiate(top, 0.01, method="rkmk_l")
     with pytest.raises(errors.InputError, match="`parameters` must hold"):
         differentiate(top, 0.01, parameters=["length"])
     with pytest.raises(errors.InputError, match="`parameters` must be a sequence"):

@@ -59,7 +59,7 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
     law, slides, rolls = (
         contact.CompliantLaw(1e4, 3.0),
         contact.CoulombFriction(0.3, 1e4, 2.0),
-        contact.CreepFriction(0.3, 50.0),
+        contact.CoulombFriction(0.3, 0.0, 50.0),
     )
     resistance = contact.Resistance(1e-3, 2e-3, 0.1)
     # Directions that are not of length 1, so that the digits of what was given are seen to survive.
@@ -145,19 +145,20 @@ def test_sensitivities_can_be_saved(tmp_path: Path) -> None:
         found = somersault.load(tmp_path / "run")
         assert found.events and same(run, found) and repr(found) == repr(run)
         assert (found.t, found.state) == (run.t, run.state)
-        for name in ("by_state", "by_parameters", "event_times"):
+        for name in ("by_state", "by_parameters", "event_times", "stretches"):
             np.testing.assert_array_equal(getattr(found, name), getattr(run, name))
             assert getattr(found, name).shape == getattr(run, name).shape
 
 
 def test_parts_that_do_not_fit_are_refused(tmp_path: Path, state: somersault.State) -> None:
     restore: Any = contact.Sensitivities._restore  # type: ignore[attr-defined]
-    whole = (np.eye(12), np.zeros((12, 1)), np.zeros((13, 0)))
+    whole = (np.eye(12), np.zeros((12, 1)), np.zeros((0, 13)), np.zeros((1, 3)))
     assert restore(0.0, state, [], whole).by_parameters.shape == (12, 1)
     for i, name, wrong in (
         (0, "by_state", np.eye(11)),
         (1, "by_parameters", np.zeros((12, 2))),
-        (2, "event_times", np.zeros((13, 1))),
+        (2, "event_times", np.zeros((1, 13))),
+        (3, "stretches", np.zeros((1, 2))),
     ):
         with pytest.raises(somersault.InputError, match=f"`{name}` must be real numbers of shape"):
             restore(0.0, state, [], (*whole[:i], wrong, *whole[i + 1 :]))
@@ -197,7 +198,7 @@ def test_a_run_of_what_was_saved_is_the_run(tmp_path: Path) -> None:
     for scene in (
         contact.spinning_top(),
         contact.rolling_disk(
-            1.0, 0.2, contact.CompliantLaw(1e4, 3.0), contact.CreepFriction(0.3, 50.0), 0.4, 2.0
+            1.0, 0.2, contact.CompliantLaw(1e4, 3.0), contact.CoulombFriction(0.3, 0.0, 50.0), 0.4, 2.0
         ),
     ):
         somersault.save(tmp_path / "scene", scene)

@@ -5,6 +5,7 @@ import functools
 import importlib
 import json
 import multiprocessing
+import os
 import sys
 import textwrap
 import threading
@@ -265,9 +266,10 @@ def iterator() -> Iterator[int]:
         (enclosing(threading.Lock()), "`value` that .* encloses is a _thread.lock"),
         (enclosing([1, {"a": iterator()}]), r"`value` that .* encloses\[1\]\['a'\] is a builtins.generator"),
         (lambda x: eval("x"), "calls `eval`"),
+        (lambda x: os.environ["X"], "reads the environment by `environ`"),
         (functools.partial(enclosing, threading.Event()), "is a _thread.lock"),
     ],
-    ids=["lock", "generator", "eval", "partial"],
+    ids=["lock", "generator", "eval", "environment", "partial"],
 )
 def test_what_cannot_be_represented_asks_for_a_version(
     tmp_path: Path, function: Callable[..., Any], message: str

@@ -1,13 +1,17 @@
 //! Contacts of several bodies, with surfaces and with each other.
 
-use crate::contacts::{Contact, event_kind, rolling};
+use crate::contacts::{Contact, about_centre, event_kind, is_free, without_stretch};
 use crate::error::{ContactError, finite, positive};
 use crate::event::EventKind;
-use crate::hybrid::{Guard, Hybrid, HybridBodies};
-use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
+use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::stretches::Touching;
+use crate::surface::SurfaceFault;
+use crate::sweep::{BodySweep, Sweep};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::force::ForceModel;
+use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{Interaction, RigidBodiesSystem, world_acceleration};
 
@@ -26,8 +30,8 @@ impl BodySphere {
     }
 
     /// The lever arm of the centre, world frame.
-    fn arm(&self, x: &State<Vec<Pose>>) -> Vector3<f64> {
-        x.configuration[self.body].orientation * self.centre
+    fn arm(&self, q: &[Pose]) -> Vector3<f64> {
+        q[self.body].orientation * self.centre
     }
 }
 
@@ -42,8 +46,7 @@ pub struct SpherePair {
 }
 
 impl SpherePair {
-    /// Two spheres on different bodies and a law; its friction may not be
-    /// [`Friction::Coulomb`](crate::friction::Friction::Coulomb), as spheres roll.
+    /// Two spheres on different bodies and a law.
     pub fn try_new(
         first: BodySphere,
         second: BodySphere,
@@ -52,21 +55,23 @@ impl SpherePair {
         if first.body == second.body {
             return Err(ContactError::SameBody { body: first.body });
         }
-        Ok(Self { spheres: [first, second], law: rolling(law.into())? })
+        Ok(Self { spheres: [first, second], law: law.into() })
     }
 
     /// The encounter of the first sphere with the second, and the lever arms of the point of contact.
-    fn meet(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> (Encounter, [Vector3<f64>; 2]) {
+    ///
+    /// The plane of contact turns with the line of the centres, and about it at the mean of the two spins.
+    fn meet(&self, bodies: &[RigidBody], (q, p): Moving<'_>) -> (Encounter, [Vector3<f64>; 2]) {
         let [a, b] = &self.spheres;
-        let (pose_a, pose_b) = (&x.configuration[a.body], &x.configuration[b.body]);
-        let (arm_a, arm_b) = (a.arm(x), b.arm(x));
+        let (pose_a, pose_b) = (&q[a.body], &q[b.body]);
+        let (arm_a, arm_b) = (a.arm(q), b.arm(q));
         let span = (pose_a.position - pose_b.position) + (arm_a - arm_b);
         let distance = span.norm();
         let total = a.radius + b.radius;
         // Spheres with one centre have no normal; zero is harmless.
         let normal = if distance > 0.0 { span / distance } else { Vector3::zeros() };
         let arms = [arm_a - span * (a.radius / total), arm_b + span * (b.radius / total)];
-        let (rate_a, rate_b) = (&x.rate[a.body], &x.rate[b.body]);
+        let (rate_a, rate_b) = (&p[a.body], &p[b.body]);
         let velocity = (rate_a.linear + rate_a.angular.cross(&arms[0]))
             - (rate_b.linear + rate_b.angular.cross(&arms[1]));
         let rate = normal.dot(&velocity);
@@ -78,6 +83,14 @@ impl SpherePair {
             point: pose_a.position + arms[0],
             sliding: velocity - normal * rate,
             turning: rate_a.angular - rate_b.angular,
+            tilting: if self.law.friction.has_stretch() && distance > 0.0 {
+                let of_centres = (rate_a.linear + rate_a.angular.cross(&arm_a))
+                    - (rate_b.linear + rate_b.angular.cross(&arm_b));
+                let spin = 0.5 * normal.dot(&(rate_a.angular + rate_b.angular));
+                normal.cross(&of_centres) / distance + normal * spin
+            } else {
+                Vector3::zeros()
+            },
             mass: m_a / (1.0 + m_a / m_b),
         };
         (encounter, arms)
@@ -123,59 +136,119 @@ impl BodyContacts {
         self.len() == 0
     }
 
+    /// The laws of the contacts, in their order.
+    pub fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
+        self.on_surfaces
+            .iter()
+            .map(|(_, contact)| contact.law())
+            .chain(self.pairs.iter().map(|pair| &pair.law))
+    }
+
     /// Law and encounter of each contact in a state.
     fn encounters(
         &self,
         bodies: &[RigidBody],
-        x: &State<Vec<Pose>>,
+        x: Moving<'_>,
     ) -> impl Iterator<Item = (&ContactLaw, Encounter)> {
         let of_surfaces = self
             .on_surfaces
             .iter()
-            .map(|(body, contact)| (contact.law(), contact.encounter(&bodies[*body], &state(x, *body))));
-        of_surfaces.chain(self.pairs.iter().map(|pair| (&pair.law, pair.meet(bodies, x).0)))
+            .map(move |(body, contact)| (contact.law(), contact.encounter(&bodies[*body], &state(x, *body))));
+        of_surfaces.chain(self.pairs.iter().map(move |pair| (&pair.law, pair.meet(bodies, x).0)))
     }
 
     /// Energy of the springs of the normal laws, J.
     pub fn energy(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> f64 {
-        self.encounters(bodies, x).map(|(law, at)| law.normal.energy(at.gap)).sum()
+        self.encounters(bodies, moving(x)).map(|(law, at)| law.normal.energy(at.gap)).sum()
     }
 
-    /// Adds the wrenches of all contacts, each in the mode that `mode` gives it by its number and encounter.
+    /// Adds the wrenches of all contacts, each by the effort that `effort` gives it by its number and encounter.
     fn add_wrenches_by(
         &self,
-        mode: impl Fn(usize, &ContactLaw, &Encounter) -> ContactMode,
+        mut effort: impl FnMut(usize, &ContactLaw, &Encounter) -> Wrench,
         bodies: &[RigidBody],
-        x: &State<Vec<Pose>>,
+        x: Moving<'_>,
         out: &mut [Twist],
     ) {
-        let mut add = |body: usize, force: Vector3<f64>, torque: Vector3<f64>| {
-            out[body].linear += force;
-            out[body].angular += torque;
+        let mut add = |body: usize, wrench: Wrench| {
+            out[body].linear += wrench.force;
+            out[body].angular += wrench.torque;
         };
         for (i, (body, contact)) in self.on_surfaces.iter().enumerate() {
             let (at, arm) = contact.meet(&bodies[*body], &state(x, *body));
-            let effort = contact.law().effort_in(&mode(i, contact.law(), &at), &at);
-            add(*body, effort.force, arm.cross(&effort.force) + effort.torque);
+            add(*body, about_centre(&arm, &effort(i, contact.law(), &at)));
         }
         for (i, pair) in self.pairs.iter().enumerate() {
             let (at, [arm_a, arm_b]) = pair.meet(bodies, x);
-            let effort = pair.law.effort_in(&mode(self.on_surfaces.len() + i, &pair.law, &at), &at);
+            let effort = effort(self.on_surfaces.len() + i, &pair.law, &at);
             let [a, b] = &pair.spheres;
-            add(a.body, effort.force, arm_a.cross(&effort.force) + effort.torque);
-            add(b.body, -effort.force, -(arm_b.cross(&effort.force) + effort.torque));
+            add(a.body, about_centre(&arm_a, &effort));
+            let wrench = about_centre(&arm_b, &effort);
+            add(b.body, Wrench { force: -wrench.force, torque: -wrench.torque });
         }
     }
 }
 
-fn state(x: &State<Vec<Pose>>, body: usize) -> RigidBodyState {
-    State { configuration: x.configuration[body], rate: x.rate[body] }
+impl SpherePair {
+    /// How far the gap may move where the bodies move so.
+    fn sweep(&self, sweep: &impl Fn(usize) -> BodySweep) -> Sweep {
+        let [a, b] = &self.spheres;
+        BodySweep::between_spheres([&sweep(a.body), &sweep(b.body)], [a.centre.norm(), b.centre.norm()])
+    }
+
+    /// Whether the spheres have a normal.
+    fn examine(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> Result<(), SurfaceFault> {
+        let (at, _) = self.meet(bodies, moving(x));
+        if at.normal == Vector3::zeros() {
+            return Err(SurfaceFault::Concentric { point: at.point.into() });
+        }
+        Ok(())
+    }
+
+    /// The rates of the laws in a mode.
+    fn rate_in(&self, mode: &ContactMode, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> ContactRate {
+        if matches!(mode, ContactMode::Open) {
+            return ContactRate::default();
+        }
+        let (at, arms) = self.meet(bodies, moving(x));
+        let [first, second] = [0, 1].map(|i| {
+            let body = self.spheres[i].body;
+            Mobility::of_body(&bodies[body], &state(moving(x), body), &arms[i], &at.normal)
+        });
+        self.law.rate(&at, &(first + second))
+    }
+}
+
+impl BodyContacts {
+    /// The sweep of each gap where the bodies move as `sweep` says.
+    fn gap_sweeps(
+        &self,
+        x: &State<Vec<Pose>>,
+        sweep: &impl Fn(usize) -> BodySweep,
+    ) -> impl Iterator<Item = Sweep> {
+        let of_surfaces =
+            self.on_surfaces.iter().map(|(body, c)| c.sweep(&sweep(*body), &state(moving(x), *body)));
+        of_surfaces.chain(self.pairs.iter().map(move |pair| pair.sweep(sweep)))
+    }
+}
+
+/// Poses of bodies and their rates.
+type Moving<'a> = (&'a [Pose], &'a [Twist]);
+
+fn moving(x: &State<Vec<Pose>>) -> Moving<'_> {
+    (&x.configuration, &x.rate)
+}
+
+fn state((q, p): Moving<'_>, body: usize) -> RigidBodyState {
+    State { configuration: q[body], rate: p[body] }
 }
 
 /// Without modes: each contact switches by its state, which costs any method its order.
 impl Interaction for BodyContacts {
     fn add_wrenches(&self, _: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]) {
-        self.add_wrenches_by(|_, law, at| law.mode(at), bodies, x, out);
+        let none = Vector3::zeros();
+        let effort = |_, law: &ContactLaw, at: &Encounter| law.effort_in(&law.mode(at, &none), at, &none);
+        self.add_wrenches_by(effort, bodies, moving(x), out);
     }
     fn bodies(&self) -> Option<usize> {
         Some(self.bodies)
@@ -189,16 +262,52 @@ impl Interaction for BodyContacts {
 /// Several rigid bodies, each under forces `F`, smooth along a trajectory, and their contacts.
 pub type BodiesInContact<F> = RigidBodiesSystem<F, BodyContacts>;
 
+impl<F: ForceModel> Touching for BodiesInContact<F> {
+    fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
+        self.interaction().laws()
+    }
+
+    fn each_encounter(
+        &self,
+        q: &Vec<Pose>,
+        p: &Vec<Twist>,
+        mut see: impl FnMut(usize, &ContactLaw, &Encounter),
+    ) {
+        for (i, (law, at)) in self.interaction().encounters(self.bodies(), (q, p)).enumerate() {
+            see(i, law, &at);
+        }
+    }
+
+    fn wrenches_by(
+        &self,
+        t: f64,
+        (q, p): (&Vec<Pose>, &Vec<Twist>),
+        effort: impl FnMut(usize, &ContactLaw, &Encounter) -> Wrench,
+        out: &mut Vec<Twist>,
+    ) {
+        for (i, (body, force)) in self.bodies().iter().zip(self.forces()).enumerate() {
+            let wrench = force.wrench(t, body, &state((q, p), i));
+            out[i] = Twist { linear: wrench.force, angular: wrench.torque };
+        }
+        self.interaction().add_wrenches_by(effort, self.bodies(), (q, p), out);
+    }
+}
+
 impl<F: ForceModel> Hybrid for BodiesInContact<F> {
     type Mode = Vec<ContactMode>;
 
+    fn check(&self) -> Result<(), IntegrateError> {
+        without_stretch(self.laws())
+    }
+
     fn mode(&self, _: f64, x: &State<Vec<Pose>>) -> Vec<ContactMode> {
-        self.interaction().encounters(self.bodies(), x).map(|(law, at)| law.mode(&at)).collect()
+        let encounters = self.interaction().encounters(self.bodies(), moving(x));
+        encounters.map(|(law, at)| law.mode(&at, &Vector3::zeros())).collect()
     }
 
     fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &State<Vec<Pose>>) -> Vec<ContactMode> {
-        let encounters = self.interaction().encounters(self.bodies(), x).zip(before);
-        encounters.map(|((law, at), before)| law.next_mode(before, &at)).collect()
+        let encounters = self.interaction().encounters(self.bodies(), moving(x)).zip(before);
+        encounters.map(|((law, at), before)| law.next_mode(before, &at, &Vector3::zeros())).collect()
     }
 
     fn event_kind(
@@ -206,21 +315,87 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
         guard: usize,
         before: &Guard,
         after: &Guard,
-        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+        _: (&Vec<ContactMode>, &Vec<ContactMode>),
     ) -> EventKind {
-        event_kind(self.interaction().len(), guard, before, after, (modes.0, modes.1))
+        event_kind(self.interaction().len(), guard, before, after)
     }
 
     fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &State<Vec<Pose>>, out: &mut Vec<Guard>) {
         let contacts = self.interaction();
         let n = contacts.len();
         out.resize(if contacts.friction_has_modes { 2 * n } else { n }, Guard::default());
-        for (i, ((law, at), mode)) in contacts.encounters(self.bodies(), x).zip(mode).enumerate() {
+        for (i, ((law, at), mode)) in contacts.encounters(self.bodies(), moving(x)).zip(mode).enumerate() {
             out[i] = law.guard(&at);
             if contacts.friction_has_modes {
-                out[n + i] = law.friction_guard(mode, &at);
+                out[n + i] = law.friction_guard(mode, &at, &Vector3::zeros());
             }
         }
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        h: f64,
+        (before, after): (&State<Vec<Pose>>, &State<Vec<Pose>>),
+        out: &mut Vec<Sweep>,
+    ) {
+        let (contacts, is_free) = (self.interaction(), is_free(mode));
+        let sweep = |i: usize| {
+            let ends = (&state(moving(before), i), &state(moving(after), i));
+            BodySweep::between(&self.bodies()[i], &self.forces()[i], ends, h, is_free)
+        };
+        out.extend(contacts.gap_sweeps(before, &sweep));
+        if contacts.friction_has_modes {
+            out.resize(2 * contacts.len(), Sweep::UNKNOWN);
+        }
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        x: &State<Vec<Pose>>,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        let ahead =
+            |i: usize| BodySweep::ahead(&self.bodies()[i], &self.forces()[i], &state(moving(x), i), horizon);
+        if !is_free(mode) || (0..self.bodies().len()).any(|i| ahead(i).is_none()) {
+            return 0.0;
+        }
+        let sweep = |i: usize| ahead(i).unwrap_or(BodySweep::UNKNOWN);
+        let gaps = self.interaction().gap_sweeps(x, &sweep).zip(guards);
+        gaps.fold(horizon, |least, (sweep, guard)| least.min(sweep.clear_time(guard.gap)))
+    }
+
+    fn examine(&self, guard: usize, x: &State<Vec<Pose>>) -> Result<(), SurfaceFault> {
+        let contacts = self.interaction();
+        if let Some((body, contact)) = contacts.on_surfaces.get(guard) {
+            return contact.examine(&state(moving(x), *body));
+        }
+        match contacts.pairs.get(guard.wrapping_sub(contacts.on_surfaces.len())) {
+            Some(pair) => pair.examine(self.bodies(), x),
+            None => Ok(()),
+        }
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &State<Vec<Pose>>) -> f64 {
+        let (contacts, bodies) = (self.interaction(), self.bodies());
+        let of_surfaces = contacts.on_surfaces.iter().zip(mode);
+        let of_pairs = contacts.pairs.iter().zip(mode.iter().skip(contacts.on_surfaces.len()));
+        let surfaces = of_surfaces.map(|((i, c), mode)| c.rate_in(mode, &bodies[*i], &state(moving(x), *i)));
+        let pairs = of_pairs.map(|(pair, mode)| pair.rate_in(mode, bodies, x));
+        surfaces.chain(pairs).sum::<ContactRate>().bound()
+    }
+
+    fn energy(&self, x: &State<Vec<Pose>>) -> Option<Energy> {
+        let mut sum = Energy { springs: self.interaction().energy(self.bodies(), x), ..Energy::default() };
+        for (i, (body, force)) in self.bodies().iter().zip(self.forces()).enumerate() {
+            sum.potential += force.potential(body, &state(moving(x), i))?;
+            sum.kinetic += body.kinetic_energy(&state(moving(x), i));
+        }
+        Some(sum)
     }
 
     fn acceleration_in(
@@ -233,26 +408,19 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
     ) {
         self.wrenches_in(mode, t, x, wrenches);
         for (i, body) in self.bodies().iter().enumerate() {
-            out[i] = world_acceleration(body, &state(x, i), &wrenches[i]);
+            out[i] = world_acceleration(body, &state(moving(x), i), &wrenches[i]);
         }
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
-        let contacts = self.interaction();
-        let on_surface = contacts.on_surfaces.get(guard).map(|(_, c)| c.law());
-        let law = on_surface.or_else(|| {
-            contacts.pairs.get(guard.wrapping_sub(contacts.on_surfaces.len())).map(|pair| &pair.law)
-        });
-        law.map_or(0.0, |law| law.normal.impulse(h, before, after))
+        self.laws().nth(guard).map_or(0.0, |law| law.normal.impulse(h, before, after))
     }
 }
 
 impl<F: ForceModel> HybridBodies for BodiesInContact<F> {
     fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
-        for (i, (body, force)) in self.bodies().iter().zip(self.forces()).enumerate() {
-            let wrench = force.wrench(t, body, &state(x, i));
-            out[i] = Twist { linear: wrench.force, angular: wrench.torque };
-        }
-        self.interaction().add_wrenches_by(|i, _, _| mode[i], self.bodies(), x, out);
+        let effort =
+            |i: usize, law: &ContactLaw, at: &Encounter| law.effort_in(&mode[i], at, &Vector3::zeros());
+        self.wrenches_by(t, (&x.configuration, &x.rate), effort, out);
     }
 }

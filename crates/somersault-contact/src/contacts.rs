@@ -2,14 +2,18 @@
 
 use crate::error::{ContactError, direction, finite, positive};
 use crate::event::EventKind;
-use crate::friction::Friction;
-use crate::hybrid::{Guard, Hybrid, HybridBodies};
-use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
+use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Place, Shape};
-use crate::surface::{HalfSpace, Surface};
+use crate::stretches::Touching;
+#[cfg(doc)]
+use crate::stretches::WithStretches;
+use crate::surface::{self, HalfSpace, Surface, SurfaceFault, check_slope};
+use crate::sweep::{BodySweep, Sweep};
 use crate::touch::{Motion, Touch};
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
+use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{InBody, Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{Decoder, FromBody, RigidBodySystem, euler};
@@ -44,8 +48,6 @@ impl Contact {
     }
 
     /// A ball of some centre and radius, against any surface.
-    ///
-    /// It rolls, so its friction may not be [`Friction::Coulomb`].
     pub fn try_ball(
         centre: Vector3<f64>,
         radius: f64,
@@ -53,12 +55,10 @@ impl Contact {
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
         let shape = Shape::Ball { centre: finite("centre", centre)?, radius: positive("radius", radius)? };
-        Ok(Self::new(shape, surface, rolling(law.into())?))
+        Ok(Self::new(shape, surface, law.into()))
     }
 
     /// The rim of a disk of some centre, axis (of any length but zero) and radius, against a plane.
-    ///
-    /// It rolls, so its friction may not be [`Friction::Coulomb`].
     pub fn try_rim(
         centre: Vector3<f64>,
         axis: Vector3<f64>,
@@ -68,7 +68,7 @@ impl Contact {
     ) -> Result<Self, ContactError> {
         let (centre, axis) = (finite("centre", centre)?, direction("axis", axis)?);
         let shape = Shape::Rim { centre, axis, radius: positive("radius", radius)? };
-        Ok(Self::new(shape, Arc::new(plane), rolling(law.into())?))
+        Ok(Self::new(shape, Arc::new(plane), law.into()))
     }
 
     /// What touches.
@@ -102,7 +102,38 @@ impl Contact {
 
     #[inline(never)]
     fn place_on_surface(&self, x: &RigidBodyState) -> Place {
-        self.shape.place(|point| self.surface.signed_distance(point), x)
+        let distance = |point: &Vector3<f64>| {
+            let mut at = self.surface.signed_distance(point);
+            if check_slope(self.surface.as_ref(), point, &at.gradient).is_err() {
+                // The run ends at the guard, which is asked what is the matter.
+                at.distance = f64::NAN;
+            }
+            at
+        };
+        self.shape.place(distance, x)
+    }
+
+    /// Whether the surface is fit to be touched in a state of the body.
+    pub fn examine(&self, x: &RigidBodyState) -> Result<(), SurfaceFault> {
+        let point = x.position() + x.orientation() * self.shape.centre();
+        surface::examine(self.surface.as_ref(), &point)
+    }
+
+    /// How far the gap may move where the body moves so.
+    pub(crate) fn sweep(&self, body: &BodySweep, x: &RigidBodyState) -> Sweep {
+        match &self.plane {
+            Some(plane) => body.against(&self.shape, plane, x),
+            None => body.against(&self.shape, self.surface.as_ref(), x),
+        }
+    }
+
+    /// The rates of the laws in a mode.
+    pub(crate) fn rate_in(&self, mode: &ContactMode, body: &RigidBody, x: &RigidBodyState) -> ContactRate {
+        if matches!(mode, ContactMode::Open) {
+            return ContactRate::default();
+        }
+        let (at, arm) = self.meet(body, x);
+        self.law.rate(&at, &Mobility::of_body(body, x, &arm, &at.normal))
     }
 
     /// What the laws see in a state of a body.
@@ -124,9 +155,21 @@ impl Contact {
             point: x.position() + place.arm,
             sliding: velocity - place.normal * rate,
             turning: *x.angular_velocity(),
+            tilting: self.tilting(x, &place.normal),
             mass: body.mass(),
         };
         (encounter, place.arm)
+    }
+
+    /// n × ṅ, where friction has a stretch that turns with the plane of contact.
+    #[inline]
+    fn tilting(&self, x: &RigidBodyState, normal: &Vector3<f64>) -> Vector3<f64> {
+        if self.plane.is_some() || !self.law.friction.has_stretch() {
+            return Vector3::zeros();
+        }
+        let arm = x.orientation() * self.shape.centre();
+        let velocity = x.velocity() + x.angular_velocity().cross(&arm);
+        normal.cross(&(self.surface.hessian(&(x.position() + arm)) * velocity))
     }
 
     /// Force, and torque about the centre of mass in the axes of the motion, frozen in a mode.
@@ -149,8 +192,8 @@ impl Contact {
     #[inline(never)]
     fn world_wrench_in(&self, mode: &ContactMode, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         let (at, arm) = self.meet(body, x);
-        let effort = self.law.effort_in(mode, &at);
-        Wrench { force: effort.force, torque: arm.cross(&effort.force) + effort.torque }
+        let effort = self.law.effort_in(mode, &at, &Vector3::zeros());
+        about_centre(&arm, &effort)
     }
 
     /// Point and plane where a point meets a plane and there is nothing but the push along the normal.
@@ -163,20 +206,18 @@ impl Contact {
     }
 }
 
-/// The law, if it suits a body that rolls.
-pub(crate) fn rolling(law: ContactLaw) -> Result<ContactLaw, ContactError> {
-    match law.friction {
-        Friction::Coulomb(_) => Err(ContactError::AnchorOnRolling),
-        _ => Ok(law),
-    }
+/// The wrench about the centre of mass of an effort at the end of a lever arm.
+#[inline]
+pub(crate) fn about_centre(arm: &Vector3<f64>, effort: &Wrench) -> Wrench {
+    Wrench { force: effort.force, torque: arm.cross(&effort.force) + effort.torque }
 }
 
 /// The contacts of a body.
 ///
 /// As a [`ForceModel`] it switches each contact by its state, as the thesis does: that costs any method
 /// its order. As part of a [`BodyInContact`] it has modes, one a contact, for
-/// [`integrate_located`](crate::driver::integrate_located). By its state alone a contact that sticks has its
-/// spring unstretched: it holds by its damper.
+/// [`integrate_located`](crate::driver::integrate_located). Friction with a stretch needs a state that has it,
+/// [`WithStretches`]; as a [`ForceModel`] the stretch is zero.
 ///
 /// ```
 /// use nalgebra::Vector3;
@@ -185,19 +226,21 @@ pub(crate) fn rolling(law: ContactLaw) -> Result<ContactLaw, ContactError> {
 /// use somersault_contact::friction::CoulombFriction;
 /// use somersault_contact::law::CompliantLaw;
 /// use somersault_contact::models::SlidingBlock;
+/// use somersault_contact::stretches::WithStretches;
 /// use somersault_integrators::driver::TimeGrid;
 /// use somersault_integrators::methods::{Method, Options};
 ///
 /// let law = CompliantLaw::from_frequency(1.0, 140.0, 0.2)?;
 /// let friction = CoulombFriction::try_new(0.4, 1e4, 200.0)?;
 /// let block = SlidingBlock::try_new(1.0, Vector3::new(0.2, 0.1, 0.06), law, friction)?;
-/// let (start, grid) = (block.sliding(3.0), TimeGrid::try_new(0.0, 1.0, 1e-2)?);
+/// let system = WithStretches(&block.system);
+/// let (start, grid) = (system.unstretched(block.sliding(3.0)), TimeGrid::try_new(0.0, 1.0, 1e-3)?);
 /// let (method, options, location) = (Method::RkmkB, Options::default(), Location::default());
-/// let run = integrate_located(method, options, &block.system, &start, &grid, &location, &mut ())?;
-/// // It stops after v/(μ g), at v²/(2 μ g).
+/// let run = integrate_located(method, options, &system, &start, &grid, &location, &mut ())?;
+/// // It slips, and sticks once it has stopped, after about v/(μ g).
 /// assert_eq!(run.events[0].kind, EventKind::Stick);
-/// assert!((run.events[0].t - 3.0 / (0.4 * 9.81)).abs() < 1e-12);
-/// assert!((run.state.position().x - 9.0 / (2.0 * 0.4 * 9.81)).abs() < 1e-12);
+/// assert!((run.events[0].t - 3.0 / (0.4 * 9.81)).abs() < 1e-2);
+/// assert!(run.state.base().velocity().norm() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
@@ -225,11 +268,61 @@ impl Contacts {
     pub fn energy(&self, x: &RigidBodyState) -> f64 {
         self.contacts.iter().map(|c| c.law.normal.energy(c.place(x).gap)).sum()
     }
+}
 
-    /// The same and the energy of the springs that hold sticking contacts, J.
-    pub fn energy_in(&self, mode: &[ContactMode], body: &RigidBody, x: &RigidBodyState) -> f64 {
-        self.contacts.iter().zip(mode).map(|(c, mode)| c.law.energy_in(mode, &c.encounter(body, x))).sum()
+impl Contacts {
+    /// The sweeps of all gaps, between two states of a body h apart, under forces that are smooth.
+    pub(crate) fn sweeps<F: ForceModel>(
+        &self,
+        modes: &[ContactMode],
+        (body, forces): (&RigidBody, &F),
+        h: f64,
+        ends: (&RigidBodyState, &RigidBodyState),
+        out: &mut Vec<Sweep>,
+    ) {
+        let sweep = BodySweep::between(body, forces, ends, h, is_free(modes));
+        out.extend(self.contacts.iter().map(|contact| contact.sweep(&sweep, ends.0)));
+        if self.friction_has_modes {
+            out.resize(2 * self.contacts.len(), Sweep::UNKNOWN);
+        }
     }
+
+    /// For how long no contact can close.
+    pub(crate) fn clear_time<F: ForceModel>(
+        &self,
+        modes: &[ContactMode],
+        (body, forces): (&RigidBody, &F),
+        x: &RigidBodyState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        if !is_free(modes) {
+            return 0.0;
+        }
+        let Some(sweep) = BodySweep::ahead(body, forces, x, horizon) else { return 0.0 };
+        let times = self.contacts.iter().zip(guards);
+        times.fold(horizon, |least, (c, guard)| least.min(c.sweep(&sweep, x).clear_time(guard.gap)))
+    }
+
+    /// Upper bound of |λ| of the contacts closed, 1/s.
+    pub(crate) fn rate(&self, modes: &[ContactMode], body: &RigidBody, x: &RigidBodyState) -> f64 {
+        self.contacts.iter().zip(modes).map(|(c, mode)| c.rate_in(mode, body, x)).sum::<ContactRate>().bound()
+    }
+
+    /// The energy of a body, its springs in contact and its forces.
+    pub(crate) fn total_energy<F: ForceModel>(
+        &self,
+        (body, forces): (&RigidBody, &F),
+        x: &RigidBodyState,
+    ) -> Option<Energy> {
+        let potential = forces.potential(body, x)?;
+        Some(Energy { kinetic: body.kinetic_energy(x), springs: self.energy(x), potential })
+    }
+}
+
+/// Whether no contact is closed.
+pub(crate) fn is_free(modes: &[ContactMode]) -> bool {
+    modes.iter().all(|mode| matches!(mode, ContactMode::Open))
 }
 
 impl std::ops::Deref for Contacts {
@@ -244,7 +337,7 @@ impl ForceModel for Contacts {
     fn wrench(&self, _: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         let mut sum = Wrench::default();
         for contact in &self.contacts {
-            let mode = contact.law.mode(&contact.encounter(body, x));
+            let mode = contact.law.mode(&contact.encounter(body, x), &Vector3::zeros());
             sum = sum + contact.wrench_in(&mode, body, Motion::in_world(x));
         }
         sum
@@ -266,21 +359,24 @@ pub type BodyInContact<F> = RigidBodySystem<(F, Contacts)>;
 
 /// What the change of a guard is called, where the guards of `contacts` contacts are followed by those of
 /// their friction.
-pub(crate) fn event_kind(
-    contacts: usize,
-    guard: usize,
-    before: &Guard,
-    after: &Guard,
-    modes: (&[ContactMode], &[ContactMode]),
-) -> EventKind {
+pub(crate) fn event_kind(contacts: usize, guard: usize, before: &Guard, after: &Guard) -> EventKind {
     if guard < contacts {
-        return EventKind::of_contact(before, after);
+        EventKind::of_contact(before, after)
+    } else if before.is_inside() {
+        EventKind::Stick
+    } else {
+        EventKind::Slip
     }
-    match (modes.0[guard - contacts], modes.1[guard - contacts]) {
-        (ContactMode::Slip { .. }, ContactMode::Slip { .. }) => EventKind::Turn,
-        (ContactMode::Slip { .. } | ContactMode::Slide, _) => EventKind::Stick,
-        _ => EventKind::Slip,
+}
+
+/// Refuses friction with a stretch, for which a state of poses and rates alone has no place.
+pub(crate) fn without_stretch<'a>(
+    laws: impl IntoIterator<Item = &'a ContactLaw>,
+) -> Result<(), IntegrateError> {
+    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+        return Err(IntegrateError::Variables { remedy: "integrate the system in `WithStretches`" });
     }
+    Ok(())
 }
 
 /// Force, and torque about the centre of mass in the axes of the motion, with contacts frozen in their modes.
@@ -305,13 +401,19 @@ fn wrench_in<F: ForceModel>(
 impl<F: ForceModel> Hybrid for BodyInContact<F> {
     type Mode = Vec<ContactMode>;
 
+    fn check(&self) -> Result<(), IntegrateError> {
+        without_stretch(self.forces.1.iter().map(Contact::law))
+    }
+
     fn mode(&self, _: f64, x: &RigidBodyState) -> Vec<ContactMode> {
-        self.forces.1.iter().map(|c| c.law.mode(&c.encounter(&self.body, x))).collect()
+        let none = Vector3::zeros();
+        self.forces.1.iter().map(|c| c.law.mode(&c.encounter(&self.body, x), &none)).collect()
     }
 
     fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &RigidBodyState) -> Vec<ContactMode> {
         let contacts = self.forces.1.iter().zip(before);
-        contacts.map(|(c, before)| c.law.next_mode(before, &c.encounter(&self.body, x))).collect()
+        let none = Vector3::zeros();
+        contacts.map(|(c, before)| c.law.next_mode(before, &c.encounter(&self.body, x), &none)).collect()
     }
 
     fn event_kind(
@@ -319,9 +421,9 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
         guard: usize,
         before: &Guard,
         after: &Guard,
-        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+        _: (&Vec<ContactMode>, &Vec<ContactMode>),
     ) -> EventKind {
-        event_kind(self.forces.1.len(), guard, before, after, (modes.0, modes.1))
+        event_kind(self.forces.1.len(), guard, before, after)
     }
 
     #[inline]
@@ -333,9 +435,43 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
             let at = contact.encounter(&self.body, x);
             out[i] = contact.law.guard(&at);
             if contacts.friction_has_modes {
-                out[n + i] = contact.law.friction_guard(mode, &at);
+                out[n + i] = contact.law.friction_guard(mode, &at, &Vector3::zeros());
             }
         }
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        h: f64,
+        ends: (&RigidBodyState, &RigidBodyState),
+        out: &mut Vec<Sweep>,
+    ) {
+        self.forces.1.sweeps(mode, (&self.body, &self.forces.0), h, ends, out);
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        x: &RigidBodyState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        self.forces.1.clear_time(mode, (&self.body, &self.forces.0), x, guards, horizon)
+    }
+
+    fn examine(&self, guard: usize, x: &RigidBodyState) -> Result<(), SurfaceFault> {
+        self.forces.1.get(guard).map_or(Ok(()), |contact| contact.examine(x))
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
+        self.forces.1.rate(mode, &self.body, x)
+    }
+
+    fn energy(&self, x: &RigidBodyState) -> Option<Energy> {
+        self.forces.1.total_energy((&self.body, &self.forces.0), x)
     }
 
     #[inline(always)]
@@ -356,6 +492,38 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
         self.forces.1.get(guard).map_or(0.0, |c| c.law.normal.impulse(h, before, after))
+    }
+}
+
+impl<F: ForceModel> Touching for BodyInContact<F> {
+    fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
+        self.forces.1.iter().map(Contact::law)
+    }
+
+    #[inline]
+    fn each_encounter(&self, q: &Pose, p: &Twist, mut see: impl FnMut(usize, &ContactLaw, &Encounter)) {
+        let x = State { configuration: *q, rate: *p };
+        for (i, contact) in self.forces.1.iter().enumerate() {
+            see(i, &contact.law, &contact.encounter(&self.body, &x));
+        }
+    }
+
+    #[inline]
+    fn wrenches_by(
+        &self,
+        t: f64,
+        (q, p): (&Pose, &Twist),
+        mut effort: impl FnMut(usize, &ContactLaw, &Encounter) -> Wrench,
+        out: &mut Twist,
+    ) {
+        let x = State { configuration: *q, rate: *p };
+        let (smooth, contacts) = &self.forces;
+        let mut sum = smooth.wrench(t, &self.body, &x);
+        for (i, contact) in contacts.iter().enumerate() {
+            let (at, arm) = contact.meet(&self.body, &x);
+            sum = sum + about_centre(&arm, &effort(i, &contact.law, &at));
+        }
+        *out = Twist { linear: sum.force, angular: sum.torque };
     }
 }
 

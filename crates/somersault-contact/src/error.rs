@@ -32,11 +32,24 @@ pub enum ContactError {
         /// The value given.
         found: f64,
     },
-    /// Friction that sticks by an anchored spring, on a shape whose point of contact wanders.
+    /// A static coefficient of friction below the kinetic one.
     #[error(
-        "`law` has Coulomb friction, which anchors a point; a ball or a rim rolls: give it creep or regularised friction"
+        "`static_coefficient` must be finite and at least the kinetic coefficient, {kinetic}, found {found}"
     )]
-    AnchorOnRolling,
+    StaticCoefficient {
+        /// The value given.
+        found: f64,
+        /// μ.
+        kinetic: f64,
+    },
+    /// Stretches that do not fit the contacts.
+    #[error("`stretches` must have a finite vector for each of the {contacts} contacts, found {found}")]
+    Stretches {
+        /// What was found.
+        found: String,
+        /// Number of contacts.
+        contacts: usize,
+    },
     /// An index of a body that is not there.
     #[error("`{argument}` must be below the number of bodies, {bodies}, found {found}")]
     NoBody {

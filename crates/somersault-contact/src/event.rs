@@ -1,6 +1,7 @@
 //! Events, and what a run with events leaves.
 
 use crate::hybrid::Guard;
+use crate::surface::SurfaceFault;
 use somersault_integrators::driver::{IntegrateError, Status};
 use somersault_integrators::state::{Configuration, State};
 
@@ -18,9 +19,6 @@ pub enum EventKind {
     Stick,
     /// A contact that stuck begins to slide.
     Slip,
-    /// The direction of sliding has turned by 60° since the last event of this kind, or since
-    /// sliding began. Nothing happens to the motion.
-    Turn,
 }
 
 impl EventKind {
@@ -62,11 +60,39 @@ pub struct Location {
     pub max_event_rate: f64,
     /// Whether events are kept. They are counted in any case.
     pub keep_events: bool,
+    /// Depth below which a hit may be missed, m, where a gap has a Lipschitz constant but no bound of its second
+    /// derivative: rims, and surfaces without [`concavity`](crate::surface::Surface::concavity).
+    ///
+    /// The default is 1e-6 m. The others are resolved to rounding.
+    pub graze: f64,
+    /// What is done about fixed steps that are too long for the contacts closed.
+    pub stiff: StiffSteps,
+}
+
+/// What is done about fixed steps that are too long for the contacts closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StiffSteps {
+    /// They are divided as the rate of the contacts and the method ask for, and further where the energy grows; a
+    /// run that would need to divide a step by more than `most` ends with an error.
+    Divide {
+        /// The largest number of parts; 1 refuses every step that is too long.
+        most: u64,
+    },
+    /// They are made as given, for studies of methods: what comes out may be far from any motion.
+    AsGiven,
+}
+
+impl Location {
+    /// With fixed steps made as given, however long for the contacts closed: for studies of methods.
+    pub fn as_given() -> Self {
+        Self { stiff: StiffSteps::AsGiven, ..Self::default() }
+    }
 }
 
 impl Default for Location {
     fn default() -> Self {
-        Self { max_event_rate: 1e9, keep_events: true }
+        let stiff = StiffSteps::Divide { most: 100_000 };
+        Self { max_event_rate: 1e9, keep_events: true, graze: 1e-6, stiff }
     }
 }
 
@@ -83,8 +109,10 @@ pub struct Located<Q: Configuration> {
     pub steps: u64,
     /// Steps tried and rejected by the step size control; none with fixed steps.
     pub rejected: u64,
-    /// Steps tried to find events, in addition.
+    /// Steps tried to find events, and to prove steps clear of them, in addition.
     pub trials: u64,
+    /// How many of the steps were parts of longer ones, divided for the contacts closed.
+    pub substeps: u64,
     /// Number of events.
     pub event_count: u64,
     /// The events, in the order of time, unless they were not to be kept.
@@ -100,6 +128,7 @@ impl<Q: Configuration> Located<Q> {
             steps: 0,
             rejected: 0,
             trials: 0,
+            substeps: 0,
             event_count: 0,
             events: Vec::new(),
         }
@@ -124,6 +153,54 @@ pub enum Interruption {
         gap: f64,
         /// The rate of the gap.
         rate: f64,
+    },
+    /// A surface is not fit to be touched.
+    #[error("the surface behind guard {guard} cannot be touched at t = {t}: {fault}")]
+    Surface {
+        /// Which guard.
+        guard: usize,
+        /// When.
+        t: f64,
+        /// What is wrong.
+        fault: SurfaceFault,
+    },
+    /// A step would have to be divided by more than allowed.
+    #[error(
+        "the step {dt} is too long for the contacts closed at t = {t}: it would take {parts:.0} parts and {most} are allowed; take a shorter step, softer contacts or steps adapted to tolerances"
+    )]
+    StepTooLong {
+        /// When.
+        t: f64,
+        /// The step given.
+        dt: f64,
+        /// Parts needed.
+        parts: f64,
+        /// Parts allowed.
+        most: u64,
+    },
+    /// A step could not be proved clear of contacts, nor an event be found in it.
+    #[error(
+        "the step of {h:e} from t = {t} could not be proved clear of contacts in {parts} parts: the motion is too fast for it, or stays within the depth of a graze"
+    )]
+    Unproved {
+        /// Start of the step.
+        t: f64,
+        /// Its length.
+        h: f64,
+        /// Parts looked at.
+        parts: u32,
+    },
+    /// A contact gains energy from the integration, however short the steps allowed.
+    #[error(
+        "the method gains energy in contact at t = {t}: {gain:.1e} of it, also with steps of {dt:.1e}; take a method of higher order or steps adapted to tolerances"
+    )]
+    EnergyGain {
+        /// When.
+        t: f64,
+        /// Energy gained, relative to what there was at first touch.
+        gain: f64,
+        /// The shortest step tried.
+        dt: f64,
     },
     /// Events follow each other faster than allowed.
     #[error("more than `max_event_rate` = {max_event_rate} events per unit of time at t = {t}")]

@@ -1,17 +1,18 @@
 //! Friction laws and resistance to rolling and spinning, as functions of a few vectors.
 //!
-//! Fₙ is the normal force and v the sliding velocity, tangential to the surface; F is the friction force.
+//! N is the normal force and v the sliding velocity, tangential to the surface; F is the friction force.
 //!
-//! | Law | Force | Modes |
-//! |---|---|---|
-//! | [`RegularisedFriction`] | F = −μ Fₙ v/√(v² + v_ε²) | none |
-//! | [`CoulombFriction`] | sticking F = −k ξ − c v, sliding F = −μ Fₙ v/‖v‖ | two |
-//! | [`CreepFriction`] | F = −min(c ‖v‖, μ Fₙ) v/‖v‖ | two |
+//! | Law | Force | Modes | State |
+//! |---|---|---|---|
+//! | [`RegularisedFriction`] | F = −μ N v/√(v² + v_ε²) | none | none |
+//! | [`CoulombFriction`] | F = −min(‖p‖, μ N) p/‖p‖ with p = k ξ + c v | stick and slip | the stretch ξ |
 //!
-//! C. A. Coulomb, *Théorie des machines simples*, 1785; the spring that sticking stretches: P. A. Cundall,
-//! O. D. L. Strack, Géotechnique 29 (1979) 47; the resistances: K. L. Johnson, *Contact Mechanics*, 1985.
+//! C. A. Coulomb, *Théorie des machines simples*, 1785; spring and damper in series with a slider: P. A. Cundall,
+//! O. D. L. Strack, Géotechnique 29 (1979) 47, P. R. Dahl, AIAA J. 14 (1976) 1675; the resistances: K. L. Johnson,
+//! *Contact Mechanics*, 1985.
 
 use crate::error::{ContactError, not_negative, positive};
+use crate::interface::Encounter;
 use nalgebra::Vector3;
 
 /// Friction of a contact.
@@ -22,10 +23,8 @@ pub enum Friction {
     None,
     /// Smooth, without modes.
     Regularised(RegularisedFriction),
-    /// Stick and slip, for points of a body.
+    /// Stick and slip.
     Coulomb(CoulombFriction),
-    /// Creep and sliding, for whatever rolls.
-    Creep(CreepFriction),
 }
 
 impl From<RegularisedFriction> for Friction {
@@ -40,20 +39,75 @@ impl From<CoulombFriction> for Friction {
     }
 }
 
-impl From<CreepFriction> for Friction {
-    fn from(law: CreepFriction) -> Self {
-        Self::Creep(law)
-    }
+/// What friction depends on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rubbing<'a> {
+    /// Whether it slips.
+    pub(crate) slips: bool,
+    /// N, N.
+    pub(crate) push: f64,
+    pub(crate) at: &'a Encounter,
+    /// ξ, m.
+    pub(crate) stretch: &'a Vector3<f64>,
 }
 
 impl Friction {
     /// Whether it has modes, and so a guard.
     pub fn has_modes(&self) -> bool {
-        matches!(self, Self::Coulomb(_) | Self::Creep(_))
+        match self {
+            Self::None | Self::Regularised(_) => false,
+            Self::Coulomb(_) => true,
+        }
+    }
+
+    /// Whether it has a stretch, a part of the state: see [`WithStretches`](crate::stretches::WithStretches).
+    pub fn has_stretch(&self) -> bool {
+        match self {
+            Self::None | Self::Regularised(_) => false,
+            Self::Coulomb(law) => law.stiffness > 0.0,
+        }
+    }
+
+    /// The force, N.
+    #[inline]
+    pub(crate) fn force(&self, by: Rubbing<'_>) -> Vector3<f64> {
+        match self {
+            Self::None => Vector3::zeros(),
+            Self::Regularised(law) => law.force(by.push, &by.at.sliding),
+            Self::Coulomb(law) => law.force(by.slips, by.push, by.stretch, &by.at.sliding),
+        }
+    }
+
+    /// ξ̇ without the turning of the plane of contact, m/s.
+    #[inline]
+    pub(crate) fn stretch_rate(&self, by: Rubbing<'_>) -> Vector3<f64> {
+        match self {
+            Self::Coulomb(law) if law.stiffness > 0.0 => {
+                law.stretch_rate(by.slips, by.push, by.stretch, &by.at.sliding)
+            }
+            Self::None | Self::Regularised(_) | Self::Coulomb(_) => Vector3::zeros(),
+        }
+    }
+
+    /// Negative where it slips; positive without modes.
+    #[inline]
+    pub(crate) fn margin(&self, by: Rubbing<'_>) -> f64 {
+        match self {
+            Self::None | Self::Regularised(_) => 1.0,
+            Self::Coulomb(law) => law.margin(by.slips, by.push, by.stretch, &by.at.sliding),
+        }
+    }
+
+    /// Energy of the spring, J.
+    pub(crate) fn energy(&self, stretch: &Vector3<f64>) -> f64 {
+        match self {
+            Self::None | Self::Regularised(_) => 0.0,
+            Self::Coulomb(law) => law.energy(stretch),
+        }
     }
 }
 
-/// Coulomb's law made smooth: F = −μ Fₙ v/√(v² + v_ε²).
+/// Coulomb's law made smooth: F = −μ N v/√(v² + v_ε²).
 ///
 /// It cannot hold a body on a slope: it slides on at about v_ε times load over μ Fₙ.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,36 +141,74 @@ impl RegularisedFriction {
     }
 }
 
-/// Coulomb's law with a spring and damper that hold while the contact sticks.
+/// Coulomb's law: a spring and a damper in series with a slider.
 ///
-/// Sticking begins where the velocity along the direction of sliding passes zero, and the spring begins
-/// unstretched: ξ is the way of the point since then. It ends where ‖k ξ + c v‖ reaches μ Fₙ; then the
-/// energy of the spring is lost. The force that holds is small when sticking begins, so that the spring takes
-/// time to stretch to the cone and the modes cannot chatter. A load that sets in at once makes it swing: the
-/// cone must hold twice the load without damping, and 1 + e⁻² times with critical damping.
+/// The spring has a stretch ξ in the plane of contact, which is part of the state. With the force p that holds,
+/// ```text
+/// p = k ξ + c v,
+/// stick, ‖p‖ ≤ μ N:   F = −p,             ξ̇ = v,
+/// slip,  ‖p‖ > μ N:   F = −μ N p/‖p‖,     ξ̇ = (μ N p/‖p‖ − k ξ)/c.
+/// ```
+/// F and ξ̇ are continuous where the modes change, both ways. The velocity of slip v − ξ̇ is parallel to p, and
+/// ‖F‖ ≤ μ N. A contact begins with ξ = 0. On curved surfaces ξ turns with the plane of contact.
 ///
-/// Located events keep the order where sliding is straight as it stops. Where it is not, the direction
-/// turns faster and faster towards the end, like a power of the time that is left, and the stop costs order.
+/// A body at rest on a slope of tan α < μ stays at rest: the spring stretches by the load over k and swings
+/// about that with the damping of c. In slip ξ follows the direction of sliding over a time c/k.
+///
+/// Without stiffness it is viscous creep up to Coulomb's bound, which holds nothing at rest and has no stretch.
+///
+/// With a coefficient μ_s > μ that holds, stick ends where ‖p‖ = μ_s N, and the force falls to μ N at once; slip
+/// ends at ‖p‖ = μ N as before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CoulombFriction {
     coefficient: f64,
+    holding: f64,
     stiffness: f64,
     damping: f64,
 }
 
 impl CoulombFriction {
-    /// Coefficient μ ≥ 0, and stiffness k > 0 (N/m) and damping c ≥ 0 (N s/m) of sticking.
+    /// Coefficient μ ≥ 0, stiffness k ≥ 0 (N/m) and damping c > 0 (N s/m).
     pub fn try_new(coefficient: f64, stiffness: f64, damping: f64) -> Result<Self, ContactError> {
+        let coefficient = not_negative("coefficient", coefficient)?;
         Ok(Self {
-            coefficient: not_negative("coefficient", coefficient)?,
-            stiffness: positive("stiffness", stiffness)?,
-            damping: not_negative("damping", damping)?,
+            coefficient,
+            holding: coefficient,
+            stiffness: not_negative("stiffness", stiffness)?,
+            damping: positive("damping", damping)?,
         })
+    }
+
+    /// Coefficient μ ≥ 0, stiffness k > 0 (N/m) and the damping ratio ζ > 0 of a mass (kg) that sticks:
+    /// c = 2 ζ √(k m).
+    pub fn from_damping_ratio(
+        coefficient: f64,
+        stiffness: f64,
+        mass: f64,
+        damping_ratio: f64,
+    ) -> Result<Self, ContactError> {
+        let (stiffness, mass) = (positive("stiffness", stiffness)?, positive("mass", mass)?);
+        let ratio = positive("damping_ratio", damping_ratio)?;
+        Self::try_new(coefficient, stiffness, 2.0 * ratio * (stiffness * mass).sqrt())
+    }
+
+    /// The same with a coefficient μ_s ≥ μ up to which it sticks.
+    pub fn with_static(self, coefficient: f64) -> Result<Self, ContactError> {
+        if coefficient.is_finite() && coefficient >= self.coefficient {
+            Ok(Self { holding: coefficient, ..self })
+        } else {
+            Err(ContactError::StaticCoefficient { found: coefficient, kinetic: self.coefficient })
+        }
     }
 
     /// μ.
     pub fn coefficient(&self) -> f64 {
         self.coefficient
+    }
+
+    /// μ_s, the coefficient up to which it sticks: μ unless given.
+    pub fn static_coefficient(&self) -> f64 {
+        self.holding
     }
 
     /// k, N/m.
@@ -129,94 +221,69 @@ impl CoulombFriction {
         self.damping
     }
 
-    /// The force that holds, −k ξ − c v, N.
+    /// The force that holds, p = k ξ + c v, N.
     #[inline]
-    pub fn sticking(&self, stretch: &Vector3<f64>, sliding: &Vector3<f64>) -> Vector3<f64> {
-        stretch * -self.stiffness - sliding * self.damping
+    pub fn hold(&self, stretch: &Vector3<f64>, sliding: &Vector3<f64>) -> Vector3<f64> {
+        stretch * self.stiffness + sliding * self.damping
     }
 
-    /// The force against sliding, −μ Fₙ v/‖v‖, N, continued smoothly through a straight stop: beyond it,
-    /// where v points against `direction`, it keeps its sign.
-    ///
-    /// Sliding in one direction goes on while [`heading`](Self::heading) is positive, away from where the
-    /// sign changes.
+    /// p in stick and μ N p/‖p‖ in slip, N.
     #[inline]
-    pub fn slipping(
+    fn held(&self, slips: bool, push: f64, stretch: &Vector3<f64>, sliding: &Vector3<f64>) -> Vector3<f64> {
+        let hold = self.hold(stretch, sliding);
+        if slips { hold.try_normalize(0.0).unwrap_or_default() * (self.coefficient * push) } else { hold }
+    }
+
+    /// The force in stick or slip, N.
+    #[inline]
+    pub fn force(
         &self,
+        slips: bool,
         normal_force: f64,
+        stretch: &Vector3<f64>,
         sliding: &Vector3<f64>,
-        direction: &Vector3<f64>,
     ) -> Vector3<f64> {
-        let speed = sliding.norm();
-        let along = if speed > 0.0 { sliding / speed.copysign(sliding.dot(direction)) } else { *direction };
-        along * (-self.coefficient * normal_force)
+        -self.held(slips, normal_force, stretch, sliding)
     }
 
-    /// v · d − ½ ‖v‖, m/s, for the direction d: negative where v has passed zero along d, or has turned away
-    /// from it by more than 60°.
+    /// ξ̇ on a plane in stick or slip, m/s.
     #[inline]
-    pub fn heading(&self, sliding: &Vector3<f64>, direction: &Vector3<f64>) -> f64 {
-        sliding.dot(direction) - 0.5 * sliding.norm()
+    pub fn stretch_rate(
+        &self,
+        slips: bool,
+        normal_force: f64,
+        stretch: &Vector3<f64>,
+        sliding: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        if slips {
+            (self.held(true, normal_force, stretch, sliding) - stretch * self.stiffness) / self.damping
+        } else {
+            *sliding
+        }
     }
 
-    /// (μ Fₙ)² − F², N²: negative where the cone does not hold the force F.
+    /// The coefficient at which stick, or slip, ends.
     #[inline]
-    pub fn margin(&self, normal_force: f64, force: &Vector3<f64>) -> f64 {
-        (self.coefficient * normal_force).powi(2) - force.norm_squared()
+    pub(crate) fn bound(&self, slips: bool) -> f64 {
+        if slips { self.coefficient } else { self.holding }
     }
 
-    /// Whether spring and damper can stop a mass (kg) at this sliding speed within the cone:
-    /// (c + √(k m)) ‖v‖ ≤ μ Fₙ.
-    pub fn stops(&self, normal_force: f64, sliding: &Vector3<f64>, mass: f64) -> bool {
-        (self.damping + (self.stiffness * mass).sqrt()) * sliding.norm() <= self.coefficient * normal_force
-    }
-}
-
-/// Viscous creep up to Coulomb's bound: F = −min(c ‖v‖, μ Fₙ) v/‖v‖.
-///
-/// The force is continuous and its modes, creep and sliding, differ by a kink. For rolling bodies, whose
-/// point of contact wanders, so that no spring can be anchored; the rolling is without slip in the limit of
-/// large c.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CreepFriction {
-    coefficient: f64,
-    damping: f64,
-}
-
-impl CreepFriction {
-    /// Coefficient μ ≥ 0 and damping c > 0 (N s/m).
-    pub fn try_new(coefficient: f64, damping: f64) -> Result<Self, ContactError> {
-        let coefficient = not_negative("coefficient", coefficient)?;
-        Ok(Self { coefficient, damping: positive("damping", damping)? })
-    }
-
-    /// μ.
-    pub fn coefficient(&self) -> f64 {
-        self.coefficient
-    }
-
-    /// c, N s/m.
-    pub fn damping(&self) -> f64 {
-        self.damping
-    }
-
-    /// −c v, N.
+    /// (μ N)² − p², N², with μ_s for μ in stick: negative where it slips.
     #[inline]
-    pub fn creeping(&self, sliding: &Vector3<f64>) -> Vector3<f64> {
-        sliding * -self.damping
+    pub fn margin(
+        &self,
+        slips: bool,
+        normal_force: f64,
+        stretch: &Vector3<f64>,
+        sliding: &Vector3<f64>,
+    ) -> f64 {
+        let bound = self.bound(slips) * normal_force;
+        bound * bound.abs() - self.hold(stretch, sliding).norm_squared()
     }
 
-    /// −μ Fₙ v/‖v‖, N; zero at rest.
-    #[inline]
-    pub fn slipping(&self, normal_force: f64, sliding: &Vector3<f64>) -> Vector3<f64> {
-        let speed = sliding.norm();
-        if speed > 0.0 { sliding * (-self.coefficient * normal_force / speed) } else { Vector3::zeros() }
-    }
-
-    /// (μ Fₙ)² − (c v)², N²: negative where it slides.
-    #[inline]
-    pub fn margin(&self, normal_force: f64, sliding: &Vector3<f64>) -> f64 {
-        (self.coefficient * normal_force).powi(2) - (self.damping * self.damping) * sliding.norm_squared()
+    /// ½ k ξ², J.
+    pub fn energy(&self, stretch: &Vector3<f64>) -> f64 {
+        0.5 * self.stiffness * stretch.norm_squared()
     }
 }
 

@@ -18,6 +18,7 @@
 
 use crate::error::{ContactError, not_negative, positive};
 use crate::hybrid::Guard;
+use crate::normal::Stiffest;
 use somersault_core::roots;
 use std::convert::Infallible;
 
@@ -100,6 +101,20 @@ impl HuntCrossley {
     pub fn force_in_contact(&self, gap: f64, rate: f64) -> f64 {
         let x = (-gap).max(0.0);
         self.stiffness * x * x.sqrt() * (1.0 - 1.5 * self.damping * rate)
+    }
+
+    /// Force, stiffness and damping at the depth (x^{5/2} + ⁵⁄₄ m ẋ²/k)^{2/5} that a mass (kg) reaches from x if
+    /// nothing is lost.
+    pub fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
+        let depth = (half_powers(gap) + 1.25 * mass * rate * rate / self.stiffness).powf(0.4);
+        let spring = self.stiffness * depth * depth.sqrt();
+        let loss = 1.5 * self.damping;
+        let stiffening = 1.0 + loss * rate.abs();
+        Stiffest {
+            force: spring * stiffening,
+            stiffness: 1.5 * self.stiffness * depth.sqrt() * stiffening,
+            damping: loss * spring,
+        }
     }
 
     /// The guard that is inside exactly where the law acts: below the surface, and where 3/2 α Δẋ < 1.

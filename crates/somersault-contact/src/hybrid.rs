@@ -1,7 +1,10 @@
 //! Systems whose equations change at events: modes, guards, and a system frozen in a mode.
 
 use crate::event::EventKind;
+use crate::surface::SurfaceFault;
+use crate::sweep::Sweep;
 use somersault_integrators::body::RigidBody;
+use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::state::State;
 use somersault_integrators::system::{
     BodyPoses, BodyRate, Decoder, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
@@ -57,6 +60,24 @@ impl Guard {
     }
 }
 
+/// The energy of a system whose forces do not drive it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Energy {
+    /// Kinetic energy, J.
+    pub kinetic: f64,
+    /// Energy of the springs in contact, J.
+    pub springs: f64,
+    /// Potential of the forces, J.
+    pub potential: f64,
+}
+
+impl Energy {
+    /// The sum, which never grows.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.springs + self.potential
+    }
+}
+
 /// A system with modes. In each mode the equations are smooth; the mode ends where a guard changes sign.
 ///
 /// As a [`System`] in its own right it reads the mode from the state at every evaluation.
@@ -66,6 +87,9 @@ pub trait Hybrid: System {
 
     /// Whether states jump at events; [`reset`](Self::reset) is called only where they do.
     const RESETS: bool = false;
+
+    /// Why the system cannot be integrated as it stands; drivers ask before a run.
+    fn check(&self) -> Result<(), IntegrateError>;
 
     /// The mode that a state belongs to: by [`Guard::is_inside`] of its guards, so that both agree where a
     /// guard is zero.
@@ -92,6 +116,35 @@ pub trait Hybrid: System {
 
     /// Writes the guards: as many, in the same order, in every mode.
     fn guards(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut Vec<Guard>);
+
+    /// Bounds of the motion behind each guard during a step of h from `ends.0` at `t` to `ends.1`, in the order of
+    /// the guards; [`Sweep::UNKNOWN`] where none is known.
+    ///
+    /// With them the driver proves that a guard outside stays so.
+    fn sweeps(
+        &self,
+        mode: &Self::Mode,
+        t: f64,
+        h: f64,
+        ends: (&StateOf<Self>, &StateOf<Self>),
+        out: &mut Vec<Sweep>,
+    );
+
+    /// For how long, up to `horizon`, no guard can go in, proved from the guards of a state and from what bounds
+    /// its motion; zero where nothing is known.
+    fn clear_time(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, guards: &[Guard], horizon: f64)
+    -> f64;
+
+    /// Whether the surface behind a guard is fit to be touched in a state: asked at the first touch.
+    fn examine(&self, guard: usize, x: &StateOf<Self>) -> Result<(), SurfaceFault>;
+
+    /// The fastest rate of the contacts closed in a mode, 1/s: an upper bound of |λ| of the springs and dampers
+    /// with the masses that they move. Zero where none is closed.
+    fn contact_rate(&self, mode: &Self::Mode, x: &StateOf<Self>) -> f64;
+
+    /// Kinetic energy, energy of the springs in contact and potential of the forces, J; `None` where a force may
+    /// drive the motion or has no potential.
+    fn energy(&self, x: &StateOf<Self>) -> Option<Energy>;
 
     /// Time derivative of the rate by the equations of a mode, also where they do not hold.
     fn acceleration_in(
@@ -138,6 +191,9 @@ pub trait HybridBodies: Hybrid + RigidSystem {
 impl<S: Hybrid + ?Sized> Hybrid for &S {
     type Mode = S::Mode;
     const RESETS: bool = S::RESETS;
+    fn check(&self) -> Result<(), IntegrateError> {
+        (**self).check()
+    }
     fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
         (**self).mode(t, x)
     }
@@ -156,6 +212,21 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
     #[inline(always)]
     fn guards(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
         (**self).guards(mode, t, x, out);
+    }
+    fn sweeps(&self, mode: &S::Mode, t: f64, h: f64, ends: (&StateOf<S>, &StateOf<S>), out: &mut Vec<Sweep>) {
+        (**self).sweeps(mode, t, h, ends, out);
+    }
+    fn clear_time(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, guards: &[Guard], horizon: f64) -> f64 {
+        (**self).clear_time(mode, t, x, guards, horizon)
+    }
+    fn examine(&self, guard: usize, x: &StateOf<S>) -> Result<(), SurfaceFault> {
+        (**self).examine(guard, x)
+    }
+    fn contact_rate(&self, mode: &S::Mode, x: &StateOf<S>) -> f64 {
+        (**self).contact_rate(mode, x)
+    }
+    fn energy(&self, x: &StateOf<S>) -> Option<Energy> {
+        (**self).energy(x)
     }
     #[inline(always)]
     fn acceleration_in(
@@ -246,6 +317,23 @@ impl<H: Hybrid> Frozen<H> {
     pub(crate) fn guards(&self, t: f64, x: &StateOf<H>, out: &mut Vec<Guard>) {
         out.clear();
         self.system.guards(&self.mode.borrow(), t, x, out);
+    }
+
+    pub(crate) fn sweeps(&self, t: f64, h: f64, ends: (&StateOf<H>, &StateOf<H>), out: &mut Vec<Sweep>) {
+        out.clear();
+        self.system.sweeps(&self.mode.borrow(), t, h, ends, out);
+    }
+
+    pub(crate) fn clear_time(&self, t: f64, x: &StateOf<H>, guards: &[Guard], horizon: f64) -> f64 {
+        self.system.clear_time(&self.mode.borrow(), t, x, guards, horizon)
+    }
+
+    pub(crate) fn contact_rate(&self, x: &StateOf<H>) -> f64 {
+        self.system.contact_rate(&self.mode.borrow(), x)
+    }
+
+    pub(crate) fn energy(&self, x: &StateOf<H>) -> Option<Energy> {
+        self.system.energy(x)
     }
 }
 

@@ -1,10 +1,12 @@
 //! All laws of a contact together, and its modes.
 
-use crate::friction::{Friction, Resistance};
+use crate::friction::{Friction, Resistance, Rubbing};
 use crate::hybrid::Guard;
 use crate::normal::NormalLaw;
 use nalgebra::Vector3;
+use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
+use somersault_integrators::state::RigidBodyState;
 
 /// What the laws see of two things that may touch: the first against the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,31 +23,94 @@ pub struct Encounter {
     pub sliding: Vector3<f64>,
     /// Relative angular velocity, rad/s.
     pub turning: Vector3<f64>,
+    /// Angular velocity of the plane of contact, with which a stretch turns, rad/s; zero on planes, and where no
+    /// friction has a stretch.
+    pub tilting: Vector3<f64>,
     /// Mass that a force between the two moves, kg: m, or m₁m₂/(m₁ + m₂).
     pub mass: f64,
 }
 
 /// What a contact does.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContactMode {
     /// Exerts no force.
     Open,
-    /// Pushes, with smooth friction or none.
+    /// Pushes; friction, where it has modes, sticks.
     Closed,
-    /// Sticks, by a spring and damper between the point of contact and its anchor.
-    Stick {
-        /// Where the point was when sticking began, world frame, m.
-        anchor: Vector3<f64>,
-    },
-    /// Slides.
-    Slip {
-        /// Direction of sliding when it began, or turned last; of length 1.
-        direction: Vector3<f64>,
-    },
-    /// Creeps within the bound of viscous creep.
-    Creep,
-    /// Slides beyond it.
-    Slide,
+    /// Pushes and slips.
+    Slip,
+}
+
+/// What a unit force at a contact does to the bodies, in the directions that laws act in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mobility {
+    /// Along the normal, 1/kg: the inverse of the effective mass.
+    pub normal: f64,
+    /// Along any tangent at most, 1/kg.
+    pub tangential: f64,
+    /// Of a unit couple at most, 1/(kg m²).
+    pub turning: f64,
+}
+
+impl Mobility {
+    /// Of a point of a body: 1/m + (r × n)·I⁻¹(r × n), and 1/m + r²/I₁ with the least principal moment I₁.
+    pub(crate) fn of_body(
+        body: &RigidBody,
+        x: &RigidBodyState,
+        arm: &Vector3<f64>,
+        normal: &Vector3<f64>,
+    ) -> Self {
+        let (inverse_mass, inertia) = (1.0 / body.mass(), body.inertia());
+        let lever = x.orientation().inverse_transform_vector(&arm.cross(normal));
+        let turning = 1.0 / inertia.principal_moments().min();
+        Self {
+            normal: inverse_mass + lever.dot(&inertia.velocity(&lever)),
+            tangential: inverse_mass + arm.norm_squared() * turning,
+            turning,
+        }
+    }
+}
+
+impl std::ops::Add for Mobility {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            normal: self.normal + other.normal,
+            tangential: self.tangential + other.tangential,
+            turning: self.turning + other.turning,
+        }
+    }
+}
+
+/// Stiffness and damping of contacts over the masses they move.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ContactRate {
+    /// Σ k/m, 1/s².
+    pub stiffness: f64,
+    /// Σ c/m, 1/s.
+    pub damping: f64,
+    /// The largest k/c of friction, 1/s: with it the stretch of a contact that slips relaxes, whatever the mass.
+    pub relaxation: f64,
+}
+
+impl ContactRate {
+    /// An upper bound of |λ|, 1/s: of what oscillates √(Σ k/m), of what is damped beyond that Σ c/m, of what relaxes
+    /// k/c.
+    ///
+    /// The sums are traces, and so no less than any eigenvalue of several contacts together.
+    pub fn bound(&self) -> f64 {
+        self.stiffness.sqrt().max(self.damping).max(self.relaxation)
+    }
+}
+
+impl std::iter::Sum for ContactRate {
+    fn sum<I: Iterator<Item = Self>>(rates: I) -> Self {
+        rates.fold(Self::default(), |a, b| Self {
+            stiffness: a.stiffness + b.stiffness,
+            damping: a.damping + b.damping,
+            relaxation: a.relaxation.max(b.relaxation),
+        })
+    }
 }
 
 /// Laws of a contact: along the normal, against sliding, against rolling and spinning.
@@ -96,118 +161,105 @@ impl ContactLaw {
         self.normal.guard(at.gap, at.rate)
     }
 
-    /// The guard of friction: it goes in where the mode of friction ends. Its rate is not known.
+    /// The guard of friction: inside where it slips. Its rate is not known.
     #[inline]
-    pub fn friction_guard(&self, mode: &ContactMode, at: &Encounter) -> Guard {
-        let gap = match (&self.friction, mode) {
-            (Friction::Coulomb(law), ContactMode::Stick { anchor }) => {
-                law.margin(self.normal_force(at), &law.sticking(&stretch(at, anchor), &at.sliding))
-            }
-            (Friction::Coulomb(law), ContactMode::Slip { direction }) => law.heading(&at.sliding, direction),
-            (Friction::Creep(law), ContactMode::Creep | ContactMode::Slide) => {
-                law.margin(self.normal_force(at), &at.sliding)
-            }
-            _ => 1.0,
+    pub fn friction_guard(&self, mode: &ContactMode, at: &Encounter, stretch: &Vector3<f64>) -> Guard {
+        let gap = match mode {
+            ContactMode::Open => 1.0,
+            ContactMode::Closed => self.friction.margin(self.rubbing(false, at, stretch)),
+            ContactMode::Slip => self.friction.margin(self.rubbing(true, at, stretch)),
         };
         Guard { gap, ..Guard::default() }
     }
 
-    /// The mode that an encounter without history belongs to.
-    pub fn mode(&self, at: &Encounter) -> ContactMode {
-        if !self.guard(at).is_inside() {
-            return ContactMode::Open;
-        }
-        match &self.friction {
-            Friction::None | Friction::Regularised(_) => ContactMode::Closed,
-            Friction::Coulomb(law) => {
-                if law.stops(self.normal_force(at), &at.sliding, at.mass) {
-                    ContactMode::Stick { anchor: at.point }
-                } else {
-                    ContactMode::Slip { direction: at.sliding.normalize() }
-                }
-            }
-            Friction::Creep(law) => {
-                if law.margin(self.normal_force(at), &at.sliding) < 0.0 {
-                    ContactMode::Slide
-                } else {
-                    ContactMode::Creep
-                }
-            }
-        }
+    /// The mode of an encounter without history.
+    pub fn mode(&self, at: &Encounter, stretch: &Vector3<f64>) -> ContactMode {
+        self.next_mode(&ContactMode::Closed, at, stretch)
     }
 
     /// The mode after an event.
-    pub fn next_mode(&self, before: &ContactMode, at: &Encounter) -> ContactMode {
+    pub fn next_mode(&self, before: &ContactMode, at: &Encounter, stretch: &Vector3<f64>) -> ContactMode {
+        let (last, stretch) = match before {
+            // A contact begins without stretch.
+            ContactMode::Open => (ContactMode::Closed, &Vector3::zeros()),
+            ContactMode::Closed | ContactMode::Slip => (*before, stretch),
+        };
         if !self.guard(at).is_inside() {
-            return ContactMode::Open;
-        }
-        match (&self.friction, before) {
-            (Friction::Coulomb(law), ContactMode::Stick { anchor }) => {
-                let force = law.sticking(&stretch(at, anchor), &at.sliding);
-                if law.margin(self.normal_force(at), &force) < 0.0 {
-                    // A point that the spring held at rest moves where the load pulls, against the spring.
-                    let start = if at.sliding == Vector3::zeros() { -force } else { at.sliding };
-                    ContactMode::Slip { direction: start.normalize() }
-                } else {
-                    *before
-                }
-            }
-            (Friction::Coulomb(law), ContactMode::Slip { direction })
-                if law.heading(&at.sliding, direction) >= 0.0 =>
-            {
-                *before
-            }
-            _ => self.mode(at),
+            ContactMode::Open
+        } else if self.friction_guard(&last, at, stretch).is_inside() {
+            ContactMode::Slip
+        } else {
+            ContactMode::Closed
         }
     }
 
     /// Force and couple on the first at the point of contact, frozen in a mode.
     #[inline(always)]
-    pub fn effort_in(&self, mode: &ContactMode, at: &Encounter) -> Wrench {
-        if matches!(mode, ContactMode::Open) {
-            return Wrench::default();
-        }
-        let push = self.normal_force(at);
-        let friction = match (&self.friction, mode) {
-            (Friction::Regularised(law), _) => law.force(push, &at.sliding),
-            (Friction::Coulomb(law), ContactMode::Stick { anchor }) => {
-                law.sticking(&stretch(at, anchor), &at.sliding)
-            }
-            (Friction::Coulomb(law), ContactMode::Slip { direction }) => {
-                law.slipping(push, &at.sliding, direction)
-            }
-            (Friction::Creep(law), ContactMode::Creep) => law.creeping(&at.sliding),
-            (Friction::Creep(law), ContactMode::Slide) => law.slipping(push, &at.sliding),
-            _ => Vector3::zeros(),
+    pub fn effort_in(&self, mode: &ContactMode, at: &Encounter, stretch: &Vector3<f64>) -> Wrench {
+        let slips = match mode {
+            ContactMode::Open => return Wrench::default(),
+            ContactMode::Closed => false,
+            ContactMode::Slip => true,
         };
+        let rubbing = self.rubbing(slips, at, stretch);
+        let push = rubbing.push;
         let torque = if self.resistance.is_none() {
             Vector3::zeros()
         } else {
             self.resistance.couple(push, &at.normal, &at.turning)
         };
-        Wrench { force: at.normal * push + friction, torque }
+        Wrench { force: at.normal * push + self.friction.force(rubbing), torque }
     }
 
-    /// Energy of the springs, J: that of the normal law and, while the contact sticks, ½ k ξ².
-    pub fn energy_in(&self, mode: &ContactMode, at: &Encounter) -> f64 {
-        let held = match (&self.friction, mode) {
-            (Friction::Coulomb(law), ContactMode::Stick { anchor }) => {
-                0.5 * law.stiffness() * stretch(at, anchor).norm_squared()
-            }
-            _ => 0.0,
+    /// Stiffness and damping over the masses that they move, while the contact is closed.
+    pub fn rate(&self, at: &Encounter, mobility: &Mobility) -> ContactRate {
+        let tangent = self.normal.stiffest(at.gap, at.rate, 1.0 / mobility.normal);
+        let (k, c, relaxation) = match &self.friction {
+            Friction::None => (0.0, 0.0, 0.0),
+            Friction::Regularised(law) => (0.0, law.coefficient() * tangent.force / law.speed(), 0.0),
+            Friction::Coulomb(law) => (law.stiffness(), law.damping(), law.stiffness() / law.damping()),
         };
-        self.normal.energy(at.gap) + held
+        let couple = if self.resistance.is_none() {
+            0.0
+        } else {
+            self.resistance.rolling().max(self.resistance.spinning()) * tangent.force
+                / self.resistance.speed()
+        };
+        ContactRate {
+            stiffness: tangent.stiffness * mobility.normal + k * mobility.tangential,
+            damping: tangent.damping * mobility.normal + c * mobility.tangential + couple * mobility.turning,
+            relaxation,
+        }
+    }
+
+    /// ξ̇, m/s, frozen in a mode: zero where the contact is open or has no stretch.
+    #[inline]
+    pub fn stretch_rate_in(
+        &self,
+        mode: &ContactMode,
+        at: &Encounter,
+        stretch: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let slips = match mode {
+            ContactMode::Open => return Vector3::zeros(),
+            ContactMode::Closed => false,
+            ContactMode::Slip => true,
+        };
+        self.friction.stretch_rate(self.rubbing(slips, at, stretch)) + at.tilting.cross(stretch)
+    }
+
+    /// Energy of the springs, J: that of the normal law and ½ k ξ².
+    pub fn energy(&self, gap: f64, stretch: &Vector3<f64>) -> f64 {
+        self.normal.energy(gap) + self.friction.energy(stretch)
     }
 
     #[inline(always)]
-    fn normal_force(&self, at: &Encounter) -> f64 {
-        self.normal.force_in_contact(at.gap, at.rate)
+    pub(crate) fn rubbing<'a>(
+        &self,
+        slips: bool,
+        at: &'a Encounter,
+        stretch: &'a Vector3<f64>,
+    ) -> Rubbing<'a> {
+        Rubbing { slips, push: self.normal.force_in_contact(at.gap, at.rate), at, stretch }
     }
-}
-
-/// The way from the anchor to the point of contact, within the surface.
-#[inline]
-fn stretch(at: &Encounter, anchor: &Vector3<f64>) -> Vector3<f64> {
-    let way = at.point - anchor;
-    way - at.normal * at.normal.dot(&way)
 }

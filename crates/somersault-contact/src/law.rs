@@ -10,6 +10,7 @@
 
 use crate::error::{ContactError, not_negative, positive};
 use crate::hybrid::Guard;
+use crate::normal::Stiffest;
 use somersault_core::roots;
 use std::convert::Infallible;
 
@@ -87,6 +88,13 @@ impl CompliantLaw {
     #[inline]
     pub fn energy(&self, gap: f64) -> f64 {
         0.5 * self.stiffness * gap.min(0.0).powi(2)
+    }
+
+    /// Force, stiffness and damping at the depth √(x² + m ẋ²/k) that a mass (kg) reaches from x if nothing is lost.
+    pub fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
+        let depth = (gap * gap + mass * rate * rate / self.stiffness).sqrt();
+        let force = self.stiffness * depth + self.damping * rate.abs();
+        Stiffest { force, stiffness: self.stiffness, damping: self.damping }
     }
 
     /// ∫ F dt over a step of h in contact, N s, from gap and rate at its ends.

@@ -46,8 +46,10 @@ pub mod normal;
 pub mod sensitivity;
 pub mod shape;
 mod step_curve;
+pub mod stretches;
 pub mod studies;
 pub mod surface;
+pub mod sweep;
 mod touch;
 
 pub use error::ContactError;

@@ -4,6 +4,17 @@ use crate::hunt_crossley::HuntCrossley;
 use crate::hybrid::Guard;
 use crate::law::CompliantLaw;
 
+/// The force of a normal law at its greatest in a contact, and its derivatives there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stiffest {
+    /// Force, N.
+    pub force: f64,
+    /// Its derivative by the penetration, N/m.
+    pub stiffness: f64,
+    /// Its derivative by the rate of penetration, N s/m.
+    pub damping: f64,
+}
+
 /// A force along the normal as a function of the gap and its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormalLaw {
@@ -59,6 +70,15 @@ impl NormalLaw {
         match self {
             Self::Compliant(law) => law.impulse(h, before, after),
             Self::HuntCrossley(law) => law.impulse(h, before, after),
+        }
+    }
+
+    /// Force, stiffness and damping at the depth that a mass (kg) reaches from a gap and its rate if nothing is
+    /// lost on the way.
+    pub fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
+        match self {
+            Self::Compliant(law) => law.stiffest(gap, rate, mass),
+            Self::HuntCrossley(law) => law.stiffest(gap, rate, mass),
         }
     }
 

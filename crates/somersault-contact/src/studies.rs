@@ -90,7 +90,7 @@ pub fn errors<H: HybridBodies>(
     let (system, initial) = (problem.system(), problem.initial());
     let state = match stepping {
         Stepping::Located => {
-            let location = Location { keep_events: false, ..Location::default() };
+            let location = Location { keep_events: false, ..Location::as_given() };
             integrate_located(method, options, system, initial, &grid, &location, &mut ())
                 .map(|run| run.state)
                 .map_err(|broken| interrupted(broken.reason))
@@ -150,8 +150,11 @@ pub fn convergence<H: HybridBodies>(
 fn interrupted(reason: Interruption) -> IntegrateError {
     match reason {
         Interruption::Integrate(error) => error,
-        Interruption::NonFiniteGuard { t, .. } | Interruption::Chattering { t, .. } => {
-            IntegrateError::NonFinite { t }
-        }
+        Interruption::NonFiniteGuard { t, .. }
+        | Interruption::Chattering { t, .. }
+        | Interruption::Surface { t, .. }
+        | Interruption::Unproved { t, .. }
+        | Interruption::StepTooLong { t, .. }
+        | Interruption::EnergyGain { t, .. } => IntegrateError::NonFinite { t },
     }
 }

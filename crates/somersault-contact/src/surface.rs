@@ -12,6 +12,121 @@ pub struct SignedDistance {
     pub gradient: Vector3<f64>,
 }
 
+/// Why a surface cannot be touched where it is.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SurfaceFault {
+    /// No direction to push along.
+    #[error("the gradient of the distance is zero at {point:?}")]
+    ZeroGradient {
+        /// Where, m.
+        point: [f64; 3],
+    },
+    /// A gradient that is no normal.
+    #[error(
+        "the gradient of the distance must have the length 1 where the surface is touched, found {length} at {point:?}"
+    )]
+    NotUnit {
+        /// Its length.
+        length: f64,
+        /// Where, m.
+        point: [f64; 3],
+    },
+    /// A gradient that points into the surface.
+    #[error(
+        "the gradient of the distance has the wrong sign at {point:?}: it is {gradient:?}, and differences of the distance give {differences:?}"
+    )]
+    WrongSign {
+        /// As it is given.
+        gradient: [f64; 3],
+        /// As the distance has it.
+        differences: [f64; 3],
+        /// Where, m.
+        point: [f64; 3],
+    },
+    /// A gradient that is not that of the distance.
+    #[error(
+        "the gradient of the distance is wrong at {point:?}: it is {gradient:?}, and differences of the distance give {differences:?}"
+    )]
+    WrongGradient {
+        /// As it is given.
+        gradient: [f64; 3],
+        /// As the distance has it.
+        differences: [f64; 3],
+        /// Where, m.
+        point: [f64; 3],
+    },
+    /// A distance that changes faster than its surface says.
+    #[error(
+        "the distance changes faster than the Lipschitz constant {lipschitz} of the surface allows: its gradient has the length {length} at {point:?}"
+    )]
+    Steep {
+        /// Length of the gradient.
+        length: f64,
+        /// Constant of the surface.
+        lipschitz: f64,
+        /// Where, m.
+        point: [f64; 3],
+    },
+    /// Two spheres that have no normal.
+    #[error("the two spheres have the same centre, {point:?}, and so no normal")]
+    Concentric {
+        /// Their centre, m.
+        point: [f64; 3],
+    },
+}
+
+/// How far a gradient may be from unit length, or from differences of the distance, where a surface is touched.
+const GRADIENT_TOLERANCE: f64 = 1e-3;
+
+/// Whether a surface is fit to be touched at a point: its gradient is that of its distance and has length 1.
+///
+/// Both are looked at to 10⁻³, by central differences over 6e-6 of the larger of 1 m and the size of the point:
+/// six evaluations.
+pub fn examine(surface: &dyn Surface, point: &Vector3<f64>) -> Result<(), SurfaceFault> {
+    let gradient = surface.signed_distance(point).gradient;
+    check_slope(surface, point, &gradient)?;
+    let (length, at) = (gradient.norm(), (*point).into());
+    if length == 0.0 {
+        return Err(SurfaceFault::ZeroGradient { point: at });
+    }
+    if surface.as_half_space().is_some() {
+        return Ok(());
+    }
+    let step = f64::EPSILON.cbrt() * point.amax().max(1.0);
+    let differences = Vector3::from_fn(|axis, _| {
+        let mut shift = Vector3::zeros();
+        shift[axis] = step;
+        let [above, below] = [point + shift, point - shift].map(|p| surface.signed_distance(&p).distance);
+        (above - below) * (0.5 / step)
+    });
+    if (differences + gradient).norm() <= 0.5 * length.max(differences.norm()) {
+        let (gradient, differences) = (gradient.into(), differences.into());
+        return Err(SurfaceFault::WrongSign { gradient, differences, point: at });
+    }
+    if (length - 1.0).abs() > GRADIENT_TOLERANCE {
+        return Err(SurfaceFault::NotUnit { length, point: at });
+    }
+    if (differences - gradient).norm() > GRADIENT_TOLERANCE {
+        let (gradient, differences) = (gradient.into(), differences.into());
+        return Err(SurfaceFault::WrongGradient { gradient, differences, point: at });
+    }
+    Ok(())
+}
+
+/// Whether a gradient is as long as the surface's Lipschitz constant allows.
+pub(crate) fn check_slope(
+    surface: &dyn Surface,
+    point: &Vector3<f64>,
+    gradient: &Vector3<f64>,
+) -> Result<(), SurfaceFault> {
+    let (length, lipschitz) = (gradient.norm(), surface.lipschitz());
+    if length > lipschitz * (1.0 + 1e-6) {
+        return Err(SurfaceFault::Steep { length, lipschitz, point: (*point).into() });
+    }
+    Ok(())
+}
+
 /// A surface fixed in the world.
 ///
 /// The contact keeps an integrator's order p where the distance has p + 1 continuous derivatives near the
@@ -20,6 +135,23 @@ pub struct SignedDistance {
 pub trait Surface: std::fmt::Debug + Send + Sync {
     /// Signed distance and gradient at a point of the world, m.
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance;
+
+    /// A constant K with |φ(p) − φ(q)| ≤ K ‖p − q‖ for the distance φ of all points: 1 where it is a distance.
+    ///
+    /// Steps in flight are proved clear of the surface with it. A function that is a distance near the surface
+    /// only, say one divided by the length of its gradient, has to say what its slope may come to elsewhere; a
+    /// gradient found to be longer than K ends a run with an error.
+    fn lipschitz(&self) -> f64;
+
+    /// A bound κ ≥ 0, 1/m, of how the distance bends down: its second derivative in every direction is at least
+    /// −κ at all points within `reach` (m) of `point`. Zero for a convex obstacle seen from outside; infinite,
+    /// as by default, where no bound is known.
+    ///
+    /// With it steps along a surface are proved clear whatever the speed; without it the gap must exceed what
+    /// speed allows, and steps near the surface are divided more often.
+    fn concavity(&self, _point: &Vector3<f64>, _reach: f64) -> f64 {
+        f64::INFINITY
+    }
 
     /// The half-space, where the surface is one; contacts ask it without a call through the object.
     fn as_half_space(&self) -> Option<&HalfSpace> {
@@ -87,6 +219,12 @@ impl Surface for HalfSpace {
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
         SignedDistance { distance: self.distance(point), gradient: self.normal.into_inner() }
     }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
+    fn concavity(&self, _: &Vector3<f64>, _: f64) -> f64 {
+        0.0
+    }
     fn as_half_space(&self) -> Option<&HalfSpace> {
         Some(self)
     }
@@ -133,6 +271,12 @@ impl Surface for Sphere {
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
         radial(point - self.centre, self.radius, self.solid)
     }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
+    fn concavity(&self, point: &Vector3<f64>, reach: f64) -> f64 {
+        radial_concavity(point - self.centre, reach, self.solid)
+    }
     fn hessian(&self, point: &Vector3<f64>) -> Matrix3<f64> {
         radial_hessian(point - self.centre, Matrix3::identity(), self.solid)
     }
@@ -170,6 +314,13 @@ impl Surface for Cylinder {
         let span = point - self.centre;
         radial(span - self.axis.into_inner() * self.axis.dot(&span), self.radius, self.solid)
     }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
+    fn concavity(&self, point: &Vector3<f64>, reach: f64) -> f64 {
+        let span = point - self.centre;
+        radial_concavity(span - self.axis.into_inner() * self.axis.dot(&span), reach, self.solid)
+    }
     fn hessian(&self, point: &Vector3<f64>) -> Matrix3<f64> {
         let across = Matrix3::identity() - self.axis.into_inner() * self.axis.transpose();
         radial_hessian(across * (point - self.centre), across, self.solid)
@@ -183,6 +334,18 @@ fn radial(span: Vector3<f64>, radius: f64, solid: Solid) -> SignedDistance {
     // The normal at the centre is undefined; no direction is better than another, and zero is harmless.
     let gradient = if length > 0.0 { span / length } else { Vector3::zeros() };
     solid.orient(length - radius, gradient)
+}
+
+/// Seen from outside spheres and cylinders are convex; seen from inside they bend by one over the distance from
+/// the centre.
+fn radial_concavity(span: Vector3<f64>, reach: f64, solid: Solid) -> f64 {
+    match solid {
+        Solid::Inside => 0.0,
+        Solid::Outside => {
+            let least = span.norm() - reach;
+            if least > 0.0 { 1.0 / least } else { f64::INFINITY }
+        }
+    }
 }
 
 /// Second derivative of the distance from a sphere or cylinder: (A − n nᵀ)/‖s‖ with the projection A onto
@@ -204,6 +367,9 @@ mod tests {
     impl Surface for WithoutHessian<'_> {
         fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
             self.0.signed_distance(point)
+        }
+        fn lipschitz(&self) -> f64 {
+            self.0.lipschitz()
         }
     }
 

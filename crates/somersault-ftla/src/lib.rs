@@ -29,6 +29,7 @@
 //!
 //! In the order of work: [`system`] poses, [`spectrum`] diagnoses, [`placement`] and [`matching`] approximate, [`shooting`]
 //! polishes, [`continuation`] follows families from a rest, and [`cold_start`] finds the arm's extremals from nothing.
+//! Every search ends within its [`budget::Limits`], with a status.
 //!
 //! Source: the thesis, chapters 8–10 and appendices F–H; E. Aykutlug, M. Maggia and K. Mease, *Solving partially
 //! hyper-sensitive optimal control problems using manifold structure*, IFAC Proceedings Volumes 46 (2013); K. Mease,
@@ -36,6 +37,7 @@
 //! exponents and vectors*, Commun. Nonlinear Sci. Numer. Simul. 36 (2016).
 #![forbid(unsafe_code)]
 
+pub mod budget;
 pub mod cold_start;
 pub mod continuation;
 pub mod flow;

@@ -4,13 +4,15 @@ mod common;
 
 use common::{arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2, Vector4};
-use somersault_ftla::cold_start::ArmTravel;
-use somersault_ftla::continuation::Continuation;
+use somersault_ftla::cold_start::{ArmTravel, TreeTravel};
+use somersault_ftla::continuation::{Continuation, Stage};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, Extremal, Shooting, ShootingError, Status, graded_times};
 use somersault_ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
+    TreeMinimumTorque,
 };
+use somersault_multibody::{Data, models::CartPendulum};
 use somersault_testkit::travels::{Travel, random_travels};
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
@@ -300,4 +302,32 @@ fn travels_without_sense_are_errors_and_impossible_ones_have_a_status() {
         found.continued.s < 1.0
             && found.continued.extremal.nodes.iter().all(|p| p.iter().all(|x| x.is_finite()))
     );
+}
+
+#[test]
+fn a_cart_pendulum_whose_pole_is_passive_swings_up() {
+    let model = CartPendulum::default().model().expect("a model");
+    let tree = TreeMinimumTorque::<8>::try_new(&model, &[1.0; 2]).expect("fits");
+    let tree = tree.try_with_passive(1).expect("the cart is driven");
+    // the angle counts from the upright
+    let (hanging, upright) = ([0.0, PI, 0.0, 0.0], [0.0; 4]);
+    let mut data = Data::new(&model);
+    let mut potential =
+        |x: &[f64]| model.positions(&mut data, &x[..2]).expect("lengths fit").potential_energy();
+    assert!(potential(&upright) > potential(&hanging) + 1.0);
+    let travel = TreeTravel::<2, 8> { system: &tree, initial: &hanging, last: &upright, horizon: 2.0 };
+    let found = travel.solve(&Continuation::default()).expect("well posed");
+    assert!(found.arrived(), "{} {:?} at {}", found.stage, found.reason, found.s);
+    assert_eq!(found.stage, Stage::Release);
+    let mut u = [0.0; 2];
+    for p in &found.extremal.nodes {
+        tree.control_into(p, &mut u).expect("two controls");
+        assert_eq!(u[1], 0.0);
+    }
+    // down it needs less than up
+    let fall = TreeTravel::<2, 8> { initial: &upright, last: &hanging, ..travel };
+    let fall = fall.solve(&Continuation::default()).expect("well posed");
+    let flow = VariationalFlow::try_new(&tree, Tolerances::default()).expect("in range");
+    let [up, down] = [found, fall].map(|each| each.extremal.cost(&flow).expect("regular"));
+    println!("up {up}, down {down}");
 }

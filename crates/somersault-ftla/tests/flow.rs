@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::Random;
+use common::{Random, START};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use somersault_ftla::flow::{Chain, FlowError, Tolerances, VariationalFlow};
 use somersault_ftla::system::{
@@ -166,6 +166,10 @@ impl VectorField<1> for Blowup {
     fn jacobian(&self, p: &SVector<f64, 1>) -> SMatrix<f64, 1, 1> {
         SMatrix::from([[2.0 * p.x]])
     }
+
+    fn conserved(&self, _: &SVector<f64, 1>) -> Option<f64> {
+        None
+    }
 }
 
 /// ẋ = 1 up to x = 1, NaN beyond.
@@ -178,6 +182,10 @@ impl VectorField<1> for Cliff {
 
     fn jacobian(&self, _: &SVector<f64, 1>) -> SMatrix<f64, 1, 1> {
         SMatrix::from([[0.0]])
+    }
+
+    fn conserved(&self, _: &SVector<f64, 1>) -> Option<f64> {
+        None
     }
 }
 
@@ -226,4 +234,23 @@ fn arguments_out_of_range_are_named() {
         flow.chain_into(&p, &[1.0], 1.0, &mut chain),
         Err(FlowError::Argument { argument: "growth", .. })
     ));
+}
+
+#[test]
+fn tolerances_bound_the_error_of_a_step_and_not_of_a_run() {
+    // what a run may be off by: each of its steps by the tolerance, carried on by the Φ that follows it
+    let arm = ArmMinimumTorque::default();
+    let p = SVector::from(START);
+    let exact = VariationalFlow::try_new(&arm, Tolerances { relative: 1e-14, absolute: 1e-16 });
+    let exact = exact.expect("in range").transition(&p, 2.0).expect("regular");
+    for relative in [1e-6, 1e-9, 1e-11] {
+        let tolerances = Tolerances { relative, absolute: 1e-2 * relative };
+        let flow = VariationalFlow::try_new(&arm, tolerances).expect("in range");
+        let (found, work) = flow.transition_counted(&p, 2.0).expect("regular");
+        let off = (found.end - exact.end).amax();
+        // the largest entry of Φ over any part of the way is near that over the whole
+        let carried = exact.matrix.amax() * p.amax() * relative * work.steps as f64;
+        println!("{relative:e}: {off:e} of {carried:e}, {} steps", work.steps);
+        assert!(off < carried, "{relative:e}: {off:e}, {} steps, {carried:e}", work.steps);
+    }
 }

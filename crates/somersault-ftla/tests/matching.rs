@@ -3,6 +3,7 @@
 mod common;
 
 use common::arm_nodes;
+use somersault_ftla::budget::Limits;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::matching::{GridSearch, LeastSquares, MatchStatus, Matching, MatchingError};
 use somersault_ftla::placement::{Placement, Schedule};
@@ -10,6 +11,7 @@ use somersault_ftla::shooting::{End, Shooting, Status};
 use somersault_ftla::spectrum::{SplittingDims, TimeDirection};
 use somersault_ftla::system::{ArmMinimumTorque, HamiltonianSystem};
 use std::f64::consts::FRAC_PI_2;
+use std::time::Duration;
 
 const INITIAL: [f64; 4] = [-FRAC_PI_2, 0.05, 0.0, 0.0];
 const LAST: [f64; 4] = [FRAC_PI_2, 0.05, 0.0, 0.0];
@@ -19,9 +21,18 @@ fn matching<'a>(
     flow: VariationalFlow<'a, ArmMinimumTorque, 8>,
     guess: [&[f64]; 2],
 ) -> Matching<'a, ArmMinimumTorque, 8> {
+    matching_with(flow, guess, 0.25)
+}
+
+/// The same with averaging times `step` apart.
+fn matching_with<'a>(
+    flow: VariationalFlow<'a, ArmMinimumTorque, 8>,
+    guess: [&[f64]; 2],
+    step: f64,
+) -> Matching<'a, ArmMinimumTorque, 8> {
     let dims = SplittingDims { stable: 2, center: 4, unstable: 2 };
     let placements = [TimeDirection::Forward, TimeDirection::Backward].map(|direction| {
-        let schedule = Schedule::try_steps(0.25, 0.25, 3.0).expect("ascending");
+        let schedule = Schedule::try_steps(step, step, 3.0).expect("ascending");
         let mut placement = Placement::try_new::<8>(direction, dims, &[0, 2], schedule).expect("they add up");
         placement.tolerance = 1e-6;
         placement
@@ -92,4 +103,31 @@ fn searches_without_a_start_say_so_and_malformed_ones_are_errors() {
     assert!(matches!(wrong, Err(MatchingError::Length { argument: "spacing", expected: 2, found: 0 })));
     assert!(near.clone().try_with_course(11.0, &[]).is_err());
     assert!(near.try_with_course(5.0, &[4.0, 2.0]).is_err());
+}
+
+#[test]
+fn coarse_averaging_times_are_made_finer_where_placing_fails() {
+    // from round values neither end can be placed at three seconds at once
+    let arm = ArmMinimumTorque::default();
+    let matching = matching_with(loose(&arm), [&GUESS[0], &GUESS[1]], 3.0);
+    let search = LeastSquares { conserved: vec![0], max_rounds: 1, ..LeastSquares::default() };
+    let found = search.run(&matching).expect("well posed");
+    assert_eq!((found.status, found.rounds), (MatchStatus::MaxRounds, 1));
+    assert!(found.mismatch.is_finite());
+}
+
+#[test]
+fn searches_end_at_their_limits() {
+    let arm = ArmMinimumTorque::default();
+    let matching = matching(loose(&arm), [&GUESS[0], &GUESS[1]]);
+    for limits in [
+        Limits { time: Some(Duration::ZERO), evaluations: None },
+        Limits { time: None, evaluations: Some(20_000) },
+    ] {
+        let search = LeastSquares { conserved: vec![0], limits, ..LeastSquares::default() };
+        assert_eq!(search.run(&matching).expect("well posed").status, MatchStatus::LimitReached);
+        let spacing = [vec![0.01, 0.05], vec![0.01, 0.05]];
+        let search = GridSearch { spacing, limits, ..GridSearch::default() };
+        assert_eq!(search.run(&matching).expect("well posed").status, MatchStatus::LimitReached);
+    }
 }

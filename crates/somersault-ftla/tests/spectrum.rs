@@ -3,7 +3,7 @@
 mod common;
 mod extended;
 
-use common::{Random, START, arm_nodes};
+use common::{Linear, Random, START, arm_nodes};
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 use somersault_ftla::flow::{FlowError, Tolerances, VariationalFlow};
 use somersault_ftla::placement::rank_held_costates;
@@ -15,19 +15,6 @@ use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
 const TIGHT: Tolerances = Tolerances { relative: 1e-14, absolute: 1e-16 };
 const ARM_DIMS: SplittingDims = SplittingDims { stable: 2, center: 4, unstable: 2 };
-
-/// ẋ = A x.
-struct Linear<const N: usize>(SMatrix<f64, N, N>);
-
-impl<const N: usize> VectorField<N> for Linear<N> {
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.0 * p
-    }
-
-    fn jacobian(&self, _: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.0
-    }
-}
 
 /// Orthogonal, from a fixed seed.
 fn rotation<const N: usize>(seed: u64) -> SMatrix<f64, N, N> {
@@ -245,6 +232,10 @@ impl VectorField<3> for Lorenz {
     fn jacobian(&self, p: &Vector3<f64>) -> Matrix3<f64> {
         Matrix3::new(-10.0, 10.0, 0.0, 28.0 - p.z, -1.0, -p.x, p.y, p.x, -8.0 / 3.0)
     }
+
+    fn conserved(&self, _: &Vector3<f64>) -> Option<f64> {
+        None
+    }
 }
 
 #[test]
@@ -271,6 +262,10 @@ impl VectorField<4> for HenonHeiles {
     fn jacobian(&self, p: &Vector4<f64>) -> Matrix4<f64> {
         let (x, y) = (2.0 * p.x, 2.0 * p.y);
         Matrix4::new(0., 0., 1., 0., 0., 0., 0., 1., -1. - y, -x, 0., 0., -x, -1. + y, 0., 0.)
+    }
+
+    fn conserved(&self, p: &Vector4<f64>) -> Option<f64> {
+        Some(0.5 * p.norm_squared() + p.x * p.x * p.y - p.y.powi(3) / 3.0)
     }
 }
 

@@ -293,6 +293,7 @@ enum Cost {
     Cosh,
     Nothing,
     NotANumber,
+    NoValue,
 }
 
 impl ControlProblem<1, 1> for Scalar1 {
@@ -308,6 +309,7 @@ impl ControlProblem<1, 1> for Scalar1 {
             Cost::Cosh => u.x.cosh() - T::one(),
             Cost::Nothing => T::zero(),
             Cost::NotANumber => u.x * nalgebra::convert::<f64, T>(f64::NAN),
+            Cost::NoValue => u.x * u.x * half + nalgebra::convert::<f64, T>(f64::NAN),
         };
         x.x * x.x * half + control
     }
@@ -396,6 +398,10 @@ fn a_singular_control_hessian_is_an_error() {
     assert!(nothing.field(&p)[0].is_nan() && nothing.jacobian(&p)[0].is_nan());
     let nan = scalar(false, Cost::NotANumber, FREE);
     assert_eq!(nan.fault(&p), Some(SystemError::NonFinite));
+    // a cost without a value has no least control, whatever its slopes are
+    let nowhere = scalar(false, Cost::NoValue, FREE);
+    assert_eq!(nowhere.control(&p), Err(SystemError::NonFinite));
+    assert!(nowhere.field(&p)[0].is_nan() && nowhere.jacobian(&p)[0].is_nan());
 }
 
 #[test]

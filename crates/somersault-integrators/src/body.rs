@@ -53,6 +53,11 @@ impl RigidBody {
         }
     }
 
+    /// The same body with a mass near its own, which a difference quotient needs.
+    pub(crate) fn with_mass(&self, mass: f64) -> Self {
+        Self { mass, ..*self }
+    }
+
     /// A body whose axes are principal axes with the given moments.
     pub fn try_principal(mass: f64, moments: Vector3<f64>) -> Result<Self, BodyError> {
         Self::try_new(mass, Inertia::try_principal(moments)?)

@@ -66,6 +66,12 @@ pub enum IntegrateError {
         /// The method.
         method: &'static str,
     },
+    /// Forces have a state of their own, for which the state of the system has no place.
+    #[error("the forces have variables that the state does not hold: {remedy}")]
+    Variables {
+        /// What to do.
+        remedy: &'static str,
+    },
     /// A step failed.
     #[error(transparent)]
     Step(#[from] StepError),
@@ -235,6 +241,7 @@ impl<Q: Configuration> Observer<Q> for () {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<Q: Configuration, O: Observer<Q>> Observer<Q> for &mut O {
     const ACTIVE: bool = O::ACTIVE;
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {

@@ -46,6 +46,35 @@ impl Mul<f64> for Wrench {
     }
 }
 
+/// States that a body may reach: in any orientation, and no farther, faster or more quickly turning than this.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// Where the displacement is counted from, m.
+    pub position: Vector3<f64>,
+    /// Most that the centre of mass is displaced, m.
+    pub displacement: f64,
+    /// Largest speed of the centre of mass, m/s.
+    pub speed: f64,
+    /// Largest angular speed, rad/s.
+    pub spin: f64,
+}
+
+/// Upper bounds of the magnitudes of a force (N) and of a torque about the centre of mass (N m).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct WrenchBound {
+    /// Of the force, N.
+    pub force: f64,
+    /// Of the torque, N m.
+    pub torque: f64,
+}
+
+impl Add for WrenchBound {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self { force: self.force + other.force, torque: self.torque + other.torque }
+    }
+}
+
 /// A model of the force and torque on one body.
 ///
 /// `()` is the free body, a pair of models their sum, and a closure
@@ -71,6 +100,21 @@ pub trait ForceModel {
         !self.is_free()
     }
 
+    /// Upper bounds of the wrench at all times and in all states of `reach`; `None` where none is known.
+    ///
+    /// With them a flight is proved clear of contacts; without them the accelerations during a step are
+    /// estimated from the states at its ends. Models of this module have bounds, a closure has none.
+    fn bound(&self, _body: &RigidBody, _reach: &Reach) -> Option<WrenchBound> {
+        self.is_free().then(WrenchBound::default)
+    }
+
+    /// An energy (J) that falls by at least the work of the wrench, so that its sum with the kinetic energy
+    /// never grows: the potential of a force that has one, zero for one that only dissipates. `None` where
+    /// the wrench may drive the body, or nothing is known.
+    fn potential(&self, _body: &RigidBody, _x: &RigidBodyState) -> Option<f64> {
+        self.is_free().then_some(0.0)
+    }
+
     /// Derivative of the wrench along a tangent to the state.
     ///
     /// By default a central difference, good to about 1e-10 of the wrench where it is smooth on the scale of
@@ -90,11 +134,7 @@ pub trait ForceModel {
     /// By default a central difference, exact but for rounding where the wrench is linear in the mass.
     fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         let step = 6e-6 * body.mass();
-        let at = |mass: f64| {
-            RigidBody::try_new(mass, *body.inertia())
-                .map(|other| self.wrench(t, &other, x))
-                .unwrap_or_default()
-        };
+        let at = |mass: f64| self.wrench(t, &body.with_mass(mass), x);
         (at(body.mass() + step) - at(body.mass() - step)) * (0.5 / step)
     }
 }
@@ -128,6 +168,7 @@ where
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
     #[inline]
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
@@ -144,6 +185,14 @@ impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
     #[inline]
     fn depends_on_velocity(&self) -> bool {
         self.0.depends_on_velocity() || self.1.depends_on_velocity()
+    }
+    #[inline]
+    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        Some(self.0.bound(body, reach)? + self.1.bound(body, reach)?)
+    }
+    #[inline]
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        Some(self.0.potential(body, x)? + self.1.potential(body, x)?)
     }
     #[inline]
     fn wrench_variation(
@@ -164,6 +213,7 @@ impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
 /// A boxed model, for choices made at run time.
 pub type BoxedForce = Box<dyn ForceModel + Send + Sync>;
 
+#[deny(clippy::missing_trait_methods)]
 impl ForceModel for BoxedForce {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         (**self).wrench(t, body, x)
@@ -176,6 +226,12 @@ impl ForceModel for BoxedForce {
     }
     fn depends_on_velocity(&self) -> bool {
         (**self).depends_on_velocity()
+    }
+    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        (**self).bound(body, reach)
+    }
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        (**self).potential(body, x)
     }
     fn wrench_variation(
         &self,
@@ -192,6 +248,7 @@ impl ForceModel for BoxedForce {
 }
 
 /// The sum of the models in the list; an empty list is the free body.
+#[deny(clippy::missing_trait_methods)]
 impl ForceModel for Vec<BoxedForce> {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         self.iter().fold(Wrench::default(), |sum, f| sum + f.wrench(t, body, x))
@@ -204,6 +261,12 @@ impl ForceModel for Vec<BoxedForce> {
     }
     fn depends_on_velocity(&self) -> bool {
         self.iter().any(ForceModel::depends_on_velocity)
+    }
+    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        self.iter().try_fold(WrenchBound::default(), |sum, f| Some(sum + f.bound(body, reach)?))
+    }
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.iter().map(|f| f.potential(body, x)).sum()
     }
     fn wrench_variation(
         &self,
@@ -243,6 +306,14 @@ impl ForceModel for Gravity {
     }
     fn depends_on_velocity(&self) -> bool {
         false
+    }
+    #[inline]
+    fn bound(&self, body: &RigidBody, _: &Reach) -> Option<WrenchBound> {
+        Some(WrenchBound { force: body.mass() * self.acceleration.norm(), torque: 0.0 })
+    }
+    #[inline]
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        Some(-body.mass() * self.acceleration.dot(x.position()))
     }
     #[inline]
     fn wrench_variation(&self, _: f64, _: &RigidBody, _: &RigidBodyState, _: &Tangent<Twist>) -> Wrench {
@@ -290,6 +361,18 @@ impl ForceModel for Spring {
     }
     fn depends_on_velocity(&self) -> bool {
         self.damping != 0.0
+    }
+    fn bound(&self, _: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        let lever = self.attachment.norm();
+        let span = (reach.position - self.anchor).norm() + reach.displacement + lever;
+        let stretch = span + self.rest_length.abs();
+        let force = self.stiffness.abs() * stretch + self.damping.abs() * (reach.speed + reach.spin * lever);
+        Some(WrenchBound { force, torque: lever * force })
+    }
+    fn potential(&self, _: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        let length = (x.position() + x.orientation() * self.attachment - self.anchor).norm();
+        let stretch = length - self.rest_length;
+        (self.damping >= 0.0).then_some(0.5 * self.stiffness * stretch * stretch)
     }
     fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let arm = x.orientation() * self.attachment;
@@ -342,6 +425,14 @@ impl ForceModel for Drag {
     fn is_torque_free(&self) -> bool {
         self.angular == 0.0
     }
+    fn bound(&self, _: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        let force = (self.linear.abs() + self.quadratic.abs() * reach.speed) * reach.speed;
+        Some(WrenchBound { force, torque: self.angular.abs() * reach.spin })
+    }
+    fn potential(&self, _: &RigidBody, _: &RigidBodyState) -> Option<f64> {
+        let dissipates = self.linear >= 0.0 && self.quadratic >= 0.0 && self.angular >= 0.0;
+        dissipates.then_some(0.0)
+    }
     fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let (velocity, change) = (x.velocity(), &along.rate.linear);
         let speed = velocity.norm();
@@ -380,6 +471,10 @@ impl ForceModel for ConstantTorque {
     fn depends_on_velocity(&self) -> bool {
         false
     }
+    fn bound(&self, _: &RigidBody, _: &Reach) -> Option<WrenchBound> {
+        let (Self::World(torque) | Self::Body(torque)) = self;
+        Some(WrenchBound { force: 0.0, torque: torque.norm() })
+    }
     #[inline]
     fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let torque = match self {
@@ -414,6 +509,13 @@ impl ForceModel for ConstantForce {
     }
     fn depends_on_velocity(&self) -> bool {
         false
+    }
+    fn bound(&self, _: &RigidBody, _: &Reach) -> Option<WrenchBound> {
+        let force = self.force.norm();
+        Some(WrenchBound { force, torque: self.point.norm() * force })
+    }
+    fn potential(&self, _: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        Some(-self.force.dot(&(x.position() + x.orientation() * self.point)))
     }
     #[inline]
     fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {

@@ -3,6 +3,7 @@
 
 pub use nalgebra;
 
+pub mod augmented;
 pub mod batch;
 pub mod body;
 pub mod dense;

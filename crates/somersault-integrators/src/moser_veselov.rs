@@ -28,7 +28,7 @@
 //! what holds. Ω is found as a Gibbs vector by Newton's method rather than from the matrix equation.
 
 use crate::inverse3::Inverse3;
-use crate::stepper::StepError;
+use crate::stepper::{Scheme, StepError};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// The equation of an implicit step was not solved: no solution was found that continues from a zero step.
@@ -42,8 +42,16 @@ pub struct NotConverged {
 }
 
 impl NotConverged {
-    pub(crate) fn at(self, method: &'static str, t: f64) -> StepError {
-        StepError::NotConverged { method, t, iterations: self.iterations as usize, residual: self.residual }
+    /// The failure of a step `h` of the method `M` from `t` by a body that turns at `speed`: the angle, where that is beyond the
+    /// method's limit.
+    #[cold]
+    pub(crate) fn of<M: Scheme>(self, t: f64, h: f64, speed: f64) -> StepError {
+        M::check_angle(t, h, speed).err().unwrap_or(StepError::NotConverged {
+            method: M::INFO.name,
+            t,
+            iterations: self.iterations as usize,
+            residual: self.residual,
+        })
     }
 }
 

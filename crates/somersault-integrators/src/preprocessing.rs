@@ -72,11 +72,13 @@ impl ModifiedMoments {
         h: f64,
         order: Preprocessing,
     ) -> Result<Self, StepTooLarge> {
-        let x = moments.map(f64::recip);
-        let squares = momentum_body.component_mul(momentum_body);
+        // In units of the largest inverse moment, whose powers would leave the range of numbers for small bodies.
+        let unit = moments.min().recip();
+        let x = moments.map(|moment| moment.recip() / unit);
+        let squares = momentum_body.map(|l| (h * unit * l) * (h * unit * l));
         let (energy, casimir) = (0.5 * squares.dot(&x), 0.5 * squares.sum());
-        let (scale, shift) = scale_and_shift(&x, h * h * energy, h * h * casimir, order);
-        let inverse = x.map(|x| x + (x * scale + shift));
+        let (scale, shift) = scale_and_shift(&x, energy, casimir, order);
+        let inverse = x.map(|x| unit * (x + (x * scale + shift)));
         // A NaN fails the comparison as well.
         if inverse.iter().all(|&y| y > 0.0 && y < f64::INFINITY) {
             Ok(Self { moments: inverse.map(f64::recip) })

@@ -110,6 +110,7 @@ impl<Q: Configuration> Observer<Q> for Recorder<Q> {
 }
 
 /// Both observers see every step; either may stop the run.
+#[deny(clippy::missing_trait_methods)]
 impl<Q: Configuration, A: Observer<Q>, B: Observer<Q>> Observer<Q> for (A, B) {
     const ACTIVE: bool = A::ACTIVE || B::ACTIVE;
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {

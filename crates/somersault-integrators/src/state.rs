@@ -45,6 +45,13 @@ impl ErrorSum {
         self.count += 1;
     }
 
+    /// Adds one vector by the length of its error.
+    #[inline]
+    pub(crate) fn add_norm(&mut self, error: f64, size: f64, tolerances: &Tolerances) {
+        self.squares += (error / (tolerances.absolute + tolerances.relative * size)).powi(2);
+        self.count += 1;
+    }
+
     /// Root mean square; at most 1 where the tolerances are met.
     pub fn root_mean_square(&self) -> f64 {
         (self.squares / self.count as f64).sqrt()
@@ -70,10 +77,16 @@ pub trait Rate: Clone + std::fmt::Debug + Storage + Send + Sync + 'static {
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self);
     /// self ← dexp⁻¹_u(self).
     fn dexp_inv(&mut self, u: &Self);
+    /// Largest norm of the parts in so(3): of a velocity the rate at which orientations turn, of a displacement the
+    /// angle. An angle about a fixed axis is a number of ℝ and none of them.
+    fn angle(&self) -> f64;
     /// Whether all components are finite.
     fn is_finite(&self) -> bool;
     /// Weighs `error` against the larger of `self` and `other`.
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum);
+    /// The same with every tangent carried along, which [`weigh`](Self::weigh) leaves out: for an iteration that must
+    /// converge in all of them.
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum);
 }
 
 /// A point of ℝᵐ × SO(3)ᵏ.
@@ -94,6 +107,8 @@ pub trait Configuration: Clone + std::fmt::Debug + Storage + Send + Sync + 'stat
     fn is_finite(&self) -> bool;
     /// Weighs a displacement `error` against the size of `self` and `other`.
     fn weigh(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum);
+    /// The same with every tangent carried along, as [`Rate::weigh_all`].
+    fn weigh_all(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum);
 }
 
 /// A configuration and its rate. What `rate` stands for (velocity, or momentum) is the system's to say.
@@ -271,6 +286,10 @@ impl Rate for Twist {
         self.angular = so3::dexp_inv(&u.angular, &self.angular);
     }
     #[inline(always)]
+    fn angle(&self) -> f64 {
+        self.angular.norm()
+    }
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         finite(self.linear.iter().chain(&self.angular))
     }
@@ -278,6 +297,10 @@ impl Rate for Twist {
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         sum.add(&error.linear, self.linear.norm().max(other.linear.norm()), tolerances);
         sum.add(&error.angular, self.angular.norm().max(other.angular.norm()), tolerances);
+    }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.weigh(other, error, tolerances, sum);
     }
 }
 
@@ -313,6 +336,10 @@ impl Configuration for Pose {
     fn weigh(&self, other: &Self, error: &Twist, tolerances: &Tolerances, sum: &mut ErrorSum) {
         sum.add(&error.linear, self.position.norm().max(other.position.norm()), tolerances);
         sum.add(&error.angular, 1.0, tolerances);
+    }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &Twist, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.weigh(other, error, tolerances, sum);
     }
 }
 
@@ -355,12 +382,20 @@ impl Rate for InBody<Twist> {
         self.0.angular = so3::dexp_inv(&-u.0.angular, &self.0.angular);
     }
     #[inline(always)]
+    fn angle(&self) -> f64 {
+        self.0.angle()
+    }
+    #[inline(always)]
     fn is_finite(&self) -> bool {
         self.0.is_finite()
     }
     #[inline(always)]
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.0.weigh(&other.0, &error.0, tolerances, sum);
+    }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.0.weigh_all(&other.0, &error.0, tolerances, sum);
     }
 }
 
@@ -396,6 +431,10 @@ impl Configuration for InBody<Pose> {
     fn weigh(&self, other: &Self, error: &InBody<Twist>, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.0.weigh(&other.0, &error.0, tolerances, sum);
     }
+    #[inline(always)]
+    fn weigh_all(&self, other: &Self, error: &InBody<Twist>, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.0.weigh_all(&other.0, &error.0, tolerances, sum);
+    }
 }
 
 impl<T: Storage> Storage for Vec<T> {
@@ -421,11 +460,17 @@ impl<V: Rate> Rate for Vec<V> {
     fn dexp_inv(&mut self, u: &Self) {
         self.iter_mut().zip(u).for_each(|(s, u)| s.dexp_inv(u));
     }
+    fn angle(&self) -> f64 {
+        self.iter().map(V::angle).fold(0.0, f64::max)
+    }
     fn is_finite(&self) -> bool {
         self.iter().all(V::is_finite)
     }
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh(o, e, tolerances, sum));
+    }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh_all(o, e, tolerances, sum));
     }
 }
 
@@ -448,6 +493,9 @@ impl<C: Configuration> Configuration for Vec<C> {
     }
     fn weigh(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh(o, e, tolerances, sum));
+    }
+    fn weigh_all(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.iter().zip(other).zip(error).for_each(|((s, o), e)| s.weigh_all(o, e, tolerances, sum));
     }
 }
 
@@ -485,8 +533,12 @@ pub trait Poses: Configuration {
     fn twist(rate: &Self::Rate, i: usize) -> Twist;
     /// Sets the rate of body `i`.
     fn set_twist(rate: &mut Self::Rate, i: usize, twist: Twist);
-    /// The same poses, to be moved by body-frame rates; all rates zero.
-    fn in_body_frame(&self) -> State<Self::InBodyFrame>;
+    /// The same poses, to be moved by body-frame rates, and the same variables; the rates of the bodies zero.
+    fn in_body_frame(x: &State<Self>) -> State<Self::InBodyFrame>;
+    /// The variables of first order beside all bodies; see [`augmented`](crate::augmented).
+    fn variables(rate: &Self::Rate) -> &[Vector3<f64>];
+    /// The same, to be changed.
+    fn variables_mut(rate: &mut Self::Rate) -> &mut [Vector3<f64>];
 }
 
 impl Poses for Pose {
@@ -512,8 +564,16 @@ impl Poses for Pose {
         *rate = twist;
     }
     #[inline]
-    fn in_body_frame(&self) -> State<InBody<Pose>> {
-        State { configuration: InBody(*self), rate: InBody::default() }
+    fn in_body_frame(x: &State<Self>) -> State<InBody<Pose>> {
+        State { configuration: InBody(x.configuration), rate: InBody::default() }
+    }
+    #[inline]
+    fn variables(_: &Self::Rate) -> &[Vector3<f64>] {
+        &[]
+    }
+    #[inline]
+    fn variables_mut(_: &mut Self::Rate) -> &mut [Vector3<f64>] {
+        &mut []
     }
 }
 
@@ -540,8 +600,16 @@ impl Poses for InBody<Pose> {
         rate.0 = twist;
     }
     #[inline]
-    fn in_body_frame(&self) -> State<Self> {
-        State { configuration: *self, rate: InBody::default() }
+    fn in_body_frame(x: &State<Self>) -> State<Self> {
+        State { configuration: x.configuration, rate: InBody::default() }
+    }
+    #[inline]
+    fn variables(_: &Self::Rate) -> &[Vector3<f64>] {
+        &[]
+    }
+    #[inline]
+    fn variables_mut(_: &mut Self::Rate) -> &mut [Vector3<f64>] {
+        &mut []
     }
 }
 
@@ -562,14 +630,23 @@ impl<C: Poses> Poses for Vec<C> {
     fn set_twist(rate: &mut Self::Rate, i: usize, twist: Twist) {
         C::set_twist(&mut rate[i], 0, twist);
     }
-    fn in_body_frame(&self) -> State<Self::InBodyFrame> {
-        let (configuration, rate) = self
-            .iter()
-            .map(|c| {
-                let s = c.in_body_frame();
+    fn in_body_frame(x: &State<Self>) -> State<Self::InBodyFrame> {
+        let bodies = x.configuration.iter().zip(&x.rate);
+        let (configuration, rate) = bodies
+            .map(|(configuration, rate)| {
+                let x = State { configuration: configuration.clone(), rate: rate.clone() };
+                let s = C::in_body_frame(&x);
                 (s.configuration, s.rate)
             })
             .unzip();
         State { configuration, rate }
+    }
+    #[inline]
+    fn variables(_: &Self::Rate) -> &[Vector3<f64>] {
+        &[]
+    }
+    #[inline]
+    fn variables_mut(_: &mut Self::Rate) -> &mut [Vector3<f64>] {
+        &mut []
     }
 }

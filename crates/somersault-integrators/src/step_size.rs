@@ -122,6 +122,16 @@ impl StepSizeControl {
         Ok((step, if reaches_end { end } else { t + step }))
     }
 
+    /// Sets the next step, where one just made was too long for another reason than its error.
+    ///
+    /// Errors: a step that is not positive.
+    pub fn shorten(&mut self, step: f64) -> Result<(), IntegrateError> {
+        check_positive("step", step)?;
+        self.rejected += 1;
+        self.h = step;
+        Ok(())
+    }
+
     /// Whether a step from `t` with an error weighed by the tolerances is accepted; sets the size of the
     /// next.
     ///

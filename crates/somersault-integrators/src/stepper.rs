@@ -5,39 +5,46 @@ use crate::scratch::Scratch;
 use crate::state::{Configuration, ErrorSum, Rate, State, Tolerances};
 use crate::system::{RateOf, StateOf, System};
 
-/// Orders of a method, as powers of h in the global error, measured by the tests of the same names.
+/// Orders of a method, as powers of h in the global error, measured by the test `every_method_has_the_orders_of_its_info`: of
+/// position and orientation in [`MethodInfo::orders`], of velocity and angular velocity in [`MethodInfo::rate_orders`].
+///
+/// A motion of several kinds at once, say under a spring attached off the centre of mass, has the least of their orders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Orders {
-    /// Position on ℝ³ under r̈ = f(r); thesis Table 7.1.
+    /// On ℝ³ under r̈ = f(t, r); thesis Table 7.1.
     pub translation: u8,
-    /// Position on ℝ³ under r̈ = f(r, ṙ).
+    /// On ℝ³ under r̈ = f(t, r, ṙ).
     pub translation_with_velocity: u8,
-    /// Orientation of a free body; thesis Table 7.2. A method that is exact there states the order it
+    /// On ℝ³ under r̈ = f(t, r, R): forces that depend on the orientation, as the thrust of an engine fixed in the body.
+    pub translation_with_orientation: u8,
+    /// On SO(3), of a free body; thesis Table 7.2. A method that is exact there states the order it
     /// has under torque.
     pub rotation: u8,
-    /// Orientation of a body under torque; `None` where the method takes no torque.
+    /// On SO(3) under torque; `None` where the method takes no torque.
     pub rotation_with_torque: Option<u8>,
 }
 
 impl Orders {
     /// The same order everywhere.
     pub const fn all(order: u8) -> Self {
-        Self {
-            translation: order,
-            translation_with_velocity: order,
-            rotation: order,
-            rotation_with_torque: Some(order),
-        }
+        Self::split(order, order)
     }
 
-    /// One order on ℝ³ and another on SO(3), with or without velocities and torques.
+    /// One order on ℝ³ and another on SO(3), with or without velocities and torques. A force that depends on the
+    /// orientation sees the error of the orientation, and the order on ℝ³ is the lower of the two.
     pub const fn split(translation: u8, rotation: u8) -> Self {
         Self {
             translation,
             translation_with_velocity: translation,
+            translation_with_orientation: if rotation < translation { rotation } else { translation },
             rotation,
             rotation_with_torque: Some(rotation),
         }
+    }
+
+    /// Without torque, which the method does not take.
+    pub const fn without_torque(self) -> Self {
+        Self { rotation_with_torque: None, ..self }
     }
 }
 
@@ -72,8 +79,17 @@ pub struct MethodInfo {
     pub title: &'static str,
     /// Where it comes from.
     pub citation: &'static str,
-    /// Its orders.
+    /// Orders of position and orientation at the ends of steps.
     pub orders: Orders,
+    /// Orders of velocity and angular velocity there.
+    pub rate_orders: Orders,
+    /// Power of h in the error that its [`segment`](Stepper::segment) adds: within a step the order is the lower of
+    /// this and the order at the ends.
+    pub dense_order: u8,
+    /// Angle h‖ω‖ in rad up to which a step is made for any body, where the method has a limit; beyond it a step is refused
+    /// with [`StepError::Angle`], by the discrete Moser–Veselov methods where their equation has no solution. `lgvi` counts
+    /// h √(2T/I_min) in its place, T the kinetic energy of the rotation.
+    pub angle_limit: Option<f64>,
     /// Evaluations of the equations of motion per step, once started; for an implicit method, per
     /// iteration.
     pub evaluations: u8,
@@ -106,6 +122,9 @@ impl MethodInfo {
             title,
             citation,
             orders: Orders::all(order),
+            rate_orders: Orders::all(order),
+            dense_order: Self::HERMITE,
+            angle_limit: None,
             evaluations: order,
             history: 0,
             scope: Scope::AnySystem,
@@ -121,10 +140,13 @@ impl MethodInfo {
     pub const fn in_variables(self, name: &'static str, title: &'static str, variables: Variables) -> Self {
         let keeps = match variables {
             Variables::Momentum => Self::MOMENTUM,
-            _ => self.keeps,
+            Variables::World | Variables::Body => self.keeps,
         };
         Self { name, title, variables, scope: Scope::RigidBodies, keeps, ..self }
     }
+
+    /// Order of the default curve, the cubic Hermite interpolant.
+    pub const HERMITE: u8 = 4;
 
     const MOMENTUM: &'static str = "angular momentum without torque to rounding";
 
@@ -167,12 +189,41 @@ pub enum StepError {
         /// The step.
         h: f64,
     },
+    /// A body turns further in the step than the method allows.
+    #[error(
+        "method `{method}`: a body turns by up to {angle:.3} rad in the step h = {h} at t = {t}, more than the {limit:.3} rad a step allowed; take a smaller step"
+    )]
+    Angle {
+        /// The method.
+        method: &'static str,
+        /// Time at the start of the step.
+        t: f64,
+        /// The step.
+        h: f64,
+        /// The angle h‖ω‖, or what the method counts in its place, rad.
+        angle: f64,
+        /// The largest angle allowed, rad.
+        limit: f64,
+    },
 }
 
 /// The description of a method as a constant.
 pub trait Scheme {
     /// The row of the method table.
     const INFO: MethodInfo;
+
+    /// Errors with [`StepError::Angle`] where a body that turns at `speed` = ‖ω‖ turns by more than
+    /// [`MethodInfo::angle_limit`] in a step `h` from `t`.
+    #[inline(always)]
+    fn check_angle(t: f64, h: f64, speed: f64) -> Result<(), StepError> {
+        match Self::INFO.angle_limit {
+            // What is not finite is for the driver to see.
+            Some(limit) if h.abs() * speed > limit => {
+                Err(StepError::Angle { method: Self::INFO.name, t, h, angle: h.abs() * speed, limit })
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
 }
 
 /// A method that moves systems of the kind `S` by one step.

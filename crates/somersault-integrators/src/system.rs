@@ -38,6 +38,7 @@ pub trait System {
     fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: System + ?Sized> System for &S {
     type Configuration = S::Configuration;
     type Workspace = S::Workspace;
@@ -60,7 +61,8 @@ pub trait RigidSystem: System<Configuration: Poses> {
     fn body(&self, i: usize) -> &RigidBody;
     /// A state of the right size: all bodies at rest at the origin.
     fn rest(&self) -> StateOf<Self>;
-    /// Force (linear part) and torque about the centre of mass (angular part) on every body, world frame.
+    /// Force (linear part) and torque about the centre of mass (angular part) on every body, world frame, and the
+    /// derivatives of the variables of first order beside the bodies.
     fn wrenches(&self, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
     /// The same with angular velocities and torques in body axes; by default by way of `world`, in world axes.
     #[inline(always)]
@@ -88,7 +90,14 @@ pub type BodyPoses<S> = <<S as System>::Configuration as Poses>::InBodyFrame;
 /// Rate of a rigid system in the body frame.
 pub type BodyRate<S> = <BodyPoses<S> as Configuration>::Rate;
 
-/// Turns the torques on bodies in the poses of `x` from world axes into body axes.
+/// Copies the variables of first order beside bodies.
+#[inline(always)]
+fn copy_variables<From: Poses, To: Poses>(from: &From::Rate, to: &mut To::Rate) {
+    To::variables_mut(to).copy_from_slice(From::variables(from));
+}
+
+/// Turns the torques on bodies in the poses of `x` from world axes into body axes; the derivatives of variables
+/// beside them stay.
 #[inline(always)]
 pub fn torques_in_body_axes<Q: Poses>(
     x: &State<Q::InBodyFrame>,
@@ -100,8 +109,10 @@ pub fn torques_in_body_axes<Q: Poses>(
         let angular = x.configuration.pose(i).orientation.inverse_transform_vector(&wrench.angular);
         Q::InBodyFrame::set_twist(out, i, Twist { linear: wrench.linear, angular });
     }
+    copy_variables::<Q, Q::InBodyFrame>(wrenches, out);
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: RigidSystem + ?Sized> RigidSystem for &S {
     #[inline(always)]
     fn body(&self, i: usize) -> &RigidBody {
@@ -447,6 +458,7 @@ impl<S: RigidSystem> MomentumForm<'_, S> {
         for i in 0..x.configuration.count() {
             S::Configuration::set_twist(out, i, self.twist(x, i));
         }
+        copy_variables::<S::Configuration, S::Configuration>(&x.rate, out);
     }
 }
 
@@ -489,6 +501,7 @@ impl<Q: Poses> Decoder<Q, Q> for FromMomentum {
             let angular = angular_velocity(body, &x.configuration.pose(i), &rate.angular);
             Q::set_twist(&mut out.rate, i, Twist { linear: rate.linear, angular });
         }
+        copy_variables::<Q, Q>(&x.rate, &mut out.rate);
     }
 }
 
@@ -553,13 +566,14 @@ impl<B: Poses, Q: Poses> Decoder<B, Q> for FromBody {
             let angular = pose.orientation * rate.angular;
             Q::set_twist(&mut out.rate, i, Twist { linear: rate.linear, angular });
         }
+        copy_variables::<B, Q>(&x.rate, &mut out.rate);
     }
 }
 
 impl<S: RigidSystem> Form<S::Configuration> for BodyForm<'_, S> {
     type Decoder = FromBody;
     fn encode(&self, x: &StateOf<S>) -> StateOf<Self> {
-        let mut y = x.configuration.in_body_frame();
+        let mut y = S::Configuration::in_body_frame(x);
         for i in 0..x.configuration.count() {
             let rate = S::Configuration::twist(&x.rate, i);
             let orientation = x.configuration.pose(i).orientation;

@@ -15,12 +15,13 @@
 //!
 //! [`Varied`] puts columns of tangents beside a configuration or a rate. They belong to its ℝᵐ: methods add
 //! and scale them and have no bracket for them, so that a method moves the base exactly as it does without
-//! columns, and the columns to its own order.
+//! columns, and the columns to its own order. The columns may be in other axes than the base.
 
+use crate::augmented::{Augmented, AugmentedRate};
 use crate::body::RigidBody;
 use crate::force::Wrench;
 use crate::scratch::Storage;
-use crate::state::{Configuration, ErrorSum, Rate, RigidBodyState, State, Tolerances, Twist};
+use crate::state::{Configuration, ErrorSum, Pose, Rate, RigidBodyState, State, Tolerances, Twist};
 use nalgebra::{Matrix3, SVector};
 use somersault_core::so3;
 
@@ -75,31 +76,38 @@ pub struct Varied<T, V = T> {
     pub columns: Vec<V>,
 }
 
-impl<Q: Configuration> State<Varied<Q, Q::Rate>> {
+impl<Q: Configuration, V: Rate> State<Varied<Q, V>> {
     /// A state with columns.
-    pub fn varied(base: State<Q>, columns: impl IntoIterator<Item = Tangent<Q::Rate>>) -> Self {
+    pub fn varied(base: State<Q>, columns: impl IntoIterator<Item = Tangent<V>>) -> Self {
         let (displacements, rates) = columns.into_iter().map(|c| (c.displacement, c.rate)).unzip();
         Self {
             configuration: Varied { base: base.configuration, columns: displacements },
             rate: Varied { base: base.rate, columns: rates },
         }
     }
+
+    /// The state without its columns.
+    pub fn base(&self) -> State<Q> {
+        State { configuration: self.configuration.base.clone(), rate: self.rate.base.clone() }
+    }
 }
 
-impl State<Varied<crate::state::Pose, Twist>> {
-    /// The state without its columns.
+impl State<Varied<Augmented<Pose>, AugmentedRate<Twist>>> {
+    /// The state of the body, without columns and variables.
     #[inline]
-    pub fn base(&self) -> RigidBodyState {
-        State { configuration: self.configuration.base, rate: self.rate.base }
+    pub fn body(&self) -> RigidBodyState {
+        State { configuration: self.configuration.base.0, rate: self.rate.base.base }
     }
+}
 
-    /// Column `k`, for `k` below their number.
+impl<Q: Configuration> State<Varied<Q, AugmentedRate<Twist>>> {
+    /// Column `k` of the body, for `k` below their number.
     #[inline]
     pub fn column(&self, k: usize) -> Tangent<Twist> {
-        Tangent { displacement: self.configuration.columns[k], rate: self.rate.columns[k] }
+        Tangent { displacement: self.configuration.columns[k].base, rate: self.rate.columns[k].base }
     }
 
-    /// The columns.
+    /// The columns of the body.
     #[inline]
     pub fn columns(&self) -> impl ExactSizeIterator<Item = Tangent<Twist>> {
         (0..self.rate.columns.len()).map(|k| self.column(k))
@@ -110,7 +118,7 @@ impl<T, V> Storage for Varied<T, V> {
     const ON_STACK: bool = false;
 }
 
-impl<V: Rate> Rate for Varied<V> {
+impl<T: Rate, V: Rate> Rate for Varied<T, V> {
     fn assign(&mut self, other: &Self) {
         self.base.assign(&other.base);
         self.columns.assign(&other.columns);
@@ -133,6 +141,10 @@ impl<V: Rate> Rate for Varied<V> {
     fn dexp_inv(&mut self, u: &Self) {
         self.base.dexp_inv(&u.base);
     }
+    /// Of the base: tangents are of ℝᵐ.
+    fn angle(&self) -> f64 {
+        self.base.angle()
+    }
     fn is_finite(&self) -> bool {
         self.base.is_finite() && self.columns.is_finite()
     }
@@ -140,10 +152,14 @@ impl<V: Rate> Rate for Varied<V> {
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.base.weigh(&other.base, &error.base, tolerances, sum);
     }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.base.weigh_all(&other.base, &error.base, tolerances, sum);
+        self.columns.weigh_all(&other.columns, &error.columns, tolerances, sum);
+    }
 }
 
-impl<Q: Configuration> Configuration for Varied<Q, Q::Rate> {
-    type Rate = Varied<Q::Rate>;
+impl<Q: Configuration, V: Rate> Configuration for Varied<Q, V> {
+    type Rate = Varied<Q::Rate, V>;
     fn assign(&mut self, other: &Self) {
         self.base.assign(&other.base);
         self.columns.assign(&other.columns);
@@ -166,6 +182,10 @@ impl<Q: Configuration> Configuration for Varied<Q, Q::Rate> {
     /// Weighs the base alone, so that columns do not change the steps of a motion.
     fn weigh(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
         self.base.weigh(&other.base, &error.base, tolerances, sum);
+    }
+    fn weigh_all(&self, other: &Self, error: &Self::Rate, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.base.weigh_all(&other.base, &error.base, tolerances, sum);
+        self.columns.weigh_all(&other.columns, &error.columns, tolerances, sum);
     }
 }
 

@@ -306,18 +306,15 @@ impl Link {
                 return Err(ModelError::LimitsCrossed { name: name(), lower, upper });
             }
         }
-        if let Joint::Revolute { axis } | Joint::Prismatic { axis } = self.joint {
+        if let Some(given) = self.joint.axis_mut() {
+            let axis = *given;
             finite("axis", axis.as_slice())?;
             let largest = axis.amax();
             if largest == 0.0 {
                 return Err(ModelError::ZeroAxis { name: name() });
             }
             // scaled first, so that no length over- or underflows
-            let unit = if is_unit(axis.norm_squared()) { axis } else { (axis / largest).normalize() };
-            self.joint = match self.joint {
-                Joint::Prismatic { .. } => Joint::Prismatic { axis: unit },
-                _ => Joint::Revolute { axis: unit },
-            };
+            *given = if is_unit(axis.norm_squared()) { axis } else { (axis / largest).normalize() };
         }
         if !is_unit(self.orientation.norm_squared()) {
             self.orientation = UnitQuaternion::new_normalize(self.orientation.into_inner());
@@ -389,7 +386,7 @@ impl ModelBuilder {
             (Some(parent), _) if !self.names.contains(parent) => {
                 return Err(ModelError::UnknownParent { parent: parent.clone(), name: link.name });
             }
-            _ => {}
+            (None, None) | (Some(_), _) => {}
         }
         let link = link.validate()?;
         self.names.insert(link.name.clone());

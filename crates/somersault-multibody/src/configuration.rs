@@ -20,8 +20,8 @@ impl<T: Scalar> Model<T> {
     pub fn neutral(&self) -> Vec<T> {
         let mut q = vec![T::zero(); self.n_positions()];
         for i in 0..self.n_bodies() {
-            if let Some(Joint::Spherical | Joint::Free) = self.joint(i) {
-                q[self.positions_of(i).end - 1] = T::one();
+            if let Some(quaternion) = self.quaternion_of(i) {
+                q[quaternion.end - 1] = T::one();
             }
         }
         q
@@ -105,10 +105,9 @@ impl<T: Scalar> Model<T> {
     pub fn normalize(&self, q: &mut [T]) -> Result<(), DynamicsError> {
         expect_length("q", q, self.n_positions())?;
         for (i, link) in self.links().iter().enumerate() {
-            if let Joint::Spherical | Joint::Free = link.joint {
-                let end = self.positions_of(i).end;
-                let coordinates = &mut q[end - 4..end];
-                let norm = quaternion(coordinates).norm();
+            if let Some(quaternion) = self.quaternion_of(i) {
+                let coordinates = &mut q[quaternion];
+                let norm = self::quaternion(coordinates).norm();
                 if !(norm > T::zero() && norm.is_finite()) {
                     return Err(DynamicsError::NoRotation { joint: link.name.clone() });
                 }

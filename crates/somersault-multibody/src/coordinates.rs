@@ -211,6 +211,10 @@ impl Rate for Rates {
             assign(&mut numbers[*i..], carried.as_slice());
         }
     }
+    fn angle(&self) -> f64 {
+        let angle = |block: &Block| triple(&self.numbers[block.rate_at..]).norm();
+        self.layout.rotations().map(angle).fold(0.0, f64::max)
+    }
     fn is_finite(&self) -> bool {
         self.numbers.iter().all(|x| x.is_finite())
     }
@@ -224,6 +228,9 @@ impl Rate for Rates {
             let part = |rates: &Self| vector(&rates.numbers, block.rate_at, n);
             sum.add(&part(error), part(self).norm().max(part(other).norm()), tolerances);
         }
+    }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.weigh(other, error, tolerances, sum);
     }
 }
 
@@ -294,5 +301,8 @@ impl Configuration for Coordinates {
             };
             sum.add(&vector(&error.numbers, block.rate_at, n), size, tolerances);
         }
+    }
+    fn weigh_all(&self, other: &Self, error: &Rates, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        self.weigh(other, error, tolerances, sum);
     }
 }

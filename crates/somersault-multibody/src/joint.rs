@@ -15,9 +15,10 @@
 //! linear before angular throughout.
 
 use crate::scalar::Scalar;
-use crate::spatial::{Direction, Transform};
+use crate::spatial::{Direction, Force, Motion, Transform};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// The kinds of joints between a body and its parent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -42,43 +43,140 @@ pub enum Joint {
     Free,
 }
 
-impl Joint {
+/// How a kind of joint turns its child.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turning {
+    /// Not at all.
+    None,
+    /// About an axis: an angle in q, its rate in v.
+    Angle,
+    /// In any way: a quaternion in q, three numbers in v.
+    Rotation,
+}
+
+/// A kind of joint as data: what depends on the kind is asked of this row.
+///
+/// A new kind is a row here, its exponential and logarithm in [`Model::integrate`](crate::Model::integrate) and
+/// [`Model::difference`](crate::Model::difference), its pose, and its name in URDF and in Python; the compiler asks for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct JointKind {
+    /// The name, in lower case.
+    pub name: &'static str,
+    /// Linear numbers, the first ones of q and of v.
+    pub n_linear: usize,
+    /// What follows them.
+    pub turning: Turning,
+}
+
+impl JointKind {
+    const fn new(name: &'static str, n_linear: usize, turning: Turning) -> Self {
+        Self { name, n_linear, turning }
+    }
+
     /// Numbers in q.
-    pub fn n_positions(&self) -> usize {
-        match self {
-            Self::Fixed => 0,
-            Self::Revolute { .. } | Self::Prismatic { .. } => 1,
-            Self::Spherical => 4,
-            Self::Planar => 3,
-            Self::Free => 7,
-        }
+    pub const fn n_positions(&self) -> usize {
+        self.n_linear
+            + match self.turning {
+                Turning::None => 0,
+                Turning::Angle => 1,
+                Turning::Rotation => 4,
+            }
     }
 
     /// Degrees of freedom: numbers in v.
-    pub fn n_velocities(&self) -> usize {
-        match self {
-            Self::Fixed => 0,
-            Self::Revolute { .. } | Self::Prismatic { .. } => 1,
-            Self::Spherical | Self::Planar => 3,
-            Self::Free => 6,
+    pub const fn n_velocities(&self) -> usize {
+        self.n_linear
+            + match self.turning {
+                Turning::None => 0,
+                Turning::Angle => 1,
+                Turning::Rotation => 3,
+            }
+    }
+
+    /// Where q has the orientation, counted from the joint's first number.
+    pub const fn orientation(&self) -> Range<usize> {
+        self.n_linear..self.n_positions()
+    }
+
+    /// Where q has a quaternion, counted from the joint's first number.
+    pub const fn quaternion(&self) -> Option<Range<usize>> {
+        match self.turning {
+            Turning::Rotation => Some(self.orientation()),
+            Turning::None | Turning::Angle => None,
         }
     }
 
-    /// The columns of the motion subspace S, axes already of unit length.
-    pub(crate) fn directions<T: Scalar>(&self) -> Vec<Direction<T>> {
-        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    /// Whether the linear part of v is in axes that turn with the joint, and so is no rate of q.
+    pub const fn turns_linear_part(&self) -> bool {
+        self.n_linear > 0 && !matches!(self.turning, Turning::None)
+    }
+}
+
+impl Joint {
+    /// The row of its kind.
+    pub const fn kind(&self) -> JointKind {
         match self {
-            Self::Fixed => Vec::new(),
-            Self::Revolute { axis } => vec![Direction::Angular(nalgebra::convert(*axis))],
-            Self::Prismatic { axis } => vec![Direction::Linear(nalgebra::convert(*axis))],
-            Self::Spherical => axes.map(Direction::Angular).to_vec(),
-            Self::Planar => {
-                vec![Direction::Linear(axes[0]), Direction::Linear(axes[1]), Direction::Angular(axes[2])]
-            }
-            Self::Free => {
-                axes.map(Direction::Linear).into_iter().chain(axes.map(Direction::Angular)).collect()
-            }
+            Self::Fixed => JointKind::new("fixed", 0, Turning::None),
+            Self::Revolute { .. } => JointKind::new("revolute", 0, Turning::Angle),
+            Self::Prismatic { .. } => JointKind::new("prismatic", 1, Turning::None),
+            Self::Spherical => JointKind::new("spherical", 0, Turning::Rotation),
+            Self::Planar => JointKind::new("planar", 2, Turning::Angle),
+            Self::Free => JointKind::new("free", 3, Turning::Rotation),
         }
+    }
+
+    /// The axis, where it is given one.
+    pub const fn axis(&self) -> Option<&Vector3<f64>> {
+        match self {
+            Self::Revolute { axis } | Self::Prismatic { axis } => Some(axis),
+            Self::Fixed | Self::Spherical | Self::Planar | Self::Free => None,
+        }
+    }
+
+    /// The axis, to be changed.
+    pub(crate) const fn axis_mut(&mut self) -> Option<&mut Vector3<f64>> {
+        match self {
+            Self::Revolute { axis } | Self::Prismatic { axis } => Some(axis),
+            Self::Fixed | Self::Spherical | Self::Planar | Self::Free => None,
+        }
+    }
+
+    /// Numbers in q.
+    pub const fn n_positions(&self) -> usize {
+        self.kind().n_positions()
+    }
+
+    /// Degrees of freedom: numbers in v.
+    pub const fn n_velocities(&self) -> usize {
+        self.kind().n_velocities()
+    }
+
+    /// Column `k` of the motion subspace S, axes already of unit length: a linear number is along the axis given, or along x, y
+    /// or z; a turn is about the axis given, about z for an angle without one, or about x, y or z.
+    pub(crate) fn direction<T: Scalar>(&self, k: usize) -> Direction<T> {
+        let JointKind { n_linear, turning, .. } = self.kind();
+        let unit = |i: usize| Vector3::ith(i, T::one());
+        let given = self.axis().map(|axis| nalgebra::convert(*axis));
+        if k < n_linear {
+            return Direction::Linear(given.unwrap_or_else(|| unit(k)));
+        }
+        Direction::Angular(match turning {
+            Turning::None | Turning::Rotation => unit(k - n_linear),
+            Turning::Angle => given.unwrap_or_else(|| unit(2)),
+        })
+    }
+
+    /// S v: numbers `v` of this joint, velocities or a displacement, as a motion in the axes of the child.
+    pub fn motion(&self, v: &[f64]) -> Motion<f64> {
+        let mut motion = Motion::zero();
+        (0..self.n_velocities()).zip(v).for_each(|(k, rate)| self.direction(k).add_to(&mut motion, *rate));
+        motion
+    }
+
+    /// out ← Sᵀ m: the numbers of this joint of a motion `m` in the axes of the child.
+    pub fn numbers(&self, m: &Motion<f64>, out: &mut [f64]) {
+        let m = Force { linear: m.linear, angular: m.angular };
+        (0..self.n_velocities()).zip(out).for_each(|(k, out)| *out = self.direction(k).dot(&m));
     }
 }
 
@@ -165,5 +263,35 @@ impl<T: Scalar> Mechanism<T> {
                 placement.compose(&Transform::new(rotation(&q[3..7]), Vector3::new(q[0], q[1], q[2])))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_numbers_of_a_motion_of_a_joint_are_those_it_was_made_of() {
+        let axis = Vector3::new(0.6, 0.0, -0.8);
+        let joints = [
+            Joint::Fixed,
+            Joint::Revolute { axis },
+            Joint::Prismatic { axis },
+            Joint::Spherical,
+            Joint::Planar,
+            Joint::Free,
+        ];
+        let v = [0.3, -0.2, 0.7, 1.1, -0.4, 0.9];
+        for joint in joints {
+            let n = joint.n_velocities();
+            let mut found = [0.0; 6];
+            joint.numbers(&joint.motion(&v[..n]), &mut found[..n]);
+            assert!(found[..n].iter().zip(&v).all(|(a, b)| (a - b).abs() < 1e-15), "{joint:?}: {found:?}");
+            let kind = joint.kind();
+            assert_eq!(kind.quaternion().is_some(), joint.n_positions() > n, "{joint:?}");
+            assert_eq!(kind.orientation().end, joint.n_positions(), "{joint:?}");
+        }
+        assert_eq!(Joint::Planar.motion(&[1.0, 2.0, 3.0]).angular, Vector3::z() * 3.0);
+        assert_eq!(Joint::Free.motion(&v).linear, Vector3::new(0.3, -0.2, 0.7));
     }
 }

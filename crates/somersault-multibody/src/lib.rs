@@ -69,7 +69,7 @@ pub use data::Data;
 pub use derivatives::{DerivativeData, MomentumPartials, Partials};
 pub use error::DynamicsError;
 pub use inertia::SpatialInertia;
-pub use joint::Joint;
+pub use joint::{Joint, JointKind, Turning};
 pub use kinematics::{Accelerations, Axes, Positions, Velocities};
 pub use lie::cotangent_ratio;
 pub use model::Model;

@@ -96,7 +96,7 @@ impl<T: Scalar> Model<T> {
         for link in links.iter() {
             let parent = link.parent.as_deref().and_then(|p| numbers.get(p).copied());
             let first = directions.len();
-            directions.extend(link.joint.directions::<T>());
+            directions.extend((0..link.joint.n_velocities()).map(|k| link.joint.direction::<T>(k)));
             let dofs = first..directions.len();
             let mut last = parent.and_then(|p| last_dof[p]);
             for k in dofs.clone() {
@@ -196,8 +196,14 @@ impl<T: Scalar> Model<T> {
     pub fn positions_of(&self, i: usize) -> Range<usize> {
         match (self.bodies.get(i), self.joint(i)) {
             (Some(body), Some(joint)) => body.q..body.q + joint.n_positions(),
-            _ => 0..0,
+            (None, _) | (_, None) => 0..0,
         }
+    }
+
+    /// Where the joint of body `i` has a quaternion (x, y, z, w) in q; `None` if it has none or there is no such body.
+    pub fn quaternion_of(&self, i: usize) -> Option<Range<usize>> {
+        let (first, found) = (self.bodies.get(i)?.q, self.joint(i)?.kind().quaternion()?);
+        Some(first + found.start..first + found.end)
     }
 
     /// Where the joint of body `i` has its numbers in v; empty if there is no such body.

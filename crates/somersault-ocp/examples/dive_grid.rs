@@ -15,7 +15,7 @@ use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::solution::Recorder;
 use somersault_multibody::motion::{TreeMotion, TreeState, TreeSystem};
 use somersault_multibody::{Data, Split};
-use somersault_ocp::dive::{ALLOWED, Body, Clearance, Dive, DiveProgram, DiveSearch, Range};
+use somersault_ocp::dive::{ALLOWED, Body, Dive, DiveProgram, DiveSearch, Range};
 use somersault_ocp::solver::{Flow, Sqp};
 use std::error::Error;
 use std::f64::consts::TAU;
@@ -81,8 +81,6 @@ fn dive(group: i32, half_somersaults: i32, half_twists: i32) -> Result<Dive, Box
     };
     let dive = Dive::twisting(sense * 0.5 * f64::from(half_somersaults), 0.5 * f64::from(half_twists))?;
     Ok(Dive {
-        // the search adds the times that matter
-        clearance: Some(Clearance { distance: 0.005, n_times: 15 }),
         lean: Range::fixed(travel * dive.lean.lower),
         entry_distance: travel * dive.entry_distance,
         duration: Range::fixed(1.3 + 0.1 * f64::from(half_somersaults)),

@@ -4,7 +4,7 @@ use crate::bodies::State;
 use crate::contact_law::{Resistance, friction_law, laws, normal_law, parts, resistance_law};
 use crate::convert::{a_type, vector, vector_array, vector_or};
 use crate::error::Error;
-use crate::forces::{Failure, Reader, callable_name, sequence};
+use crate::forces::{Failure, Reader, sequence};
 use crate::surface::{CallableSurface, HalfSpace, Surface};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -24,12 +24,13 @@ use std::sync::Arc;
 /// point : array_like, shape (3,)
 ///     Point, body frame, from the centre of mass, m.
 /// surface : Surface or callable
-///     A surface, or ``f(point) -> (distance, gradient)`` for one of your own: the signed distance of a
-///     point of the world, negative in the solid, and its gradient. With p + 1 continuous derivatives
-///     it keeps an order p.
+///     A surface, or ``f(point) -> (distance, gradient)``: the signed distance of a point of the world, negative in
+///     the solid, and its gradient, of length 1. With p + 1 continuous derivatives it keeps an order p. A
+///     `SurfaceFunction` says besides how fast the distance changes; a plain callable counts as a distance,
+///     which changes by no more than the point moves.
 /// law : CompliantLaw or HuntCrossley
 ///     Law of the normal force.
-/// friction : CoulombFriction, CreepFriction or RegularisedFriction, optional
+/// friction : CoulombFriction or RegularisedFriction, optional
 ///     Law of friction; none unless given.
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.
@@ -79,11 +80,7 @@ impl Contact {
         if self.is_built_in(py) {
             return contact;
         }
-        contact.against(Arc::new(CallableSurface {
-            callable: self.surface.clone_ref(py),
-            name: callable_name(self.surface.bind(py)),
-            failure: failure.clone(),
-        }))
+        contact.against(Arc::new(CallableSurface::new(self.surface.bind(py), failure)))
     }
 }
 
@@ -113,7 +110,7 @@ impl Contact {
     /// radius : float
     ///     Radius, m.
     /// surface, law, friction, resistance
-    ///     As of a point; friction may not be a CoulombFriction, as a ball rolls.
+    ///     As of a point.
     #[staticmethod]
     #[pyo3(signature = (center, radius, surface, law, *, friction=None, resistance=None))]
     fn ball(
@@ -141,7 +138,7 @@ impl Contact {
     /// plane : HalfSpace
     ///     The plane.
     /// law, friction, resistance
-    ///     As of a point; friction may not be a CoulombFriction, as a rim rolls.
+    ///     As of a point.
     #[staticmethod]
     #[pyo3(signature = (center, axis, radius, plane, law, *, friction=None, resistance=None))]
     fn rim(
@@ -180,7 +177,7 @@ impl Contact {
         normal_law(py, self.contact.law())
     }
 
-    /// CoulombFriction, CreepFriction, RegularisedFriction or None: The law of friction.
+    /// CoulombFriction, RegularisedFriction or None: The law of friction.
     #[getter]
     fn friction<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         friction_law(py, self.contact.law())
@@ -273,7 +270,7 @@ impl Contact {
 ///     Law of the normal force.
 /// centers : tuple of array_like, shape (3,), optional
 ///     Centres of the spheres, each in the frame of its body, m; the centres of mass unless given.
-/// friction : CreepFriction or RegularisedFriction, optional
+/// friction : CoulombFriction or RegularisedFriction, optional
 ///     Law of friction; none unless given.
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.

@@ -337,19 +337,22 @@ impl RegularisedFriction {
     }
 }
 
-/// Coulomb's law, with a spring and damper that hold while the contact sticks.
+/// Coulomb's law: a spring and a damper in series with a slider.
 ///
-/// Sliding, F = −μ Fₙ v/‖v‖; sticking, F = −k ξ − c v as long as that is below μ Fₙ, with ξ the way since it
-/// began. For points of a body; whatever rolls takes `CreepFriction`.
+/// With the stretch ξ of the spring and p = k ξ + c v, sticking F = −p and ξ̇ = v as long as ‖p‖ ≤ μ N, slipping
+/// F = −μ N p/‖p‖ and ξ̇ = (μ N p/‖p‖ − k ξ)/c: both are continuous between stick and slip. A block on a slope
+/// of tan α < μ stays at rest. For points, balls, rims and pairs of spheres alike.
 ///
 /// Parameters
 /// ----------
 /// coefficient : float
 ///     μ ≥ 0.
 /// stiffness : float
-///     k > 0, N/m.
-/// damping : float, optional
-///     c ≥ 0, N s/m.
+///     k ≥ 0, N/m. With 0 it is viscous creep up to Coulomb's bound, which holds nothing at rest.
+/// damping : float
+///     c > 0, N s/m. For a mass m that sticks, 2 ζ √(k m) with a damping ratio ζ of 0.05 to 1 suits most ends.
+/// static_coefficient : float, optional
+///     μ_s ≥ μ, up to which it sticks; at break-away the force falls to μ N at once. μ unless given.
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct CoulombFriction(pub(crate) friction::CoulombFriction);
@@ -357,9 +360,15 @@ pub(crate) struct CoulombFriction(pub(crate) friction::CoulombFriction);
 #[pymethods]
 impl CoulombFriction {
     #[new]
-    #[pyo3(signature = (coefficient, stiffness, damping=0.0))]
-    fn new(coefficient: f64, stiffness: f64, damping: f64) -> Result<Self, Error> {
-        Ok(Self(friction::CoulombFriction::try_new(coefficient, stiffness, damping)?))
+    #[pyo3(signature = (coefficient, stiffness, damping, static_coefficient=None))]
+    fn new(
+        coefficient: f64,
+        stiffness: f64,
+        damping: f64,
+        static_coefficient: Option<f64>,
+    ) -> Result<Self, Error> {
+        let law = friction::CoulombFriction::try_new(coefficient, stiffness, damping)?;
+        Ok(Self(static_coefficient.map_or(Ok(law), |found| law.with_static(found))?))
     }
 
     /// float: μ.
@@ -380,54 +389,22 @@ impl CoulombFriction {
         self.0.damping()
     }
 
-    fn __repr__(&self) -> String {
-        let (mu, k, c) = (self.coefficient(), self.stiffness(), self.damping());
-        format!("CoulombFriction({mu:?}, {k:?}, damping={c:?})")
+    /// float: μ_s.
+    #[getter]
+    fn static_coefficient(&self) -> f64 {
+        self.0.static_coefficient()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64, f64)) {
+    fn __repr__(&self) -> String {
+        let (mu, k, c, s) = (self.coefficient(), self.stiffness(), self.damping(), self.static_coefficient());
+        let holding = if s == mu { String::new() } else { format!(", static_coefficient={s:?}") };
+        format!("CoulombFriction({mu:?}, {k:?}, {c:?}{holding})")
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64, f64, f64)) {
         let law = slf.get();
-        (slf.get_type(), (law.coefficient(), law.stiffness(), law.damping()))
-    }
-}
-
-/// Viscous creep up to Coulomb's bound: F = −min(c ‖v‖, μ Fₙ) v/‖v‖; rolling without slip for large c.
-///
-/// Parameters
-/// ----------
-/// coefficient : float
-///     μ ≥ 0.
-/// damping : float
-///     c > 0, N s/m.
-#[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
-#[derive(Clone, Copy, PartialEq)]
-pub(crate) struct CreepFriction(pub(crate) friction::CreepFriction);
-
-#[pymethods]
-impl CreepFriction {
-    #[new]
-    fn new(coefficient: f64, damping: f64) -> Result<Self, Error> {
-        Ok(Self(friction::CreepFriction::try_new(coefficient, damping)?))
-    }
-
-    /// float: μ.
-    #[getter]
-    fn coefficient(&self) -> f64 {
-        self.0.coefficient()
-    }
-
-    /// float: c, N s/m.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.0.damping()
-    }
-
-    fn __repr__(&self) -> String {
-        format!("CreepFriction({:?}, {:?})", self.coefficient(), self.damping())
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64)) {
-        (slf.get_type(), (slf.get().coefficient(), slf.get().damping()))
+        let arguments = (law.coefficient(), law.stiffness(), law.damping(), law.static_coefficient());
+        (slf.get_type(), arguments)
     }
 }
 
@@ -475,7 +452,6 @@ enum Normal {
 #[derive(FromPyObject)]
 enum AnyFriction {
     Coulomb(CoulombFriction),
-    Creep(CreepFriction),
     Regularised(RegularisedFriction),
 }
 
@@ -496,10 +472,9 @@ pub(crate) fn laws(
     if let Some(value) = friction {
         laws = match value.extract() {
             Ok(AnyFriction::Coulomb(friction)) => laws.with_friction(friction.0),
-            Ok(AnyFriction::Creep(friction)) => laws.with_friction(friction.0),
             Ok(AnyFriction::Regularised(friction)) => laws.with_friction(friction.0),
             Err(_) => {
-                let kinds = "a CoulombFriction, a CreepFriction or a RegularisedFriction";
+                let kinds = "a CoulombFriction or a RegularisedFriction";
                 return Err(wrong("friction", kinds, value));
             }
         };
@@ -525,7 +500,6 @@ pub(crate) fn friction_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<
         friction::Friction::None => None,
         friction::Friction::Regularised(law) => Some(Bound::new(py, RegularisedFriction(law))?.into_any()),
         friction::Friction::Coulomb(law) => Some(Bound::new(py, CoulombFriction(law))?.into_any()),
-        friction::Friction::Creep(law) => Some(Bound::new(py, CreepFriction(law))?.into_any()),
     })
 }
 

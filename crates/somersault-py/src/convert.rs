@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::memory::copied;
 use numpy::prelude::*;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
-use pyo3::exceptions::{PyMemoryError, PyOverflowError};
+use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
@@ -30,6 +30,37 @@ pub(crate) fn integer(value: &Bound<'_, PyAny>) -> PyResult<i64> {
 /// The same for an argument that may be None.
 pub(crate) fn integer_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<i64>> {
     if value.is_none() { Ok(None) } else { integer(value).map(Some) }
+}
+
+/// The most entries of a sequence of Python objects: room for all is made before the first is looked at.
+const MOST_ENTRIES: usize = 10_000_000;
+
+/// Refuses sequences of more entries than can be meant; an array need not have memory for those it shows.
+pub(crate) fn check_length(value: &Bound<'_, PyAny>) -> PyResult<()> {
+    match value.len() {
+        Ok(found) if found > MOST_ENTRIES => Err(PyTypeError::new_err(format!(
+            "a sequence must have at most {MOST_ENTRIES} entries, found {found}"
+        ))),
+        // what has no length is refused by who reads it
+        _ => Ok(()),
+    }
+}
+
+/// The entries of a sequence.
+pub(crate) fn entries<'py, T>(value: &Bound<'py, PyAny>) -> PyResult<Vec<T>>
+where
+    T: for<'a> FromPyObject<'a, 'py>,
+{
+    check_length(value)?;
+    value.extract()
+}
+
+/// The same for an argument that may be None.
+pub(crate) fn entries_or_none<'py, T>(value: &Bound<'py, PyAny>) -> PyResult<Option<Vec<T>>>
+where
+    T: for<'a> FromPyObject<'a, 'py>,
+{
+    if value.is_none() { Ok(None) } else { entries(value).map(Some) }
 }
 
 /// The argument `interval`: its start and its end.

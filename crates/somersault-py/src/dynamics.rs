@@ -1,6 +1,6 @@
 //! Inverse, forward and hybrid dynamics of trees.
 
-use crate::convert::a_type;
+use crate::convert::{a_type, entries};
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
@@ -10,11 +10,11 @@ impl Model {
     /// Which degrees of freedom are active: bodies by name, or a flag for each.
     pub(crate) fn split(&self, value: &Bound<'_, PyAny>) -> Result<Split, Error> {
         let n = self.model.n_velocities();
-        if let Ok(names) = value.extract::<Vec<String>>() {
+        if let Ok(names) = entries::<String>(value) {
             let names: Vec<_> = names.iter().map(String::as_str).collect();
             return Ok(Split::try_active(&self.model, &names)?);
         }
-        match value.extract::<Vec<bool>>() {
+        match entries::<bool>(value) {
             Ok(flags) if flags.len() == n => Ok(Split::new(flags)),
             Ok(flags) => Err(Error::input(format!(
                 "`active` must hold names of bodies or {n} booleans, found {} of them",

@@ -180,7 +180,8 @@ impl From<IntegrateError> for Error {
             | IntegrateError::TooManySteps { .. }
             | IntegrateError::InitialState { .. }
             | IntegrateError::NoErrorEstimate { .. }
-            | IntegrateError::RigidBodiesOnly { .. } => Self::own("IntegrateInputError", &error),
+            | IntegrateError::RigidBodiesOnly { .. }
+            | IntegrateError::Variables { .. } => Self::own("IntegrateInputError", &error),
             error => Self::own("IntegrateError", &error),
         }
     }
@@ -258,6 +259,7 @@ impl From<Interruption> for Error {
             Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::surface(format!(
                 "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
             )),
+            Interruption::Surface { .. } => Self::surface(reason.to_string()),
             reason => Self::own("IntegrateError", &reason),
         }
     }

@@ -1,29 +1,34 @@
 //! What happens in contacts during a run.
 
 use crate::bodies::State;
-use crate::convert::a_type;
+use crate::convert::{a_type, entries};
 use crate::error::Error;
 use crate::trajectory::Seen;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::event::{self, EventKind};
+use somersault::integrators::nalgebra::Vector3;
 
 /// The events of a run, and what it took to find them.
 pub(crate) struct Events<Q: Seen> {
     /// Steps tried.
     pub(crate) trials: u64,
+    /// Steps that were parts of longer ones.
+    pub(crate) substeps: u64,
     /// How many there were.
     pub(crate) count: u64,
     /// How many contacts there are; the guards of their friction follow theirs.
     pub(crate) contacts: usize,
     /// Those kept.
     pub(crate) events: Vec<event::Event<Q>>,
+    /// Stretches of the contacts in the state reached, m.
+    pub(crate) stretches: Vec<Vector3<f64>>,
 }
 
 impl<Q: Seen> Events<Q> {
     /// Of a run that looks for none.
     pub(crate) fn none() -> Self {
-        Self { trials: 0, count: 0, contacts: 1, events: Vec::new() }
+        Self { trials: 0, substeps: 0, count: 0, contacts: 1, events: Vec::new(), stretches: Vec::new() }
     }
 }
 
@@ -45,7 +50,6 @@ impl Event {
             EventKind::ReEngagement => "re_engagement",
             EventKind::Stick => "stick",
             EventKind::Slip => "slip",
-            EventKind::Turn => "turn",
             _ => "other",
         };
         let state = Q::to_python(py, &event.state)?.unbind();
@@ -70,7 +74,7 @@ impl Event {
         state: &Bound<'_, PyAny>,
     ) -> Result<Self, Error> {
         let is_one = state.is_instance_of::<State>();
-        if !is_one && state.extract::<Vec<State>>().is_err() {
+        if !is_one && entries::<State>(state).is_err() {
             let found = a_type(state);
             return Err(Error::input(format!("`state` must be a State or a list of them, found {found}")));
         }
@@ -90,8 +94,7 @@ impl Event {
     }
 
     /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
-    /// released below the surface is held again, ``'stick'``, ``'slip'``, or ``'turn'``, where the direction
-    /// of sliding has turned by 60° and nothing else happens.
+    /// released below the surface is held again, ``'stick'`` or ``'slip'``.
     #[getter]
     fn kind(&self) -> &str {
         &self.kind

@@ -63,6 +63,12 @@ impl force::ForceModel for Shared {
     fn depends_on_velocity(&self) -> bool {
         self.0.depends_on_velocity()
     }
+    fn bound(&self, body: &body::RigidBody, reach: &force::Reach) -> Option<force::WrenchBound> {
+        self.0.bound(body, reach)
+    }
+    fn potential(&self, body: &body::RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.0.potential(body, x)
+    }
     fn wrench_variation(
         &self,
         t: f64,
@@ -634,6 +640,13 @@ impl force::ForceModel for Models {
     }
     fn depends_on_velocity(&self) -> bool {
         self.models().any(force::ForceModel::depends_on_velocity)
+    }
+    fn bound(&self, body: &body::RigidBody, reach: &force::Reach) -> Option<force::WrenchBound> {
+        let none = force::WrenchBound::default();
+        self.models().try_fold(none, |sum, model| Some(sum + model.bound(body, reach)?))
+    }
+    fn potential(&self, body: &body::RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.models().map(|model| model.potential(body, x)).sum()
     }
 }
 

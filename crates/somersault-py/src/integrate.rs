@@ -1,6 +1,6 @@
 //! The front door: integration of one body or of several.
 
-use crate::convert::{integer, integer_or_none, interval_of};
+use crate::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::error::Error;
 use crate::event::Events;
 use crate::forces::{Failure, Reader};
@@ -12,9 +12,12 @@ use crate::trajectory::{Cast, Report, Seen, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::Location;
+use somersault::contact::event::{Location, StiffSteps};
+use somersault::contact::interface::ContactLaw;
+use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::driver::{IntegrateError, Outcome, Status};
 use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
 use somersault::integrators::studies::work_precision::Counted;
 use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
@@ -125,6 +128,33 @@ fn run<B: Bodies>(
     plan.deliver(py, failed, solution)
 }
 
+/// A state with the stretches that an argument asks for.
+pub(crate) fn stretched<S: Touching>(
+    system: &WithStretches<S>,
+    stretches: Option<&Bound<'_, PyAny>>,
+    t: f64,
+    x: StateOf<S>,
+) -> Result<StateOf<WithStretches<S>>, Error> {
+    let Some(given) = stretches else { return Ok(system.unstretched(x)) };
+    if given.extract::<&str>().is_ok_and(|word| word == "loaded") {
+        return Ok(system.loaded(t, x));
+    }
+    let count = system.0.laws().count();
+    let values = with_shape("stretches", &[count, 3], given)?;
+    let stretches = values.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    Ok(system.stretched(x, stretches)?)
+}
+
+/// Refuses friction with a stretch where forces switch with the state, which has no place for it.
+fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result<(), Error> {
+    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+        return Err(Error::input(
+            "`locate` must be true where friction is a CoulombFriction with stiffness: it has a state of its own",
+        ));
+    }
+    Ok(())
+}
+
 /// Motion of one rigid body, or of several, under forces.
 ///
 /// Integrates m r̈ = F, Ṙ = ω̂ R and I ω̇ = M − ω × I ω from `state` over `interval`, with a fixed step
@@ -155,6 +185,10 @@ fn run<B: Bodies>(
 ///     itself a contact, a sequence or None.
 /// pairs : SpherePair or sequence of SpherePair, optional
 ///     Where several bodies touch each other.
+/// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+///     Stretches of the friction of the contacts at the start, m, world frame; those of pairs follow those of
+///     surfaces. ``'loaded'`` lets them carry the load as far as friction can, so that a body at rest on a
+///     slope stays at rest from the start. Unstretched unless given.
 /// locate : bool, optional
 ///     Whether to cut steps where a contact begins or ends, so that the method keeps its order, and to log
 ///     these events. Otherwise the forces of contacts switch within steps.
@@ -162,6 +196,13 @@ fn run<B: Bodies>(
 ///     Most events per second and contact, averaged over the last 64, 1e9 unless given; more are an error.
 /// keep_events : bool, optional
 ///     Whether to keep the events; they are counted in any case.
+/// graze : float, optional
+///     Depth below which a hit on a rim or on a surface without a known `concavity` may be missed, m; 1e-6 unless
+///     given. Hits on all others are found whatever their depth.
+/// max_substeps : int or None, optional
+///     Most parts that a fixed step is divided into for the contacts closed; 100 000 unless given. 1 refuses steps
+///     that are too long for a contact with `IntegrateError`; None makes steps as they are given, for studies of
+///     methods.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
 ///     weighed by its length; an orientation counts as one radian.
@@ -196,7 +237,8 @@ fn run<B: Bodies>(
 /// IntegrateError
 ///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
 ///     of an implicit step was not solved (`StepError`), events follow each other too fast
-///     (`ChatteringError`).
+///     (`ChatteringError`), a surface is not fit to be touched (`SurfaceError`), a step is too long for a contact
+///     or the method gains energy in it.
 ///
 /// Notes
 /// -----
@@ -217,8 +259,8 @@ fn run<B: Bodies>(
 /// 0.095
 #[pyfunction]
 #[pyo3(signature = (
-    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, locate=true,
-    max_event_rate=1e9, keep_events=true, rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, stretches=None, locate=true,
+    max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
     observer=None, on_interrupt="raise", progress=false
 ))]
 pub(crate) fn integrate<'py>(
@@ -232,9 +274,12 @@ pub(crate) fn integrate<'py>(
     interaction: Option<&Bound<'py, PyAny>>,
     contacts: Option<&Bound<'py, PyAny>>,
     pairs: Option<&Bound<'py, PyAny>>,
+    stretches: Option<&Bound<'py, PyAny>>,
     locate: bool,
     max_event_rate: f64,
     keep_events: bool,
+    graze: f64,
+    #[pyo3(from_py_with = integer_or_none)] max_substeps: Option<i64>,
     rtol: Option<f64>,
     atol: Option<f64>,
     max_step: Option<f64>,
@@ -275,8 +320,19 @@ pub(crate) fn integrate<'py>(
         calls_python,
         return_interrupted,
     };
-    let location = Location { max_event_rate, keep_events };
+    let stiff = match max_substeps.map(u64::try_from) {
+        None => StiffSteps::AsGiven,
+        Some(Ok(most @ 1..)) => StiffSteps::Divide { most },
+        Some(_) => {
+            let found = max_substeps.unwrap_or_default();
+            return Err(Error::input(format!("`max_substeps` must be positive or None, found {found}")));
+        }
+    };
+    let location = Location { max_event_rate, keep_events, graze, stiff };
     let observer = observer.map(Bound::unbind);
+    if stretches.is_some() && (!locate || contacts.is_none() && pairs.is_none()) {
+        return Err(Error::input("`stretches` are those of contacts that are located, and there are none"));
+    }
     if cast.single {
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
@@ -291,9 +347,12 @@ pub(crate) fn integrate<'py>(
             if locate {
                 let count = contacts.len();
                 let system = BodyInContact::new(body, (CountedForces::new(models), contacts));
+                let system = WithStretches(system);
+                let initial = stretched(&system, stretches, interval.0, initial[0])?;
                 let bodies = InContact { system, contacts: count, location };
-                return run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure);
+                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
             }
+            without_stretch(contacts.iter().map(|contact| contact.law()))?;
             models.push(Box::new(contacts));
         }
         if models.is_empty() {
@@ -315,12 +374,14 @@ pub(crate) fn integrate<'py>(
             let contacts = reader.body_contacts(cast.bodies.len(), contacts, pairs)?;
             let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
             if !locate {
+                without_stretch(contacts.laws())?;
                 let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, contacts)?);
                 return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
             }
             let count = contacts.len();
             let each = each.into_iter().map(CountedForces::new).collect();
-            let system = BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?;
+            let system = WithStretches(BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?);
+            let initial = stretched(&system, stretches, interval.0, initial)?;
             let bodies = InContact { system, contacts: count, location };
             return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
         }

@@ -49,8 +49,8 @@ mod _somersault {
     use crate::contact::{Contact, SpherePair};
     #[pymodule_export]
     use crate::contact_law::{
-        CompliantLaw, CoulombFriction, CreepFriction, HuntCrossley, RegularisedFriction, Resistance,
-        damping_ratio, restitution,
+        CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
+        restitution,
     };
     #[pymodule_export]
     use crate::event::Event;
@@ -105,7 +105,7 @@ mod _somersault {
         spectral_radii, stability_region, work_precision_study,
     };
     #[pymodule_export]
-    use crate::surface::{Cylinder, HalfSpace, Sphere, Surface};
+    use crate::surface::{Cylinder, HalfSpace, Sphere, Surface, SurfaceFunction};
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
     #[pymodule_export]

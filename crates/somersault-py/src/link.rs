@@ -140,7 +140,7 @@ impl Link {
     /// str: Kind of the joint.
     #[getter]
     fn joint(&self) -> &'static str {
-        kind_of(self.0.joint())
+        self.0.joint().kind().name
     }
 
     /// str or None: Name of the body that carries it; None for the root.
@@ -152,7 +152,7 @@ impl Link {
     /// ndarray, shape (3,), or None: Axis of a revolute or prismatic joint.
     #[getter]
     fn axis<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
-        axis_of(self.0.joint()).map(|axis| vector_array(py, axis))
+        self.0.joint().axis().map(|axis| vector_array(py, axis))
     }
 
     /// float: Mass, kg.
@@ -202,7 +202,7 @@ impl Link {
         if let Some(parent) = self.parent() {
             text += &format!(", parent='{parent}'");
         }
-        if let Some(axis) = axis_of(self.0.joint()) {
+        if let Some(axis) = self.0.joint().axis() {
             text += &format!(", axis={:?}", axis.as_slice());
         }
         text + &format!(", mass={:?})", self.mass())
@@ -269,23 +269,4 @@ fn joint_of(kind: &str, axis: Option<&Bound<'_, PyAny>>) -> Result<Joint, Error>
         return Err(Error::input(format!("`axis` is for revolute and prismatic joints, found '{kind}'")));
     }
     Ok(joint)
-}
-
-/// The name of a kind of joint.
-fn kind_of(joint: &Joint) -> &'static str {
-    match joint {
-        Joint::Fixed => "fixed",
-        Joint::Revolute { .. } => "revolute",
-        Joint::Prismatic { .. } => "prismatic",
-        Joint::Spherical => "spherical",
-        Joint::Planar => "planar",
-        Joint::Free => "free",
-    }
-}
-
-fn axis_of(joint: &Joint) -> Option<&Vector3<f64>> {
-    match joint {
-        Joint::Revolute { axis } | Joint::Prismatic { axis } => Some(axis),
-        _ => None,
-    }
 }

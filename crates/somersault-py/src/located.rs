@@ -10,10 +10,13 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::driver::{LocatedResult, integrate_located, integrate_located_adaptive};
 use somersault::contact::event::{Interrupted, Located, Location};
 use somersault::contact::hybrid::HybridBodies;
+use somersault::contact::stretches::{Touching, WithStretches};
+use somersault::integrators::augmented::Augmented;
 use somersault::integrators::body::RigidBody;
-use somersault::integrators::force::{BoxedForce, ForceModel, Wrench};
-use somersault::integrators::state::RigidBodyState;
-use somersault::integrators::system::StateOf;
+use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
+use somersault::integrators::state::{RigidBodyState, State, Twist};
+use somersault::integrators::system::{StateOf, System};
+use somersault::integrators::variation::Tangent;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Models that add up and count how often they are evaluated.
@@ -29,6 +32,7 @@ impl CountedForces {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl ForceModel for CountedForces {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         self.calls.fetch_add(1, Ordering::Relaxed);
@@ -43,12 +47,30 @@ impl ForceModel for CountedForces {
     fn depends_on_velocity(&self) -> bool {
         self.models.depends_on_velocity()
     }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.models.wrench_variation(t, body, x, along)
+    }
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.models.mass_derivative(t, body, x)
+    }
+    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        self.models.bound(body, reach)
+    }
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.models.potential(body, x)
+    }
 }
 
 /// Bodies with contacts whose events are located.
 pub(crate) struct InContact<S> {
     /// Bodies, forces and contacts.
-    pub(crate) system: S,
+    pub(crate) system: WithStretches<S>,
     /// Number of contacts.
     pub(crate) contacts: usize,
     /// How events are located.
@@ -74,15 +96,18 @@ impl Evaluated for BodiesInContact<CountedForces> {
     }
 }
 
-impl<S: HybridBodies<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S> {
-    type Configuration = S::Configuration;
+/// The bodies with the stretches of their contacts.
+type Held<S> = Augmented<<S as System>::Configuration>;
+
+impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S> {
+    type Configuration = Held<S>;
 
     fn solve(
         &self,
-        initial: &StateOf<S>,
+        initial: &State<Held<S>>,
         plan: &Plan,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> Ended<S::Configuration> {
+        observer: &mut Monitor<Held<S>>,
+    ) -> Ended<Held<S>> {
         let (status, located) = match plan.locate(&self.system, initial, &self.location, observer) {
             Ok(located) => (Ok(located.status), located),
             Err(interrupted) => {
@@ -90,9 +115,11 @@ impl<S: HybridBodies<Configuration: Seen> + Evaluated + Sync> Bodies for InConta
                 (Err(reason.into()), so_far)
             }
         };
-        let Located { rejected, trials, event_count, events, .. } = located;
-        let events = Events { trials, count: event_count, contacts: self.contacts, events };
-        Ended { status, rejected, nfev: self.system.evaluations(), events }
+        let Located { rejected, trials, substeps, event_count, events, state, .. } = located;
+        let stretches = state.rate.variables;
+        let events =
+            Events { trials, substeps, count: event_count, contacts: self.contacts, events, stretches };
+        Ended { status, rejected, nfev: self.system.0.evaluations(), events }
     }
 }
 

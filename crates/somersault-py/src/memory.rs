@@ -19,10 +19,9 @@ pub(crate) fn expect_room(what: &str, bytes: usize) -> Result<(), Error> {
 /// Zeros, as many as the product of counts.
 pub(crate) fn zeros(what: &str, counts: &[usize]) -> Result<Vec<f64>, Error> {
     let bytes = bytes_of_numbers(counts);
-    let mut zeros = Vec::new();
-    zeros.try_reserve_exact(bytes / size_of::<f64>()).map_err(|_| too_large(what, bytes))?;
-    zeros.resize(bytes / size_of::<f64>(), 0.0);
-    Ok(zeros)
+    expect_room(what, bytes)?;
+    // the system gives them as zeros, none of which is touched here
+    Ok(vec![0.0; bytes / size_of::<f64>()])
 }
 
 /// A copy of numbers.

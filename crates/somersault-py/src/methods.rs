@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyIterator, PyList, PyString};
 use somersault::integrators::methods::{Method, UnknownMethod};
-use somersault::integrators::stepper::{Scope, Variables};
+use somersault::integrators::stepper::{self, Orders, Scope, Variables};
 
 /// A method of integration: a row of the table.
 ///
@@ -34,21 +34,36 @@ impl MethodInfo {
         self.0.info().citation
     }
 
-    /// dict: Powers of the step in the global error.
+    /// dict: Powers of the step in the global error of position and orientation.
     ///
     /// ``"translation"`` is the order of the position where forces depend on the position only,
-    /// ``"translation_with_velocity"`` where they depend on the velocity too, ``"rotation"`` that of the
-    /// orientation of a free body and ``"rotation_with_torque"`` of one under torque, None where the
-    /// method takes none.
+    /// ``"translation_with_velocity"`` where they depend on the velocity too, ``"translation_with_orientation"``
+    /// where they depend on the orientation; ``"rotation"`` is that of the orientation of a free body and
+    /// ``"rotation_with_torque"`` of one under torque, None where the method takes none. A motion of several of these
+    /// kinds, say under a spring attached off the centre of mass, has the least of their orders.
     #[getter]
     fn orders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let orders = self.0.info().orders;
-        let dict = PyDict::new(py);
-        dict.set_item("translation", orders.translation)?;
-        dict.set_item("translation_with_velocity", orders.translation_with_velocity)?;
-        dict.set_item("rotation", orders.rotation)?;
-        dict.set_item("rotation_with_torque", orders.rotation_with_torque)?;
-        Ok(dict)
+        orders_dict(py, &self.0.info().orders)
+    }
+
+    /// dict: The same for velocity and angular velocity.
+    #[getter]
+    fn rate_orders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        orders_dict(py, &self.0.info().rate_orders)
+    }
+
+    /// int: Power of the step in the error that dense output adds: between the ends of a step the order is the lower of
+    /// this and the order there.
+    #[getter]
+    fn dense_order(&self) -> u8 {
+        self.0.info().dense_order
+    }
+
+    /// float or None: The angle in rad that a body may turn in a step, where the method has a limit; a longer step is
+    /// refused.
+    #[getter]
+    fn angle_limit(&self) -> Option<f64> {
+        self.0.info().angle_limit
     }
 
     /// int: Evaluations of the equations of motion per step, once started; for an implicit method, per
@@ -132,6 +147,44 @@ impl MethodInfo {
     }
 }
 
+fn orders_dict<'py>(py: Python<'py>, orders: &Orders) -> PyResult<Bound<'py, PyDict>> {
+    let Orders {
+        translation,
+        translation_with_velocity,
+        translation_with_orientation,
+        rotation,
+        rotation_with_torque,
+    } = *orders;
+    let dict = PyDict::new(py);
+    dict.set_item("translation", translation)?;
+    dict.set_item("translation_with_velocity", translation_with_velocity)?;
+    dict.set_item("translation_with_orientation", translation_with_orientation)?;
+    dict.set_item("rotation", rotation)?;
+    dict.set_item("rotation_with_torque", rotation_with_torque)?;
+    Ok(dict)
+}
+
+/// An order, and in brackets the one of the general case where it is another; after a semicolon the same of the rates.
+fn order(benign: [u8; 2], general: [Option<u8>; 2]) -> String {
+    let of = |benign: u8, general: Option<u8>| match general {
+        Some(general) if general != benign => format!("{benign} ({general})"),
+        Some(_) | None => benign.to_string(),
+    };
+    let [of_configuration, of_rate] = [0, 1].map(|i| of(benign[i], general[i]));
+    if of_rate == of_configuration { of_configuration } else { format!("{of_configuration}; {of_rate}") }
+}
+
+fn on_r3(info: &stepper::MethodInfo) -> String {
+    let orders = [info.orders, info.rate_orders];
+    let general = orders.map(|o| Some(o.translation_with_velocity.min(o.translation_with_orientation)));
+    order(orders.map(|o| o.translation), general)
+}
+
+fn on_so3(info: &stepper::MethodInfo) -> String {
+    let orders = [info.orders, info.rate_orders];
+    order(orders.map(|o| o.rotation), orders.map(|o| o.rotation_with_torque))
+}
+
 /// The table of methods, in its order: by index, by name, and to iterate over.
 #[pyclass(frozen, module = "somersault")]
 pub(crate) struct MethodTable;
@@ -173,20 +226,18 @@ impl MethodTable {
     }
 
     fn __repr__(&self) -> String {
-        let header = ["name", "title", "R^3", "SO(3)", "evaluations", "variables", "step", "scope"];
-        let rows: Vec<[String; 8]> = Method::ALL
+        let header =
+            ["name", "title", "R^3", "SO(3)", "within steps", "evaluations", "variables", "step", "scope"];
+        let rows: Vec<[String; 9]> = Method::ALL
             .iter()
             .map(|m| {
                 let (row, info) = (MethodInfo(*m), m.info());
-                let order = |general: u8, special: Option<u8>| match special {
-                    Some(special) if special != general => format!("{general} ({special})"),
-                    _ => general.to_string(),
-                };
                 [
                     info.name.to_owned(),
                     info.title.to_owned(),
-                    order(info.orders.translation, Some(info.orders.translation_with_velocity)),
-                    order(info.orders.rotation, info.orders.rotation_with_torque),
+                    on_r3(&info),
+                    on_so3(&info),
+                    info.dense_order.to_string(),
                     info.evaluations.to_string(),
                     row.variables().to_owned(),
                     if row.adaptive() { "fixed, adaptive" } else { "fixed" }.to_owned(),
@@ -197,8 +248,8 @@ impl MethodTable {
         let width = |i: usize| {
             rows.iter().map(|row| row[i].chars().count()).chain([header[i].len()]).max().unwrap_or(0)
         };
-        let widths: [usize; 8] = std::array::from_fn(width);
-        let line = |cells: [&str; 8]| {
+        let widths: [usize; 9] = std::array::from_fn(width);
+        let line = |cells: [&str; 9]| {
             let padded: Vec<_> = cells.iter().zip(widths).map(|(cell, w)| format!("{cell:w$}")).collect();
             padded.join("  ").trim_end().to_owned()
         };
@@ -213,7 +264,8 @@ impl MethodTable {
 
 /// The table of methods.
 ///
-/// Orders in brackets hold where forces depend on the velocity, or under torque.
+/// Orders in brackets hold where forces depend on the velocity or the orientation, or under torque; after a semicolon stand
+/// those of the velocities, where they are others. Within steps, by dense output, the order is the lower of the two.
 ///
 /// Returns
 /// -------

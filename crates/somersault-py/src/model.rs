@@ -8,7 +8,7 @@ use crate::rows::{self, Results, Rows, Workspaces};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyTuple, PyType};
 use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
-use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, Joint};
+use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, JointKind, Turning};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -117,13 +117,11 @@ impl Model {
     /// Configurations, whose quaternions must be of unit length.
     pub(crate) fn q<'py>(&self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<Rows<'py>, Error> {
         let rows = Rows::extract(name, &[self.model.n_positions()], value)?;
-        let quaternions = (0..self.model.n_bodies())
-            .filter(|i| matches!(self.model.joint(*i), Some(Joint::Spherical | Joint::Free)))
-            .map(|i| (i, self.model.positions_of(i).end - 4));
+        let quaternions = (0..self.model.n_bodies()).filter_map(|i| Some((i, self.model.quaternion_of(i)?)));
         let all = rows.all()?;
-        for (i, start) in quaternions {
+        for (i, quaternion) in quaternions {
             for (n, row) in all.chunks_exact(self.model.n_positions()).enumerate() {
-                let norm = row[start..start + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
+                let norm = row[quaternion.clone()].iter().map(|x| x * x).sum::<f64>().sqrt();
                 if (norm - 1.0).abs() > UNIT {
                     let error = Error::input(format!(
                         "`{name}` must have a unit quaternion at joint '{}', found one of norm {norm}; see `Model.normalize`",
@@ -302,15 +300,16 @@ impl Model {
                     if upper.is_finite() { upper } else { most },
                 )
             };
-            match link.joint() {
-                Joint::Fixed => {}
-                Joint::Revolute { .. } => q.push(within(PI)?),
-                Joint::Prismatic { .. } => q.push(within(1.0)?),
-                Joint::Planar => q.extend([uniform(-1.0, 1.0)?, uniform(-1.0, 1.0)?, uniform(-PI, PI)?]),
-                Joint::Spherical | Joint::Free => {
-                    if *link.joint() == Joint::Free {
-                        q.extend([uniform(-1.0, 1.0)?, uniform(-1.0, 1.0)?, uniform(-1.0, 1.0)?]);
-                    }
+            let JointKind { n_linear, turning, .. } = link.joint().kind();
+            // A joint of one number has limits.
+            let one = n_linear + usize::from(turning == Turning::Angle) == 1;
+            for _ in 0..n_linear {
+                q.push(if one { within(1.0)? } else { uniform(-1.0, 1.0)? });
+            }
+            match turning {
+                Turning::None => {}
+                Turning::Angle => q.push(if one { within(PI)? } else { uniform(-PI, PI)? }),
+                Turning::Rotation => {
                     // Normal in ℝ⁴ is uniform in direction.
                     let x: [f64; 4] = random.call_method1("standard_normal", (4,))?.extract()?;
                     let turn = UnitQuaternion::new_normalize(Quaternion::from(x));

@@ -111,16 +111,21 @@ impl<Q: Configuration> Monitor<Q> {
             bytes,
             room: 0,
         };
-        monitor.expect_room_for(match plan.steps {
-            Steps::Fixed(grid) => grid.steps(),
-            Steps::Adapted(..) => FIRST_ROOM,
-        })?;
+        match plan.steps {
+            Steps::Fixed(grid) => {
+                monitor.expect_room_for(grid.steps())?;
+                // it needs no more
+                monitor.room = u64::MAX;
+            }
+            Steps::Adapted(..) => monitor.expect_room_for(FIRST_ROOM)?,
+        }
         Ok(monitor)
     }
 
     /// Refuses more steps than memory has room for the records of.
     fn expect_room_for(&mut self, steps: u64) -> Result<(), Error> {
-        let bytes = steps as f64 * self.bytes;
+        // a record that grows asks for room for twice what it holds
+        let bytes = 2.0 * steps as f64 * self.bytes;
         let what = format!("the records of {steps} steps (give a larger `every`)");
         expect_room(&what, bytes as usize)?;
         self.room = steps;
@@ -179,14 +184,15 @@ impl<Q: Configuration> Observer<Q> for Monitor<Q> {
         if self.failure.get().is_some() {
             return Flow::Stop;
         }
-        let _ = self.recorder.observe(step);
-        (self.steps, self.t) = (step.index, step.t_after);
-        if self.steps >= self.room
+        // before the record that holds half of them is full and asks for more
+        if step.index >= self.room / 2
             && let Err(error) = self.expect_room_for(self.room.saturating_mul(2))
         {
             self.failure.set(error.into());
             return Flow::Stop;
         }
+        let _ = self.recorder.observe(step);
+        (self.steps, self.t) = (step.index, step.t_after);
         let mut flow = Flow::Continue;
         if let Some(watch) = &self.watch {
             match Python::attach(|py| watch(py, step.t_after, step.after)) {

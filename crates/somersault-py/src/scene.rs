@@ -2,7 +2,7 @@
 
 use crate::bodies::{RigidBody, State};
 use crate::contact::Contact;
-use crate::contact_law::{CompliantLaw, CoulombFriction, CreepFriction, laws};
+use crate::contact_law::{CompliantLaw, CoulombFriction, laws};
 use crate::convert::{finite, vector};
 use crate::error::Error;
 use crate::forces::Gravity;
@@ -125,7 +125,7 @@ pub(crate) fn spinning_top(py: Python<'_>) -> Result<Scene, Error> {
 ///     Height of the lowest corner, m.
 /// heading : float, optional
 ///     Turn about the vertical, rad.
-/// friction : CoulombFriction, CreepFriction or RegularisedFriction, optional
+/// friction : CoulombFriction or RegularisedFriction, optional
 ///     Friction of every corner; none unless given.
 ///
 /// Returns
@@ -191,7 +191,7 @@ pub(crate) fn sliding_block(
 ///     Mass, kg, and radius, m.
 /// law : CompliantLaw
 ///     Law of the ground.
-/// friction : CreepFriction
+/// friction : CoulombFriction
 ///     Friction.
 /// tilt : float
 ///     Angle of the axis from the vertical, between 0 and π/2, rad.
@@ -207,7 +207,7 @@ pub(crate) fn rolling_disk(
     mass: f64,
     radius: f64,
     law: CompliantLaw,
-    friction: CreepFriction,
+    friction: CoulombFriction,
     tilt: f64,
     turning: f64,
 ) -> Result<Scene, Error> {
@@ -233,7 +233,7 @@ pub(crate) fn rolling_disk(
 ///     Spin about the axis at the start, rad/s.
 /// sag : float, optional
 ///     How deep the sphere is in the ground at the start, m.
-/// friction : CreepFriction or RegularisedFriction, optional
+/// friction : CoulombFriction or RegularisedFriction, optional
 ///     Friction; none unless given.
 ///
 /// Returns

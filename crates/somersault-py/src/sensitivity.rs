@@ -1,14 +1,15 @@
 //! Derivatives of a body's motion through contacts.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{a_type, array, interval_of, vector, with_shape};
+use crate::convert::{a_type, array, integer_or_none, interval_of, vector, with_shape};
 use crate::error::Error;
 use crate::event::Event;
 use crate::forces::{Failure, Reader, sequence};
+use crate::integrate::stretched;
 use crate::kinematics::write;
 use crate::methods;
 use crate::monitor::Monitor;
-use crate::plan::{Plan, Steps};
+use crate::plan::{Plan, StepArguments, Steps};
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
@@ -17,12 +18,11 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
     self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
+    differentiate_located_adaptive,
 };
-use somersault::integrators::driver::TimeGrid;
+use somersault::contact::stretches::WithStretches;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
-use somersault::integrators::state::State as StateOf;
-use somersault::integrators::variation::Varied;
 
 /// A motion through contacts and its derivative.
 ///
@@ -40,14 +40,16 @@ pub(crate) struct Sensitivities {
     by_state: Py<PyArrayDyn<f64>>,
     /// ndarray, shape (12, parameters): Derivative of the state reached by the parameters.
     by_parameters: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (12 + parameters, events): Derivative of the times of the events, s, by the state at the
-    /// start and the parameters. NaN at an event that changes nothing.
+    /// ndarray, shape (events, 12 + parameters): Derivative of the times of the events, s, laid out as `by_state`
+    /// and `by_parameters` side by side: one row for each event. NaN at an event that changes nothing.
     event_times: Py<PyArrayDyn<f64>>,
+    /// ndarray, shape (contacts, 3): Stretches of the contacts' friction in the state reached, m.
+    stretches: Py<PyArrayDyn<f64>>,
 }
 
 impl Sensitivities {
     fn of(py: Python<'_>, contacts: usize, found: &sensitivity::Sensitivities) -> PyResult<Self> {
-        let sensitivity::Sensitivities { run, state, parameters, event_times } = found;
+        let sensitivity::Sensitivities { run, state, parameters, event_times, stretches } = found;
         let columns = parameters.ncols();
         let event = |event| Py::new(py, Event::of(py, contacts, event)?);
         Ok(Self {
@@ -57,6 +59,7 @@ impl Sensitivities {
             by_state: matrix(py, &DMatrix::from_iterator(12, 12, state.iter().copied()))?,
             by_parameters: matrix(py, &DMatrix::from_iterator(12, columns, parameters.iter().copied()))?,
             event_times: matrix(py, event_times)?,
+            stretches: matrix(py, &DMatrix::from_fn(stretches.len(), 3, |i, k| stretches[i][k]))?,
         })
     }
 }
@@ -70,7 +73,7 @@ impl Sensitivities {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let derivatives = (&own.by_state, &own.by_parameters, &own.event_times);
+        let derivatives = (&own.by_state, &own.by_parameters, &own.event_times, &own.stretches);
         let arguments = (own.t, own.state, &own.events, derivatives).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
@@ -82,19 +85,21 @@ impl Sensitivities {
         t: f64,
         state: State,
         events: Vec<Py<Event>>,
-        derivatives: [Bound<'_, PyAny>; 3],
+        derivatives: [Bound<'_, PyAny>; 4],
     ) -> Result<Self, Error> {
         let py = cls.py();
-        let [by_state, by_parameters, event_times] = &derivatives;
+        let [by_state, by_parameters, event_times, stretches] = &derivatives;
         let read = |name: &str, value: &Bound<'_, PyAny>, rows: usize, columns: usize| {
             let values = with_shape(name, &[rows, columns], value)?;
             Ok::<_, Error>(array(py, values, &[rows, columns])?.unbind())
         };
-        let parameters = event_times.len()?.saturating_sub(12);
+        let columns = event_times.getattr("shape")?.get_item(1)?.extract::<usize>()?;
+        let parameters = columns.saturating_sub(12);
         Ok(Self {
             by_state: read("by_state", by_state, 12, 12)?,
             by_parameters: read("by_parameters", by_parameters, 12, parameters)?,
-            event_times: read("event_times", event_times, 12 + parameters, events.len())?,
+            event_times: read("event_times", event_times, events.len(), 12 + parameters)?,
+            stretches: read("stretches", stretches, stretches.len()?, 3)?,
             t,
             state,
             events,
@@ -154,12 +159,23 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 ///     State at the start, not on a surface.
 /// interval : tuple of float
 ///     Start and end time, s.
-/// dt : float
-///     Step, s.
+/// dt : float, optional
+///     Step, s. Where it is left out the steps are adapted to `rtol` and `atol` of the motion.
 /// contacts : Contact or sequence of Contact
 ///     Where the body touches surfaces.
 /// method : str or MethodInfo, optional
-///     A method for any system in world variables; ``"rkmk"`` unless given.
+///     A method for any system, in the variables of the world or of the body; ``"rkmk"`` unless given, or
+///     ``"rkmk8_b"`` where the steps are adapted.
+/// rtol, atol : float, optional
+///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given, as in
+///     `somersault.integrate`. Errors of derivatives are not weighed.
+/// max_step, first_step : float, optional
+///     Largest and first step of an adaptive run, s.
+/// max_steps : int, optional
+///     Largest number of steps of an adaptive run, 10 million unless given.
+/// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+///     Stretches of the contacts' friction at the start, as in `somersault.integrate`; they do not change with the
+///     state at the start.
 /// forces : force model, callable, or sequence of them, optional
 ///     What acts on the body besides, as in `somersault.integrate`.
 /// parameters : sequence, optional
@@ -167,7 +183,9 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 ///     ``('stiffness', i)``, ``('damping', i)`` and ``('friction', i)`` of contact i, and
 ///     ``('acceleration', direction)``, the strength of a uniform acceleration, m/s².
 /// grazing : float, optional
-///     A touch-down is a graze, without a derivative, within this part of the interval of the least gap.
+///     Size of the least gap up to which a surface is grazed, touched or missed, and there is no derivative: in
+///     parts of the way ‖u‖ T + ½ |Δẍ| T² that the point of contact covers in the interval T. The square root of
+///     the machine epsilon, 1.5e-8, is the default and the least.
 /// max_event_rate : float, optional
 ///     Most events per second and contact, averaged over the last 64.
 ///
@@ -182,7 +200,8 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 ///     If an argument is not allowed. Subclasses: `SensitivityInputError`, `UnknownMethodError`,
 ///     `IntegrateInputError`, `SurfaceError`.
 /// SensitivityError
-///     If the motion grazes a surface.
+///     If the motion grazes a surface, touching it or just missing it. The derivatives in the attribute
+///     `solution` are then one-sided; the message says of which side.
 /// IntegrateError
 ///     If the run cannot go on. This one and the last have what was found before in the attribute `solution`.
 ///
@@ -198,24 +217,33 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 /// ((12, 12), (12, 2))
 #[pyfunction]
 #[pyo3(signature = (
-    body, state, interval, *, dt, contacts, method=None, forces=None, parameters=None, grazing=1e-9, max_event_rate=1e9
+    body, state, interval, *, dt=None, contacts, method=None, forces=None, parameters=None, rtol=None, atol=None, max_step=None,
+    first_step=None, max_steps=None, stretches=None, grazing=1.5e-8, max_event_rate=1e9
 ))]
 pub(crate) fn differentiate(
     py: Python<'_>,
     body: RigidBody,
     state: State,
     #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
-    dt: f64,
+    dt: Option<f64>,
     contacts: &Bound<'_, PyAny>,
     method: Option<&Bound<'_, PyAny>>,
     forces: Option<&Bound<'_, PyAny>>,
     parameters: Option<&Bound<'_, PyAny>>,
+    rtol: Option<f64>,
+    atol: Option<f64>,
+    max_step: Option<f64>,
+    first_step: Option<f64>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
+    stretches: Option<&Bound<'_, PyAny>>,
     grazing: f64,
     max_event_rate: f64,
 ) -> Result<Py<Sensitivities>, Error> {
-    let method = method.map_or(Ok(Method::Rkmk), |m| methods::extract("method", m))?;
-    let grid = TimeGrid::try_new(interval[0], interval[1], dt)?;
-    let by = Differentiation { parameters: self::parameters(parameters)?, grazing };
+    let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8B };
+    let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
+    let interval = (interval[0], interval[1]);
+    let steps = StepArguments { dt, rtol, atol, max_step, first_step, max_steps }.steps(method, interval)?;
+    let parameters = self::parameters(parameters)?;
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: false };
     let models = reader.sum("forces", forces.unwrap_or(&py.None().into_bound(py)))?;
@@ -223,20 +251,27 @@ pub(crate) fn differentiate(
     let (count, options) = (contacts.len(), Options::default());
     let system = BodyInContact::new(body.0, (models, contacts));
     let location = Location { max_event_rate, ..Location::default() };
+    let initial = stretched(&WithStretches(&system), stretches, interval.0, state.0)?;
+    let by = Differentiation { parameters, grazing, stretches: initial.rate.variables.clone() };
     let plan = Plan {
         method,
         options,
-        steps: Steps::Fixed(grid),
-        start: interval[0],
+        steps,
+        start: interval.0,
         every: u64::MAX,
         dense: false,
         calls_python: reader.calls_python,
         return_interrupted: false,
     };
-    let initial: StateOf<Varied<_, _>> = VariedState::varied(state.0, []);
+    let initial = VariedState::varied(initial, []);
     let mut monitor = Monitor::try_new(&plan, &initial, 0, None, None, failure)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| {
-        differentiate_located(method, options, &system, &state.0, &by, &grid, &location, monitor)
+    let outcome = monitor.supervise(py, &plan, |monitor| match &plan.steps {
+        Steps::Fixed(grid) => {
+            differentiate_located(method, options, &system, &state.0, &by, grid, &location, monitor)
+        }
+        Steps::Adapted(interval, control) => differentiate_located_adaptive(
+            method, options, &system, &state.0, &by, *interval, control, &location, monitor,
+        ),
     })?;
     let (found, status) = match outcome {
         Ok(found) => {

@@ -1,12 +1,13 @@
 //! Studies of stability and accuracy.
 
 use crate::bodies::{RigidBody, State};
-use crate::convert::{array, finite, integer, real_numbers, vector_or};
+use crate::convert::{array, entries, entries_or_none, finite, integer, real_numbers, vector_or};
 use crate::error::Error;
 use crate::forces::{Drag, Gravity, Models, Spring};
+use crate::memory::{bytes_of_numbers, expect_room};
 use crate::methods;
 use crate::plan::start_up_of;
-use crate::waiting::{Stop, attend};
+use crate::waiting::attend_or_leave;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
@@ -22,22 +23,19 @@ use somersault::integrators::studies::stability::{self, Lambda};
 use somersault::integrators::studies::work_precision::{self, StepChoice};
 use somersault::integrators::studies::{Progress, StudyError, energy, order};
 use somersault::integrators::system::RigidBodySystem;
+use std::sync::Arc;
+use std::time::Duration;
 
-/// Runs a study without the interpreter, and looks for Ctrl-C meanwhile.
-fn study<T: Send>(
+/// Runs a study without the interpreter, and looks for Ctrl-C meanwhile, after which what it has begun goes on unheard
+/// to its end: runs of millions of steps have no place to stop.
+fn study<T: Send + 'static>(
     py: Python<'_>,
-    run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send,
+    run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send + 'static,
 ) -> Result<T, Error> {
-    let stop = Stop::default();
-    let outcome = attend(
-        py,
-        |raised| stop.raise(raised),
-        || run(&mut |_, _| if stop.is_asked() { Flow::Stop } else { Flow::Continue }),
-    )?;
-    match stop.raised() {
-        Some(raised) => Err(raised.clone_ref(py).into()),
-        None => Ok(outcome?),
-    }
+    let (outcome, _) = attend_or_leave(py, Duration::ZERO, |stop| {
+        run(&mut |_, _| if stop.is_asked() { Flow::Stop } else { Flow::Continue })
+    })?;
+    Ok(outcome?)
 }
 
 fn method_and_options(method: &Bound<'_, PyAny>, start_up: &str) -> Result<(Method, Options), Error> {
@@ -146,7 +144,7 @@ pub(crate) fn stability_region(
     start_up: &str,
 ) -> Result<StabilityRegion, Error> {
     let (method, options) = method_and_options(method, start_up)?;
-    Ok(StabilityRegion(study(py, |progress| stability::stability_region(method, options, progress))?))
+    Ok(StabilityRegion(study(py, move |progress| stability::stability_region(method, options, progress))?))
 }
 
 /// Spectral radii of a method on a grid of the plane of λ, at step 1; the method is stable where they
@@ -181,8 +179,10 @@ pub(crate) fn spectral_radii<'py>(
 ) -> Result<Bound<'py, PyAny>, Error> {
     let (method, options) = method_and_options(method, start_up)?;
     let (re, im) = (real_numbers("re", re)?, real_numbers("im", im)?);
-    let radii = study(py, |progress| stability::raster(method, options, &re, &im, progress))?;
-    Ok(array(py, radii, &[im.len(), re.len()])?.into_any())
+    let shape = [im.len(), re.len()];
+    expect_room("as many radii as `re` times `im`", bytes_of_numbers(&shape))?;
+    let radii = study(py, move |progress| stability::raster(method, options, &re, &im, progress))?;
+    Ok(array(py, radii, &shape)?.into_any())
 }
 
 /// Extremes of the energy as they are pickled: steps, largest and smallest ratio with their bodies, and counts.
@@ -339,10 +339,10 @@ fn at_most_a_thousand(argument: &str, found: i64) -> Result<usize, Error> {
 pub(crate) fn energy_study(
     py: Python<'_>,
     method: &Bound<'_, PyAny>,
-    bodies: Option<Vec<RigidBody>>,
+    #[pyo3(from_py_with = entries_or_none)] bodies: Option<Vec<RigidBody>>,
     angular_velocity: Option<&Bound<'_, PyAny>>,
     dt: f64,
-    steps: Vec<u64>,
+    #[pyo3(from_py_with = entries)] steps: Vec<u64>,
     start_up: &str,
 ) -> Result<EnergyStudy, Error> {
     let (method, options) = method_and_options(method, start_up)?;
@@ -352,7 +352,7 @@ pub(crate) fn energy_study(
     };
     let angular_velocity = vector_or("angular_velocity", angular_velocity, initial_angular_velocity())?;
     let setup = EnergySetup { angular_velocity, dt, steps, options };
-    Ok(EnergyStudy(study(py, |progress| energy::energy(method, &setup, &bodies, progress))?))
+    Ok(EnergyStudy(study(py, move |progress| energy::energy(method, &setup, &bodies, progress))?))
 }
 
 /// The problems that can be chosen. Free bodies have a type of their own, as timings need it.
@@ -381,7 +381,7 @@ enum Chosen {
 /// StudyInputError
 ///     If the end is not positive.
 #[pyclass(frozen, module = "somersault.studies")]
-pub(crate) struct Problem(Chosen);
+pub(crate) struct Problem(Arc<Chosen>);
 
 #[pymethods]
 impl Problem {
@@ -409,7 +409,7 @@ impl Problem {
                 Chosen::Forced(problem::Problem::try_new(system, state.0, t_end, reference.0)?)
             }
         };
-        Ok(Self(chosen))
+        Ok(Self(Arc::new(chosen)))
     }
 
     /// A freely rotating body of section 7.2.1 of the thesis, for 10 s.
@@ -424,13 +424,13 @@ impl Problem {
             .ok()
             .and_then(|number| Case::ALL.get(number.checked_sub(1)?))
             .ok_or_else(|| Error::input(format!("`number` must be 1, 2 or 3, found {number}")))?;
-        Ok(Self(Chosen::Free(case.problem()?)))
+        Ok(Self(Arc::new(Chosen::Free(case.problem()?))))
     }
 
     /// An asymmetric free body far from the separatrix, for 5 s.
     #[classmethod]
     fn asymmetric_body(_: &Bound<'_, PyType>) -> Result<Self, Error> {
-        Ok(Self(Chosen::Free(problem::asymmetric_body()?)))
+        Ok(Self(Arc::new(Chosen::Free(problem::asymmetric_body()?))))
     }
 
     /// A unit mass on a spring in gravity, for 2 s: a force that depends on the position.
@@ -454,7 +454,7 @@ impl Problem {
     /// RigidBody: The body.
     #[getter]
     fn body(&self) -> RigidBody {
-        match &self.0 {
+        match &*self.0 {
             Chosen::Free(p) => RigidBody(p.system().body),
             Chosen::Forced(p) => RigidBody(p.system().body),
         }
@@ -463,7 +463,7 @@ impl Problem {
     /// State: The state at t = 0.
     #[getter]
     fn state(&self) -> State {
-        match &self.0 {
+        match &*self.0 {
             Chosen::Free(p) => State(*p.initial()),
             Chosen::Forced(p) => State(*p.initial()),
         }
@@ -472,7 +472,7 @@ impl Problem {
     /// State: The state at the end.
     #[getter]
     fn reference(&self) -> State {
-        match &self.0 {
+        match &*self.0 {
             Chosen::Free(p) => State(*p.reference()),
             Chosen::Forced(p) => State(*p.reference()),
         }
@@ -481,7 +481,7 @@ impl Problem {
     /// float: The end, s.
     #[getter]
     fn t_end(&self) -> f64 {
-        match &self.0 {
+        match &*self.0 {
             Chosen::Free(p) => p.t_end(),
             Chosen::Forced(p) => p.t_end(),
         }
@@ -490,14 +490,14 @@ impl Problem {
     /// list of ForceModel: What acts on the body.
     #[getter]
     fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        match &self.0 {
+        match &*self.0 {
             Chosen::Free(_) => Ok(PyList::empty(py)),
             Chosen::Forced(p) => p.system().forces.to_python(py),
         }
     }
 
     fn __repr__(&self) -> String {
-        let kind = match &self.0 {
+        let kind = match &*self.0 {
             Chosen::Free(_) => "free body",
             Chosen::Forced(_) => "body under forces",
         };
@@ -638,7 +638,8 @@ pub(crate) fn convergence(
 ) -> Result<Convergence, Error> {
     let (method, options) = method_and_options(method, start_up)?;
     let dts = real_numbers("dts", dts)?;
-    Ok(Convergence(study(py, |progress| match &problem.0 {
+    let problem = Arc::clone(&problem.0);
+    Ok(Convergence(study(py, move |progress| match &*problem {
         Chosen::Free(p) => order::convergence(p, method, options, &dts, progress),
         Chosen::Forced(p) => order::convergence(p, method, options, &dts, progress),
     })?))
@@ -776,7 +777,8 @@ pub(crate) fn work_precision_study(
         (None, Some(t)) => real_numbers("tolerances", t)?.into_iter().map(StepChoice::Tolerance).collect(),
         _ => return Err(Error::input("one of `dts` and `tolerances` must be given")),
     };
-    Ok(WorkPrecision(study(py, |progress| match &problem.0 {
+    let problem = Arc::clone(&problem.0);
+    Ok(WorkPrecision(study(py, move |progress| match &*problem {
         Chosen::Free(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
         Chosen::Forced(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
     })?))

@@ -2,7 +2,7 @@
 
 use crate::convert::{a_type, any_vector, vector, vector_array, vector_or};
 use crate::error::Error;
-use crate::forces::{Failure, call};
+use crate::forces::{Failure, call, callable_name};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::surface::{self, SignedDistance, Solid};
@@ -242,11 +242,114 @@ impl Cylinder {
     }
 }
 
+/// A surface by a function, with what is known of how fast its distance changes.
+///
+/// Steps in flight are proved clear of a surface by the Lipschitz constant K of its distance, and near the surface
+/// by a bound of its second derivative. A callable that is given to a contact as it is counts as a distance, with
+/// K = 1 and no such bound. A gradient longer than K, anywhere on the way, and one that is zero, of the wrong sign,
+/// not of length 1 or not the gradient of the distance where the surface is touched first are a `SurfaceError`.
+///
+/// Parameters
+/// ----------
+/// function : callable
+///     ``f(point) -> (distance, gradient)``: the signed distance of a point of the world, m, negative in the solid,
+///     and its gradient.
+/// lipschitz : float, optional
+///     K with |f(p) − f(q)| ≤ K ‖p − q‖; 1 for a distance. A function that is a distance at its surface only may
+///     rise faster elsewhere.
+/// concavity : float, optional
+///     κ ≥ 0, 1/m: the second derivative of the distance in every direction is at least −κ. 0 for a convex
+///     obstacle; infinite unless given, which means that nothing is known. Then a hit shallower than `graze` of
+///     `somersault.integrate` may be missed.
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct SurfaceFunction {
+    pub(crate) function: Py<PyAny>,
+    pub(crate) lipschitz: f64,
+    pub(crate) concavity: f64,
+}
+
+#[pymethods]
+impl SurfaceFunction {
+    #[new]
+    #[pyo3(signature = (function, *, lipschitz=1.0, concavity=f64::INFINITY))]
+    fn new(function: &Bound<'_, PyAny>, lipschitz: f64, concavity: f64) -> Result<Self, Error> {
+        crate::plan::check_callable("function", "f(point) -> (distance, gradient)", function)?;
+        if !(lipschitz.is_finite() && lipschitz > 0.0) {
+            return Err(Error::input(format!("`lipschitz` must be positive and finite, found {lipschitz}")));
+        }
+        if concavity.is_nan() || concavity < 0.0 {
+            return Err(Error::input(format!("`concavity` must not be negative, found {concavity}")));
+        }
+        Ok(Self { function: function.clone().unbind(), lipschitz, concavity })
+    }
+
+    /// callable: The function.
+    #[getter]
+    fn function(&self, py: Python<'_>) -> Py<PyAny> {
+        self.function.clone_ref(py)
+    }
+
+    /// float: K.
+    #[getter]
+    fn lipschitz(&self) -> f64 {
+        self.lipschitz
+    }
+
+    /// float: κ, 1/m.
+    #[getter]
+    fn concavity(&self) -> f64 {
+        self.concavity
+    }
+
+    fn __call__<'py>(&self, py: Python<'py>, point: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        self.function.bind(py).call1((point,))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let function = self.function.bind(py).repr()?;
+        Ok(format!("SurfaceFunction({function}, lipschitz={}, concavity={})", self.lipschitz, self.concavity))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let arguments = (own.function(py), own.lipschitz, own.concavity).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled surface.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        function: &Bound<'_, PyAny>,
+        lipschitz: f64,
+        concavity: f64,
+    ) -> Result<Self, Error> {
+        Self::new(function, lipschitz, concavity)
+    }
+}
+
 /// A callable ``f(point) -> (distance, gradient)``.
 pub(crate) struct CallableSurface {
-    pub(crate) callable: Py<PyAny>,
-    pub(crate) name: String,
-    pub(crate) failure: Failure,
+    callable: Py<PyAny>,
+    name: String,
+    failure: Failure,
+    lipschitz: f64,
+    concavity: f64,
+}
+
+impl CallableSurface {
+    /// A callable or a [`SurfaceFunction`], for a run in which `failure` collects what Python code raises.
+    pub(crate) fn new(surface: &Bound<'_, PyAny>, failure: &Failure) -> Self {
+        let (callable, lipschitz, concavity) = match surface.cast::<SurfaceFunction>() {
+            Ok(known) => {
+                let known = known.get();
+                (known.function(surface.py()), known.lipschitz, known.concavity)
+            }
+            Err(_) => (surface.clone().unbind(), 1.0, f64::INFINITY),
+        };
+        let name = callable_name(callable.bind(surface.py()));
+        Self { callable, name, failure: failure.clone(), lipschitz, concavity }
+    }
 }
 
 impl fmt::Debug for CallableSurface {
@@ -278,5 +381,11 @@ impl surface::Surface for CallableSurface {
             }
             Ok(SignedDistance { distance, gradient })
         })
+    }
+    fn lipschitz(&self) -> f64 {
+        self.lipschitz
+    }
+    fn concavity(&self, _: &Vector3<f64>, _: f64) -> f64 {
+        self.concavity
     }
 }

@@ -9,6 +9,9 @@ use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple, PyType};
+use somersault::integrators::augmented::Augmented;
+use somersault::integrators::dense::Interpolant;
+use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution;
 use somersault::integrators::state::{Pose, Poses, RigidBodyState, State as StateOf};
 use somersault::integrators::{body, state::Configuration};
@@ -396,6 +399,8 @@ struct Log {
     events: Py<PyTuple>,
     count: u64,
     trials: u64,
+    stretches: Vec<Vector3<f64>>,
+    substeps: u64,
 }
 
 /// What an integration leaves: a `Trajectory`, how it ended and what it took.
@@ -447,6 +452,43 @@ impl Seen for Vec<Pose> {
     }
 }
 
+/// Curves of states with variables beside them, read without these.
+struct WithoutVariables<Q: Configuration> {
+    curve: Box<dyn Interpolant<Augmented<Q>>>,
+    /// How many variables there are.
+    count: usize,
+}
+
+impl<Q: Configuration> Interpolant<Q> for WithoutVariables<Q> {
+    fn evaluate(&self, t: f64, out: &mut StateOf<Q>) {
+        let mut whole = StateOf::augmented(out.clone(), vec![Vector3::zeros(); self.count]);
+        self.curve.evaluate(t, &mut whole);
+        *out = whole.base();
+    }
+}
+
+impl<Q: Seen> Seen for Augmented<Q> {
+    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
+        Q::to_python(py, &x.base())
+    }
+    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
+        Q::split(&x.base())
+    }
+    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
+        let solution::Solution { times, states, segments } = recorded;
+        let count = states.first().map_or(0, |state| state.variables().len());
+        let bare = |(end, curve)| {
+            let curve: Box<dyn Interpolant<Q>> = Box::new(WithoutVariables { curve, count });
+            (end, curve)
+        };
+        Q::curves(solution::Solution {
+            times,
+            states: states.iter().map(|state| state.base()).collect(),
+            segments: segments.into_iter().map(bare).collect(),
+        })
+    }
+}
+
 impl Solution {
     /// What a recorder leaves, as a Python object.
     pub(crate) fn create<Q: Seen>(
@@ -457,10 +499,10 @@ impl Solution {
         report: Report,
         events: Events<Q>,
     ) -> PyResult<Py<Self>> {
-        let Events { trials, count, contacts, events } = events;
+        let Events { trials, substeps, count, contacts, events, stretches } = events;
         let events =
             events.iter().map(|event| Event::of(py, contacts, event)).collect::<PyResult<Vec<_>>>()?;
-        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials };
+        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials, substeps, stretches };
         let times = std::mem::take(&mut recorded.times);
         let states = recorded.states.iter().flat_map(Q::split).collect();
         let dense = if dense {
@@ -531,10 +573,25 @@ impl Solution {
         self.log.count
     }
 
-    /// int: Steps tried to locate events, in addition to those made.
+    /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
     #[getter]
     fn n_trials(&self) -> u64 {
         self.log.trials
+    }
+
+    /// ndarray, shape (contacts, 3): The stretch of the friction of each contact in the last state, m, world frame,
+    /// zero where it has none: what a run that goes on from there takes as `stretches`.
+    #[getter]
+    fn stretches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let stretches = &self.log.stretches;
+        let values: Vec<f64> = stretches.iter().flatten().copied().collect();
+        Ok(array(py, values, &[stretches.len(), 3])?.into_any())
+    }
+
+    /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
+    #[getter]
+    fn n_substeps(&self) -> u64 {
+        self.log.substeps
     }
 
     /// DenseOutput or None: The state at any time, where dense output was asked for.
@@ -554,8 +611,9 @@ impl Solution {
         let py = slf.py();
         let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
         let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
-        let Log { events, count, trials } = &slf.get().log;
-        let log = (events, *count, *trials);
+        let Log { events, count, trials, substeps, stretches } = &slf.get().log;
+        let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
+        let log = (events, *count, *trials, *substeps, stretches);
         let arguments = (base, (status, message, nfev, n_steps, n_rejected), log).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
@@ -567,14 +625,15 @@ impl Solution {
         py: Python<'_>,
         arrays: [Bound<'_, PyAny>; 6],
         report: (i32, String, u64, u64, u64),
-        log: (Py<PyTuple>, u64, u64),
+        log: (Py<PyTuple>, u64, u64, u64, Vec<[f64; 3]>),
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
         let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
-        let (events, count, trials) = log;
-        let log = Log { events, count, trials };
+        let (events, count, trials, substeps, stretches) = log;
+        let stretches = stretches.into_iter().map(Vector3::from).collect();
+        let log = Log { events, count, trials, substeps, stretches };
         Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, log, dense: None }))?)
     }
 }

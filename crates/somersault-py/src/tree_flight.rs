@@ -12,7 +12,6 @@ use crate::tree_motion::{TreeSolution, finite, solve};
 use pyo3::prelude::*;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::system::System;
-use somersault::multibody::Joint;
 use somersault::multibody::flight::{Flight, FlightSystem, ShapeMotion};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -139,7 +138,7 @@ pub(crate) fn integrate_flight<'py>(
     };
     let flight = Flight::from_state(tree, interval.0, &q, &v)?;
     let system = FlightSystem::new(flight, &motion);
-    let orientation = if matches!(tree.joint(0), Some(Joint::Planar)) { 2..3 } else { 3..7 };
+    let orientation = tree.joint(0).map_or(0..0, |root| root.kind().orientation());
     let initial = system.state(&q[orientation])?;
     let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
     let mut monitor = Monitor::try_new(&plan, &initial, 8, None, bar, failure)?;

@@ -36,11 +36,15 @@ fn threads() -> Result<&'static ThreadPool, Error> {
         if let Some(threads) = last.filter(|threads| threads.process == process) {
             return Ok(&threads.pool);
         }
-        let started = ThreadPoolBuilder::new().thread_name(|i| format!("somersault-{i}")).build();
-        let pool =
-            started.map_err(|error| Error::of_system(format!("no threads can be started: {error}")))?;
+        let pool = start()?;
         let _ = place.set(Box::new(Threads { process, pool, next: OnceLock::new() }));
     }
+}
+
+/// New threads, as many as there are processors.
+fn start() -> Result<ThreadPool, Error> {
+    let started = ThreadPoolBuilder::new().thread_name(|i| format!("somersault-{i}")).build();
+    started.map_err(|error| Error::of_system(format!("no threads can be started: {error}")))
 }
 
 /// Whether this thread is one of those that work.
@@ -98,31 +102,42 @@ pub(crate) fn attend<T: Send>(
     done.ok_or_else(|| Error::of_system("the work broke off".to_owned()))
 }
 
-/// As [`attend`], but where a handler of signals raises, the exception comes at once, and the work ends unheard when it next
-/// asks whether to go on.
+/// As [`attend`], for work that may take long to end: what was raised comes once `patience` is over, or at once after a
+/// second signal, and the work ends unheard when it next asks whether to go on.
+///
+/// Work that ended in time comes with what was raised. It has threads of its own: other work does not wait for what was
+/// left.
 pub(crate) fn attend_or_leave<T: Send + 'static>(
     py: Python<'_>,
+    patience: Duration,
     work: impl FnOnce(&Stop) -> T + Send + 'static,
-) -> Result<T, Error> {
+) -> Result<(T, Option<PyErr>), Error> {
     let stop = Arc::new(Stop::default());
     if works() {
-        return Ok(py.detach(|| work(&stop)));
+        return Ok((py.detach(|| work(&stop)), None));
     }
-    let threads = threads()?;
+    let threads = start()?;
     let (sender, receiver) = sync_channel(1);
     let within = Arc::clone(&stop);
     let worker = std::thread::Builder::new().name("somersault".to_owned()).spawn(move || {
-        // nobody listens any more after a signal
+        // nobody may listen any more after a signal
         let _ = sender.send(threads.install(|| work(&within)));
     });
     let worker = worker.map_err(|error| Error::of_system(format!("no thread can be started: {error}")))?;
-    let ended: PyResult<T> = py.detach(move || {
+    let ended: PyResult<(T, Option<PyErr>)> = py.detach(move || {
+        let mut first: Option<(PyErr, Instant)> = None;
         loop {
             match receiver.recv_timeout(ATTENTION) {
-                Ok(done) => return Ok(done),
+                Ok(done) => return Ok((done, first.map(|(raised, _)| raised))),
                 Err(RecvTimeoutError::Timeout) => {
                     if let Err(raised) = Python::attach(|py| py.check_signals()) {
                         stop.ask();
+                        if patience.is_zero() || first.is_some() {
+                            return Err(raised);
+                        }
+                        first = Some((raised, Instant::now()));
+                    }
+                    if let Some((raised, _)) = first.take_if(|(_, since)| since.elapsed() >= patience) {
                         return Err(raised);
                     }
                 }

@@ -30,8 +30,8 @@ _EXIT = """exit codes:
 
 #: Of the table of methods as JSON.
 _COLUMNS = (
-    *("name", "title", "citation", "orders", "evaluations", "history"),
-    *("scope", "variables", "adaptive"),
+    *("name", "title", "citation", "orders", "rate_orders", "dense_order", "evaluations", "history"),
+    *("scope", "variables", "adaptive", "angle_limit"),
 )
 
 

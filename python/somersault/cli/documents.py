@@ -179,7 +179,8 @@ def _words(error: Any) -> str:
             return f"must {allowed} entries, found {len(error.instance)}"
         case "oneOf" | "anyOf" if all("required" in option for option in error.validator_value):
             names = [" and ".join(option["required"]) for option in error.validator_value]
-            found = [name for name in names if all(key in error.instance for key in name.split(" and "))]
+            keys = [key for option in error.validator_value for key in option["required"]]
+            found = [key for key in keys if key in error.instance]
             one = "exactly one" if error.validator == "oneOf" else "one"
             return f"needs {one} of {', '.join(names)}; found {', '.join(found) or 'none'}"
         case "oneOf" | "anyOf":

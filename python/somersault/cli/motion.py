@@ -26,7 +26,6 @@ _SURFACES = {"half_space": contact.HalfSpace, "sphere": contact.Sphere, "cylinde
 _LAWS = {"compliant": contact.CompliantLaw, "hunt_crossley": contact.HuntCrossley}
 _FRICTION = {
     "coulomb": contact.CoulombFriction,
-    "creep": contact.CreepFriction,
     "regularised": contact.RegularisedFriction,
 }
 

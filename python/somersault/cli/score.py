@@ -48,7 +48,7 @@ def score(arguments: argparse.Namespace) -> int:
         ]
         scores = [item["score"] for item in judged]
         with document.at("options"):
-            options = motion.ScoringOptions(**document.values.get("options", {}))
+            options = _options(motion, document.values.get("options", {}))
         with document.at("judged"):
             worth = motion.validate(seen, scores, options)
             scorer = motion.ScoringModel(seen, scores, options)
@@ -84,18 +84,24 @@ def _said_outside(rows: list[tuple[str, float, float, float]], n_judged: int) ->
     for file, _, _, distance in rows[:n_judged]:
         if distance > _FAR:
             print(
-                f"somersault: {file} is {distance:.1f} times as far from the other judged motions as these are:"
-                " are its unit, axes and names right?",
+                f"somersault: {file} is {distance:.1f} times as far from the other judged motions as these"
+                " are from each other: are its unit, axes and names right?",
                 file=sys.stderr,
             )
     outside = [(file, distance) for file, _, _, distance in rows[n_judged:] if not distance <= 1.0]
     for file, distance in outside:
         print(
-            f"somersault: {file} is {distance:.1f} times as far from the motions learnt as these are from each"
-            " other: its score says nothing",
+            f"somersault: {file} is {distance:.1f} times as far from the motions learnt as these are from"
+            " each other: its score says nothing",
             file=sys.stderr,
         )
     return 1 if outside else 0
+
+
+def _options(motion: Any, given: dict[str, Any]) -> Any:
+    """A pair is a list in documents."""
+    scale = {"scale": tuple(given["scale"])} if "scale" in given else {}
+    return motion.ScoringOptions(**(given | scale))
 
 
 def _expect_once(document: Document, judged: list[dict[str, Any]]) -> None:

@@ -232,7 +232,8 @@ def run(
         closure, what a partial application holds, the object of a bound method, and the globals, modules
         and functions that it names, with what these reach in turn. Installed packages count by their
         versions, and so does Python. Where a part has no representation, such as an open file, a version
-        must be given; change it when results change.
+        must be given; change it when results change. The contents of files that the function opens are not
+        seen.
     workers : int, optional
         Threads; by default one for each processor. Functions that spend their time in somersault run in
         parallel, since it releases the interpreter.

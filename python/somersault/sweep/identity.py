@@ -59,6 +59,8 @@ _HEAP_TYPE = 1 << 9
 #: What runs code that does not stand in the function, and what reads an attribute that its code does not
 #: name.
 _UNSEEN = frozenset({"eval", "exec", "globals", "__import__", "import_module"})
+#: What reads variables of the environment, which are not the function's.
+_ENVIRONMENT = frozenset({"environ", "environb", "getenv", "getenvb"})
 _ANY_ATTRIBUTE = frozenset({"getattr", "vars", "__dict__", "attrgetter"})
 
 
@@ -152,6 +154,8 @@ class _Walk:
         self.write("function", function.__qualname__)
         if unseen := sorted(_UNSEEN & set(_names(function.__code__))):
             raise self.refused(where, f"calls `{unseen[0]}`, so that what it runs is not known before")
+        if read := sorted(_ENVIRONMENT & set(_names(function.__code__))):
+            raise self.refused(where, f"reads the environment by `{read[0]}`")
         self.code(function.__code__, where)
         self.reach(function.__defaults__, f"a default of {where}")
         self.reach(function.__kwdefaults__, f"a default of {where}")

@@ -37,6 +37,7 @@ class Top:
             forces=scene.forces,
             contacts=scene.contacts,
             locate=located,
+            max_substeps=None,
             every=every,
         )
 

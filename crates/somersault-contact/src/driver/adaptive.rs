@@ -2,7 +2,7 @@
 
 use super::LocatedResult;
 use super::run::{Run, broken_at_start, check_start, run};
-use super::worker::Worker;
+use super::worker::{Encode, Worker};
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Status, check_interval};
@@ -14,8 +14,9 @@ use somersault_integrators::system::{Decoder, Form, StateOf, System, Unchanged};
 /// Integrates bodies with modes from `interval.0` to `interval.1` by a method of the table that estimates
 /// its error, with steps adapted to tolerances, locating events.
 ///
-/// Without events the steps are those of
-/// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive). After an event the step is
+/// Far from contacts the steps are those of
+/// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive). A step that is not proved clear of
+/// contacts is shortened to where the gap may be least, so that the gap takes part in the control of the steps. After an event the step is
 /// chosen afresh from the accelerations of the new mode. A step that leads to where a guard is not finite
 /// is rejected like one whose error is too large. The observer sees every committed step, those that end at
 /// events among them, with its curve.
@@ -35,7 +36,7 @@ where
     H: HybridBodies,
     O: Observer<H::Configuration>,
 {
-    check_start(interval.0, initial, location)?;
+    check_start(system, interval.0, initial, location)?;
     let frozen = Frozen::new(system, interval.0, initial);
     let visit = Visit { frozen: &frozen, initial, interval, settings, location, observer };
     method.visit_embedded(options, &frozen, visit).unwrap_or_else(|| {
@@ -60,9 +61,30 @@ where
     M: EmbeddedStepper<Frozen<H>>,
     O: Observer<H::Configuration>,
 {
-    check_start(interval.0, initial, location)?;
+    let form = (frozen, &StateOf::<H>::clone as Encode<'_, H, Frozen<H>>, Unchanged);
+    integrate_hybrid_form_adaptive(frozen, form, stepper, initial, (interval, settings), location, observer)
+}
+
+/// The same with the system in other variables: a form, and the ways to its variables and back.
+pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D, O>(
+    frozen: &Frozen<H>,
+    (form, encode, decoder): (&B, Encode<'_, H, B>, D),
+    stepper: &M,
+    initial: &StateOf<H>,
+    (interval, settings): ((f64, f64), &Adaptive),
+    location: &Location,
+    observer: &mut O,
+) -> LocatedResult<H::Configuration>
+where
+    H: Hybrid,
+    B: System,
+    M: EmbeddedStepper<B>,
+    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
+    O: Observer<H::Configuration>,
+{
+    check_start(frozen.system(), interval.0, initial, location)?;
     frozen.freeze(interval.0, initial);
-    let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: &StateOf::<H>::clone };
+    let worker = Worker { frozen, form, stepper, decoder, encode };
     run(worker, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
 }
 
@@ -113,14 +135,23 @@ where
         let mut error = stepper.error(x, &after.inner, h, memory, &settings.tolerances);
         let mut fault = None;
         if error <= 1.0
-            && let Err(reason) = run.worker.settle(t + h, after)
+            && let Err(reason) = run.worker.settle(t + h, &mut run.after)
         {
             (error, fault) = (f64::NAN, Some(reason));
+        }
+        if error <= 1.0
+            && let Some(part) = run.doubt(h, t_after)
+        {
+            // A contact may have come and gone: the step ends where it would have been closest.
+            control.shorten(part)?;
+            stepper.reject(&mut run.memory);
+            run.so_far.trials += 1;
+            continue;
         }
         match control.accepts(t, h, error) {
             Ok(true) => {}
             Ok(false) => {
-                stepper.reject(memory);
+                stepper.reject(&mut run.memory);
                 run.so_far.rejected += 1;
                 continue;
             }

@@ -1,8 +1,9 @@
 //! Steps of fixed size.
 
 use super::LocatedResult;
-use super::run::{Run, check_start, run};
-use super::worker::Worker;
+use super::run::{Run, Span, check_start, run};
+use super::stiff::Stiff;
+use super::worker::{Encode, Worker};
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Flow, Observer, Status, TimeGrid};
@@ -12,7 +13,9 @@ use somersault_integrators::system::{Decoder, Form, StateOf, System, Unchanged};
 
 /// Integrates bodies with modes by a method of the table, with a fixed step, locating events.
 ///
-/// The steps have the size of the grid, counted anew from each event. The observer sees every committed
+/// The steps have the size of the grid, counted anew from each event. While a contact is closed that a step is too
+/// long for they are divided, and further where the energy grows; see
+/// [`StiffSteps`](crate::event::StiffSteps). The observer sees every committed
 /// step, those that end at events among them, with its curve.
 ///
 /// Cost: the guards once a step, and about eight steps for each event. A step of the spinning top in contact
@@ -35,7 +38,7 @@ where
     H: HybridBodies,
     O: Observer<H::Configuration>,
 {
-    check_start(grid.time(0), initial, location)?;
+    check_start(system, grid.time(0), initial, location)?;
     let frozen = Frozen::new(system, grid.time(0), initial);
     method.visit(options, &frozen, Visit { frozen: &frozen, initial, grid, location, observer })
 }
@@ -55,9 +58,30 @@ where
     M: Stepper<Frozen<H>>,
     O: Observer<H::Configuration>,
 {
-    check_start(grid.time(0), initial, location)?;
+    let form = (frozen, &StateOf::<H>::clone as Encode<'_, H, Frozen<H>>, Unchanged);
+    integrate_hybrid_form(frozen, form, stepper, initial, grid, location, observer)
+}
+
+/// The same with the system in other variables: a form, and the ways to its variables and back.
+pub(crate) fn integrate_hybrid_form<H, B, M, D, O>(
+    frozen: &Frozen<H>,
+    (form, encode, decoder): (&B, Encode<'_, H, B>, D),
+    stepper: &M,
+    initial: &StateOf<H>,
+    grid: &TimeGrid,
+    location: &Location,
+    observer: &mut O,
+) -> LocatedResult<H::Configuration>
+where
+    H: Hybrid,
+    B: System,
+    M: Stepper<B>,
+    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
+    O: Observer<H::Configuration>,
+{
+    check_start(frozen.system(), grid.time(0), initial, location)?;
     frozen.freeze(grid.time(0), initial);
-    let worker = Worker { frozen, form: frozen, stepper, decoder: Unchanged, encode: &StateOf::<H>::clone };
+    let worker = Worker { frozen, form, stepper, decoder, encode };
     run(worker, (grid.time(0), initial), location, observer, |run| steps(run, *grid))
 }
 
@@ -93,6 +117,11 @@ where
     O: Observer<H::Configuration>,
 {
     let end = grid.time(grid.steps());
+    let mut stiff = Stiff::new(run.location.stiff, &M::INFO, grid.dt());
+    stiff.enter(run.worker.frozen, run.so_far.t, &run.before.outer)?;
+    if stiff.parts > 1 {
+        grid = TimeGrid::try_new(run.so_far.t, end, stiff.part())?;
+    }
     let mut n = 0;
     while run.so_far.t < end {
         let t = run.so_far.t;
@@ -102,10 +131,24 @@ where
         }
         run.worker.step(t, &run.before.inner, h, &mut run.memory, &mut run.after)?;
         n += 1;
-        let span = run.locate(h, grid.time(n))?;
+        // A step that throws the bodies off is not searched for what it meets on the way.
+        let mut stands = stiff.holds(run.worker.frozen, t, &run.after.outer)?;
+        let mut span = Span { h, t_after: grid.time(n), is_event: false };
+        if stands {
+            span = run.locate(h, span.t_after)?;
+            stands = stiff.accepts(run.worker.frozen, t, &run.after.outer)?;
+        }
+        if !stands {
+            run.so_far.trials += 1;
+            run.worker.stepper.restart(&mut run.memory);
+            (grid, n) = (TimeGrid::try_new(t, end, stiff.part())?, 0);
+            continue;
+        }
+        run.so_far.substeps += u64::from(stiff.parts > 1);
         let flow = run.commit(span)?;
         if span.is_event && span.t_after < end {
-            (grid, n) = (TimeGrid::try_new(span.t_after, end, grid.dt())?, 0);
+            stiff.enter(run.worker.frozen, span.t_after, &run.before.outer)?;
+            (grid, n) = (TimeGrid::try_new(span.t_after, end, stiff.part())?, 0);
         }
         if flow == Flow::Stop && span.t_after < end {
             return Ok(Status::Stopped);

@@ -10,11 +10,15 @@
 //! - The committed end of a step to an event has the guard on its new side. What was found is therefore
 //!   not found again, and guards that change together are handled together.
 //! - Methods with history make the shorter step with their start-up, as after any restart.
-//! - A change that comes and goes within one step is found if the gap has one extremum in the step; see
-//!   [`Guard`](crate::hybrid::Guard). What is missed of a graze is shallower than the cubic through the
-//!   ends of the step is off, h⁴ max|φ⁗|/384, by a factor of a thousand. Adapted steps may span much in
-//!   smooth flight; the largest step of [`Adaptive`](somersault_integrators::driver::Adaptive) keeps them
-//!   within one extremum.
+//! - A guard that is outside at both ends of a step is proved to have stayed so, by bounds of how far it may move
+//!   in between ([`sweep`](crate::sweep)), or the step is made again to somewhere within and both parts are looked
+//!   at. With fixed steps that is a trial; an adapted step ends there. What may be missed is stated:
+//!   nothing on planes, on spheres and cylinders and in pairs of spheres but for the method's own error; hits
+//!   shallower than [`graze`](crate::event::Location::graze) on rims and surfaces of unknown curvature; and where a
+//!   force has no bound (a closure) or a contact is closed, accelerations are estimated, which is no proof.
+//! - A guard inside, and a guard of friction, is judged by the cubic through its ends, which is good where steps
+//!   resolve the contact; fixed steps are divided until they do.
+//! - Surfaces are examined where they are touched first: [`SurfaceFault`](crate::surface::SurfaceFault).
 //! - A start on the surface belongs to what follows; a start at rest on it is free until it has moved by a
 //!   rounding.
 //! - A law whose force and rate of force are continuous at release, and whose gap rate is continuous at
@@ -28,12 +32,16 @@ mod adaptive;
 mod fixed;
 mod run;
 mod search;
+mod stiff;
 mod worker;
 
 use crate::event::{Interrupted, Located};
 
 pub use adaptive::{integrate_hybrid_adaptive, integrate_located_adaptive};
 pub use fixed::{integrate_hybrid, integrate_located};
+
+pub(crate) use adaptive::integrate_hybrid_form_adaptive;
+pub(crate) use fixed::integrate_hybrid_form;
 
 /// The outcome of a run with events.
 pub type LocatedResult<Q> = Result<Located<Q>, Box<Interrupted<Q>>>;

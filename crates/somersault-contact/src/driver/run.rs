@@ -1,10 +1,10 @@
 //! A run in progress: what both drivers do with a step once it is made.
 
 use super::LocatedResult;
-use super::search::Search;
+use super::search::{Search, Trail, has_changed};
 use super::worker::{Point, Worker};
 use crate::event::{Event, EventKind, Interrupted, Interruption, Located, Location};
-use crate::hybrid::{Guard, Hybrid};
+use crate::hybrid::Hybrid;
 use somersault_integrators::dense::{Decoded, Interpolant};
 use somersault_integrators::driver::{
     Flow, IntegrateError, Observer, Status, Step, check_positive, check_state,
@@ -12,6 +12,9 @@ use somersault_integrators::driver::{
 use somersault_integrators::state::{Configuration, State};
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System};
+
+/// For how many steps ahead a flight is proved clear at once.
+const AHEAD: f64 = 64.0;
 
 /// The part of a step that is committed.
 #[derive(Debug, Clone, Copy)]
@@ -32,12 +35,15 @@ pub(super) struct Run<'a, H: Hybrid, B: System, M: Stepper<B>, D, O> {
     pub(super) before: Point<H::Configuration, B::Configuration>,
     /// The state that a step leads to.
     pub(super) after: Point<H::Configuration, B::Configuration>,
-    trial: Point<H::Configuration, B::Configuration>,
+    trail: Trail<H::Configuration, B::Configuration>,
     trial_memory: M::Memory,
-    last: Vec<Guard>,
+    /// Until when no guard can go in, as far as is proved.
+    clear_until: f64,
     impulses: Vec<f64>,
+    /// Whether a guard went in before, and so had its surface examined.
+    touched: Vec<bool>,
     chatter: Chatter,
-    keep_events: bool,
+    pub(super) location: Location,
     observer: &'a mut O,
     /// The outcome but for the state, which is that of `before`.
     pub(super) so_far: Located<H::Configuration>,
@@ -69,13 +75,17 @@ where
 }
 
 /// Errors where a run cannot start.
-pub(super) fn check_start<Q: Configuration>(
+pub(super) fn check_start<H: Hybrid>(
+    system: &H,
     t: f64,
-    initial: &State<Q>,
+    initial: &StateOf<H>,
     location: &Location,
-) -> Result<(), Box<Interrupted<Q>>> {
-    check_state(initial)
+) -> Result<(), Box<Interrupted<H::Configuration>>> {
+    system
+        .check()
+        .and_then(|()| check_state(initial))
         .and_then(|()| check_positive("max_event_rate", location.max_event_rate))
+        .and_then(|()| check_positive("graze", location.graze))
         .map_err(|error| broken_at_start(error.into(), t, initial))
 }
 
@@ -104,40 +114,96 @@ where
         let memory = || worker.stepper.start(worker.form, &encoded).map_err(IntegrateError::from);
         let (memory, trial_memory) = (memory()?, memory()?);
         let point = || Point { inner: encoded.clone(), outer: initial.clone(), guards: Vec::new() };
-        let (mut before, after, trial) = (point(), point(), point());
+        let (mut before, after) = (point(), point());
         worker.read_guards(t, &mut before)?;
         let count = before.guards.len();
-        Ok(Self {
+        let mut run = Self {
             worker,
             memory,
+            trail: Trail::new(before.clone()),
             before,
             after,
-            trial,
             trial_memory,
-            last: Vec::with_capacity(count),
+            clear_until: f64::NEG_INFINITY,
             impulses: vec![0.0; count],
+            touched: vec![false; count],
             chatter: Chatter::new(count, location.max_event_rate),
-            keep_events: location.keep_events,
+            location: *location,
             observer,
             so_far: Located::at_start(t, initial),
-        })
+        };
+        run.examine()?;
+        Ok(run)
+    }
+
+    /// Examines the surfaces that are touched in the last state and were not before.
+    fn examine(&mut self) -> Result<(), Interruption> {
+        let (system, t, point) = (self.worker.frozen.system(), self.so_far.t, &self.before);
+        for (guard, (touched, at)) in self.touched.iter_mut().zip(&point.guards).enumerate() {
+            if at.is_inside() && !*touched {
+                *touched = true;
+                system.examine(guard, &point.outer).map_err(|fault| Interruption::Surface {
+                    guard,
+                    t,
+                    fault,
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the step of h just made to `t_after` is known to be clear from what was proved ahead of it.
+    fn is_clear_ahead(&mut self, h: f64, t_after: f64) -> bool {
+        if has_changed(&self.before.guards, &self.after.guards) {
+            return false;
+        }
+        if t_after > self.clear_until {
+            let (frozen, t) = (self.worker.frozen, self.so_far.t);
+            let time = frozen.clear_time(t, &self.before.outer, &self.before.guards, AHEAD * h);
+            self.clear_until = t + time;
+        }
+        t_after <= self.clear_until
+    }
+
+    /// Where in the step just made a guard may have changed its sign and changed it back, if anywhere: how long a
+    /// step is to be tried instead.
+    pub(super) fn doubt(&mut self, h: f64, t_after: f64) -> Option<f64> {
+        let is_changed = has_changed(&self.before.guards, &self.after.guards);
+        if is_changed || self.is_clear_ahead(h, t_after) {
+            return None;
+        }
+        let (mut search, after) = self.search(t_after);
+        let shortest = 4.0 * search.tolerance;
+        search.doubt(h, after).filter(|part| *part > shortest)
+    }
+
+    #[allow(clippy::type_complexity)]
+    fn search(
+        &mut self,
+        t_after: f64,
+    ) -> (Search<'_, 'a, H, B, M, D>, &Point<H::Configuration, B::Configuration>) {
+        let t = self.so_far.t;
+        let search = Search {
+            worker: &self.worker,
+            memory: &mut self.trial_memory,
+            trail: &mut self.trail,
+            t,
+            before: &self.before,
+            graze: self.location.graze,
+            tolerance: 2.0 * f64::EPSILON * t.abs().max(t_after.abs()),
+            trials: &mut self.so_far.trials,
+        };
+        (search, &self.after)
     }
 
     /// Finds the earliest event in the step of h just made to `t_after`, and makes the step to it instead.
     pub(super) fn locate(&mut self, h: f64, t_after: f64) -> Result<Span, Interruption> {
+        if self.is_clear_ahead(h, t_after) {
+            return Ok(Span { h, t_after, is_event: false });
+        }
         let t = self.so_far.t;
-        let mut search = Search {
-            worker: &self.worker,
-            memory: &mut self.trial_memory,
-            point: &mut self.trial,
-            last: &mut self.last,
-            t,
-            x: &self.before.inner,
-            before: &self.before.guards,
-            trials: &mut self.so_far.trials,
-        };
-        let tolerance = 2.0 * f64::EPSILON * t.abs().max(t_after.abs());
-        let found = search.earliest(h, &self.after.guards, tolerance)?;
+        let (mut search, after) = self.search(t_after);
+        let found = search.earliest(h, after)?;
         match found {
             Some(earlier) if earlier < h => {
                 self.worker.stepper.restart(&mut self.memory);
@@ -185,7 +251,9 @@ where
             point.inner = (worker.encode)(&point.outer);
         }
         worker.stepper.restart(&mut self.memory);
-        worker.read_guards(t, point)
+        worker.read_guards(t, point)?;
+        self.clear_until = f64::NEG_INFINITY;
+        self.examine()
     }
 
     /// Shows the step, with its curve, to the observer.
@@ -219,7 +287,7 @@ where
             let released = kind == EventKind::Release;
             let impulse = if released { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
             self.so_far.event_count += 1;
-            if self.keep_events {
+            if self.location.keep_events {
                 let (t, state) = (self.so_far.t, self.after.outer.clone());
                 self.so_far.events.push(Event { t, guard, kind, impulse, state });
             }

@@ -3,21 +3,53 @@
 use super::worker::{Point, Worker};
 use crate::event::Interruption;
 use crate::hybrid::{Guard, Hybrid};
-use crate::step_curve::{StepCurve, is_clear};
+use crate::step_curve::StepCurve;
+use crate::sweep::{Sweep, Verdict};
 use somersault_core::roots;
+use somersault_integrators::state::Configuration;
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System};
+
+/// How many parts of a step are looked at for what a cubic says alone.
+const SUSPICIONS: u32 = 64;
+
+/// How many parts of a step are looked at before it is given up.
+const MOST_PARTS: u32 = 20_000;
+
+/// A part of a step, by its length, and where it leads.
+struct Mark<Q: Configuration, B: Configuration> {
+    h: f64,
+    point: Point<Q, B>,
+    /// Whether an event was narrowed down to its end.
+    is_event: bool,
+}
+
+/// Room for the search: the part of the step known to be clear, and the parts that end later, latest first.
+pub(super) struct Trail<Q: Configuration, B: Configuration> {
+    near: Mark<Q, B>,
+    far: Vec<Mark<Q, B>>,
+    /// How many of `far` are in use.
+    len: usize,
+    sweeps: Vec<Sweep>,
+}
+
+impl<Q: Configuration, B: Configuration> Trail<Q, B> {
+    pub(super) fn new(point: Point<Q, B>) -> Self {
+        let near = Mark { h: 0.0, point, is_event: false };
+        Self { near, far: Vec::new(), len: 0, sweeps: Vec::new() }
+    }
+}
 
 /// Steps made again from the start of a step, with memory and room of their own.
 pub(super) struct Search<'a, 'w, H: Hybrid, B: System, M: Stepper<B>, D> {
     pub(super) worker: &'a Worker<'w, H, B, M, D>,
     pub(super) memory: &'a mut M::Memory,
-    pub(super) point: &'a mut Point<H::Configuration, B::Configuration>,
-    /// Room for the guards at the end of the part of the step that is searched.
-    pub(super) last: &'a mut Vec<Guard>,
+    pub(super) trail: &'a mut Trail<H::Configuration, B::Configuration>,
     pub(super) t: f64,
-    pub(super) x: &'a StateOf<B>,
-    pub(super) before: &'a [Guard],
+    pub(super) before: &'a Point<H::Configuration, B::Configuration>,
+    pub(super) graze: f64,
+    /// Two parts of a step are one where they end no farther apart than this.
+    pub(super) tolerance: f64,
     pub(super) trials: &'a mut u64,
 }
 
@@ -28,93 +60,171 @@ where
     M: Stepper<B>,
     D: Decoder<B::Configuration, H::Configuration>,
 {
+    /// Where in the step of h to `after` a guard may have changed its sign and changed it back, if anywhere: the
+    /// part of the step to be looked at first.
+    #[inline]
+    pub(super) fn doubt(&mut self, h: f64, after: &Point<H::Configuration, B::Configuration>) -> Option<f64> {
+        let sweeps = &mut self.trail.sweeps;
+        self.worker.frozen.sweeps(self.t, h, (&self.before.outer, &after.outer), sweeps);
+        doubt(&self.before.guards, &after.guards, h, sweeps, (self.graze, true))
+    }
+
     /// The step to the far side of the earliest change of sign within h, if there is one.
     ///
-    /// `after` are the guards after the step of h as it was made.
-    #[inline]
+    /// `after` is where the step of h led as it was made. What lies between two parts of the step is clear where
+    /// every guard is said to keep its sign; where it may not, the step is made again to somewhere in between. An
+    /// event is narrowed down first and what lies before it is looked at then.
     pub(super) fn earliest(
         &mut self,
         h: f64,
-        after: &[Guard],
-        tolerance: f64,
+        after: &Point<H::Configuration, B::Configuration>,
     ) -> Result<Option<f64>, Interruption> {
-        if self.before.iter().zip(after).all(|(a, b)| is_clear(a, b, h)) {
-            return Ok(None);
-        }
-        let mut dip = None;
-        for (i, at_end) in after.iter().enumerate() {
-            let (end, last) = dip.map_or((h, *at_end), |earlier| (earlier, self.last[i]));
-            if let Some(earlier) = self.dip(i, end, &last)? {
-                self.last.clone_from(&self.point.guards);
-                dip = Some(earlier);
+        let before = self.before;
+        (self.trail.near.h, self.trail.len) = (0.0, 0);
+        let (mut is_start, mut parts) = (true, 0);
+        loop {
+            let len = self.trail.len;
+            let far = self.trail.far[..len].last();
+            let (end, is_event, point) = far.map_or((h, false, after), |m| (m.h, m.is_event, &m.point));
+            let near_h = self.trail.near.h;
+            let near = if is_start { before } else { &self.trail.near.point };
+            let is_changed = has_changed(&before.guards, &point.guards);
+            if is_changed && !is_event {
+                let values = (margin(&before.guards, &near.guards), margin(&before.guards, &point.guards));
+                let guess = self.guess(near, point, (near_h, end));
+                if len == 0 {
+                    // The step as it was made may have a history, the search has none.
+                    self.push(h)?;
+                    if !has_changed(&before.guards, &self.trail.far[0].point.guards) {
+                        // Made again it does not quite reach the change: the step as it was made ends there,
+                        // within its error.
+                        return Ok(Some(h));
+                    }
+                    self.trail.far[0].h = h;
+                    continue;
+                }
+                let found = self.narrow(((near_h, values.0), (end, values.1)), guess)?;
+                if found < end {
+                    self.push(found)?;
+                }
+                let last = self.trail.len - 1;
+                self.trail.far[last].is_event = true;
+                continue;
             }
-        }
-        let end = match dip {
-            Some(earlier) => earlier,
-            None if has_changed(self.before, after) => h,
-            None => return Ok(None),
-        };
-        self.trial(end)?;
-        if !has_changed(self.before, &self.point.guards) {
-            // Made again without its history the step does not quite reach the change: the step as it was
-            // made ends there, within its error.
-            return Ok(Some(h));
-        }
-        let mut guess = end;
-        for (a, b) in self.before.iter().zip(&self.point.guards) {
-            if a.is_inside() != b.is_inside() {
-                guess = guess.min(end * StepCurve::new(a, b, end).crossing(1.0));
+            let width = end - near_h;
+            self.worker.frozen.sweeps(
+                self.t + near_h,
+                width,
+                (&near.outer, &point.outer),
+                &mut self.trail.sweeps,
+            );
+            // A cubic that goes on to promise what is not there has rates that are not those of its gaps.
+            let suspects = parts < SUSPICIONS;
+            parts += 1;
+            if parts > MOST_PARTS {
+                return Err(Interruption::Unproved { t: self.t, h, parts: MOST_PARTS });
             }
+            let part = doubt(&near.guards, &point.guards, width, &self.trail.sweeps, (self.graze, suspects));
+            if let Some(part) = part
+                && width > 4.0 * self.tolerance
+            {
+                self.push(near_h + part)?;
+                continue;
+            }
+            if is_changed {
+                return Ok(Some(end));
+            }
+            if len == 0 {
+                return Ok(None);
+            }
+            self.trail.len = len - 1;
+            let Trail { near, far, .. } = &mut *self.trail;
+            std::mem::swap(near, &mut far[len - 1]);
+            is_start = false;
         }
-        let far = margin(self.before, &self.point.guards);
-        let near = margin(self.before, self.before);
+    }
+
+    /// Where the cubics through the ends of a part of the step change sign first.
+    fn guess(
+        &self,
+        near: &Point<H::Configuration, B::Configuration>,
+        far: &Point<H::Configuration, B::Configuration>,
+        (start, end): (f64, f64),
+    ) -> f64 {
+        let (guards, width) = (near.guards.iter().zip(&far.guards), end - start);
+        let crossings = guards.filter(|(a, b)| a.is_inside() != b.is_inside());
+        crossings
+            .fold(end, |least, (a, b)| least.min(start + width * StepCurve::new(a, b, width).crossing(1.0)))
+    }
+
+    /// Narrows a change of sign down; returns the shorter step to its far side.
+    fn narrow(&mut self, (near, far): ((f64, f64), (f64, f64)), guess: f64) -> Result<f64, Interruption> {
+        // The last mark in use, past the far end, is where trials are made.
+        let slot = self.trail.len;
+        self.reserve(slot);
+        let before = &self.before.guards;
         let excess = |h| {
-            self.trial(h)?;
-            Ok(margin(self.before, &self.point.guards))
+            let point = &mut self.trail.far[slot].point;
+            trial(self.worker, self.memory, (self.t, &self.before.inner), h, point)?;
+            *self.trials += 1;
+            Ok(margin(before, &point.guards))
         };
-        roots::bracket(excess, (0.0, near), (end, far), guess, tolerance).map(|(_, far)| Some(far))
+        roots::bracket(excess, near, far, guess, self.tolerance).map(|(_, far)| far)
     }
 
-    /// Leaves the guards after a step of h in `point`.
-    fn trial(&mut self, h: f64) -> Result<(), Interruption> {
+    /// Makes the step of h and marks where it leads.
+    fn push(&mut self, h: f64) -> Result<(), Interruption> {
+        let slot = self.trail.len;
+        self.reserve(slot);
+        let mark = &mut self.trail.far[slot];
+        trial(self.worker, self.memory, (self.t, &self.before.inner), h, &mut mark.point)?;
         *self.trials += 1;
-        self.worker.stepper.restart(self.memory);
-        self.worker.step(self.t, self.x, h, self.memory, self.point)
+        (mark.h, mark.is_event) = (h, false);
+        self.trail.len = slot + 1;
+        Ok(())
     }
 
-    /// A step within (0, h) after which guard `i` has changed sign, though the ends need not show it.
-    ///
-    /// Each trial halves the doubt: the cubics on either side of it are better than the one before.
-    fn dip(&mut self, i: usize, h: f64, after: &Guard) -> Result<Option<f64>, Interruption> {
-        let side = side(&self.before[i]);
-        let (mut near, mut far) = ((0.0, self.before[i]), (h, *after));
-        for _ in 0..24 {
-            let width = far.0 - near.0;
-            let curve = StepCurve::new(&near.1, &far.1, width);
-            let Some((theta, least)) = curve.least(side) else { return Ok(None) };
-            // How much nearer to zero than both ends; a dip shallower than what is left of it is believed.
-            let depth = (side * near.1.margin()).min(side * far.1.margin()) - least;
-            if least >= 0.0 && least >= depth {
-                return Ok(None);
-            }
-            let h = near.0 + theta * width;
-            self.trial(h)?;
-            let found = self.point.guards[i];
-            let margin = side * found.margin();
-            if found.is_inside() != self.before[i].is_inside() {
-                return Ok(Some(h));
-            }
-            if (margin - least).abs() < 0.25 * margin {
-                return Ok(None);
-            }
-            let value = |a: (f64, Guard), b: (f64, Guard)| {
-                StepCurve::new(&a.1, &b.1, b.0 - a.0).least(side).map_or(f64::INFINITY, |l| l.1)
-            };
-            let middle = (h, found);
-            if value(near, middle) < value(middle, far) { far = middle } else { near = middle }
+    fn reserve(&mut self, slot: usize) {
+        if slot == self.trail.far.len() {
+            self.trail.far.push(Mark { h: 0.0, point: self.before.clone(), is_event: false });
         }
-        Ok(None)
     }
+}
+
+/// A step of h without a history.
+fn trial<H, B, M, D>(
+    worker: &Worker<'_, H, B, M, D>,
+    memory: &mut M::Memory,
+    (t, x): (f64, &StateOf<B>),
+    h: f64,
+    out: &mut Point<H::Configuration, B::Configuration>,
+) -> Result<(), Interruption>
+where
+    H: Hybrid,
+    B: System,
+    M: Stepper<B>,
+    D: Decoder<B::Configuration, H::Configuration>,
+{
+    worker.stepper.restart(memory);
+    worker.step(t, x, h, memory, out)
+}
+
+/// The first part of a step of h within which some guard is not known to keep its sign; `suspects` says whether
+/// cubics count.
+fn doubt(
+    before: &[Guard],
+    after: &[Guard],
+    h: f64,
+    sweeps: &[Sweep],
+    (graze, suspects): (f64, bool),
+) -> Option<f64> {
+    let guards = before.iter().zip(after).zip(sweeps);
+    let parts = guards.filter_map(|((a, b), sweep)| match Verdict::of(a, b, h, sweep, graze) {
+        Verdict::Clear => None,
+        Verdict::Suspect(theta) => suspects.then_some(theta * h),
+        Verdict::Split(theta) => Some(theta * h),
+    });
+    parts.min_by(f64::total_cmp)
 }
 
 /// +1 for a guard outside, −1 for one inside: its side times its margin falls to zero at an event.
@@ -122,7 +232,9 @@ fn side(guard: &Guard) -> f64 {
     if guard.is_inside() { -1.0 } else { 1.0 }
 }
 
-fn has_changed(before: &[Guard], after: &[Guard]) -> bool {
+/// Whether some guard has changed its sign.
+#[inline]
+pub(super) fn has_changed(before: &[Guard], after: &[Guard]) -> bool {
     before.iter().zip(after).any(|(a, b)| a.is_inside() != b.is_inside())
 }
 

@@ -8,11 +8,15 @@ use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System};
 
 /// A state in the variables of the form and in those of the system, and the guards there.
+#[derive(Clone)]
 pub(super) struct Point<Q: Configuration, B: Configuration> {
     pub(super) inner: State<B>,
     pub(super) outer: State<Q>,
     pub(super) guards: Vec<Guard>,
 }
+
+/// The way from the variables of a system to those of a form.
+pub(crate) type Encode<'a, H, B> = &'a dyn Fn(&StateOf<H>) -> StateOf<B>;
 
 /// A system with modes, the form that a method integrates, the method, and the ways between the form's
 /// variables and the system's.
@@ -21,7 +25,7 @@ pub(super) struct Worker<'a, H: Hybrid, B: System, M, D> {
     pub(super) form: &'a B,
     pub(super) stepper: &'a M,
     pub(super) decoder: D,
-    pub(super) encode: &'a dyn Fn(&StateOf<H>) -> StateOf<B>,
+    pub(super) encode: Encode<'a, H, B>,
 }
 
 impl<H, B, M, D> Worker<'_, H, B, M, D>
@@ -70,7 +74,10 @@ where
         match out.guards.iter().enumerate().find(|(_, g)| !g.is_finite()) {
             None => Ok(()),
             Some((guard, &Guard { gap, rate, .. })) => {
-                Err(Interruption::NonFiniteGuard { guard, t, gap, rate })
+                Err(match self.frozen.system().examine(guard, &out.outer) {
+                    Err(fault) => Interruption::Surface { guard, t, fault },
+                    Ok(()) => Interruption::NonFiniteGuard { guard, t, gap, rate },
+                })
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{ModelError, between};
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::friction::CreepFriction;
+use crate::friction::CoulombFriction;
 use crate::interface::ContactLaw;
 use crate::law::CompliantLaw;
 use crate::surface::HalfSpace;
@@ -34,7 +34,7 @@ impl RollingDisk {
         mass: f64,
         radius: f64,
         law: CompliantLaw,
-        friction: CreepFriction,
+        friction: CoulombFriction,
     ) -> Result<Self, ModelError> {
         let across = 0.25 * mass * radius * radius;
         let body = RigidBody::try_principal(mass, Vector3::new(across, across, 2.0 * across))?;

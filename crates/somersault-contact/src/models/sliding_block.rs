@@ -19,7 +19,9 @@ use std::sync::Arc;
 /// ```text
 /// v = v₀ − μ (g t + ż − ż₀),   x = x₀ + v₀ t − μ (g t²/2 + z − z₀ − ż₀ t)
 /// ```
-/// until v = 0, since m z̈ = Fₙ − m g. Resting on its spring it stops after v₀/(μ g), at v₀²/(2 μ g).
+/// until v is about to vanish, since m z̈ = Fₙ − m g, from the time on at which the stretch of its friction has
+/// settled. Resting on its spring it stops after about v₀/(μ g), at about v₀²/(2 μ g). Friction with a stretch takes the
+/// system in [`WithStretches`](crate::stretches::WithStretches).
 #[derive(Debug, Clone)]
 pub struct SlidingBlock {
     /// The block, its weight and its contact.

@@ -5,7 +5,9 @@
 //! ```text
 //! δC = δx + δφ × R c,   δn = H δC,   δu = δv + δω × r + ω × δr,
 //! δΔẋ = n · δu + u · δn,   δv_t = δu − n δΔẋ − δn Δẋ,
+//! Ω = n × H w,   δΩ = δn × H w + n × (δH w + H δw)
 //! ```
+//! with w the velocity of C,
 //! and by the shape of what touches, with a the axis of a rim and d = a (a · n) − n,
 //!
 //! | | δΔx | δr |
@@ -18,7 +20,6 @@ use crate::contacts::Contact;
 use crate::interface::Encounter;
 use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
-use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{RigidBodyState, Twist};
@@ -34,6 +35,8 @@ pub(super) struct Linearization<'a> {
     hessian: Matrix3<f64>,
     velocity: Vector3<f64>,
     angular_velocity: Vector3<f64>,
+    /// Place and velocity of the centre, where the plane of contact turns.
+    bending: Option<(Vector3<f64>, Vector3<f64>)>,
 }
 
 /// Derivative of an encounter, and of the lever arm.
@@ -49,15 +52,18 @@ impl<'a> Linearization<'a> {
         let centre = x.orientation() * contact.shape().centre();
         let axis = match contact.shape() {
             Shape::Rim { axis, .. } => x.orientation() * axis.as_ref(),
-            _ => Vector3::zeros(),
+            Shape::Point(_) | Shape::Ball { .. } => Vector3::zeros(),
         };
+        let bends = contact.law().friction.has_stretch() && contact.surface().as_half_space().is_none();
+        let place = x.position() + centre;
         Self {
             contact,
             at,
             arm,
             centre,
             axis,
-            hessian: contact.surface().hessian(&(x.position() + centre)),
+            bending: bends.then(|| (place, x.velocity() + x.angular_velocity().cross(&centre))),
+            hessian: contact.surface().hessian(&place),
             velocity: x.velocity() + x.angular_velocity().cross(&arm),
             angular_velocity: *x.angular_velocity(),
         }
@@ -99,30 +105,32 @@ impl<'a> Linearization<'a> {
             point: tangent.displacement.linear + arm,
             sliding: velocity_change - normal * rate_change - normal_change * self.at.rate,
             turning: rate.angular,
+            tilting: self.bending.map_or_else(Vector3::zeros, |(place, velocity)| {
+                let velocity_change = rate.linear
+                    + rate.angular.cross(&self.centre)
+                    + self.angular_velocity.cross(&centre_change);
+                let turned = self.hessian_change(&place, &way) * velocity + self.hessian * velocity_change;
+                normal_change.cross(&(self.hessian * velocity)) + normal.cross(&turned)
+            }),
             mass: 0.0,
         };
         Change { at, arm }
     }
 
-    /// The greatest acceleration of the point of contact by a force of 1 N there, at most 1/m + r²/I_min.
-    #[inline]
-    pub(super) fn mobility(&self, body: &RigidBody) -> f64 {
-        1.0 / body.mass() + self.arm.norm_squared() / body.inertia().principal_moments().min()
+    /// Derivative of the Hessian along a way, by a central difference.
+    fn hessian_change(&self, place: &Vector3<f64>, way: &Vector3<f64>) -> Matrix3<f64> {
+        let length = way.norm();
+        if length == 0.0 {
+            return Matrix3::zeros();
+        }
+        let step = f64::EPSILON.cbrt() * place.amax().max(1.0) / length;
+        let [after, before] = [step, -step].map(|step| self.contact.surface().hessian(&(place + way * step)));
+        (after - before) * (0.5 / step)
     }
 
-    /// The acceleration by the tangential force at the contact that takes the sliding acceleration from
-    /// `sliding` to zero.
-    pub(super) fn holding(&self, body: &RigidBody, x: &RigidBodyState, sliding: &Vector3<f64>) -> Twist {
-        let r = x.orientation().to_rotation_matrix().into_inner();
-        let inverse_inertia = r * body.inertia().inverse() * r.transpose();
-        let lever = so3::hat(&self.arm);
-        let mobility = Matrix3::identity() / body.mass() - lever * inverse_inertia * lever;
-        let normal = self.at.normal * self.at.normal.transpose();
-        let tangential = Matrix3::identity() - normal;
-        // Along the normal, where no force is sought, the matrix is made that of a unit.
-        let matrix = tangential * mobility * tangential + normal;
-        let force = -matrix.try_inverse().unwrap_or_default() * (tangential * sliding);
-        Twist { linear: force / body.mass(), angular: inverse_inertia * self.arm.cross(&force) }
+    /// The velocity of the point of contact.
+    pub(super) fn velocity(&self) -> &Vector3<f64> {
+        &self.velocity
     }
 
     /// The wrench about the centre of mass of an effort at the point of contact.
@@ -142,13 +150,17 @@ impl<'a> Linearization<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::friction::CoulombFriction;
+    use crate::interface::ContactLaw;
     use crate::law::CompliantLaw;
     use crate::surface::{Cylinder, HalfSpace, Solid, Sphere};
+    use somersault_core::so3;
     use std::sync::Arc;
 
     #[test]
     fn derivatives_of_encounters_are_their_differences() {
-        let law = CompliantLaw::try_new(100.0, 1.0).unwrap();
+        let friction = CoulombFriction::try_new(0.3, 50.0, 2.0).unwrap();
+        let law = ContactLaw::from(CompliantLaw::try_new(100.0, 1.0).unwrap()).with_friction(friction);
         let plane = HalfSpace::try_new(Vector3::zeros(), Vector3::new(0.1, -0.2, 1.0)).unwrap();
         let bowl = Arc::new(Sphere::try_new(Vector3::new(0.1, 0.0, 2.0), 2.0, Solid::Outside).unwrap());
         let axis = Vector3::new(1.0, 0.2, 0.0);
@@ -181,6 +193,7 @@ mod tests {
                     (a.at.point - b.at.point, change.at.point),
                     (a.at.sliding - b.at.sliding, change.at.sliding),
                     (a.at.turning - b.at.turning, change.at.turning),
+                    (a.at.tilting - b.at.tilting, change.at.tilting),
                     (a.arm - b.arm, change.arm),
                     (
                         a.wrench(&effort).angular - b.wrench(&effort).angular,

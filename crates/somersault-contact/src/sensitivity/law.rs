@@ -1,7 +1,7 @@
-//! Derivatives of the laws of a contact: of force and couple in a mode, of the margins that end it, and of
-//! what it remembers.
+//! Derivatives of the laws of a contact: of force, couple and rate of stretch in a mode, and of the margins that
+//! end it.
 
-use crate::friction::{Friction, Resistance};
+use crate::friction::{CoulombFriction, Friction, Resistance, Rubbing};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
 use crate::normal::NormalLaw;
 use nalgebra::Vector3;
@@ -14,7 +14,7 @@ pub(super) struct LawChange {
     pub(super) stiffness: f64,
     /// Of the damping along the normal.
     pub(super) damping: f64,
-    /// Of the coefficient of friction.
+    /// Of the coefficient of friction, in whose proportion the static one changes.
     pub(super) friction: f64,
 }
 
@@ -25,11 +25,8 @@ pub(super) struct Changes<'a> {
     pub(super) at: &'a Encounter,
     /// Of the constants.
     pub(super) law: LawChange,
-    /// Of what the mode remembers: the anchor of sticking, the direction of sliding.
-    pub(super) memory: Vector3<f64>,
-    /// Time before a stop, times the acceleration that a unit of force at the contact may give, s/kg: nearer
-    /// to the stop the direction of sliding changes no faster.
-    pub(super) settling: f64,
+    /// Of the stretch.
+    pub(super) stretch: &'a Vector3<f64>,
 }
 
 impl NormalLaw {
@@ -78,13 +75,13 @@ impl NormalLaw {
     }
 }
 
-/// Derivative of v/‖v‖, of a speed no lower than `slowest`; zero at rest.
+/// Derivative of v/‖v‖; zero at zero.
 #[inline]
-fn direction_change(v: &Vector3<f64>, change: &Vector3<f64>, slowest: f64) -> Vector3<f64> {
-    let speed = v.norm();
-    if speed > 0.0 {
-        let along = v / speed;
-        (change - along * along.dot(change)) / speed.max(slowest)
+fn direction_change(v: &Vector3<f64>, change: &Vector3<f64>) -> Vector3<f64> {
+    let length = v.norm();
+    if length > 0.0 {
+        let along = v / length;
+        (change - along * along.dot(change)) / length
     } else {
         Vector3::zeros()
     }
@@ -98,52 +95,80 @@ fn saturated(v: &Vector3<f64>, change: &Vector3<f64>, w: f64) -> (Vector3<f64>, 
     (value, (change - value * value.dot(change)) / scale)
 }
 
-/// The way from the anchor to the point of contact within the surface, and its derivative.
-#[inline]
-fn stretch(at: &Encounter, anchor: &Vector3<f64>, by: &Changes<'_>) -> (Vector3<f64>, Vector3<f64>) {
-    let (way, change) = (at.point - anchor, by.at.point - by.memory);
-    let (normal, normal_change) = (&at.normal, &by.at.normal);
-    let off = normal.dot(&way);
-    let off_change = normal_change.dot(&way) + normal.dot(&change);
-    (way - normal * off, change - normal_change * off - normal * off_change)
+impl CoulombFriction {
+    /// Derivative of p in stick and of μ N p/‖p‖ in slip.
+    fn held_change(&self, of: Rubbing<'_>, push_change: f64, by: &Changes<'_>) -> Vector3<f64> {
+        let change = self.hold(by.stretch, &by.at.sliding);
+        if !of.slips {
+            return change;
+        }
+        let hold = self.hold(of.stretch, &of.at.sliding);
+        let bound_change = by.law.friction * of.push + self.coefficient() * push_change;
+        hold.try_normalize(0.0).unwrap_or_default() * bound_change
+            + direction_change(&hold, &change) * (self.coefficient() * of.push)
+    }
+
+    /// Derivative of the coefficient at which stick, or slip, ends.
+    fn bound_change(&self, slips: bool, change: f64) -> f64 {
+        if slips || self.static_coefficient() == self.coefficient() {
+            change
+        } else {
+            change * self.static_coefficient() / self.coefficient()
+        }
+    }
 }
 
-/// The force of friction under the normal force `push`, and its derivative.
-#[inline]
-fn friction(
-    law: &Friction,
-    mode: &ContactMode,
-    at: &Encounter,
-    by: &Changes<'_>,
-    (push, push_change): (f64, f64),
-) -> (Vector3<f64>, Vector3<f64>) {
-    let (sliding, change) = (&at.sliding, &by.at.sliding);
-    let bound = |coefficient: f64| (coefficient * push, by.law.friction * push + coefficient * push_change);
-    match (law, mode) {
-        (Friction::Regularised(law), _) => {
-            let (bound, bound_change) = bound(law.coefficient());
-            let (along, along_change) = saturated(sliding, change, law.speed());
-            (along * -bound, along * -bound_change - along_change * bound)
+impl Friction {
+    /// Derivative of the force, under a normal force that changes by `push_change`.
+    #[inline]
+    fn force_change(&self, of: Rubbing<'_>, push_change: f64, by: &Changes<'_>) -> Vector3<f64> {
+        match self {
+            Self::None => Vector3::zeros(),
+            Self::Regularised(law) => {
+                let (along, along_change) = saturated(&of.at.sliding, &by.at.sliding, law.speed());
+                let bound_change = by.law.friction * of.push + law.coefficient() * push_change;
+                along * -bound_change - along_change * (law.coefficient() * of.push)
+            }
+            Self::Coulomb(law) => -law.held_change(of, push_change, by),
         }
-        (Friction::Coulomb(law), ContactMode::Stick { anchor }) => {
-            let (way, way_change) = stretch(at, anchor, by);
-            let change = way_change * -law.stiffness() - change * law.damping();
-            (law.sticking(&way, sliding), change)
+    }
+
+    /// Derivative of ξ̇ without the turning of the plane of contact.
+    #[inline]
+    fn stretch_rate_change(&self, of: Rubbing<'_>, push_change: f64, by: &Changes<'_>) -> Vector3<f64> {
+        match self {
+            Self::Coulomb(law) if law.stiffness() > 0.0 => {
+                if of.slips {
+                    (law.held_change(of, push_change, by) - by.stretch * law.stiffness()) / law.damping()
+                } else {
+                    by.at.sliding
+                }
+            }
+            Self::None | Self::Regularised(_) | Self::Coulomb(_) => Vector3::zeros(),
         }
-        (Friction::Coulomb(law), ContactMode::Slip { direction }) => {
-            let (bound, bound_change) = bound(law.coefficient());
-            let sign = 1f64.copysign(sliding.dot(direction));
-            let along = sliding.try_normalize(0.0).map_or(*direction, |along| along * sign);
-            let turn = direction_change(sliding, change, bound * by.settling);
-            (along * -bound, along * -bound_change - turn * (sign * bound))
+    }
+
+    /// Derivative of the margin.
+    fn margin_change(&self, of: Rubbing<'_>, push_change: f64, by: &Changes<'_>) -> f64 {
+        match self {
+            Self::None | Self::Regularised(_) => 0.0,
+            Self::Coulomb(law) => {
+                let coefficient = law.bound(of.slips);
+                let bound_change =
+                    law.bound_change(of.slips, by.law.friction) * of.push + coefficient * push_change;
+                let (hold, change) =
+                    (law.hold(of.stretch, &of.at.sliding), law.hold(by.stretch, &by.at.sliding));
+                2.0 * (coefficient * of.push).abs() * bound_change - 2.0 * hold.dot(&change)
+            }
         }
-        (Friction::Creep(law), ContactMode::Creep) => (law.creeping(sliding), law.creeping(change)),
-        (Friction::Creep(law), ContactMode::Slide) => {
-            let (bound, bound_change) = bound(law.coefficient());
-            let along = sliding.try_normalize(0.0).unwrap_or_default();
-            (along * -bound, along * -bound_change - direction_change(sliding, change, 0.0) * bound)
+    }
+
+    /// Whether the force jumps as stick ends.
+    fn breaks_away(&self) -> bool {
+        match self {
+            Self::None | Self::Regularised(_) => false,
+            Self::Coulomb(law) => law.static_coefficient() > law.coefficient(),
         }
-        _ => Default::default(),
     }
 }
 
@@ -171,88 +196,101 @@ impl Resistance {
 impl ContactLaw {
     /// Derivative of force and couple in a mode.
     #[inline]
-    pub(super) fn effort_change(&self, mode: &ContactMode, at: &Encounter, by: &Changes<'_>) -> Wrench {
-        let push = self.push(at, by);
-        let (_, friction_change) = friction(&self.friction, mode, at, by, push);
+    pub(super) fn effort_change(
+        &self,
+        mode: &ContactMode,
+        at: &Encounter,
+        stretch: &Vector3<f64>,
+        by: &Changes<'_>,
+    ) -> Wrench {
+        let Some(of) = self.rubbing_in(mode, at, stretch) else { return Wrench::default() };
+        let push_change = self.normal.force_change(at, by);
+        let friction_change = self.friction.force_change(of, push_change, by);
         let torque = if self.resistance.is_none() {
             Vector3::zeros()
         } else {
-            self.resistance.couple_change(at, by, push)
+            self.resistance.couple_change(at, by, (of.push, push_change))
         };
-        Wrench { force: at.normal * push.1 + by.at.normal * push.0 + friction_change, torque }
+        Wrench { force: at.normal * push_change + by.at.normal * of.push + friction_change, torque }
+    }
+
+    /// Derivative of ξ̇ in a mode.
+    #[inline]
+    pub(super) fn stretch_rate_change(
+        &self,
+        mode: &ContactMode,
+        at: &Encounter,
+        stretch: &Vector3<f64>,
+        by: &Changes<'_>,
+    ) -> Vector3<f64> {
+        let Some(of) = self.rubbing_in(mode, at, stretch) else { return Vector3::zeros() };
+        let push_change = self.normal.force_change(at, by);
+        self.friction.stretch_rate_change(of, push_change, by)
+            + by.at.tilting.cross(stretch)
+            + at.tilting.cross(by.stretch)
     }
 
     /// Derivative of the margin that ends a mode for another: that of the contact itself where it begins or
     /// ends, else that of friction.
     pub(super) fn margin_change(
         &self,
-        modes: (&ContactMode, &ContactMode),
+        (before, after): (&ContactMode, &ContactMode),
         at: &Encounter,
+        stretch: &Vector3<f64>,
         by: &Changes<'_>,
     ) -> f64 {
-        let (before, after) = modes;
-        if is_open(before) || is_open(after) {
-            return self.normal.margin_change(at, by);
-        }
-        let push = self.push(at, by);
-        let cone =
-            |coefficient: f64| 2.0 * coefficient * push.0 * (by.law.friction * push.0 + coefficient * push.1);
-        match (&self.friction, before) {
-            (Friction::Coulomb(_), ContactMode::Slip { direction }) if at.sliding == Vector3::zeros() => {
-                by.at.sliding.dot(direction)
+        match self.rubbing_in(before, at, stretch) {
+            Some(of) if !is_open(after) => {
+                self.friction.margin_change(of, self.normal.force_change(at, by), by)
             }
-            (Friction::Coulomb(_), ContactMode::Slip { direction }) => {
-                let along = at.sliding.normalize();
-                by.at.sliding.dot(&(direction - 0.5 * along)) + at.sliding.dot(&by.memory)
-            }
-            (Friction::Coulomb(law), _) => {
-                let (force, change) = friction(&self.friction, before, at, by, push);
-                cone(law.coefficient()) - 2.0 * force.dot(&change)
-            }
-            (Friction::Creep(law), _) => {
-                cone(law.coefficient()) - 2.0 * law.damping().powi(2) * at.sliding.dot(&by.at.sliding)
-            }
-            _ => 0.0,
+            Some(_) | None => self.normal.margin_change(at, by),
         }
     }
 
-    /// Derivative of what a mode remembers of the encounter it begins with.
-    pub(super) fn memory_change(mode: &ContactMode, at: &Encounter, change: &Encounter) -> Vector3<f64> {
-        match mode {
-            ContactMode::Stick { .. } => change.point,
-            ContactMode::Slip { .. } => direction_change(&at.sliding, &change.sliding, 0.0),
-            _ => Vector3::zeros(),
-        }
-    }
-
-    /// The jump of force and couple from one mode to the next, each by its limit at the event.
-    pub(super) fn jump(&self, (before, after): (&ContactMode, &ContactMode), at: &Encounter) -> Wrench {
+    /// The jumps of effort and of ξ̇ from one mode to the next, each by its limit at the event; before a contact
+    /// begins and after it has ended ξ̇ is zero.
+    pub(super) fn jump(
+        &self,
+        (before, after): (&ContactMode, &ContactMode),
+        at: &Encounter,
+        stretch: &Vector3<f64>,
+    ) -> (Wrench, Vector3<f64>) {
+        let none = (Wrench::default(), Vector3::zeros());
         match (before, after) {
+            (ContactMode::Open, ContactMode::Open)
+            | (ContactMode::Closed, ContactMode::Closed)
+            | (ContactMode::Slip, ContactMode::Slip | ContactMode::Closed)
             // Without push there is no friction either.
-            (_, ContactMode::Open) => Wrench::default(),
-            (ContactMode::Open, _) if at.rate > 0.0 => Wrench::default(),
-            (ContactMode::Open, _) => self.effort_in(after, &Encounter { gap: 0.0, ..*at }),
-            (ContactMode::Slip { .. }, ContactMode::Slip { .. }) => Wrench::default(),
-            _ => self.effort_in(after, at) - self.effort_in(before, at),
+            | (ContactMode::Closed | ContactMode::Slip, ContactMode::Open) => none,
+            (ContactMode::Open, ContactMode::Closed | ContactMode::Slip) => {
+                // At the surface itself, or where the push returns from zero.
+                let begins = Encounter { gap: if at.rate > 0.0 { at.gap } else { 0.0 }, ..*at };
+                let zero = Vector3::zeros();
+                let effort =
+                    if at.rate > 0.0 { Wrench::default() } else { self.effort_in(after, &begins, &zero) };
+                (effort, self.stretch_rate_in(after, &begins, &zero))
+            }
+            (ContactMode::Closed, ContactMode::Slip) if self.friction.breaks_away() => (
+                self.effort_in(after, at, stretch) - self.effort_in(before, at, stretch),
+                self.stretch_rate_in(after, at, stretch) - self.stretch_rate_in(before, at, stretch),
+            ),
+            (ContactMode::Closed, ContactMode::Slip) => none,
         }
     }
 
-    /// Whether an event is a stop: what is left of the velocity of sliding is then rounding, a millionth of
-    /// what is lost over the settling time or against the direction of sliding.
-    pub(super) fn stops(&self, modes: (&ContactMode, &ContactMode), at: &Encounter, settling: f64) -> bool {
-        let (Friction::Coulomb(law), (ContactMode::Slip { direction }, ContactMode::Stick { .. })) =
-            (&self.friction, modes)
-        else {
-            return false;
-        };
-        let lost = law.coefficient() * self.normal.force_in_contact(at.gap, at.rate) * settling;
-        at.sliding.dot(direction) <= 0.0 || at.sliding.norm() <= 1e-6 * lost
-    }
-
-    /// The normal force and its derivative.
+    /// What friction depends on in a mode, unless the contact is open.
     #[inline]
-    fn push(&self, at: &Encounter, by: &Changes<'_>) -> (f64, f64) {
-        (self.normal.force_in_contact(at.gap, at.rate), self.normal.force_change(at, by))
+    fn rubbing_in<'a>(
+        &self,
+        mode: &ContactMode,
+        at: &'a Encounter,
+        stretch: &'a Vector3<f64>,
+    ) -> Option<Rubbing<'a>> {
+        match mode {
+            ContactMode::Open => None,
+            ContactMode::Closed => Some(self.rubbing(false, at, stretch)),
+            ContactMode::Slip => Some(self.rubbing(true, at, stretch)),
+        }
     }
 }
 
@@ -263,7 +301,7 @@ pub(super) fn is_open(mode: &ContactMode) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::friction::{CoulombFriction, CreepFriction, RegularisedFriction};
+    use crate::friction::RegularisedFriction;
     use crate::hunt_crossley::HuntCrossley;
     use crate::law::CompliantLaw;
 
@@ -274,6 +312,7 @@ mod tests {
         point: Vector3::new(0.4, -0.1, 0.2),
         sliding: Vector3::new(0.4, -0.5, -0.3),
         turning: Vector3::new(-0.7, 1.1, 0.4),
+        tilting: Vector3::new(0.3, -0.6, 0.8),
         mass: 1.0,
     };
     const CHANGE: Encounter = Encounter {
@@ -283,11 +322,12 @@ mod tests {
         point: Vector3::new(0.2, 0.7, -0.6),
         sliding: Vector3::new(-0.3, 0.2, 0.9),
         turning: Vector3::new(0.5, -0.4, 0.3),
+        tilting: Vector3::new(0.2, 0.9, -0.5),
         mass: 0.0,
     };
     const CONSTANTS: LawChange = LawChange { stiffness: 30.0, damping: 0.4, friction: 0.2 };
-    const ANCHOR: Vector3<f64> = Vector3::new(0.3, 0.05, 0.25);
-    const MEMORY: Vector3<f64> = Vector3::new(-0.3, 0.6, 0.2);
+    const STRETCH: Vector3<f64> = Vector3::new(0.03, 0.05, 0.025);
+    const STRETCH_CHANGE: Vector3<f64> = Vector3::new(-0.03, 0.06, 0.02);
 
     fn encounter(epsilon: f64) -> Encounter {
         Encounter {
@@ -297,51 +337,60 @@ mod tests {
             point: PUSHED.point + epsilon * CHANGE.point,
             sliding: PUSHED.sliding + epsilon * CHANGE.sliding,
             turning: PUSHED.turning + epsilon * CHANGE.turning,
+            tilting: PUSHED.tilting + epsilon * CHANGE.tilting,
             mass: 1.0,
         }
     }
 
     /// Each law with a mode it may be in and another that may follow, all with ε in their constants.
     fn cases(epsilon: f64) -> Vec<(ContactLaw, ContactMode, ContactMode)> {
-        use ContactMode::{Closed, Creep, Open, Slide, Slip, Stick};
+        use ContactMode::{Closed, Open, Slip};
         let (stiffness, damping) = (200.0 + epsilon * CONSTANTS.stiffness, 3.0 + epsilon * CONSTANTS.damping);
         let coefficient = 0.3 + epsilon * CONSTANTS.friction;
         let compliant = ContactLaw::from(CompliantLaw::try_new(stiffness, damping).unwrap());
         let hertz = ContactLaw::from(HuntCrossley::try_new(stiffness, damping - 2.7).unwrap());
         let coulomb = CoulombFriction::try_new(coefficient, 50.0, 2.0).unwrap();
-        let creep = CreepFriction::try_new(coefficient, 4.0).unwrap();
+        let rough = coulomb.with_static(1.5 * coefficient).unwrap();
+        let creep = CoulombFriction::try_new(coefficient, 0.0, 4.0).unwrap();
         let regularised = RegularisedFriction::try_new(coefficient, 0.1).unwrap();
         let resistance = Resistance::try_new(0.02, 0.03, 0.5).unwrap();
-        let stick = Stick { anchor: ANCHOR + epsilon * MEMORY };
-        let slip = Slip { direction: ANCHOR + epsilon * MEMORY };
         vec![
             (compliant, Closed, Open),
             (compliant.with_friction(regularised).with_resistance(resistance), Closed, Open),
-            (compliant.with_friction(coulomb), stick, slip),
-            (compliant.with_friction(coulomb), slip, stick),
-            (compliant.with_friction(creep), Creep, Slide),
-            (hertz.with_friction(creep), Slide, Creep),
-            (hertz.with_friction(coulomb), slip, Open),
+            (compliant.with_friction(coulomb), Closed, Slip),
+            (compliant.with_friction(coulomb), Slip, Closed),
+            (compliant.with_friction(rough), Closed, Slip),
+            (compliant.with_friction(rough), Slip, Closed),
+            (compliant.with_friction(creep), Closed, Slip),
+            (hertz.with_friction(creep), Slip, Closed),
+            (hertz.with_friction(coulomb), Slip, Open),
         ]
     }
 
     #[test]
-    fn derivatives_of_efforts_and_margins_are_their_differences() {
-        let by = Changes { at: &CHANGE, law: CONSTANTS, memory: MEMORY, settling: 0.0 };
+    fn derivatives_of_efforts_rates_of_stretch_and_margins_are_their_differences() {
+        let by = Changes { at: &CHANGE, law: CONSTANTS, stretch: &STRETCH_CHANGE };
         for (i, (law, before, after)) in cases(0.0).iter().enumerate() {
             let step = 1e-5;
-            let ends = [step, -step].map(|epsilon| (cases(epsilon).remove(i), encounter(epsilon)));
-            let [a, b] = ends.each_ref().map(|((law, mode, _), at)| law.effort_in(mode, at));
-            let (difference, found) = ((a - b) * (0.5 / step), law.effort_change(before, &PUSHED, &by));
+            let ends =
+                [step, -step].map(|e| (cases(e).remove(i), encounter(e), STRETCH + e * STRETCH_CHANGE));
+            let [a, b] =
+                ends.each_ref().map(|((law, mode, _), at, stretch)| law.effort_in(mode, at, stretch));
+            let (difference, found) =
+                ((a - b) * (0.5 / step), law.effort_change(before, &PUSHED, &STRETCH, &by));
             let error = found - difference;
             assert!(error.force.norm() + error.torque.norm() < 1e-7, "{i}: {found:?} {difference:?}");
             assert!(found.force.norm() > 1.0, "{i}");
-            let [a, b] = ends.map(|((law, mode, _), at)| match after {
+            let [a, b] =
+                ends.each_ref().map(|((law, mode, _), at, stretch)| law.stretch_rate_in(mode, at, stretch));
+            let found = law.stretch_rate_change(before, &PUSHED, &STRETCH, &by);
+            assert!(((a - b) * (0.5 / step) - found).norm() < 1e-7, "{i}: {found:?}");
+            let [a, b] = ends.map(|((law, mode, _), at, stretch)| match after {
                 ContactMode::Open => law.guard(&at).margin(),
-                _ => law.friction_guard(&mode, &at).gap,
+                ContactMode::Closed | ContactMode::Slip => law.friction_guard(&mode, &at, &stretch).gap,
             });
             let (difference, found) =
-                ((a - b) * (0.5 / step), law.margin_change((before, after), &PUSHED, &by));
+                ((a - b) * (0.5 / step), law.margin_change((before, after), &PUSHED, &STRETCH, &by));
             assert!((found - difference).abs() < 1e-7 * (1.0 + found.abs()), "{i}: {found} {difference}");
         }
     }

@@ -10,25 +10,18 @@
 //! Under the law (7.10) the force jumps at a touch-down by −c Δẋ along the normal, and since position and
 //! orientation do not jump, only δv and δω do. At a release and a re-engagement the force is continuous:
 //! there the columns do not jump. Points that touch down at once jump one after the other; their guards'
-//! rates are continuous, so that the order does not matter. Where sliding ends in sticking the force of
-//! friction jumps. What a mode remembers, the anchor of sticking and the direction of sliding, has columns of
-//! its own, ∂m · (δ⁻ + f⁻ δt) from the event at which it is set.
+//! rates are continuous, so that the order does not matter. Between stick and slip force and rate of stretch are
+//! continuous, both ways, and nothing jumps, unless a static coefficient above the kinetic one lets the force fall at
+//! break-away. The stretches of friction have columns of their own, which a touch-down and a release set anew with the
+//! stretches.
 //!
 //! The columns are integrated beside the state by the same method in the same steps, cut at the same events:
-//! they have the method's own order, and the motion is to the bit what it is without them.
-//!
-//! **Stops.** Where sliding under Coulomb's law stops, the direction of its velocity is lost. Columns across it
-//! obey δv' = −(μ Fₙ/m) δv/‖v‖, stiff without bound; nearer than a step to the stop the speed is held, and the
-//! stop takes away what is left. Their way has order 2 then, less under a load along the surface, where they
-//! fall like a power of the time that is left; the other columns keep the method's order. The stop is taken to
-//! be straight, in the direction that the mode remembers; of one that is not, the columns after it are wrong
-//! in proportion to the angle, at most 60°.
+//! they have the method's own order, and in world variables the motion is to the bit what it is without them.
 //!
 //! **Where there is no derivative.** A point that touches its surface with no speed is touched or missed by
 //! motions next to it: the derivative from one side differs from that from the other unless c = 0. Such a
-//! run ends in [`SensitivityError::Grazing`], which keeps what was integrated; the columns are then those of
-//! the side on which it touches. A graze that just misses is no event and is not seen. Nor is there one where
-//! contacts stick or slip at the very instant at which others touch down.
+//! run ends in [`SensitivityError::Grazing`], whether it touches or just misses; it keeps what was integrated, and
+//! says in a [`Side`] whose one-sided derivatives the columns are. [`Differentiation::grazing`] is the bound.
 //!
 //! ```
 //! use somersault_contact::event::Location;
@@ -44,7 +37,7 @@
 //! let found =
 //!     differentiate_located(method, options, &top.system, &top.start, &by, &grid, &location, &mut ())?;
 //! // A top that starts higher touches down later, by δz/ż.
-//! assert!(found.event_times[(2, 0)] > 0.0);
+//! assert!(found.event_times[(0, 2)] > 0.0);
 //! // The height reached by the height of the start, and by the mass.
 //! let (by_height, by_mass) = (found.state[(2, 2)], found.parameters[(2, 1)]);
 //! # assert!(by_height.is_finite() && by_mass != 0.0);
@@ -63,10 +56,10 @@ mod parameter;
 mod run;
 mod system;
 
-pub use outcome::{Grazing, Sensitivities, SensitivityError, Undifferentiated};
+pub use outcome::{Grazing, Sensitivities, SensitivityError, Side, Undifferentiated};
 pub use parameter::{Differentiation, Parameter, WrenchDerivative};
 pub use run::{
     FrozenVariational, SensitivityResult, differentiate_hybrid, differentiate_hybrid_adaptive,
-    differentiate_located,
+    differentiate_located, differentiate_located_adaptive,
 };
-pub use system::{Variational, VariedState};
+pub use system::{Variational, VariedPose, VariedState};

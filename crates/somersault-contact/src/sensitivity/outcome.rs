@@ -1,10 +1,11 @@
 //! What a differentiated run leaves, and why it may not.
 
-use super::system::EventTime;
+use super::system::{EventTime, VariedPose};
+use crate::error::ContactError;
 use crate::event::{Event, Interruption, Located};
-use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, SVector, U12};
-use somersault_integrators::state::{Pose, Twist};
-use somersault_integrators::variation::Varied;
+use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
+use somersault_integrators::state::Pose;
+use std::fmt;
 
 /// A motion and its derivative.
 ///
@@ -18,23 +19,46 @@ pub struct Sensitivities {
     pub state: SMatrix<f64, 12, 12>,
     /// Derivative of the state reached, at a fixed time, with respect to the parameters, one column each.
     pub parameters: OMatrix<f64, U12, Dyn>,
-    /// Derivative of the times of the events, one column each in the order of `run.events`: twelve rows of
-    /// the initial state, then the parameters; s per unit. Without events kept there is none. NaN at an event
-    /// that changes nothing: a guard of a contact's friction that changes sign as the contact ends.
+    /// Derivative of the times of the events, laid out as `state` and `parameters` side by side: one row for each
+    /// event, in the order of `run.events`, and one column for each component of the initial state, then for each
+    /// parameter; s per unit. Without events kept it has no rows. NaN at an event that changes nothing: a guard
+    /// of a contact's friction that changes sign as the contact ends.
     pub event_times: DMatrix<f64>,
+    /// Stretches of the contacts' friction in the state reached, m.
+    pub stretches: Vec<Vector3<f64>>,
 }
 
-/// A touch-down without a derivative.
+/// The motions next to one that grazes along which derivatives are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Those that touch.
+    Touching,
+    /// Those that miss.
+    Missing,
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Touching => "touch",
+            Self::Missing => "miss",
+        })
+    }
+}
+
+/// A surface touched, or missed, so lightly that there is no derivative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grazing {
     /// When.
     pub t: f64,
-    /// Which guard.
+    /// Which contact.
     pub guard: usize,
-    /// Rate of the gap, m/s.
-    pub rate: f64,
-    /// Size of the rate up to which a touch-down is a graze, m/s.
+    /// The least gap that the motion has, or would have without the force of the contact, m.
+    pub gap: f64,
+    /// Size of the least gap up to which there is no derivative, m.
     pub bound: f64,
+    /// On which side the motion is: the derivatives kept are the one-sided derivatives on it.
+    pub side: Side,
 }
 
 /// Why a derivative cannot be had.
@@ -44,15 +68,17 @@ pub enum SensitivityError {
     /// The run did not reach its end.
     #[error(transparent)]
     Run(#[from] Interruption),
-    /// The method is one for rigid bodies, or in other variables than those of the world.
-    #[error("method `{method}` cannot integrate columns: take one for any system in world variables")]
+    /// The method is one for rigid bodies only, or in angular momentum.
+    #[error(
+        "method `{method}` cannot integrate columns: take one for any system, in the variables of the world or of the body"
+    )]
     Method {
         /// The method.
         method: &'static str,
     },
-    /// Steps without a bound, and Coulomb's friction.
-    #[error("`max_step` must be finite where friction is Coulomb's, found infinity")]
-    UnboundedStep,
+    /// Stretches at the start that do not fit the contacts.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
     /// A parameter belongs to a contact that there is not.
     #[error("`parameters` must name one of the {contacts} contacts, found contact {found}")]
     NoSuchContact {
@@ -76,15 +102,15 @@ pub enum SensitivityError {
     },
     /// The motion grazes a surface.
     #[error(
-        "guard {} is touched at t = {} with the rate {:e}, within {:e}: there is no derivative beyond",
-        .0.guard, .0.t, .0.rate, .0.bound
+        "contact {} is grazed at t = {}, with a least gap of {:e} m within {:e} m: there is no derivative, and that kept is one-sided, of motions that {}",
+        .0.guard, .0.t, .0.gap, .0.bound, .0.side
     )]
     Grazing(Grazing),
 }
 
 /// A derivative that cannot be had, with the motion and the columns as far as they go.
 ///
-/// After a graze they are those of the whole run, of the side on which it touches.
+/// After a graze they are the one-sided derivatives of the whole run, on the [`Side`] on which it is.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{reason}")]
 pub struct Undifferentiated {
@@ -95,34 +121,36 @@ pub struct Undifferentiated {
 }
 
 /// Reads the columns of a run, and finds the derivative of the time of each of its events.
-pub(super) fn collect(run: Located<Varied<Pose, Twist>>, times: &[EventTime]) -> Sensitivities {
+pub(super) fn collect(run: Located<VariedPose>, times: &[EventTime]) -> Sensitivities {
     let columns: Vec<SVector<f64, 12>> = run.state.columns().map(|column| column.components()).collect();
-    let event = |event: Event<Varied<Pose, Twist>>| {
+    let event = |event: Event<VariedPose>| {
         let Event { t, guard, kind, impulse, state } = event;
-        Event { t, guard, kind, impulse, state: state.base() }
+        Event { t, guard, kind, impulse, state: state.body() }
     };
     let events: Vec<Event<Pose>> = run.events.into_iter().map(event).collect();
-    let mut event_times = DMatrix::from_element(columns.len(), events.len(), f64::NAN);
+    let mut event_times = DMatrix::from_element(events.len(), columns.len(), f64::NAN);
     let mut rest = times;
-    for (event, mut column) in events.iter().zip(event_times.column_iter_mut()) {
+    for (event, mut row) in events.iter().zip(event_times.row_iter_mut()) {
         let passed = rest.iter().take_while(|time| time.t < event.t).count();
         rest = &rest[passed..];
         let mut now = rest.iter().take_while(|time| time.t == event.t);
         if let Some(time) = now.find(|time| time.guard == event.guard) {
-            column.copy_from_slice(&time.columns);
+            row.iter_mut().zip(&time.columns).for_each(|(entry, time)| *entry = *time);
         }
     }
     Sensitivities {
         state: SMatrix::from_fn(|row, column| columns[column][row]),
         parameters: OMatrix::<f64, U12, Dyn>::from_fn(columns.len() - 12, |row, p| columns[12 + p][row]),
         event_times,
+        stretches: run.state.rate.base.variables.clone(),
         run: Located {
             t: run.t,
-            state: run.state.base(),
+            state: run.state.body(),
             status: run.status,
             steps: run.steps,
             rejected: run.rejected,
             trials: run.trials,
+            substeps: run.substeps,
             event_count: run.event_count,
             events,
         },

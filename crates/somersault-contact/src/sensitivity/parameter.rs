@@ -18,7 +18,7 @@ pub enum Parameter {
     Stiffness(usize),
     /// The damping of a contact's normal law: c, N s/m, or α, s/m.
     Damping(usize),
-    /// μ of a contact.
+    /// μ of a contact, in whose proportion a static coefficient changes.
     Friction(usize),
     /// The mass, kg, with the inertia kept.
     Mass,
@@ -41,7 +41,7 @@ impl Parameter {
     pub(super) fn contact(&self) -> Option<usize> {
         match self {
             Self::Stiffness(contact) | Self::Damping(contact) | Self::Friction(contact) => Some(*contact),
-            _ => None,
+            Self::Mass | Self::InertiaScale | Self::Force(_) => None,
         }
     }
 }
@@ -64,22 +64,27 @@ impl fmt::Debug for Parameter {
 pub struct Differentiation {
     /// The parameters.
     pub parameters: Vec<Parameter>,
-    /// A touch-down within this part of the interval, in time, of where the gap would be least, |Δẋ| ≤
-    /// `grazing` |Δẍ| (t₁ − t₀), is a graze.
+    /// Size of the least gap up to which a contact is grazed, in parts of the way ‖u‖ T + ½ |Δẍ| T² that its point
+    /// covers in the interval T at its velocity u and the acceleration of the gap.
     ///
-    /// The default, 1e-9, is met only by motions that touch to rounding; a larger one warns of derivatives
-    /// that hold only for small changes: up to Δẋ²/(2|Δẍ|) of the gap.
+    /// Next to a motion with the least gap g there are motions on the other side within a change of g: a
+    /// derivative holds for smaller changes only. √ε = 1.5e-8, the default, is the least, below which no double
+    /// precision shows the one or the other side; smaller values are taken for it.
     pub grazing: f64,
+    /// Stretches of the contacts' friction at the start, m, as
+    /// [`WithStretches::stretched`](crate::stretches::WithStretches::stretched) takes them; none are zero. They
+    /// do not change with the initial state.
+    pub stretches: Vec<Vector3<f64>>,
 }
 
 impl Default for Differentiation {
     fn default() -> Self {
-        Self { parameters: Vec::new(), grazing: 1e-9 }
+        Self { parameters: Vec::new(), grazing: f64::EPSILON.sqrt(), stretches: Vec::new() }
     }
 }
 
 impl Differentiation {
-    /// By these parameters, with the default bound on grazing.
+    /// By these parameters, with the default bound on grazing and unstretched contacts.
     pub fn by(parameters: impl Into<Vec<Parameter>>) -> Self {
         Self { parameters: parameters.into(), ..Self::default() }
     }

@@ -2,18 +2,26 @@
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
 use super::parameter::{Differentiation, Parameter};
-use super::system::{Log, Variational, VariedState};
-use crate::contacts::{BodyInContact, Contact};
-use crate::driver::{LocatedResult, integrate_hybrid, integrate_hybrid_adaptive};
+use super::system::{FromBodyAxes, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes};
+use crate::contacts::BodyInContact;
+use crate::driver::{
+    LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
+    integrate_hybrid_form_adaptive,
+};
 use crate::event::{Interruption, Located, Location};
 use crate::friction::Friction;
 use crate::hybrid::Frozen;
-use somersault_integrators::driver::{Adaptive, Observer, TimeGrid, check_positive};
+use crate::stretches::WithStretches;
+use nalgebra::Vector3;
+use somersault_integrators::augmented::{Augmented, AugmentedRate};
+use somersault_integrators::driver::{
+    Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid, check_positive,
+};
 use somersault_integrators::force::ForceModel;
-use somersault_integrators::methods::{Method, Options, SystemVisitor};
-use somersault_integrators::state::{Pose, RigidBodyState, Twist};
+use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method, Options};
+use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
-use somersault_integrators::variation::{Tangent, Varied};
+use somersault_integrators::variation::Tangent;
 
 /// A body in contact with columns, frozen in a mode: what steppers see.
 pub type FrozenVariational<'a, F> = Frozen<Variational<'a, F>>;
@@ -24,8 +32,8 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 /// Integrates a body in contact by a method of the table, with a fixed step, locating events, and the
 /// derivative of its state with respect to the initial state and to parameters.
 ///
-/// The method must be one for any system, in world variables. The observer sees every committed step with
-/// its columns: the twelve of the initial state, then the parameters.
+/// The method must be one for any system, in the variables of the world or of the body. The observer sees every
+/// committed step with its columns: the twelve of the initial state, then the parameters.
 ///
 /// Errors keep the solution: those of [`integrate_located`](crate::driver::integrate_located), which also
 /// end runs whose columns stop being finite, a parameter of a contact or of friction that there is not, a
@@ -33,24 +41,50 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 ///
 /// Cost: one and a half to two runs without columns for each column (the spinning top by `rkmk8` and `rkmk`),
 /// which is what central differences take.
-pub fn differentiate_located<'a, F, O>(
+pub fn differentiate_located<F, O>(
     method: Method,
     options: Options,
-    system: &'a BodyInContact<F>,
+    system: &BodyInContact<F>,
     initial: &RigidBodyState,
-    differentiation: &'a Differentiation,
+    differentiation: &Differentiation,
     grid: &TimeGrid,
     location: &Location,
     observer: &mut O,
 ) -> SensitivityResult
 where
     F: ForceModel,
-    O: Observer<Varied<Pose, Twist>>,
+    O: Observer<VariedPose>,
 {
-    let visit = Visit { system, initial, differentiation, grid, location, observer };
-    method.visit_system(options, visit).unwrap_or_else(|| {
-        let reason = SensitivityError::Method { method: method.info().name };
-        Err(refused(reason, grid.time(0), &start(initial, differentiation)))
+    let interval = (grid.time(0), grid.time(grid.steps()));
+    let task = Task { system, initial, differentiation, interval, location, observer };
+    task.run(method.info().name, |run| method.visit_frames(options, Fixed { run, grid }))
+}
+
+/// The same with steps adapted to tolerances, by a method that estimates its error; see [`differentiate_located`].
+///
+/// The steps are those of the motion without columns, whose errors are not weighed.
+pub fn differentiate_located_adaptive<F, O>(
+    method: Method,
+    options: Options,
+    system: &BodyInContact<F>,
+    initial: &RigidBodyState,
+    differentiation: &Differentiation,
+    interval: (f64, f64),
+    settings: &Adaptive,
+    location: &Location,
+    observer: &mut O,
+) -> SensitivityResult
+where
+    F: ForceModel,
+    O: Observer<VariedPose>,
+{
+    let task = Task { system, initial, differentiation, interval, location, observer };
+    if method.info().embedded.is_none() {
+        let error = IntegrateError::NoErrorEstimate { method: method.info().name };
+        return Err(refused(Interruption::from(error).into(), interval.0, &task.unstretched()));
+    }
+    task.run(method.info().name, |run| {
+        method.visit_embedded_frames(options, Adapted { run, interval, settings })
     })
 }
 
@@ -67,19 +101,15 @@ pub fn differentiate_hybrid<'a, F, M, O>(
 where
     F: ForceModel,
     M: Stepper<FrozenVariational<'a, F>>,
-    O: Observer<Varied<Pose, Twist>>,
+    O: Observer<VariedPose>,
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
-    differentiate(system, initial, differentiation, interval, grid.dt(), location, |frozen, start| {
-        integrate_hybrid(frozen, stepper, start, grid, location, observer)
-    })
+    Task { system, initial, differentiation, interval, location, observer }
+        .run(M::INFO.name, |run| Some(Fixed { run, grid }.world(stepper)))
 }
 
 /// The same by any stepper that estimates its error, with steps adapted to tolerances; see
-/// [`differentiate_located`].
-///
-/// The steps are those of the motion without columns, whose errors are not weighed. With Coulomb's friction
-/// `settings.max_step` must be finite: it is the time over which columns settle before a stop.
+/// [`differentiate_located_adaptive`].
 pub fn differentiate_hybrid_adaptive<'a, F, M, O>(
     stepper: &M,
     system: &'a BodyInContact<F>,
@@ -93,74 +123,171 @@ pub fn differentiate_hybrid_adaptive<'a, F, M, O>(
 where
     F: ForceModel,
     M: EmbeddedStepper<FrozenVariational<'a, F>>,
-    O: Observer<Varied<Pose, Twist>>,
+    O: Observer<VariedPose>,
 {
-    let has_stops = |contact: &Contact| matches!(contact.law().friction, Friction::Coulomb(_));
-    if settings.max_step == f64::INFINITY && system.forces.1.iter().any(has_stops) {
-        let reason = SensitivityError::UnboundedStep;
-        return Err(refused(reason, interval.0, &start(initial, differentiation)));
-    }
-    differentiate(system, initial, differentiation, interval, settings.max_step, location, |frozen, start| {
-        integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, observer)
-    })
+    Task { system, initial, differentiation, interval, location, observer }
+        .run(M::INFO.name, |run| Some(Adapted { run, interval, settings }.world(stepper)))
 }
 
-struct Visit<'a, 'b, F, O> {
+/// What is to be integrated and differentiated.
+struct Task<'a, 'b, F, O> {
     system: &'a BodyInContact<F>,
     initial: &'b RigidBodyState,
     differentiation: &'a Differentiation,
-    grid: &'b TimeGrid,
+    interval: (f64, f64),
     location: &'b Location,
     observer: &'b mut O,
 }
 
-impl<'a, F, O> SystemVisitor<FrozenVariational<'a, F>> for Visit<'a, '_, F, O>
-where
-    F: ForceModel,
-    O: Observer<Varied<Pose, Twist>>,
-{
-    type Output = SensitivityResult;
+/// A task begun.
+struct Begun<'a, 'b, F: ForceModel, O> {
+    frozen: &'b FrozenVariational<'a, F>,
+    start: &'b VariedState,
+    location: &'b Location,
+    observer: &'b mut O,
+}
 
-    fn visit<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> SensitivityResult {
-        let Self { system, initial, differentiation, grid, location, observer } = self;
-        differentiate_hybrid(&stepper, system, initial, differentiation, grid, location, observer)
+/// Shows each step to an observer, after contacts that it just missed have been looked for.
+struct Watching<'a, 'b, F: ForceModel, O> {
+    frozen: &'b FrozenVariational<'a, F>,
+    observer: &'b mut O,
+}
+
+impl<F: ForceModel, O: Observer<VariedPose>> Observer<VariedPose> for Watching<'_, '_, F, O> {
+    fn observe(&mut self, step: &mut Step<'_, VariedPose>) -> Flow {
+        self.frozen.system().watch((step.t_before, step.before), (step.t_after, step.after));
+        if O::ACTIVE { self.observer.observe(step) } else { Flow::Continue }
     }
 }
 
-/// The initial state with its columns.
-fn start(initial: &RigidBodyState, differentiation: &Differentiation) -> VariedState {
-    VariedState::varied(*initial, (0..12 + differentiation.parameters.len()).map(Tangent::unit))
+/// Steps of fixed size.
+struct Fixed<'a, 'b, F: ForceModel, O> {
+    run: Begun<'a, 'b, F, O>,
+    grid: &'b TimeGrid,
+}
+
+impl<'a, F: ForceModel, O: Observer<VariedPose>> Fixed<'a, '_, F, O> {
+    fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: &M) -> LocatedResult<VariedPose> {
+        let Begun { frozen, start, location, observer } = self.run;
+        let mut watching = Watching { frozen, observer };
+        integrate_hybrid(frozen, stepper, start, self.grid, location, &mut watching)
+    }
+}
+
+impl<'a, 'b, F, O> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Fixed<'a, 'b, F, O>
+where
+    F: ForceModel,
+    O: Observer<VariedPose>,
+{
+    type Output = LocatedResult<VariedPose>;
+
+    fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
+        Fixed::world(self, &stepper)
+    }
+
+    fn body<M: Stepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+        let Begun { frozen, start, location, observer } = self.run;
+        let mut watching = Watching { frozen, observer };
+        let axes = InBodyAxes(frozen);
+        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        integrate_hybrid_form(frozen, form, &stepper, start, self.grid, location, &mut watching)
+    }
+}
+
+/// Steps adapted to tolerances.
+struct Adapted<'a, 'b, F: ForceModel, O> {
+    run: Begun<'a, 'b, F, O>,
+    interval: (f64, f64),
+    settings: &'b Adaptive,
+}
+
+impl<'a, F: ForceModel, O: Observer<VariedPose>> Adapted<'a, '_, F, O> {
+    fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: &M) -> LocatedResult<VariedPose> {
+        let Begun { frozen, start, location, observer } = self.run;
+        let (mut watching, interval) = (Watching { frozen, observer }, self.interval);
+        integrate_hybrid_adaptive(frozen, stepper, start, interval, self.settings, location, &mut watching)
+    }
+}
+
+impl<'a, 'b, F, O> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>>
+    for Adapted<'a, 'b, F, O>
+where
+    F: ForceModel,
+    O: Observer<VariedPose>,
+{
+    type Output = LocatedResult<VariedPose>;
+
+    fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
+        Adapted::world(self, &stepper)
+    }
+
+    fn body<M: EmbeddedStepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+        let Begun { frozen, start, location, observer } = self.run;
+        let mut watching = Watching { frozen, observer };
+        let axes = InBodyAxes(frozen);
+        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let steps = (self.interval, self.settings);
+        integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching)
+    }
+}
+
+impl<'a, F: ForceModel, O: Observer<VariedPose>> Task<'a, '_, F, O> {
+    fn unstretched(&self) -> VariedState {
+        let system = WithStretches(self.system);
+        varied(system.unstretched(*self.initial), self.differentiation.parameters.len())
+    }
+
+    /// Runs by a method of some name, which integrates what has begun unless it cannot integrate columns.
+    fn run(
+        self,
+        method: &'static str,
+        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F, O>) -> Option<LocatedResult<VariedPose>>,
+    ) -> SensitivityResult {
+        let Self { system, differentiation, interval, location, .. } = self;
+        let unstretched = self.unstretched();
+        let refuse = |reason| Err(refused(reason, interval.0, &unstretched));
+        if let Some(reason) = refusal(system, differentiation, self.initial) {
+            return refuse(reason);
+        }
+        let system = WithStretches(system);
+        let start = if differentiation.stretches.is_empty() {
+            unstretched.clone()
+        } else {
+            match system.stretched(*self.initial, differentiation.stretches.clone()) {
+                Ok(start) => varied(start, differentiation.parameters.len()),
+                Err(error) => return refuse(error.into()),
+            }
+        };
+        let duration = interval.1 - interval.0;
+        let variational = Variational::new(system, differentiation, duration, location.keep_events);
+        let frozen = Frozen::new(variational, interval.0, &start);
+        let begun = Begun { frozen: &frozen, start: &start, location, observer: self.observer };
+        let Some(run) = integrate(begun) else { return refuse(SensitivityError::Method { method }) };
+        let Log { times, grazing } = frozen.system().log.take();
+        match (run, grazing) {
+            (Ok(run), None) => Ok(collect(run, &times)),
+            (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
+            (Err(interrupted), _) => Err((interrupted.reason.into(), interrupted.so_far)),
+        }
+        .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(run, &times) }))
+    }
+}
+
+/// A state with the columns of the initial state, then one for each parameter.
+fn varied(base: State<Augmented<Pose>>, parameters: usize) -> VariedState {
+    let still = vec![Vector3::zeros(); base.rate.variables.len()];
+    let beside = |base| AugmentedRate { base, variables: still.clone() };
+    let columns: Vec<_> = (0..12 + parameters)
+        .map(|i| {
+            let Tangent::<Twist> { displacement, rate } = Tangent::unit(i);
+            Tangent { displacement: beside(displacement), rate: beside(rate) }
+        })
+        .collect();
+    VariedState::varied(base, columns)
 }
 
 fn refused(reason: SensitivityError, t: f64, start: &VariedState) -> Box<Undifferentiated> {
     Box::new(Undifferentiated { reason, so_far: collect(Located::at_start(t, start), &[]) })
-}
-
-fn differentiate<'a, F: ForceModel>(
-    system: &'a BodyInContact<F>,
-    initial: &RigidBodyState,
-    differentiation: &'a Differentiation,
-    interval: (f64, f64),
-    largest_step: f64,
-    location: &Location,
-    run: impl FnOnce(&FrozenVariational<'a, F>, &VariedState) -> LocatedResult<Varied<Pose, Twist>>,
-) -> SensitivityResult {
-    let start = start(initial, differentiation);
-    if let Some(reason) = refusal(system, differentiation, initial) {
-        return Err(refused(reason, interval.0, &start));
-    }
-    let times = (differentiation.grazing * (interval.1 - interval.0), largest_step);
-    let parameters = &differentiation.parameters;
-    let variational = Variational::new(system, parameters, times, location.keep_events, &start);
-    let frozen = Frozen::new(variational, interval.0, &start);
-    let run = run(&frozen, &start);
-    let Log { times, grazing } = frozen.system().log.take();
-    match (run, grazing) {
-        (Ok(run), None) => Ok(collect(run, &times)),
-        (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
-        (Err(interrupted), _) => Err((interrupted.reason.into(), interrupted.so_far)),
-    }
-    .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(run, &times) }))
 }
 
 /// Why a run is not begun.

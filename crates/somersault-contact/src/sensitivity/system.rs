@@ -3,21 +3,32 @@
 
 use super::contact::Linearization;
 use super::law::{Changes, LawChange, is_open};
-use super::outcome::Grazing;
-use super::parameter::Parameter;
-use crate::contacts::BodyInContact;
+use super::outcome::{Grazing, Side};
+use super::parameter::{Differentiation, Parameter};
+use super::run::FrozenVariational;
+use crate::contacts::{BodyInContact, Contacts};
 use crate::event::EventKind;
-use crate::hybrid::{Guard, Hybrid, HybridBodies};
+use crate::hybrid::{Energy, Guard, Hybrid};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::step_curve::StepCurve;
+use crate::stretches::{Touching, WithStretches, reset};
+use crate::surface::SurfaceFault;
+use crate::sweep::Sweep;
 use nalgebra::Vector3;
-use somersault_integrators::force::{ForceModel, Wrench};
-use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
-use somersault_integrators::system::System;
+use somersault_integrators::augmented::{Augmented, AugmentedRate};
+use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::force::ForceModel;
+use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
+use somersault_integrators::system::{Decoder, System, world_acceleration};
 use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
 use std::cell::RefCell;
 
+/// A pose with columns, and stretches beside both their rates.
+pub type VariedPose = Varied<Augmented<Pose>, AugmentedRate<Twist>>;
+/// Its rate.
+type VariedRate = Varied<AugmentedRate<Twist>>;
 /// A state with its columns.
-pub type VariedState = State<Varied<Pose, Twist>>;
+pub type VariedState = State<VariedPose>;
 
 /// The derivative of the time of an event along each column.
 #[derive(Debug)]
@@ -38,42 +49,31 @@ pub(super) struct Log {
 /// A body in contact with columns of tangents, the last of which belong to parameters.
 #[derive(Debug)]
 pub struct Variational<'a, F> {
-    system: &'a BodyInContact<F>,
+    system: WithStretches<&'a BodyInContact<F>>,
     parameters: &'a [Parameter],
-    /// Time to a tangency below which a touch-down is one.
-    grazing_time: f64,
-    /// Time before a stop within which the direction of sliding is settled.
-    settling_time: f64,
+    /// The part of the way of a point up to which it grazes.
+    grazing: f64,
+    /// Length of the interval.
+    duration: f64,
     keep_events: bool,
     pub(super) log: RefCell<Log>,
-    /// Of each contact, the columns of what its mode remembers.
-    memories: RefCell<Vec<Vec<Vector3<f64>>>>,
 }
 
 impl<'a, F: ForceModel> Variational<'a, F> {
     pub(super) fn new(
-        system: &'a BodyInContact<F>,
-        parameters: &'a [Parameter],
-        (grazing_time, settling_time): (f64, f64),
+        system: WithStretches<&'a BodyInContact<F>>,
+        differentiation: &'a Differentiation,
+        duration: f64,
         keep_events: bool,
-        start: &VariedState,
     ) -> Self {
-        let base = start.base();
-        let memory = |contact| {
-            let at = Linearization::new(contact, &system.body, &base);
-            let mode = at.contact.law().mode(&at.at);
-            start.columns().map(|c| ContactLaw::memory_change(&mode, &at.at, &at.along(&c).at)).collect()
-        };
-        let memories = RefCell::new(system.forces.1.iter().map(memory).collect());
-        Self {
-            system,
-            parameters,
-            grazing_time,
-            settling_time,
-            keep_events,
-            log: RefCell::default(),
-            memories,
-        }
+        let grazing = differentiation.grazing.max(f64::EPSILON.sqrt());
+        let parameters = &differentiation.parameters;
+        Self { system, parameters, grazing, duration, keep_events, log: RefCell::default() }
+    }
+
+    /// The contacts.
+    fn contacts(&self) -> &'a Contacts {
+        &self.system.0.forces.1
     }
 
     /// The columns of a state, each with the parameter it belongs to.
@@ -83,13 +83,50 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         x.columns().zip(parameters)
     }
 
-    fn wrench(&self, mode: &Vec<ContactMode>, t: f64, x: &RigidBodyState) -> Twist {
+    fn wrench(&self, mode: &[ContactMode], t: f64, x: &VariedState) -> Twist {
         let mut wrench = Twist::default();
-        self.system.wrenches_in(mode, t, x, &mut wrench);
+        let (q, rate) = (&x.configuration.base.0, &x.rate.base);
+        let effort =
+            |i: usize, law: &ContactLaw, at: &Encounter| law.effort_in(&mode[i], at, &rate.variables[i]);
+        self.system.0.wrenches_by(t, (q, &rate.base), effort, &mut wrench);
         wrench
     }
 
-    /// The event of one contact: the jump of the columns, and of what its mode remembers.
+    /// The size of a least gap up to which a contact is grazed.
+    fn bound(&self, speed: f64, acceleration: f64) -> f64 {
+        self.grazing * self.duration * (speed + 0.5 * acceleration.abs() * self.duration)
+    }
+
+    /// Notes a graze, unless there was one before.
+    fn note(&self, grazing: Grazing) {
+        let mut log = self.log.borrow_mut();
+        if grazing.gap.abs() <= grazing.bound && log.grazing.is_none() {
+            log.grazing = Some(grazing);
+        }
+    }
+
+    /// Notes contacts that are open over a step and just miss their surface within it: the gap is the cubic
+    /// through its values and rates at the ends.
+    pub(super) fn watch(&self, (t, before): (f64, &VariedState), (t_after, after): (f64, &VariedState)) {
+        let (body, h) = (&self.system.0.body, t_after - t);
+        let (x, x_after) = (before.body(), after.body());
+        for (guard, contact) in self.contacts().iter().enumerate().filter(|(_, c)| c.law().normal.jumps()) {
+            let (a, b) = (contact.encounter(body, &x), contact.encounter(body, &x_after));
+            if a.gap < 0.0 || b.gap < 0.0 || a.rate > 0.0 || b.rate < 0.0 {
+                continue;
+            }
+            let [first, last] =
+                [(a.gap, a.rate), (b.gap, b.rate)].map(|(gap, rate)| Guard { gap, rate, lag: 0.0 });
+            // The least gap may be at an end of the step.
+            let nearer = if a.gap < b.gap { (0.0, a.gap) } else { (1.0, b.gap) };
+            let inside = StepCurve::new(&first, &last, h).least(1.0);
+            let (theta, gap) = inside.filter(|(_, gap)| *gap < nearer.1).unwrap_or(nearer);
+            let bound = self.bound(a.sliding.norm(), (b.rate - a.rate) / h);
+            self.note(Grazing { t: t + theta * h, guard, gap, bound, side: Side::Missing });
+        }
+    }
+
+    /// The event of one contact: the jump of the columns.
     fn cross(
         &self,
         t: f64,
@@ -98,77 +135,68 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         (acceleration, derivative): (&Twist, &AccelerationDerivative),
         x: &mut VariedState,
     ) {
-        let (base, contacts) = (x.base(), &self.system.forces.1);
-        let mut at = Linearization::new(&contacts[contact], &self.system.body, &base);
+        let (base, contacts) = (x.body(), self.contacts());
+        let stretch = x.rate.base.variables[contact];
+        let at = Linearization::new(&contacts[contact], &self.system.0.body, &base);
         let law = at.contact.law();
-        let effort = law.effort_in(modes.0, &at.at);
-        let is_stop = law.stops(modes, &at.at, self.settling_time * at.mobility(&self.system.body));
-        if is_stop {
-            at.at.sliding = Vector3::zeros();
-        }
-        let mut flow = Tangent { displacement: base.rate, rate: *acceleration };
-        let off = law.effort_in(modes.0, &at.at) - effort;
-        flow.rate.axpy(1.0, &derivative.by_wrench(&at.wrench(&off)));
+        let flow = Tangent { displacement: base.rate, rate: *acceleration };
         let flowing = at.along(&flow).at;
-        let margin_change = |change: &Encounter, law_change, memory| {
-            let by = Changes { at: change, law: law_change, memory, settling: 0.0 };
-            law.margin_change(modes, &at.at, &by)
+        let stretching = law.stretch_rate_in(modes.0, &at.at, &stretch);
+        let margin_change = |change: &Encounter, law_change, stretch_change: &Vector3<f64>| {
+            let by = Changes { at: change, law: law_change, stretch: stretch_change };
+            law.margin_change(modes, &at.at, &stretch, &by)
         };
-        let rate = margin_change(&flowing, LawChange::default(), Vector3::zeros());
-        let mut memories = self.memories.borrow_mut();
-        let memory = &mut memories[contact];
+        let rate = margin_change(&flowing, LawChange::default(), &stretching);
         let times: Vec<f64> = self
             .columns(x)
-            .zip(memory.iter())
-            .map(|((column, parameter), &memory)| {
-                -margin_change(&at.along(&column).at, law_change(parameter, contact), memory) / rate
+            .enumerate()
+            .map(|(k, (column, parameter))| {
+                let change = &x.rate.columns[k].variables[contact];
+                -margin_change(&at.along(&column).at, law_change(parameter, contact), change) / rate
             })
             .collect();
-        let touches = is_open(modes.0) && at.at.rate <= 0.0 && law.normal.jumps();
-        let jump = law.jump(modes, &at.at);
-        let bound = if touches { self.grazing_time * flowing.rate.abs() } else { 0.0 };
-        let mut log = self.log.borrow_mut();
-        if rate.abs() <= bound && (touches || jump != Wrench::default()) && log.grazing.is_none() {
-            log.grazing = Some(Grazing { t, guard: contact, rate, bound });
+        let begins = is_open(modes.0) && at.at.rate <= 0.0;
+        let (jump, stretching_jump) = law.jump(modes, &at.at, &stretch);
+        if begins && law.normal.jumps() && (flowing.rate > 0.0 || rate == 0.0) {
+            let gap = if rate == 0.0 { 0.0 } else { -0.5 * rate * rate / flowing.rate };
+            let bound = self.bound(at.velocity().norm(), flowing.rate);
+            self.note(Grazing { t, guard: contact, gap, bound, side: Side::Touching });
         }
-        if rate != 0.0 {
-            let jump = derivative.by_wrench(&at.wrench(&jump));
-            for (k, &time) in times.iter().enumerate() {
-                // The column at the event itself, whose time it moves.
-                let column = x.column(k);
-                let displacement = moved(&column.displacement, time, &flow.displacement);
-                let there = Tangent { displacement, rate: moved(&column.rate, time, &flow.rate) };
-                let change = at.along(&there).at;
-                memory[k] = ContactLaw::memory_change(modes.1, &at.at, &change);
-                let rate = &mut x.rate.columns[k];
-                rate.axpy(-time, &jump);
-                if is_stop {
-                    // Every motion nearby stops with no sliding velocity at all.
-                    rate.axpy(1.0, &at.holding(&self.system.body, &base, &change.sliding));
-                }
+        let resets = is_open(modes.0) || is_open(modes.1);
+        let jump = derivative.by_wrench(&at.wrench(&jump));
+        for (column, &time) in x.rate.columns.iter_mut().zip(&times) {
+            let change = &mut column.variables[contact];
+            if resets {
+                *change = Vector3::zeros();
+            }
+            // Where nothing jumps, as between stick and slip, the time of the event does not matter.
+            if jump != Twist::default() {
+                column.base.axpy(-time, &jump);
+            }
+            if stretching_jump != Vector3::zeros() {
+                *change -= stretching_jump * time;
             }
         }
         if self.keep_events {
-            let own = is_open(modes.0) || is_open(modes.1);
-            let guard = if own { contact } else { contacts.len() + contact };
-            log.times.push(EventTime { t, guard, columns: times });
+            let guard = if resets { contact } else { contacts.len() + contact };
+            self.log.borrow_mut().times.push(EventTime { t, guard, columns: times });
         }
     }
 }
 
 impl<F: ForceModel> System for Variational<'_, F> {
-    type Configuration = Varied<Pose, Twist>;
+    type Configuration = VariedPose;
     type Workspace = ();
     fn workspace(&self) {}
 
-    fn velocity(&self, _: &mut Self::Workspace, _: f64, x: &VariedState, out: &mut Varied<Twist>) {
+    fn velocity(&self, _: &mut Self::Workspace, _: f64, x: &VariedState, out: &mut VariedRate) {
         out.assign(&x.rate);
         for (column, displacement) in out.columns.iter_mut().zip(&x.configuration.columns) {
             column.add_bracket(1.0, &x.rate.base, displacement);
         }
     }
 
-    fn acceleration(&self, w: &mut (), t: f64, x: &VariedState, out: &mut Varied<Twist>) {
+    fn acceleration(&self, w: &mut (), t: f64, x: &VariedState, out: &mut VariedRate) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
     }
 }
@@ -177,12 +205,16 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
     type Mode = Vec<ContactMode>;
     const RESETS: bool = true;
 
-    fn mode(&self, t: f64, x: &VariedState) -> Vec<ContactMode> {
-        self.system.mode(t, &x.base())
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
     }
 
-    fn next_mode(&self, before: &Vec<ContactMode>, t: f64, x: &VariedState) -> Vec<ContactMode> {
-        self.system.next_mode(before, t, &x.base())
+    fn mode(&self, _: f64, x: &VariedState) -> Vec<ContactMode> {
+        self.system.mode_at(&x.configuration.base, &x.rate.base)
+    }
+
+    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &VariedState) -> Vec<ContactMode> {
+        self.system.next_mode_at(before, &x.configuration.base, &x.rate.base)
     }
 
     fn event_kind(
@@ -195,8 +227,45 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         self.system.event_kind(guard, before, after, modes)
     }
 
-    fn guards(&self, mode: &Vec<ContactMode>, t: f64, x: &VariedState, out: &mut Vec<Guard>) {
-        self.system.guards(mode, t, &x.base(), out);
+    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &VariedState, out: &mut Vec<Guard>) {
+        self.system.guards_at(mode, &x.configuration.base, &x.rate.base, out);
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        h: f64,
+        ends: (&VariedState, &VariedState),
+        out: &mut Vec<Sweep>,
+    ) {
+        self.system.0.sweeps(mode, t, h, (&ends.0.body(), &ends.1.body()), out);
+        out.resize(2 * mode.len(), Sweep::UNKNOWN);
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        x: &VariedState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        self.system.0.clear_time(mode, t, &x.body(), guards, horizon)
+    }
+
+    fn examine(&self, guard: usize, x: &VariedState) -> Result<(), SurfaceFault> {
+        self.system.0.examine(guard, &x.body())
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
+        self.system.0.contact_rate(mode, &x.body())
+    }
+
+    fn energy(&self, x: &VariedState) -> Option<Energy> {
+        let of_body = self.system.0.energy(&x.body())?;
+        let springs = self.system.energy_at(&x.configuration.base, &x.rate.base);
+        Some(Energy { springs, ..of_body })
     }
 
     fn acceleration_in(
@@ -205,58 +274,75 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         (): &mut (),
         t: f64,
         x: &VariedState,
-        out: &mut Varied<Twist>,
+        out: &mut VariedRate,
     ) {
-        let (base, body, (smooth, contacts)) = (x.base(), &self.system.body, &self.system.forces);
-        let wrench = self.wrench(mode, t, &base);
-        self.system.acceleration_in(mode, &mut (), t, &base, &mut out.base);
+        let (base, body, (smooth, contacts)) = (x.body(), &self.system.0.body, &self.system.0.forces);
+        let stretches = &x.rate.base.variables;
+        self.system.wrenches_at(mode, t, &x.configuration.base, &x.rate.base, &mut out.base);
+        let wrench = out.base.base;
+        out.base.base = world_acceleration(body, &base, &wrench);
         for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
             let mut sum = smooth.wrench_variation(t, body, &base, &column);
             match parameter {
                 Some(Parameter::Mass) => sum = sum + smooth.mass_derivative(t, body, &base),
                 Some(Parameter::Force(derivative)) => sum = sum + derivative(t, body, &base),
-                _ => {}
+                Some(
+                    Parameter::Stiffness(_)
+                    | Parameter::Damping(_)
+                    | Parameter::Friction(_)
+                    | Parameter::InertiaScale,
+                )
+                | None => {}
             }
-            *change = Twist { linear: sum.force, angular: sum.torque };
+            change.base = Twist { linear: sum.force, angular: sum.torque };
+            change.variables.fill(Vector3::zeros());
         }
-        let memories = self.memories.borrow();
         for (i, mode) in mode.iter().enumerate().filter(|(_, mode)| !is_open(mode)) {
-            let at = Linearization::new(&contacts[i], body, &base);
-            let effort = at.contact.law().effort_in(mode, &at.at);
-            let settling = self.settling_time * at.mobility(body);
-            let columns = self.columns(x).zip(&memories[i]).zip(&mut out.columns);
-            for (((column, parameter), &memory), change) in columns {
+            let (at, stretch) = (Linearization::new(&contacts[i], body, &base), &stretches[i]);
+            let law = at.contact.law();
+            let effort = law.effort_in(mode, &at.at, stretch);
+            let columns = self.columns(x).zip(&x.rate.columns).zip(&mut out.columns);
+            for (((column, parameter), carried), change) in columns {
                 let moved = at.along(&column);
-                let by = Changes { at: &moved.at, law: law_change(parameter, i), memory, settling };
-                let effort_change = at.contact.law().effort_change(mode, &at.at, &by);
-                change.axpy(1.0, &at.wrench_change(&moved, &effort, &effort_change));
+                let by =
+                    Changes { at: &moved.at, law: law_change(parameter, i), stretch: &carried.variables[i] };
+                let effort_change = law.effort_change(mode, &at.at, stretch, &by);
+                change.base.axpy(1.0, &at.wrench_change(&moved, &effort, &effort_change));
+                change.variables[i] = law.stretch_rate_change(mode, &at.at, stretch, &by);
             }
         }
-        let derivative = AccelerationDerivative::new(body, &base, &wrench, &out.base);
+        let acceleration = out.base.base;
+        let derivative = AccelerationDerivative::new(body, &base, &wrench, &acceleration);
         for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
-            *change = derivative.along(&column, change);
+            change.base = derivative.along(&column, &change.base);
             match parameter {
-                Some(Parameter::Mass) => change.linear -= out.base.linear / body.mass(),
+                Some(Parameter::Mass) => change.base.linear -= acceleration.linear / body.mass(),
                 Some(Parameter::InertiaScale) => {
-                    change.angular -= derivative.by_wrench(&wrench).angular;
+                    change.base.angular -= derivative.by_wrench(&wrench).angular;
                 }
-                _ => {}
+                Some(
+                    Parameter::Stiffness(_)
+                    | Parameter::Damping(_)
+                    | Parameter::Friction(_)
+                    | Parameter::Force(_),
+                )
+                | None => {}
             }
         }
     }
 
-    /// The saltation of the columns.
+    /// The saltation of the columns, and the stretches of contacts that begin and end.
     fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut VariedState) {
-        let base = x.base();
-        let wrench = self.wrench(before, t, &base);
-        let mut acceleration = Twist::default();
-        self.system.acceleration_in(before, &mut (), t, &base, &mut acceleration);
-        let derivative = AccelerationDerivative::new(&self.system.body, &base, &wrench, &acceleration);
+        let base = x.body();
+        let wrench = self.wrench(before, t, x);
+        let acceleration = world_acceleration(&self.system.0.body, &base, &wrench);
+        let derivative = AccelerationDerivative::new(&self.system.0.body, &base, &wrench, &acceleration);
         for (contact, modes) in before.iter().zip(after).enumerate() {
             if modes.0 != modes.1 {
                 self.cross(t, contact, modes, (&acceleration, &derivative), x);
             }
         }
+        reset(before, after, &mut x.rate.base.variables);
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
@@ -264,11 +350,101 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
     }
 }
 
-/// column + time · flow.
-fn moved(column: &Twist, time: f64, flow: &Twist) -> Twist {
-    let mut sum = *column;
-    sum.axpy(time, flow);
-    sum
+/// A state with columns whose base is in body axes; the columns stay in those of the world.
+pub(super) type BodyVariedPose = Varied<Augmented<InBody<Pose>>, AugmentedRate<Twist>>;
+
+/// A body in contact with columns, its rotation in body axes.
+pub(super) struct InBodyAxes<'a, 'b, F: ForceModel>(pub(super) &'b FrozenVariational<'a, F>);
+
+/// Turns states with columns whose base is in body axes into those of the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FromBodyAxes;
+
+impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
+    fn decode(&self, x: &State<BodyVariedPose>, out: &mut VariedState) {
+        let (pose, rate) = (x.configuration.base.0.0, &x.rate.base.base.0);
+        out.configuration.base.0 = pose;
+        out.rate.base.base = Twist { linear: rate.linear, angular: pose.orientation * rate.angular };
+        out.rate.base.variables.copy_from_slice(&x.rate.base.variables);
+        out.configuration.columns.assign(&x.configuration.columns);
+        out.rate.columns.assign(&x.rate.columns);
+    }
+}
+
+/// The state with its base in body axes.
+pub(super) fn in_body_axes(x: &VariedState) -> State<BodyVariedPose> {
+    State {
+        configuration: Varied {
+            base: Augmented(InBody(x.configuration.base.0)),
+            columns: x.configuration.columns.clone(),
+        },
+        rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+    }
+}
+
+fn rate_in_body_axes(
+    pose: &Pose,
+    rate: &VariedRate,
+) -> Varied<AugmentedRate<InBody<Twist>>, AugmentedRate<Twist>> {
+    let Twist { linear, angular } = rate.base.base;
+    let angular = pose.orientation.inverse_transform_vector(&angular);
+    let base =
+        AugmentedRate { base: InBody(Twist { linear, angular }), variables: rate.base.variables.clone() };
+    Varied { base, columns: rate.columns.clone() }
+}
+
+impl<F: ForceModel> System for InBodyAxes<'_, '_, F> {
+    type Configuration = BodyVariedPose;
+    type Workspace = Option<(VariedState, VariedRate)>;
+    fn workspace(&self) -> Self::Workspace {
+        None
+    }
+
+    fn velocity(
+        &self,
+        _: &mut Self::Workspace,
+        _: f64,
+        x: &State<BodyVariedPose>,
+        out: &mut Varied<AugmentedRate<InBody<Twist>>, AugmentedRate<Twist>>,
+    ) {
+        out.assign(&x.rate);
+        let (pose, rate) = (&x.configuration.base.0.0, &x.rate.base.base.0);
+        let angular = pose.orientation * rate.angular;
+        for (column, displacement) in out.columns.iter_mut().zip(&x.configuration.columns) {
+            column.base.angular += angular.cross(&displacement.base.angular);
+        }
+    }
+
+    fn acceleration(
+        &self,
+        w: &mut Self::Workspace,
+        t: f64,
+        x: &State<BodyVariedPose>,
+        out: &mut Varied<AugmentedRate<InBody<Twist>>, AugmentedRate<Twist>>,
+    ) {
+        let (world, slope) = w.get_or_insert_with(|| {
+            let pose = x.configuration.base.0.0;
+            let base = State::augmented(
+                RigidBodyState { configuration: pose, rate: Twist::default() },
+                x.rate.base.variables.clone(),
+            );
+            let columns = x.configuration.columns.iter().zip(&x.rate.columns);
+            let columns = columns.map(|(displacement, rate)| Tangent {
+                displacement: displacement.clone(),
+                rate: rate.clone(),
+            });
+            let world = VariedState::varied(base, columns);
+            let slope = world.rate.clone();
+            (world, slope)
+        });
+        FromBodyAxes.decode(x, world);
+        self.0.acceleration(&mut (), t, world, slope);
+        let Twist { linear, angular } = slope.base.base;
+        let angular = world.configuration.base.0.orientation.inverse_transform_vector(&angular);
+        out.base.base = InBody(Twist { linear, angular });
+        out.base.variables.copy_from_slice(&slope.base.variables);
+        out.columns.assign(&slope.columns);
+    }
 }
 
 /// What a parameter changes in the law of contact `i`.
@@ -278,7 +454,15 @@ fn law_change(parameter: Option<&Parameter>, i: usize) -> LawChange {
         Some(&Parameter::Stiffness(contact)) if contact == i => change.stiffness = 1.0,
         Some(&Parameter::Damping(contact)) if contact == i => change.damping = 1.0,
         Some(&Parameter::Friction(contact)) if contact == i => change.friction = 1.0,
-        _ => {}
+        Some(
+            Parameter::Stiffness(_)
+            | Parameter::Damping(_)
+            | Parameter::Friction(_)
+            | Parameter::Mass
+            | Parameter::InertiaScale
+            | Parameter::Force(_),
+        )
+        | None => {}
     }
     change
 }

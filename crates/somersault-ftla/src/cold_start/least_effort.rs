@@ -131,6 +131,9 @@ impl<const Q: usize> Spline<Q> {
             }
             let before = cost;
             for _ in 0..12 {
+                if !goes_on() {
+                    return step;
+                }
                 let mut move_by = gradient.clone();
                 if !band.solve_damped(damping, &mut move_by) {
                     damping *= 8.0;

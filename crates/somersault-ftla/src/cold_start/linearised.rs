@@ -9,9 +9,11 @@
 //! each member of which is Hamiltonian if h is, leads from it to the problem. p̄ is the middle between the ends with λ = 0.
 //! Where that breaks off, the linear problem stays at the start instead, and the ends are moved apart afterwards.
 
-use crate::continuation::{Continuation, Continued, Member};
+use crate::budget::Budget;
+use crate::continuation::{Continuation, Continued, Member, Stage};
 use crate::shooting::{End, ShootingError, Status, graded_times};
 use crate::system::{Piece, SystemError, VectorField};
+use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{SMatrix, SVector};
 
 /// A field on the way from its linearisation to itself.
@@ -78,6 +80,17 @@ impl<S: VectorField<N>, const N: usize> VectorField<N> for Blend<'_, S, N> {
         self.system.next_piece(piece, p)
     }
 
+    /// s H + (1 − s) (H(p̄) + ∇H·δ + ½ δᵀ∇²H δ), δ = p − p̄, with ∇H = −J h and ∇²H = −J D.
+    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+        let n = N / 2;
+        let delta = p - self.at;
+        let linear = self.field + self.jacobian * delta * 0.5;
+        // δᵀ(−J v), v = (vₓ, v_λ): δₓ·(−v_λ) + δ_λ·vₓ
+        let part: f64 = (0..n).map(|i| delta[n + i] * linear[i] - delta[i] * linear[n + i]).sum();
+        let (here, there) = (self.system.conserved(p)?, self.system.conserved(&self.at)?);
+        Some(self.s * here + (1.0 - self.s) * (there + part))
+    }
+
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         self.system.fault(p)
     }
@@ -121,6 +134,18 @@ pub fn cold_start<S: VectorField<N> + Sync, const N: usize>(
     horizon: f64,
     continuation: &Continuation,
 ) -> Result<Continued<N>, ShootingError> {
+    cold_start_within(&continuation.polish.limits.start(), system, initial, last, horizon, continuation)
+}
+
+/// The same as a part of a search that has begun.
+pub(super) fn cold_start_within<S: VectorField<N> + Sync, const N: usize>(
+    budget: &Budget,
+    system: &S,
+    initial: &[f64],
+    last: &[f64],
+    horizon: f64,
+    continuation: &Continuation,
+) -> Result<Continued<N>, ShootingError> {
     let ends = expect_states::<N>([initial, last], horizon)?;
     let node =
         |weight: f64| {
@@ -129,32 +154,37 @@ pub fn cold_start<S: VectorField<N> + Sync, const N: usize>(
             })
         };
     let middle = node(0.5);
-    // eigenvalues of D come as ±: √‖D²‖ is as large as the fastest
-    let (_, jacobian) = system.linearize(&middle);
+    // eigenvalues of D come as ±: √‖D²‖ is as large as the fastest, and near it in units in which D is balanced
+    let (_, mut jacobian) = system.linearize(&middle);
+    if jacobian.iter().all(|d| d.is_finite()) {
+        balance_parlett_reinsch(&mut jacobian);
+    }
     let rate = (jacobian * jacobian).norm().sqrt();
     let mut found: Option<Continued<N>> = None;
     let mut failed = None;
     for [shortest, longest] in SEGMENTS {
         let part = |factor: f64| (factor / rate).min(0.1 * horizon).max(horizon / MOST);
         let fractions = graded_times(1.0, part(shortest) / horizon, part(longest) / horizon)?;
-        let attempt = |at: SVector<f64, N>, ends: [End<N>; 2]| {
+        let attempt = |stage: Stage, at: SVector<f64, N>, ends: [End<N>; 2]| {
             let bend = |s: f64| Member { system: Blend::at(system, at, s), ends, horizon };
-            continuation.follow(bend, &fractions, &vec![at; fractions.len()])
+            continuation.follow_within(budget, stage, bend, &fractions, &vec![at; fractions.len()])
         };
         let from_start = || {
             let start = node(0.0);
-            let bent = attempt(start, [ends[0]; 2])?;
-            if bent.extremal.status != Status::Converged {
+            let bent = attempt(Stage::LinearisedAtStart, start, [ends[0]; 2])?;
+            if !bent.arrived() {
                 return Ok(bent);
             }
             let apart = |s: f64| {
                 let ends = [ends[0], End::from_values(node(s).iter().copied())];
                 Member { system: Blend::at(system, start, 1.0), ends, horizon }
             };
-            Ok(continuation.follow(apart, &fractions, &bent.extremal.nodes)?.after(&bent))
+            let moved =
+                continuation.follow_within(budget, Stage::Apart, apart, &fractions, &bent.extremal.nodes)?;
+            Ok(moved.after(&bent))
         };
         let attempts: [&dyn Fn() -> Result<Continued<N>, ShootingError>; 2] =
-            [&|| attempt(middle, ends), &from_start];
+            [&|| attempt(Stage::Linearised, middle, ends), &from_start];
         for attempt in attempts {
             let next = match attempt() {
                 Ok(next) => found.as_ref().map_or(next.clone(), |before| next.after(before)),
@@ -163,8 +193,9 @@ pub fn cold_start<S: VectorField<N> + Sync, const N: usize>(
                     continue;
                 }
             };
-            // what broke off on the way is marked so
-            if next.extremal.status == Status::Converged {
+            // what broke off on the way is marked so; at a floor no other way leads lower
+            if matches!(next.extremal.status, Status::Converged | Status::Floor) || budget.reached().is_some()
+            {
                 return Ok(next);
             }
             found = Some(next);

@@ -16,7 +16,8 @@ mod least_effort;
 mod linearised;
 mod tree;
 
-use crate::continuation::{Continuation, Continued, Member};
+use crate::budget::Budget;
+use crate::continuation::{Continuation, Continued, Member, Stage};
 use crate::flow::Work;
 use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
 use crate::system::{ArmMinimumTorque, OptimalControlSystem, VectorField};
@@ -113,6 +114,7 @@ impl ArmTravel {
         continuation: &Continuation,
         watch: impl Fn(ArmMinimumTorque) -> W,
     ) -> Result<Travelled, ShootingError> {
+        continuation.polish.check_tolerance()?;
         if self.horizon.is_nan() || self.horizon <= 0.0 || self.horizon > LONGEST {
             let allowed = "positive and at most 10 000 s";
             return Err(ShootingError::Argument { argument: "horizon", allowed, found: self.horizon });
@@ -130,11 +132,14 @@ impl ArmTravel {
         let limits = self.system.torque_limits();
         let free = self.system.without_torque_limits();
         let watched = watch(free);
-        let goes_on = || watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
+        let budget = continuation.polish.limits.start();
+        let goes_on =
+            || budget.reached().is_none() && watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
         let mut reached = free;
         let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
         let mut spent = Spent::default();
         let mut direct = None;
+        let mut best: Option<Continued<8>> = None;
         for (longest, folding) in ATTEMPTS {
             if !goes_on() {
                 break;
@@ -142,33 +147,29 @@ impl ArmTravel {
             let times = graded_times(self.horizon, 0.25 * longest, longest)?;
             let (nodes, descents) = self.guess(&times, folding, &goes_on);
             spent.iterations += descents;
-            let Ok(extremal) = shooting.solve(&watched, &ends, &times, &nodes) else { continue };
+            let Ok(extremal) = shooting.solve_within(&budget, &watched, &ends, &times, &nodes) else {
+                spent.failures += 1;
+                continue;
+            };
             spent.iterations += extremal.iterations;
             spent.work += extremal.work;
-            if extremal.status == Status::Converged {
-                direct = Some(extremal);
+            let found = Continued::of_one(extremal, Stage::LeastEffort, &budget);
+            // at a floor no other way leads lower
+            if matches!(found.extremal.status, Status::Converged | Status::Floor) {
+                direct = Some(found);
                 break;
             }
+            best = Some(found);
             spent.failures += 1;
         }
         let mut found = match direct {
-            Some(extremal) => {
-                Continued { extremal, s: 1.0, steps: [1, 0], iterations: 0, work: Work::default() }
-            }
-            None => {
-                let folded = self.by_continuation(continuation, &watched, [initial, last])?;
-                let solved = folded.extremal.status == Status::Converged;
-                match if solved { None } else { self.by_thesis(continuation, &watch)? } {
-                    Some(led) if led.extremal.status == Status::Converged => led.after(&folded),
-                    Some(led) => folded.after(&led),
-                    None => folded,
-                }
-            }
+            Some(found) => found,
+            None => self.led(&budget, continuation, &watched, &watch, [initial, last], best)?,
         };
         found.steps[1] += spent.failures;
         found.iterations += spent.iterations;
         found.work += spent.work;
-        if limits.iter().any(|limit| limit.is_finite()) && found.extremal.status == Status::Converged {
+        if limits.iter().any(|limit| limit.is_finite()) && found.arrived() {
             let mut peaks = [0.0f64; 2];
             for p in &found.extremal.nodes {
                 let mut u = [0.0; 2];
@@ -179,16 +180,47 @@ impl ArmTravel {
             let limited = |s: f64| free.limited_towards(limits, peaks, s);
             let family = |s: f64| Member { system: watch(limited(s)), ends, horizon: self.horizon };
             let fractions: Vec<f64> = found.extremal.times.iter().map(|t| t / self.horizon).collect();
-            let along = continuation.follow(family, &fractions, &found.extremal.nodes)?;
-            reached = if along.s == 1.0 { self.system } else { limited(along.s) };
-            found = along.after(&found);
+            let nodes = &found.extremal.nodes;
+            found = match continuation.follow_within(&budget, Stage::Limits, family, &fractions, nodes) {
+                Ok(along) => {
+                    reached = if along.s == 1.0 { self.system } else { limited(along.s) };
+                    along.after(&found)
+                }
+                Err(error) => Continued { s: 0.0, ..found.stopped(Stage::Limits, error, &budget) },
+            };
         }
         Ok(Travelled { continued: found, system: reached })
+    }
+
+    /// By continuation from other problems, where shooting fails from the splines; `best` is what that left.
+    fn led<W: VectorField<8> + Sync + Clone>(
+        &self,
+        budget: &Budget,
+        continuation: &Continuation,
+        watched: &W,
+        watch: &impl Fn(ArmMinimumTorque) -> W,
+        ends: [Vec<f64>; 2],
+        best: Option<Continued<8>>,
+    ) -> Result<Continued<8>, ShootingError> {
+        let folded = match (self.by_continuation(budget, continuation, watched, ends), best) {
+            (Ok(folded), _) => folded,
+            (Err(_), Some(best)) => best,
+            (Err(error), None) => return Err(error),
+        };
+        if folded.arrived() || budget.reached().is_some() {
+            return Ok(folded);
+        }
+        Ok(match self.by_thesis(budget, continuation, watch)? {
+            Some(led) if led.arrived() => led.after(&folded),
+            Some(led) => folded.after(&led),
+            None => folded,
+        })
     }
 
     /// By way of travelling folded.
     fn by_continuation<S: VectorField<8> + Sync + Clone>(
         &self,
+        budget: &Budget,
         continuation: &Continuation,
         system: &S,
         ends: [Vec<f64>; 2],
@@ -198,13 +230,15 @@ impl ArmTravel {
         let folded = [rest(self.initial[0]), rest(self.last[0])];
         let longest = ATTEMPTS[0].0 / self.horizon;
         let fractions = graded_times(1.0, 0.25 * longest, longest)?;
-        continuation.through(system, &[[middle.clone(), middle], folded, ends], self.horizon, &fractions)
+        let stages = [[middle.clone(), middle], folded, ends];
+        continuation.through_within(budget, system, &stages, self.horizon, &fractions)
     }
 
     /// By way of the thesis' problem folded to the same side, whose parameters, ends and horizon go to these; nothing if
     /// that is not solved.
     fn by_thesis<W: VectorField<8> + Sync>(
         &self,
+        budget: &Budget,
         continuation: &Continuation,
         watch: &impl Fn(ArmMinimumTorque) -> W,
     ) -> Result<Option<Continued<8>>, ShootingError> {
@@ -213,7 +247,7 @@ impl ArmTravel {
         let times = graded_times(thesis.horizon, 0.25 * LED, LED)?;
         let (nodes, descents) = thesis.guess(&times, ATTEMPTS[0].1, &|| true);
         let ends = [end(thesis.initial), end(thesis.last)];
-        let start = continuation.polish.solve(&watch(thesis.system), &ends, &times, &nodes);
+        let start = continuation.polish.solve_within(budget, &watch(thesis.system), &ends, &times, &nodes);
         let Some(start) = start.ok().filter(|start| start.status == Status::Converged) else {
             return Ok(None);
         };
@@ -224,7 +258,9 @@ impl ArmTravel {
             Member { system: watch(thesis.system.towards(&self.system, s)), ends, horizon }
         };
         let fractions: Vec<f64> = times.iter().map(|t| t / thesis.horizon).collect();
-        let mut found = continuation.follow(family, &fractions, &start.nodes)?;
+        // a first member that fails, from its own solution, has lost its values: the search has been stopped
+        let found = continuation.follow_within(budget, Stage::FromThesis, family, &fractions, &start.nodes);
+        let Ok(mut found) = found else { return Ok(None) };
         found.iterations += descents + start.iterations;
         found.work += start.work;
         Ok(Some(found))

@@ -5,11 +5,11 @@
 //! to one; then limits come down from the largest torques to their own.
 
 use super::least_effort::{Driven, Motion, Spline, Torque};
-use super::linearised::{cold_start, expect_states};
+use super::linearised::{cold_start_within, expect_states};
 use super::{DIRECT, Spent};
-use crate::continuation::{Continuation, Continued, Member};
-use crate::flow::Work;
-use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
+use crate::budget::Budget;
+use crate::continuation::{Continuation, Continued, Member, Stage};
+use crate::shooting::{End, Shooting, ShootingError, graded_times};
 use crate::system::{OptimalControlSystem, TreeMinimumTorque, VectorField};
 use nalgebra::SVector;
 
@@ -32,7 +32,7 @@ const ATTEMPTS: [f64; 4] = [1.0 / 24.0, 1.0 / 48.0, 1.0 / 96.0, 1.0 / 192.0];
 /// Relative fall of the effort in a step at which the descent ends: λ_q, a third derivative, needs more than the cost.
 const ENOUGH: f64 = 1e-9;
 
-/// The largest defect of a guess as a part of the largest entry of its nodes.
+/// The largest defect of a guess, relative to the size of its entry.
 const ROUGH: f64 = 0.1;
 
 impl<const Q: usize, const N: usize> Driven<Q> for TreeMinimumTorque<N> {
@@ -63,16 +63,21 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
         watch: impl Fn(TreeMinimumTorque<N>) -> W,
     ) -> Result<Continued<N>, ShootingError> {
         const { assert!(N == 4 * Q) };
+        continuation.polish.check_tolerance()?;
         let ends = expect_states::<N>([self.initial, self.last], self.horizon)?;
         let whole = watch(self.system.clone());
+        let budget = continuation.polish.limits.start();
         let mut spent = Spent::default();
         let mut found = None;
         if self.system.is_flat() {
-            found = self.by_spline(continuation, &watch, ends, &mut spent)?;
+            found = self.by_spline(&budget, continuation, &watch, ends, &mut spent)?;
         }
         let mut found = match found {
             Some(found) => found,
-            None => cold_start(&whole, self.initial, self.last, self.horizon, continuation)?,
+            None => {
+                let (initial, last, horizon) = (self.initial, self.last, self.horizon);
+                cold_start_within(&budget, &whole, initial, last, horizon, continuation)?
+            }
         };
         found.steps[1] += spent.failures;
         found.iterations += spent.iterations;
@@ -82,6 +87,7 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
 
     fn by_spline<W: VectorField<N> + Sync>(
         &self,
+        budget: &Budget,
         continuation: &Continuation,
         watch: &impl Fn(TreeMinimumTorque<N>) -> W,
         ends: [End<N>; 2],
@@ -89,7 +95,8 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
     ) -> Result<Option<Continued<N>>, ShootingError> {
         let driven = self.system.released(0.0);
         let watched = watch(driven.clone());
-        let goes_on = || watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
+        let goes_on =
+            || budget.reached().is_none() && watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
         let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
         // only propagates
         let judging = Shooting { max_iterations: 0, ..shooting };
@@ -104,23 +111,28 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
             let mut spline = Spline::<Q> { times: times.clone(), knots };
             spent.iterations += spline.descend(&driven, ENOUGH, 100, goes_on);
             let nodes = spline.nodes(&driven);
-            let Ok(guess) = judging.solve(&watched, &ends, &times, &nodes) else { continue };
+            let Ok(guess) = judging.solve_within(budget, &watched, &ends, &times, &nodes) else {
+                spent.failures += 1;
+                continue;
+            };
             spent.work += guess.work;
-            let largest = nodes.iter().fold(0.0, |m: f64, p| m.max(p.amax()));
-            if guess.residual > ROUGH * largest && k + 1 < ATTEMPTS.len() {
+            if guess.residual > ROUGH && k + 1 < ATTEMPTS.len() {
                 spent.failures += 1;
                 continue;
             }
-            let Ok(extremal) = shooting.solve(&watched, &ends, &times, &nodes) else { continue };
+            let Ok(extremal) = shooting.solve_within(budget, &watched, &ends, &times, &nodes) else {
+                spent.failures += 1;
+                continue;
+            };
             spent.iterations += extremal.iterations;
             spent.work += extremal.work;
-            if extremal.status != Status::Converged {
+            let found = Continued::of_one(extremal, Stage::LeastEffort, budget);
+            if !found.arrived() {
                 spent.failures += 1;
                 continue;
             }
-            let found = Continued { extremal, s: 1.0, steps: [1, 0], iterations: 0, work: Work::default() };
-            let mut found = self.restricted(continuation, watch, ends, found)?;
-            let arrived = found.s == 1.0 && found.extremal.status == Status::Converged;
+            let mut found = self.restricted(budget, continuation, watch, ends, found);
+            let arrived = found.arrived();
             if let Some(before) = &best {
                 found = found.after(before);
             }
@@ -135,31 +147,33 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
     /// Without the torques that are not there, and with the limits.
     fn restricted<W: VectorField<N> + Sync>(
         &self,
+        budget: &Budget,
         continuation: &Continuation,
         watch: &impl Fn(TreeMinimumTorque<N>) -> W,
         ends: [End<N>; 2],
         mut found: Continued<N>,
-    ) -> Result<Continued<N>, ShootingError> {
+    ) -> Continued<N> {
         let fractions: Vec<f64> = found.extremal.times.iter().map(|t| t / self.horizon).collect();
-        let lead = |found: &Continued<N>, of: &dyn Fn(f64) -> TreeMinimumTorque<N>| {
+        let lead = |stage: Stage, found: Continued<N>, of: &dyn Fn(f64) -> TreeMinimumTorque<N>| {
             let family = |s: f64| Member { system: watch(of(s)), ends, horizon: self.horizon };
-            Ok(continuation.follow(family, &fractions, &found.extremal.nodes)?.after(found))
+            match continuation.follow_within(budget, stage, family, &fractions, &found.extremal.nodes) {
+                Ok(led) => led.after(&found),
+                Err(error) => Continued { s: 0.0, ..found.stopped(stage, error, budget) },
+            }
         };
         if !self.system.is_fully_driven() {
-            found = lead(&found, &|s| self.system.released(s))?;
+            found = lead(Stage::Release, found, &|s| self.system.released(s));
         }
-        if found.extremal.status == Status::Converged
-            && self.system.torque_limits().iter().any(|limit| limit.is_finite())
-        {
+        if found.arrived() && self.system.torque_limits().iter().any(|limit| limit.is_finite()) {
             let (free, mut peaks, mut u) = (self.system.released(1.0), [0.0f64; Q], [0.0; Q]);
             for p in &found.extremal.nodes {
                 // the controls are as many as the degrees of freedom; without a value they leave the peaks
                 let _ = free.control_into(p, &mut u);
                 peaks.iter_mut().zip(&u).for_each(|(peak, u)| *peak = peak.max(u.abs()));
             }
-            found = lead(&found, &|s| self.system.limited_from(&peaks, s))?;
+            found = lead(Stage::Limits, found, &|s| self.system.limited_from(&peaks, s));
         }
-        Ok(found)
+        found
     }
 
     /// The cubic between the ends.

@@ -3,7 +3,8 @@
 mod rows;
 mod switching;
 
-use super::{FlowError, Tolerances, Work};
+use super::{FlowError, Tolerances, VariationalFlow, Work};
+use crate::budget::Budget;
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{ArrayStorage, SMatrix, SVector};
@@ -12,6 +13,9 @@ use somersault_integrators::tableau::{ErrorWeights, Tableau};
 use switching::{Ahead, Watch};
 
 const STAGES: usize = 12;
+
+/// Of four steps.
+const EVALUATIONS_BETWEEN_REPORTS: usize = 4 * STAGES;
 
 /// How an [`advance`](Kernel::advance) ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,8 +29,15 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     system: &'a S,
     tableau: &'static Tableau,
     error: &'static ErrorWeights,
-    tolerances: Tolerances,
+    relative: f64,
+    /// In each entry of the state.
+    absolute: SVector<f64, N>,
+    /// In the integral.
+    integral_tolerance: f64,
     max_steps: usize,
+    budget: Option<&'a Budget>,
+    /// Evaluations that the budget knows of.
+    reported: usize,
     pub(super) t: f64,
     pub(super) state: SVector<f64, N>,
     /// Φ.
@@ -71,19 +82,22 @@ where
 
 impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N, MATRIX> {
     pub(super) fn start(
-        system: &'a S,
-        tolerances: Tolerances,
-        max_steps: usize,
+        flow: &VariationalFlow<'a, S, N>,
         p: &SVector<f64, N>,
         duration: f64,
     ) -> Result<Self, FlowError> {
         let (tableau, error) = Tableau::dop853();
+        let (system, Tolerances { relative, absolute }) = (flow.system, flow.tolerances);
         let mut kernel = Self {
             system,
             tableau,
             error,
-            tolerances,
-            max_steps,
+            relative,
+            absolute: flow.scale.state * absolute,
+            integral_tolerance: flow.scale.cost * absolute,
+            max_steps: flow.max_steps,
+            budget: flow.budget,
+            reported: 0,
             t: 0.0,
             state: *p,
             rows: identity(),
@@ -134,7 +148,12 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         growth: f64,
         integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
     ) -> Result<Progress, FlowError> {
-        pulp::Arch::new().dispatch(Steps { kernel: self, end, growth, integrand })
+        let progress = pulp::Arch::new().dispatch(Steps { kernel: self, end, growth, integrand });
+        if let Some(budget) = self.budget {
+            budget.spend(self.work.evaluations - self.reported);
+            self.reported = self.work.evaluations;
+        }
+        progress
     }
 
     #[inline(always)]
@@ -152,6 +171,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 let (t, steps) = (self.t, self.work.steps);
                 return Err(FlowError::TooManySteps { t, state: self.state.as_slice().to_vec(), steps });
             }
+            self.report()?;
             let left = end - self.t;
             let mut last = cut.is_none() && left.abs() <= 1.01 * self.h.abs();
             // two equal steps rather than a long and a tiny one
@@ -233,6 +253,23 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         Ok(Progress::Arrived)
     }
 
+    /// Tells the budget what has been spent, every few steps: a look at the clock costs as much as an evaluation.
+    #[inline(always)]
+    fn report(&mut self) -> Result<(), FlowError> {
+        let Some(budget) = self.budget else { return Ok(()) };
+        if self.reported > 0 && self.work.evaluations - self.reported < EVALUATIONS_BETWEEN_REPORTS {
+            return Ok(());
+        }
+        budget.spend(self.work.evaluations - self.reported);
+        self.reported = self.work.evaluations;
+        match budget.reached() {
+            Some(limit) => {
+                Err(FlowError::LimitReached { limit, t: self.t, state: self.state.as_slice().to_vec() })
+            }
+            None => Ok(()),
+        }
+    }
+
     /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
     /// before it do not have.
     fn spread(&self) -> f64 {
@@ -309,8 +346,9 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// columns of Φ and integral.
     #[inline(always)]
     fn error_of<V: pulp::Simd>(&self, h: f64, state: &SVector<f64, N>, rows: &Rows<N>) -> f64 {
-        let Tolerances { relative, absolute } = self.tolerances;
-        let correction = self.error.correction().unwrap_or_default();
+        let (relative, absolute) = (self.relative, &self.absolute);
+        // a pair without a second estimate has none of its weights
+        let correction = self.error.correction().unwrap_or(&[]);
         let (mut fifth, mut third) = (0.0, 0.0);
         let (mut e5, mut e3) = (SVector::<f64, N>::zeros(), SVector::<f64, N>::zeros());
         for &(j, a) in self.error.main() {
@@ -320,7 +358,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
             e3 += self.states[j] * a;
         }
         for i in 0..N {
-            let scale = absolute + relative * self.state[i].abs().max(state[i].abs());
+            let scale = absolute[i] + relative * self.state[i].abs().max(state[i].abs());
             fifth += (e5[i] / scale).powi(2);
             third += (e3[i] / scale).powi(2);
         }
@@ -343,7 +381,8 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 size = larger(size, ratio(fifth[c] * scale, third[c] * scale, N));
             }
         }
-        let scale = absolute + relative * self.integral.abs().max((h * self.integrands[0]).abs());
+        let scale =
+            self.integral_tolerance + relative * self.integral.abs().max((h * self.integrands[0]).abs());
         let main = self.combine_scalar(self.error.main());
         if main != 0.0 && scale > 0.0 {
             size = larger(
@@ -357,13 +396,12 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// From the size of the slope against that of the state, and of D: the estimate of Hairer, Nørsett and Wanner, II.4,
     /// without its trial step.
     fn first_step_size(&self) -> f64 {
-        let Tolerances { relative, absolute } = self.tolerances;
+        let (relative, absolute) = (self.relative, &self.absolute);
         let mut rate = 0.0f64;
         for i in 0..N {
             let slope = self.states[0][i].abs();
-            rate = rate.max(
-                slope / (absolute / relative.max(1e-300) + self.state[i].abs()).max(slope.min(1.0) * 1e-2),
-            );
+            rate =
+                rate.max(slope / (absolute[i] / relative + self.state[i].abs()).max(slope.min(1.0) * 1e-2));
         }
         if MATRIX {
             // ‖D‖ grows with the choice of units, √‖D²‖ less so

@@ -14,17 +14,22 @@
 
 mod kernel;
 
+use crate::budget::{Budget, Limit};
 use crate::system::{OptimalControlSystem, Piece, SystemError, VectorField};
 use kernel::{Kernel, Progress};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-/// Accuracy of a run.
+/// Accuracy of a run: bounds of the estimated error of each of its steps, not of their sum.
+///
+/// The error at the end of a run is that of its steps, each carried on by the Φ that follows it: about the number of steps
+/// times the tolerance times the growth of Φ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerances {
     /// Error of a step relative to the size of each entry of the state and of each column of Φ.
     pub relative: f64,
-    /// Error of a step that is always allowed in an entry of the state.
+    /// Error of a step that is always allowed in an entry of the state, in the scale of that entry
+    /// ([`VariationalFlow::with_scale`]).
     pub absolute: f64,
 }
 
@@ -64,6 +69,16 @@ pub enum FlowError {
     /// The step size went below the rounding of the time, as where a motion runs off to infinity.
     #[error("the step size underflows at t = {t}")]
     StepUnderflow {
+        /// Time since the start of the run.
+        t: f64,
+        /// Last state.
+        state: Vec<f64>,
+    },
+    /// The search that the run belongs to has reached a limit.
+    #[error("{limit} at t = {t}")]
+    LimitReached {
+        /// The limit.
+        limit: Limit,
         /// Time since the start of the run.
         t: f64,
         /// Last state.
@@ -180,6 +195,15 @@ pub struct VariationalFlow<'a, S, const N: usize> {
     system: &'a S,
     tolerances: Tolerances,
     max_steps: usize,
+    scale: Scale<N>,
+    budget: Option<&'a Budget>,
+}
+
+/// The units in which absolute tolerances count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Scale<const N: usize> {
+    state: SVector<f64, N>,
+    cost: f64,
 }
 
 impl<S, const N: usize> Clone for VariationalFlow<'_, S, N> {
@@ -202,7 +226,19 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
             let allowed = "finite and not negative";
             return Err(FlowError::Argument { argument: "absolute", allowed, found: absolute });
         }
-        Ok(Self { system, tolerances, max_steps: 100_000 })
+        let scale = Scale { state: SVector::repeat(1.0), cost: 1.0 };
+        Ok(Self { system, tolerances, max_steps: 100_000, scale, budget: None })
+    }
+
+    /// With the absolute tolerance in units of `state` for each entry of p and of `cost` for the cost, all positive; one
+    /// unless given. What is computed does then not depend on the units that a problem is written in.
+    pub fn with_scale(self, state: SVector<f64, N>, cost: f64) -> Self {
+        Self { scale: Scale { state, cost }, ..self }
+    }
+
+    /// Within the limits of a search: runs count their evaluations there and end where a limit is reached.
+    pub fn within(self, budget: &'a Budget) -> Self {
+        Self { budget: Some(budget), ..self }
     }
 
     /// Allows `max_steps` steps in a run.
@@ -318,7 +354,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         if let Some(&found) = p.iter().find(|x| !x.is_finite()) {
             return Err(FlowError::Argument { argument: "p", allowed: "finite", found });
         }
-        Kernel::start(self.system, self.tolerances, self.max_steps, p, duration)
+        Kernel::start(self, p, duration)
     }
 }
 

@@ -7,6 +7,7 @@
 //! Each grid is halved or moved by itself; appendix G leaves open whether one may be halved while the other moves.
 
 use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
+use crate::budget::Limits;
 use crate::system::HamiltonianSystem;
 use nalgebra::SVector;
 use rayon::prelude::*;
@@ -22,6 +23,8 @@ pub struct GridSearch {
     pub finest: f64,
     /// Rounds allowed.
     pub max_rounds: usize,
+    /// What the search may spend.
+    pub limits: Limits,
 }
 
 impl GridSearch {
@@ -41,6 +44,8 @@ impl GridSearch {
                 return Err(MatchingError::Argument { argument: "spacing", allowed: "positive", found });
             }
         }
+        let budget = self.limits.start();
+        let matching = &matching.within(&budget);
         let mut center = matching.ends.map(|p| held.iter().map(|&i| p[N / 2 + i]).collect::<Vec<f64>>());
         let mut near = matching.ends;
         let mut scale = [1.0f64; 2];
@@ -75,7 +80,10 @@ impl GridSearch {
                     }
                 }
             }
-            let Some((i, j, mismatch)) = least else { break MatchStatus::NoStart };
+            let reached = budget.reached().is_some();
+            let Some((i, j, mismatch)) = least else {
+                break if reached { MatchStatus::LimitReached } else { MatchStatus::NoStart };
+            };
             let pair = [branches[i].clone(), branches[points + j].clone()];
             if let [Some(first), Some(second)] = pair {
                 near = [first.end, second.end];
@@ -85,6 +93,9 @@ impl GridSearch {
             }
             if mismatch <= self.tolerance {
                 break MatchStatus::Matched;
+            }
+            if reached {
+                break MatchStatus::LimitReached;
             }
             let moved = [value(0, i), value(1, j)];
             for (which, point) in [i, j].into_iter().enumerate() {
@@ -99,15 +110,16 @@ impl GridSearch {
         };
         Ok(match &best {
             Some(([first, second], _)) => matching.report([first, second], status, counts),
-            None => matching.unmatched(counts),
+            None => matching.unmatched(status, counts),
         })
     }
 }
 
 impl Default for GridSearch {
-    /// Spacings must be given; mismatch 2e-3, finest 1e-4, 100 rounds.
+    /// Spacings must be given; mismatch 2e-3, finest 1e-4, 100 rounds, without limits.
     fn default() -> Self {
-        Self { spacing: [Vec::new(), Vec::new()], tolerance: 2e-3, finest: 1e-4, max_rounds: 100 }
+        let spacing = [Vec::new(), Vec::new()];
+        Self { spacing, tolerance: 2e-3, finest: 1e-4, max_rounds: 100, limits: Limits::default() }
     }
 }
 

@@ -6,6 +6,7 @@
 
 use super::grid::held_of;
 use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
+use crate::budget::{Budget, Limits};
 use crate::system::HamiltonianSystem;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -19,17 +20,24 @@ pub struct LeastSquares {
     pub tolerance: f64,
     /// Gauss–Newton steps allowed.
     pub max_rounds: usize,
+    /// What the search may spend.
+    pub limits: Limits,
 }
 
 impl Default for LeastSquares {
-    /// Nothing conserved but H; 2e-3, 30 steps.
+    /// Nothing conserved but H; 2e-3, 30 steps, without limits.
     fn default() -> Self {
-        Self { conserved: Vec::new(), tolerance: 2e-3, max_rounds: 30 }
+        Self { conserved: Vec::new(), tolerance: 2e-3, max_rounds: 30, limits: Limits::default() }
     }
 }
 
 /// Relative step of the differences.
 const DIFFERENCE: f64 = 1e-4;
+
+/// Why nothing more can be tried.
+fn ended(budget: &Budget) -> MatchStatus {
+    if budget.reached().is_some() { MatchStatus::LimitReached } else { MatchStatus::Exhausted }
+}
 
 impl LeastSquares {
     /// Runs the match from the costates that `matching` was given.
@@ -38,6 +46,8 @@ impl LeastSquares {
         matching: &Matching<'_, S, N>,
     ) -> Result<Matched<N>, MatchingError> {
         Matching::<S, N>::check_search(self.tolerance, self.max_rounds)?;
+        let budget = self.limits.start();
+        let matching = &matching.within(&budget);
         let held = matching.held();
         if let Some(&found) = self.conserved.iter().find(|c| !held.contains(c)) {
             let allowed = "among the held costates";
@@ -78,7 +88,9 @@ impl LeastSquares {
         };
         counts.branches += 2;
         let Some(mut branches) = both(&z, &matching.ends, &counts) else {
-            return Ok(matching.unmatched(counts));
+            let reached = budget.reached().is_some();
+            let status = if reached { MatchStatus::LimitReached } else { MatchStatus::NoStart };
+            return Ok(matching.unmatched(status, counts));
         };
         let status = loop {
             let r = residual([&branches[0], &branches[1]]);
@@ -91,9 +103,14 @@ impl LeastSquares {
             if counts.rounds == self.max_rounds {
                 break MatchStatus::MaxRounds;
             }
+            if budget.reached().is_some() {
+                break MatchStatus::LimitReached;
+            }
             counts.rounds += 1;
             let near = [branches[0].end, branches[1].end];
-            let size = z.iter().fold(1e-3, |s: f64, x| s.max(x.abs()));
+            let largest = z.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
+            // costates that are all zero say nothing of their size
+            let size = if largest > 0.0 { largest } else { 1e-3 };
             // an unknown of one end moves one branch, a shared one both
             let columns: Vec<Option<DVector<f64>>> = (0..unknowns)
                 .into_par_iter()
@@ -116,7 +133,7 @@ impl LeastSquares {
                 .collect();
             counts.branches += unknowns + shared.iter().filter(|s| **s).count();
             let Some(columns) = columns.into_iter().collect::<Option<Vec<_>>>() else {
-                break MatchStatus::Exhausted;
+                break ended(&budget);
             };
             let jacobian = DMatrix::from_columns(&columns);
             let Ok(step) = jacobian.svd(true, true).solve(&-&r, 1e-12) else { break MatchStatus::Exhausted };
@@ -136,7 +153,7 @@ impl LeastSquares {
             };
             match next {
                 Some((trial, found)) => (z, branches) = (trial, found),
-                None => break MatchStatus::Exhausted,
+                None => break ended(&budget),
             }
         };
         Ok(matching.report([&branches[0], &branches[1]], status, counts))

@@ -17,6 +17,7 @@ mod least_squares;
 pub use grid::GridSearch;
 pub use least_squares::LeastSquares;
 
+use crate::budget::Budget;
 use crate::flow::{FlowError, VariationalFlow};
 use crate::placement::{Placement, PlacementStatus};
 use crate::spectrum::TimeDirection;
@@ -64,6 +65,8 @@ pub enum MatchStatus {
     MaxRounds,
     /// No point of the first grid, or not the first guess, could be placed and followed.
     NoStart,
+    /// A limit of time or evaluations is reached.
+    LimitReached,
 }
 
 /// What is to be matched: end states, horizon, and how ends are placed and followed.
@@ -171,6 +174,21 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         Ok(Self { match_time, corrections: [early, late.into_iter().rev().collect()], ..self })
     }
 
+    /// The same within the limits of a search.
+    fn within<'b>(&self, budget: &'b Budget) -> Matching<'b, S, N>
+    where
+        'a: 'b,
+    {
+        Matching {
+            flow: self.flow.within(budget),
+            ends: self.ends,
+            horizon: self.horizon,
+            match_time: self.match_time,
+            placements: self.placements.clone(),
+            corrections: self.corrections.clone(),
+        }
+    }
+
     /// A search must have a round at least, and a tolerance.
     fn check_search(tolerance: f64, max_rounds: usize) -> Result<(), MatchingError> {
         if !tolerance.is_finite() || tolerance <= 0.0 {
@@ -239,7 +257,8 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
             let late = t > self.match_time;
             let course = courses[usize::from(late)].iter().rev();
             let reached = course.copied().find(|(from, _)| if late { *from >= t } else { *from <= t });
-            let (from, p) = reached.unwrap_or((t, self.ends[0]));
+            let (argument, allowed) = ("times", "within the horizon of a match that has a motion");
+            let (from, p) = reached.ok_or(FlowError::Argument { argument, allowed, found: t })?;
             self.flow.state(&p, t - from)
         };
         times.iter().map(at).collect()
@@ -259,9 +278,9 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         }
     }
 
-    fn unmatched(&self, counts: Counts) -> Matched<N> {
+    fn unmatched(&self, status: MatchStatus, counts: Counts) -> Matched<N> {
         Matched {
-            status: MatchStatus::NoStart,
+            status,
             ends: self.ends,
             meeting: [SVector::repeat(f64::NAN); 2],
             mismatch: f64::INFINITY,

@@ -54,7 +54,7 @@ impl Placement {
             for (k, there) in course.iter().enumerate().skip(1) {
                 match flow.state(&p, step) {
                     Ok(next) if (next - there).rows(0, N / 2).amax() <= bound => p = next,
-                    _ => return step * (k - 1) as f64,
+                    Ok(_) | Err(_) => return step * (k - 1) as f64,
                 }
             }
             last - first

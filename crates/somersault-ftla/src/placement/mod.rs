@@ -16,7 +16,7 @@
 //!
 //! Long averaging times give better subspaces, but from a point off the manifold the motion leaves before they are over:
 //! algorithms 3 and 4 place for a [`Schedule`] of growing times. Here a time at which placing fails is approached in
-//! smaller steps before giving up.
+//! smaller steps before giving up, and where the first one fails the schedule begins with a half of it, a quarter and so on.
 //!
 //! # Deviations
 //! Algorithms 1 and 2 are one, with a [`TimeDirection`]. The complements printed in their lines 3 and 8 contradict each
@@ -148,6 +148,8 @@ pub struct Placement {
     pub tolerance: f64,
     /// Iterations for one averaging time.
     pub max_iterations: usize,
+    /// Whether times at which placing fails are approached in smaller steps.
+    adapts: bool,
 }
 
 /// How a placement ended.
@@ -163,6 +165,13 @@ pub enum PlacementStatus {
     SingularCostates,
     /// The motion from the point cannot be followed for the averaging time.
     Flow(FlowError),
+}
+
+impl PlacementStatus {
+    /// Whether a limit of the search that it is part of was reached: nothing more can be tried.
+    fn reached_limit(&self) -> bool {
+        matches!(self, Self::Flow(FlowError::LimitReached { .. }))
+    }
 }
 
 /// A placed point, or the best one found.
@@ -184,8 +193,8 @@ pub struct Placed<const N: usize> {
     pub flow_evaluations: usize,
 }
 
-/// Halvings of the way to the next averaging time.
-const HALVINGS: usize = 4;
+/// Halvings of the way to the next averaging time, counted from the last one that was placed, or from zero.
+const HALVINGS: usize = 6;
 
 impl Placement {
     /// `held` are the numbers, from 0, of the costates that are held; with the fast directions they must add up to n.
@@ -218,6 +227,7 @@ impl Placement {
             method: Method::Newton,
             tolerance: 1e-8,
             max_iterations: 30,
+            adapts: true,
         })
     }
 
@@ -236,11 +246,12 @@ impl Placement {
         &self.held
     }
 
-    /// The same with only the last averaging time and at most ten iterations, for points that are near the manifold
+    /// The same with only the last averaging time, at once or not at all, and at most ten iterations, for points that are near the manifold
     /// already.
     pub fn without_schedule(&self) -> Self {
         let last = self.schedule.0[self.schedule.0.len() - 1];
-        Self { schedule: Schedule(vec![last]), max_iterations: self.max_iterations.min(10), ..self.clone() }
+        let max_iterations = self.max_iterations.min(10);
+        Self { schedule: Schedule(vec![last]), max_iterations, adapts: false, ..self.clone() }
     }
 
     /// Places `p`.
@@ -263,6 +274,8 @@ impl Placement {
         'times: for &time in &self.schedule.0 {
             let mut target = time;
             let mut halvings = 0;
+            // what the first time left, where nothing has been placed yet
+            let mut first = None;
             loop {
                 let attempt = search.at(&placed.p, target);
                 if attempt.status == PlacementStatus::Placed {
@@ -271,13 +284,18 @@ impl Placement {
                         break;
                     }
                     target = time;
-                } else if placed.time > 0.0 && halvings < HALVINGS {
+                } else if self.adapts && halvings < HALVINGS && !attempt.status.reached_limit() {
                     halvings += 1;
                     target = 0.5 * (placed.time + target);
+                    first.get_or_insert(attempt);
                 } else {
                     // the last point placed, or the best of the first attempt
-                    placed =
-                        if placed.time > 0.0 { Placed { status: attempt.status, ..placed } } else { attempt };
+                    let status = attempt.status.clone();
+                    placed = if placed.time > 0.0 {
+                        Placed { status, ..placed }
+                    } else {
+                        first.unwrap_or(attempt)
+                    };
                     break 'times;
                 }
             }

@@ -131,7 +131,9 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
         let mut slope = DMatrix::zeros(frame.dim(), frame.dim());
         for j in 0..frame.dim() {
             let entry = self.solved[j];
-            let step = 1e-7 * at.p[entry].abs().max(0.1 * costates).max(1e-6);
+            // costates that are all zero say nothing of their size
+            let size = if costates > 0.0 { at.p[entry].abs().max(0.1 * costates) } else { 1e-6 };
+            let step = 1e-7 * size;
             let mut p = at.p;
             p[entry] += step;
             let beside = self.point(&p, time).map_err(PlacementStatus::Flow)?;

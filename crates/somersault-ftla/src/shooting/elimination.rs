@@ -16,7 +16,7 @@ use crate::flow::Transition;
 use nalgebra::SVector;
 
 /// The factorisation; kept, so that several right-hand sides can be solved.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Elimination<const N: usize> {
     /// For each interval, n + N rows by 2N columns, column by column: reflectors and R, then E over C.
     blocks: Vec<f64>,
@@ -27,6 +27,8 @@ pub(super) struct Elimination<const N: usize> {
     last_scales: Vec<f64>,
     ends: Option<[End<N>; 2]>,
     rhs: Vec<f64>,
+    /// Of each entry of p: the unknowns and the rows are divided by it, so that units do not matter.
+    scale: SVector<f64, N>,
     intervals: usize,
 }
 
@@ -37,8 +39,27 @@ pub(super) struct Singular;
 impl<const N: usize> Elimination<N> {
     const ROWS: usize = N + N / 2;
 
-    pub(super) fn factor(&mut self, links: &[Transition<N>], ends: &[End<N>; 2]) -> Result<(), Singular> {
+    pub(super) fn new() -> Self {
+        Self {
+            blocks: Vec::new(),
+            scales: Vec::new(),
+            last: Vec::new(),
+            last_scales: Vec::new(),
+            ends: None,
+            rhs: Vec::new(),
+            scale: SVector::repeat(1.0),
+            intervals: 0,
+        }
+    }
+
+    pub(super) fn factor(
+        &mut self,
+        links: &[Transition<N>],
+        ends: &[End<N>; 2],
+        scale: &SVector<f64, N>,
+    ) -> Result<(), Singular> {
         let (n, rows) = (N / 2, Self::ROWS);
+        self.scale = *scale;
         let size = rows * 2 * N;
         self.intervals = links.len();
         self.ends = Some(*ends);
@@ -55,7 +76,9 @@ impl<const N: usize> Elimination<N> {
             for j in 0..N {
                 let column = &mut block[j * rows..(j + 1) * rows];
                 column[..n].copy_from_slice(&known[j * n..(j + 1) * n]);
-                column[n..].copy_from_slice(link.matrix.column(j).as_slice());
+                for i in 0..N {
+                    column[n + i] = link.matrix[(i, j)] * scale[j] / scale[i];
+                }
                 block[(N + j) * rows + n + j] = -1.0;
             }
             triangularise(block, rows, N, 2 * N, &mut self.scales[k * N..(k + 1) * N])?;
@@ -92,19 +115,21 @@ impl<const N: usize> Elimination<N> {
         self.rhs.resize(intervals * N, 0.0);
         let mut known = vec![0.0; rows];
         for i in 0..n {
-            known[i] = ends[0].values[i] - first[ends[0].columns[i]];
+            let column = ends[0].columns[i];
+            known[i] = (ends[0].values[i] - first[column]) / self.scale[column];
         }
         for k in 0..intervals {
             let block = &self.blocks[k * size..(k + 1) * size];
             for i in 0..N {
-                known[n + i] = -defects[k][i];
+                known[n + i] = -defects[k][i] / self.scale[i];
             }
             reflect(block, rows, &self.scales[k * N..(k + 1) * N], &mut known);
             self.rhs[k * N..(k + 1) * N].copy_from_slice(&known[..N]);
             known.copy_within(N.., 0);
         }
         for i in 0..n {
-            known[n + i] = ends[1].values[i] - last[ends[1].columns[i]];
+            let column = ends[1].columns[i];
+            known[n + i] = (ends[1].values[i] - last[column]) / self.scale[column];
         }
         let mut tail = known[..N].to_vec();
         reflect(&self.last, N, &self.last_scales, &mut tail);
@@ -126,6 +151,7 @@ impl<const N: usize> Elimination<N> {
             out[k] = delta;
             next = delta;
         }
+        out.iter_mut().for_each(|delta| delta.component_mul_assign(&self.scale));
     }
 }
 

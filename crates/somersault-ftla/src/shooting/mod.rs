@@ -7,15 +7,21 @@
 //! be shorter than the one before, which asks nothing of the scaling of costates.
 //!
 //! Segments are propagated in parallel, and no more accurately than the residual calls for.
+//!
+//! Every entry of p is measured in its own size over the motion, in the residual, in the linear equations and in the
+//! absolute tolerance of the segments: a problem in other units has the same iterates. A solution must keep its Hamiltonian
+//! as well as its conditions ([`Status::HamiltonianDrifts`]), which a costate equation with a wrong derivative does not.
 
 mod elimination;
 
+use crate::budget::{Budget, Limits};
 use crate::flow::{FlowError, Tolerances, Transition, VariationalFlow, Work};
 use crate::system::{OptimalControlSystem, VectorField};
 use elimination::Elimination;
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// Why a boundary value problem cannot be posed or begun.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -105,24 +111,55 @@ impl<const N: usize> End<N> {
         &self.values[..N / 2]
     }
 
-    fn residual(&self, p: &SVector<f64, N>) -> f64 {
-        (0..N / 2).fold(0.0, |m: f64, i| m.max((p[self.columns[i]] - self.values[i]).abs()))
+    /// Raises `largest` to what is missing in each entry that a condition is on.
+    fn residual_into(&self, p: &SVector<f64, N>, largest: &mut SVector<f64, N>) {
+        for (&column, &value) in self.columns.iter().zip(&self.values).take(N / 2) {
+            largest[column] = largest[column].max((p[column] - value).abs());
+        }
     }
 }
 
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Status {
-    /// Every defect and end condition is within the tolerance.
+    /// Every defect and end condition is within the tolerance, and so is the range of the Hamiltonian where it is known.
     Converged,
+    /// The residual is above the tolerance and at its floor: rounding and the segments' own tolerance allow no smaller one.
+    Floor,
+    /// Every defect and end condition is within the tolerance, but the Hamiltonian is not constant: the field is not that of
+    /// the problem, as where a derivative is wrong.
+    HamiltonianDrifts,
     /// No shortened step passes the monotonicity test; the nodes are the last that did.
     Stalled,
     /// The iterations are used up.
     MaxIterations,
     /// The end conditions do not determine a correction.
     Singular,
+    /// A limit of time or evaluations is reached; the nodes are the last accepted.
+    LimitReached,
     /// A continuation broke off: the nodes solve a member on the way to the one asked for.
     OnTheWay,
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "every defect and end condition is within the tolerance",
+            Self::Floor => {
+                "the residual is at its floor: rounding and the segments' tolerance allow no smaller one"
+            }
+            Self::HamiltonianDrifts => {
+                "the Hamiltonian is not constant along the motion: the field is not that of the problem"
+            }
+            Self::Stalled => "no shortened step passes the monotonicity test",
+            Self::MaxIterations => "the iterations are used up",
+            Self::Singular => "the end conditions do not determine a correction",
+            Self::LimitReached => "a limit of time or evaluations is reached",
+            Self::OnTheWay => {
+                "a continuation broke off: this solves a member on its way, to the tolerance of those"
+            }
+        })
+    }
 }
 
 /// A motion by its nodes, with how well it satisfies the conditions.
@@ -137,8 +174,13 @@ pub struct Extremal<const N: usize> {
     pub links: Vec<Transition<N>>,
     /// How the solve ended.
     pub status: Status,
-    /// The largest entry of a defect or end condition.
+    /// The largest entry of a defect or end condition, relative to the size of that entry over the motion.
     pub residual: f64,
+    /// The residual below which rounding and the tolerance of the segments hide what a step does.
+    pub floor: f64,
+    /// The range of the Hamiltonian over nodes and ends of segments where it is known, relative to the terms that it is a
+    /// sum of.
+    pub hamiltonian_drift: Option<f64>,
     /// Newton steps taken.
     pub iterations: usize,
     /// Segments propagated.
@@ -155,6 +197,8 @@ struct Parts<const N: usize> {
     links: Vec<Transition<N>>,
     status: Status,
     residual: f64,
+    floor: f64,
+    hamiltonian_drift: Option<f64>,
     iterations: usize,
     flow_evaluations: usize,
     work: Work,
@@ -164,15 +208,63 @@ impl<const N: usize> TryFrom<Parts<N>> for Extremal<N> {
     type Error = &'static str;
 
     fn try_from(parts: Parts<N>) -> Result<Self, Self::Error> {
-        let Parts { times, nodes, links, status, residual, iterations, flow_evaluations, work } = parts;
+        let Parts {
+            times,
+            nodes,
+            links,
+            status,
+            residual,
+            floor,
+            hamiltonian_drift,
+            iterations,
+            flow_evaluations,
+            work,
+        } = parts;
         if nodes.len() < 2 || times.len() != nodes.len() || links.len() + 1 != nodes.len() {
             return Err("`nodes` must be two at least, `times` as many, and `links` one less");
         }
-        Ok(Self { times, nodes, links, status, residual, iterations, flow_evaluations, work })
+        Ok(Self {
+            times,
+            nodes,
+            links,
+            status,
+            residual,
+            floor,
+            hamiltonian_drift,
+            iterations,
+            flow_evaluations,
+            work,
+        })
     }
 }
 
 impl<const N: usize> Extremal<N> {
+    /// The size of each entry of p over the motion, in which residuals are measured; see [`Shooting`].
+    pub fn scale(&self) -> SVector<f64, N> {
+        scale_of(&self.nodes, &self.links)
+    }
+
+    /// A guess for which nothing was left to spend: its links are unknown, and so is its residual.
+    fn not_propagated(times: &[f64], nodes: Vec<SVector<f64, N>>) -> Self {
+        let unknown = |pair: &[f64]| Transition {
+            duration: pair[1] - pair[0],
+            end: SVector::repeat(f64::NAN),
+            matrix: SMatrix::repeat(f64::NAN),
+        };
+        Self {
+            times: times.to_vec(),
+            nodes,
+            links: times.windows(2).map(unknown).collect(),
+            status: Status::LimitReached,
+            residual: f64::INFINITY,
+            floor: f64::NAN,
+            hamiltonian_drift: None,
+            iterations: 0,
+            flow_evaluations: 0,
+            work: Work::default(),
+        }
+    }
+
     /// The smallest and the largest value of `f` over the nodes and the ends of the segments.
     pub fn range_of(&self, f: impl Fn(&SVector<f64, N>) -> f64) -> [f64; 2] {
         let points = self.nodes.iter().chain(self.links.iter().map(|link| &link.end));
@@ -186,16 +278,21 @@ impl<const N: usize> Extremal<N> {
         }
     }
 
-    /// ∫ ℓ dt over the segments.
+    /// ∫ ℓ dt over the segments, by `flow` with its absolute tolerance in the scale of the motion and of its cost.
     pub fn cost<S: OptimalControlSystem<N>>(
         &self,
         flow: &VariationalFlow<'_, S, N>,
     ) -> Result<f64, FlowError> {
+        let horizon = self.times[self.times.len() - 1] - self.times[0];
+        let largest = self.nodes.iter().fold(0.0, |m: f64, p| m.max(flow.system().running_cost(p).abs()));
+        let cost = if largest > 0.0 && largest.is_finite() { largest * horizon } else { 1.0 };
+        let flow = flow.with_scale(self.scale(), cost);
         let segments = self.nodes.iter().zip(self.times.windows(2));
         segments.map(|(p, t)| flow.cost(p, t[1] - t[0]).map(|(_, cost)| cost)).sum()
     }
 
-    /// p(t), from the last node before; `t` is cut off at the ends.
+    /// p(t), from the last node before, by `flow` with its absolute tolerance in the scale of the motion; `t` is cut off at
+    /// the ends.
     pub fn at<S: VectorField<N>>(
         &self,
         flow: &VariationalFlow<'_, S, N>,
@@ -204,26 +301,32 @@ impl<const N: usize> Extremal<N> {
         let last = self.nodes.len() - 1;
         let t = t.clamp(self.times[0], self.times[last]);
         let k = self.times.partition_point(|s| *s <= t).clamp(1, last) - 1;
-        flow.state(&self.nodes[k], t - self.times[k])
+        flow.with_scale(self.scale(), 1.0).state(&self.nodes[k], t - self.times[k])
     }
 }
 
 /// Multiple shooting with its tolerances.
+///
+/// The size of an entry of p is its largest value over nodes and ends of segments. An entry that stays near zero counts as
+/// large as what, kept up over the motion, would move some other entry by a thousandth of that one's size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shooting {
-    /// Largest defect and end residual of a solution.
+    /// Largest defect and end residual of a solution, relative to the size of the entry; from 1e-15, which is rounding, to
+    /// 0.1.
     pub tolerance: f64,
     /// Newton steps allowed.
     pub max_iterations: usize,
-    /// Tolerances of the segments in the last steps.
+    /// Tolerances of the segments in the last steps; the absolute one is relative to the size of the entry.
     pub flow: Tolerances,
+    /// What a solve may spend.
+    pub limits: Limits,
 }
 
 impl Default for Shooting {
-    /// 1e-11, 100 steps, segments to 1e-13.
+    /// 1e-11, 100 steps, segments to 1e-13, without limits.
     fn default() -> Self {
         let flow = Tolerances { relative: 1e-13, absolute: 1e-15 };
-        Self { tolerance: 1e-11, max_iterations: 100, flow }
+        Self { tolerance: 1e-11, max_iterations: 100, flow, limits: Limits::default() }
     }
 }
 
@@ -259,11 +362,32 @@ pub fn graded_times(horizon: f64, shortest: f64, longest: f64) -> Result<Vec<f64
 /// Shortest fraction of a Newton step tried.
 const SHORTEST: f64 = 1e-5;
 
+/// Multiples of the estimated floor within which a residual counts as being there.
+const NEAR_FLOOR: f64 = 8.0;
+
 /// A propagated list of nodes.
 struct Shot<const N: usize> {
     links: Vec<Transition<N>>,
     defects: Vec<SVector<f64, N>>,
-    residual: f64,
+    /// Of each entry, the largest defect or end residual.
+    largest: SVector<f64, N>,
+}
+
+impl<const N: usize> Shot<N> {
+    fn residual(&self, scale: &SVector<f64, N>) -> f64 {
+        self.largest.component_div(scale).amax()
+    }
+}
+
+/// What the propagation of a list of nodes needs besides them.
+struct Segments<'a, S, const N: usize> {
+    system: &'a S,
+    ends: &'a [End<N>; 2],
+    times: &'a [f64],
+    flow: Tolerances,
+    budget: &'a Budget,
+    evaluations: usize,
+    work: Work,
 }
 
 impl Shooting {
@@ -278,44 +402,64 @@ impl Shooting {
     where
         S: VectorField<N> + Sync,
     {
+        self.solve_within(&self.limits.start(), system, ends, times, nodes)
+    }
+
+    /// The same as a part of a search that has begun.
+    pub(crate) fn solve_within<S, const N: usize>(
+        &self,
+        budget: &Budget,
+        system: &S,
+        ends: &[End<N>; 2],
+        times: &[f64],
+        nodes: &[SVector<f64, N>],
+    ) -> Result<Extremal<N>, ShootingError>
+    where
+        S: VectorField<N> + Sync,
+    {
         self.check(times, nodes)?;
-        let mut work = Work::default();
-        let mut flow_evaluations = 0;
-        let mut shoot = |nodes: &[SVector<f64, N>], relative: f64| {
-            flow_evaluations += nodes.len() - 1;
-            self.shoot(system, ends, times, nodes, relative, &mut work)
-        };
+        let (evaluations, work) = (0, Work::default());
+        let mut segments = Segments { system, ends, times, flow: self.flow, budget, evaluations, work };
         let mut relative = 1e-5f64.max(self.flow.relative);
         let mut nodes = nodes.to_vec();
-        let mut shot =
-            shoot(&nodes, relative).map_err(|(segment, source)| ShootingError::Guess { segment, source })?;
-        let mut elimination = Elimination::<N>::default();
+        // of nodes that have no links yet
+        let mut scale = scale_of(&nodes, &[]);
+        let mut shot = match segments.shoot(&nodes, &scale, relative) {
+            Ok(shot) => shot,
+            Err((_, FlowError::LimitReached { .. })) => return Ok(Extremal::not_propagated(times, nodes)),
+            Err((segment, source)) => return Err(ShootingError::Guess { segment, source }),
+        };
+        let mut elimination = Elimination::<N>::new();
         let (mut step, mut simplified) = (Vec::new(), Vec::new());
         let mut trial = nodes.clone();
         let mut fraction = 1.0f64;
         let mut iterations = 0;
         let status = 'newton: loop {
+            scale = scale_of(&nodes, &shot.links);
             // the accuracy of the segments follows the residual down
-            let wanted = (1e-3 * shot.residual).clamp(self.flow.relative, 1e-5f64.max(self.flow.relative));
-            if wanted < 0.1 * relative || (shot.residual <= self.tolerance && relative > self.flow.relative) {
-                relative = if shot.residual <= 1e2 * self.tolerance { self.flow.relative } else { wanted };
-                match shoot(&nodes, relative) {
+            let residual = shot.residual(&scale);
+            let wanted = (1e-3 * residual).clamp(self.flow.relative, 1e-5f64.max(self.flow.relative));
+            if wanted < 0.1 * relative || (residual <= self.tolerance && relative > self.flow.relative) {
+                relative = if residual <= 1e2 * self.tolerance { self.flow.relative } else { wanted };
+                match segments.shoot(&nodes, &scale, relative) {
                     Ok(better) => shot = better,
+                    Err(_) if budget.reached().is_some() => break Status::LimitReached,
                     Err(_) => break Status::Stalled,
                 }
+                scale = scale_of(&nodes, &shot.links);
             }
-            if shot.residual <= self.tolerance && relative <= self.flow.relative {
+            let residual = shot.residual(&scale);
+            if residual <= self.tolerance && relative <= self.flow.relative {
                 break Status::Converged;
             }
             if iterations == self.max_iterations {
                 break Status::MaxIterations;
             }
-            if elimination.factor(&shot.links, ends).is_err() {
+            if elimination.factor(&shot.links, ends, &scale).is_err() {
                 break Status::Singular;
             }
             let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
             elimination.solve(&shot.defects, &first, &last, &mut step);
-            let scale = scale_of(&nodes);
             let length = norm(&step, &scale);
             if !length.is_finite() {
                 break Status::Singular;
@@ -326,15 +470,18 @@ impl Shooting {
                 for (t, (p, d)) in trial.iter_mut().zip(nodes.iter().zip(&step)) {
                     *t = p + d * fraction;
                 }
-                if let Ok(next) = shoot(&trial, relative) {
+                if let Ok(next) = segments.shoot(&trial, &scale, relative) {
                     let (first, last) = (trial[0], trial[trial.len() - 1]);
                     elimination.solve(&next.defects, &first, &last, &mut simplified);
                     let shorter = norm(&simplified, &scale) <= (1.0 - 0.25 * fraction) * length;
-                    if shorter || next.residual <= self.tolerance {
+                    if shorter || next.residual(&scale) <= self.tolerance {
                         std::mem::swap(&mut nodes, &mut trial);
                         shot = next;
                         continue 'newton;
                     }
+                }
+                if budget.reached().is_some() {
+                    break 'newton Status::LimitReached;
                 }
                 fraction *= 0.4;
                 if fraction < SHORTEST {
@@ -342,16 +489,53 @@ impl Shooting {
                 }
             }
         };
-        let Shot { links, residual, .. } = shot;
-        let times = times.to_vec();
-        Ok(Extremal { times, nodes, links, status, residual, iterations, flow_evaluations, work })
+        let Segments { evaluations: flow_evaluations, work, .. } = segments;
+        let (residual, floor) = (shot.residual(&scale), floor_of(&nodes, &shot.links, &scale, relative));
+        let hamiltonian_drift = drift_of(system, &nodes, &shot.links, &scale);
+        let drifts =
+            hamiltonian_drift.is_some_and(|drift| drift.is_nan() || drift > self.most_drift(nodes.len()));
+        let status = match status {
+            Status::Converged if drifts => Status::HamiltonianDrifts,
+            Status::Stalled | Status::MaxIterations
+                if relative <= self.flow.relative && residual <= NEAR_FLOOR * floor =>
+            {
+                Status::Floor
+            }
+            status => status,
+        };
+        let (times, links) = (times.to_vec(), shot.links);
+        Ok(Extremal {
+            times,
+            nodes,
+            links,
+            status,
+            residual,
+            floor,
+            hamiltonian_drift,
+            iterations,
+            flow_evaluations,
+            work,
+        })
+    }
+
+    /// What defects within the tolerance may add up to in the Hamiltonian: ∇H·δ at each node, in units of the terms of H, and
+    /// as much again twice for what lies within the segments.
+    fn most_drift(&self, nodes: usize) -> f64 {
+        4.0 * nodes as f64 * self.tolerance
+    }
+
+    /// Tolerances below rounding are refused.
+    pub(crate) fn check_tolerance(&self) -> Result<(), ShootingError> {
+        if (1e-15..=0.1).contains(&self.tolerance) {
+            return Ok(());
+        }
+        let (argument, allowed) = ("tolerance", "in [1e-15, 0.1]");
+        Err(ShootingError::Argument { argument, allowed, found: self.tolerance })
     }
 
     fn check<const N: usize>(&self, times: &[f64], nodes: &[SVector<f64, N>]) -> Result<(), ShootingError> {
         let argument = |argument, allowed, found| Err(ShootingError::Argument { argument, allowed, found });
-        if self.tolerance.is_nan() || self.tolerance <= 0.0 {
-            return argument("tolerance", "positive", self.tolerance);
-        }
+        self.check_tolerance()?;
         if times.len() < 2 {
             return Err(ShootingError::Length { argument: "times", expected: 2, found: times.len() });
         }
@@ -373,20 +557,21 @@ impl Shooting {
             None => Ok(()),
         }
     }
+}
 
-    fn shoot<S: VectorField<N> + Sync, const N: usize>(
-        &self,
-        system: &S,
-        ends: &[End<N>; 2],
-        times: &[f64],
+impl<S: VectorField<N> + Sync, const N: usize> Segments<'_, S, N> {
+    fn shoot(
+        &mut self,
         nodes: &[SVector<f64, N>],
+        scale: &SVector<f64, N>,
         relative: f64,
-        work: &mut Work,
     ) -> Result<Shot<N>, (usize, FlowError)> {
+        let Self { system, ends, times, budget, .. } = *self;
+        self.evaluations += nodes.len() - 1;
         let absolute = self.flow.absolute * (relative / self.flow.relative);
         let flow = VariationalFlow::try_new(system, Tolerances { relative, absolute }).map_err(|e| (0, e))?;
         // a guess may ask for a motion that runs off; it is not worth many steps
-        let flow = flow.with_max_steps(2000);
+        let flow = flow.with_max_steps(2000).with_scale(*scale, 1.0).within(budget);
         let segments = (0..times.len() - 1).into_par_iter().with_min_len(4);
         let propagated: Result<Vec<_>, _> = segments
             .map(|k| flow.transition_counted(&nodes[k], times[k + 1] - times[k]).map_err(|e| (k, e)))
@@ -395,20 +580,76 @@ impl Shooting {
         let mut links = Vec::with_capacity(propagated.len());
         for (link, cost) in propagated {
             links.push(link);
-            *work += cost;
+            self.work += cost;
         }
         let defects: Vec<SVector<f64, N>> = links.iter().zip(&nodes[1..]).map(|(l, p)| l.end - p).collect();
-        let at_ends = ends[0].residual(&nodes[0]).max(ends[1].residual(&nodes[nodes.len() - 1]));
-        let residual = defects.iter().fold(at_ends, |m, d| m.max(d.amax()));
-        Ok(Shot { links, defects, residual })
+        let mut largest = defects.iter().fold(SVector::zeros(), |m: SVector<f64, N>, d| m.sup(&d.abs()));
+        ends[0].residual_into(&nodes[0], &mut largest);
+        ends[1].residual_into(&nodes[nodes.len() - 1], &mut largest);
+        Ok(Shot { links, defects, largest })
     }
 }
 
-/// The size of each entry of p over the motion.
-fn scale_of<const N: usize>(nodes: &[SVector<f64, N>]) -> SVector<f64, N> {
-    let largest = nodes.iter().fold(SVector::<f64, N>::zeros(), |m, p| m.sup(&p.abs()));
-    let floor = 1e-2 * largest.amax().max(1e-2);
-    largest.map(|x| x.max(floor))
+/// Part of another entry's size that an entry must be able to move to count as large.
+const FELT: f64 = 1e-3;
+
+/// The size of each entry of p over the motion, as [`Shooting`] says.
+fn scale_of<const N: usize>(nodes: &[SVector<f64, N>], links: &[Transition<N>]) -> SVector<f64, N> {
+    let points = nodes.iter().chain(links.iter().map(|link| &link.end));
+    let size = points.fold(SVector::<f64, N>::zeros(), |m, p| m.sup(&p.abs()));
+    let horizon: f64 = links.iter().map(|link| link.duration.abs()).sum();
+    // the largest rate at which an entry moves another one, in the sizes of those
+    let mut felt = SVector::<f64, N>::zeros();
+    for link in links {
+        let over = horizon / link.duration.abs();
+        for j in 0..N {
+            for i in (0..N).filter(|&i| i != j && size[i] > 0.0) {
+                felt[j] = felt[j].max(link.matrix[(i, j)].abs() / size[i] * over);
+            }
+        }
+    }
+    SVector::from_fn(|j, _| {
+        let floor = if felt[j] > 0.0 { FELT / felt[j] } else { 0.0 };
+        let scale = size[j].max(floor);
+        // of a motion that rests at zero nothing is known
+        if scale > 0.0 && scale.is_finite() { scale } else { 1.0 }
+    })
+}
+
+/// The residual that rounding and the error of the segments leave: a relative error of each entry at a node, carried on by Φ.
+fn floor_of<const N: usize>(
+    nodes: &[SVector<f64, N>],
+    links: &[Transition<N>],
+    scale: &SVector<f64, N>,
+    relative: f64,
+) -> f64 {
+    let error = relative + f64::EPSILON;
+    nodes.iter().zip(links).fold(0.0, |m: f64, (p, link)| {
+        let carried = link.matrix.abs() * p.abs() * error;
+        m.max(carried.component_div(scale).amax())
+    })
+}
+
+/// The range of H over nodes and ends of segments, relative to the largest Σ |∂H/∂pᵢ| sᵢ there, s the scale.
+fn drift_of<S: VectorField<N>, const N: usize>(
+    system: &S,
+    nodes: &[SVector<f64, N>],
+    links: &[Transition<N>],
+    scale: &SVector<f64, N>,
+) -> Option<f64> {
+    let (mut low, mut high, mut terms) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
+    for p in nodes.iter().chain(links.iter().map(|link| &link.end)) {
+        let value = system.conserved(p)?;
+        if !value.is_finite() {
+            return Some(f64::NAN);
+        }
+        let field = system.field(p);
+        (low, high) = (low.min(value), high.max(value));
+        terms = terms.max((0..N).map(|i| field[i].abs() * scale[(i + N / 2) % N]).sum());
+    }
+    let range = high - low;
+    // where nothing moves H has no terms, and does not change
+    Some(if range > 0.0 { range / terms } else { 0.0 })
 }
 
 fn norm<const N: usize>(step: &[SVector<f64, N>], scale: &SVector<f64, N>) -> f64 {

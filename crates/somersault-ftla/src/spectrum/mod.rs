@@ -16,7 +16,7 @@ mod diagnosis;
 mod product;
 mod subspace;
 
-pub use diagnosis::{Diagnosis, diagnose};
+pub use diagnosis::{Diagnosis, Unknown, Verdict, diagnose};
 pub use subspace::Subspace;
 
 use crate::flow::{Chain, FlowError, Transition, VariationalFlow};
@@ -56,6 +56,9 @@ pub struct Spectrum<const N: usize> {
     pub exponents: SVector<f64, N>,
     /// lᵢ as columns, orthonormal.
     pub vectors: SMatrix<f64, N, N>,
+    /// The exponents in the same order, with costates in the unit in which states act on them as much as they on states: those
+    /// of a finite time depend on units, these not on that of the cost.
+    pub balanced: SVector<f64, N>,
 }
 
 impl<const N: usize> Spectrum<N> {
@@ -66,28 +69,62 @@ impl<const N: usize> Spectrum<N> {
     pub fn of_factors(links: &[Transition<N>]) -> Self {
         let duration: f64 = links.iter().map(|link| link.duration).sum();
         let (logs, vectors) = product::decompose(links);
+        let balanced = match unit_of_costates(links) {
+            Some(unit) => product::decompose(&in_unit(links, unit)).0,
+            None => logs,
+        };
         let time = duration.abs();
         if duration < 0.0 {
-            let exponents = logs / time;
-            return Self { direction: TimeDirection::Backward, time, exponents, vectors };
+            let [exponents, balanced] = [logs, balanced].map(|logs| logs / time);
+            return Self { direction: TimeDirection::Backward, time, exponents, vectors, balanced };
         }
+        let ascending = |logs: SVector<f64, N>| SVector::from_fn(|i, _| logs[N - 1 - i] / time);
         Self {
             direction: TimeDirection::Forward,
             time,
-            exponents: SVector::from_fn(|i, _| logs[N - 1 - i] / time),
+            exponents: ascending(logs),
             vectors: SMatrix::from_fn(|i, j| vectors[(i, N - 1 - j)]),
+            balanced: ascending(balanced),
         }
     }
 
-    /// max |μᵢ + μ_{2n+1−i}|: zero for a Hamiltonian system.
+    /// max |μᵢ + μ_{2n+1−i}|: zero for a Hamiltonian system. Of an odd number the one in the middle pairs with itself.
     pub fn pairing_defect(&self) -> f64 {
-        (0..N / 2).fold(0.0, |m: f64, i| m.max((self.exponents[i] + self.exponents[N - 1 - i]).abs()))
+        (0..N.div_ceil(2)).fold(0.0, |m: f64, i| m.max((self.exponents[i] + self.exponents[N - 1 - i]).abs()))
     }
 
     /// The exponents in forward order, ascending, whatever the direction: backward ones with their sign changed.
     pub fn rates(&self) -> SVector<f64, N> {
         self.exponents * self.direction.sign()
     }
+}
+
+/// The unit of the costates in which ∂λ/∂x and ∂x/∂λ are of one size over the factors; none where the numbers are not states
+/// and costates. Where one of the two is zero they never are, and the other is made as small in a unit of zero, in which
+/// neither acts on the other.
+fn unit_of_costates<const N: usize>(links: &[Transition<N>]) -> Option<f64> {
+    let n = N / 2;
+    let size = |row: usize, column: usize| -> f64 {
+        links.iter().map(|link| link.matrix.view((row, column), (n, n)).norm()).sum()
+    };
+    let (of_states, of_costates) = (size(n, 0), size(0, n));
+    let unit = if of_states > 0.0 && of_costates > 0.0 { (of_states / of_costates).sqrt() } else { 0.0 };
+    N.is_multiple_of(2).then_some(unit)
+}
+
+/// Factors with costates counted in `unit`.
+fn in_unit<const N: usize>(links: &[Transition<N>], unit: f64) -> Vec<Transition<N>> {
+    let factor = |i: usize, j: usize| match (i < N / 2, j < N / 2) {
+        (true, false) => unit,
+        (false, true) if unit > 0.0 => 1.0 / unit,
+        (false, true) => 0.0,
+        (true, true) | (false, false) => 1.0,
+    };
+    let scaled = |link: &Transition<N>| Transition {
+        matrix: link.matrix.map_with_location(|i, j, x| x * factor(i, j)),
+        ..*link
+    };
+    links.iter().map(scaled).collect()
 }
 
 /// Spectra at `p` for all averaging times `times` > 0, ascending, from one run.

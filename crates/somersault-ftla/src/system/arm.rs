@@ -262,6 +262,10 @@ impl VectorField<8> for ArmMinimumTorque {
         (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
     }
 
+    fn conserved(&self, p: &SVector<f64, 8>) -> Option<f64> {
+        Some(self.hamiltonian(p))
+    }
+
     #[inline]
     fn n_switches(&self) -> usize {
         if self.limits.iter().any(|limit| limit.is_finite()) { 2 } else { 0 }

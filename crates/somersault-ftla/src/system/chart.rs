@@ -55,7 +55,8 @@ impl Charts {
                 Some(Joint::Spherical) => Kind::Spherical,
                 Some(Joint::Planar) => Kind::Planar,
                 Some(Joint::Free) => Kind::Free,
-                _ => continue,
+                // one coordinate for each velocity, or none
+                Some(Joint::Fixed | Joint::Revolute { .. } | Joint::Prismatic { .. }) | None => continue,
             };
             charts.joints.push((kind, model.velocities_of(i)));
             charts.quaternions.push(model.positions_of(i).end.saturating_sub(4));

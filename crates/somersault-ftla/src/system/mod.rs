@@ -172,6 +172,11 @@ pub trait VectorField<const N: usize> {
         next
     }
 
+    /// H(p) where the field is known to be Hamiltonian, to be constant along its motions; none where nothing is known to be.
+    ///
+    /// Without a default: a system that hands on another one's field and forgets this would lose the check that it is for.
+    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64>;
+
     /// Why there is no value at `p`, if there is none.
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         let finite = self.field(p).iter().all(|h| h.is_finite());

@@ -30,6 +30,10 @@ impl VectorField<2> for LinearRegulator {
     fn jacobian(&self, _: &Vector2<f64>) -> Matrix2<f64> {
         Matrix2::new(-1.0, -1.0, -1.0, 1.0)
     }
+
+    fn conserved(&self, p: &Vector2<f64>) -> Option<f64> {
+        Some(self.hamiltonian(p))
+    }
 }
 
 impl HamiltonianSystem<2> for LinearRegulator {
@@ -47,6 +51,10 @@ impl VectorField<2> for CubicRegulator {
     fn jacobian(&self, p: &Vector2<f64>) -> Matrix2<f64> {
         let stretch = 3.0 * p.x * p.x;
         Matrix2::new(-stretch, -1.0, -1.0 + 6.0 * p.x * p.y, stretch)
+    }
+
+    fn conserved(&self, p: &Vector2<f64>) -> Option<f64> {
+        Some(self.hamiltonian(p))
     }
 }
 

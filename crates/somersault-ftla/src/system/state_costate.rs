@@ -262,7 +262,7 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
         let mut size = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
             let (value, gradient, hessian) = self.problem.by_control(x, costate, &u);
-            if !(gradient.iter().chain(hessian.iter()).all(|g| g.is_finite())) {
+            if !(value.is_finite() && gradient.iter().chain(hessian.iter()).all(|g| g.is_finite())) {
                 return Err(SystemError::NonFinite);
             }
             let free: [bool; NU] = std::array::from_fn(|i| {
@@ -285,7 +285,7 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
             });
             match accepted {
                 Some(next) if next != u => u = next,
-                _ => return Ok(Control { u, gradient, inverse }),
+                Some(_) | None => return Ok(Control { u, gradient, inverse }),
             }
         }
         Err(SystemError::ControlNotConverged { gradient: size, iterations: MAX_ITERATIONS })
@@ -378,7 +378,7 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
                 piece.sides[i] = match (u[i] <= self.lower[i], u[i] >= self.upper[i]) {
                     (true, _) if gradient[i] > 0.0 => Side::Lower,
                     (_, true) if gradient[i] < 0.0 => Side::Upper,
-                    _ => Side::Free,
+                    (_, _) => Side::Free,
                 };
             }
         }
@@ -401,6 +401,10 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
         };
         let margin = |i: usize| self.bounds(i).margin(piece.sides[i], u[i], gradient[i]);
         SVector::from_fn(|i, _| if i < NU { margin(i) } else { f64::INFINITY })
+    }
+
+    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+        Some(self.hamiltonian(p))
     }
 
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {

@@ -349,6 +349,10 @@ impl<const N: usize> VectorField<N> for TreeMinimumTorque<N> {
         SVector::from_fn(|i, _| if i < N / 4 { margin(i) } else { f64::INFINITY })
     }
 
+    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+        Some(self.hamiltonian(p))
+    }
+
     fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
         match self.values_at(p) {
             Ok(Values { field, .. }) => {

@@ -4,7 +4,7 @@
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
 use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::{Continuation, Continued};
-use somersault_ftla::system::{ControlProblem, StateCostate};
+use somersault_ftla::system::{ControlProblem, StateCostate, VectorField};
 use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
 
@@ -97,4 +97,21 @@ pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
     let thesis = ArmTravel::default();
     let travel = ArmTravel { fold, last: [thesis.last[0], unfolded], ..thesis };
     travel.solve(&Continuation::default()).expect("well posed").continued
+}
+
+/// ẋ = A x.
+pub(crate) struct Linear<const N: usize>(pub(crate) SMatrix<f64, N, N>);
+
+impl<const N: usize> VectorField<N> for Linear<N> {
+    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
+        self.0 * p
+    }
+
+    fn jacobian(&self, _: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+        self.0
+    }
+
+    fn conserved(&self, _: &SVector<f64, N>) -> Option<f64> {
+        None
+    }
 }

@@ -27,9 +27,10 @@ pub struct AdamsBashforth4 {
 impl Scheme for AdamsBashforth4 {
     const INFO: MethodInfo = MethodInfo {
         orders: Orders::split(4, 2),
+        rate_orders: Orders::split(4, 2),
         evaluations: 1,
         history: 3,
-        not_for: "rotations to an accuracy: order 2 on SO(3)",
+        not_for: "rotations to an accuracy: order 2 on SO(3), and on ℝ³ where forces depend on the orientation",
         ..MethodInfo::explicit(
             "ab4",
             "Four-step Adams-Bashforth",

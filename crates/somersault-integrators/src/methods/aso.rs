@@ -4,12 +4,14 @@
 //! v₊ = vₙ + h (3aₙ − aₙ₋₁)/2, L₊ = Lₙ + h (3Mₙ − Mₙ₋₁)/2, ω₊ = I₊⁻¹ L₊.
 //!
 //! Order 2 on ℝ³ and on SO(3). 1 evaluation; 1 earlier step, the first step made by `rkmk`. Angular
-//! momentum is exact without torque, so the rotational energy is bounded by (6.4).
+//! momentum is exact without torque, so the rotational energy is bounded by (6.4). A step of a free body
+//! that turns by θ in it is off by 0.16 θ³ rad at most; being explicit, it is made however far that is.
 //!
 //! # Deviations
 //! (5.14) prints ωₙ for ω̄ₙ of (5.16), whose commutator sign is right. The start-up is ours.
 
 use super::rkmk::RungeKuttaMuntheKaas4;
+use crate::augmented::advance;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
@@ -93,6 +95,8 @@ impl<S: RigidSystem> Stepper<S> for AugmentedSecondOrder {
                 out.configuration.set_pose(i, next);
                 S::Configuration::set_twist(&mut out.rate, i, rate);
             }
+            let slopes = [(1.5 * h, &m.now), (-0.5 * h, &m.before)];
+            advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
         } else {
             RungeKuttaMuntheKaas4.step(system, t, x, h, &mut m.starter, out)?;
         }

@@ -9,8 +9,9 @@
 //! component under weight, to round-off that does not add up. A free body keeps its energy up to
 //! rounding, which adds some 4e-19 of it per step; `dmv2` compensates that.
 //!
-//! Not for large steps: beyond about h |ω| = 1 the equation of the drift has no solution, which is a typed
-//! error; `lgvi` goes on. Fourth order and smooth forces: `rkmk`.
+//! Not for large steps: beyond h |ω| = 1 the equation of the drift need not have a solution, which is a typed
+//! error. A step of a free body that turns by θ in it is off by 0.8 θ³ rad at most. Fourth order and smooth
+//! forces: `rkmk`.
 //!
 //! R. I. McLachlan, A. Zanna, Found. Comput. Math. 5 (2005) 87; E. Hairer, G. Vilmart, J. Phys. A: Math.
 //! Gen. 39 (2006) 13225.
@@ -19,7 +20,7 @@
 //! The second kick under wrenches that depend on the rates takes them at rates predicted by the first.
 
 use super::kick_drift_kick::KickDriftKickMemory;
-use crate::moser_veselov::MoserVeselov;
+use crate::moser_veselov::{MoserVeselov, NotConverged};
 use crate::state::Poses;
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
@@ -37,8 +38,9 @@ impl Scheme for SplitMoserVeselov {
         evaluations: 1,
         scope: Scope::RigidBodies,
         implicit: true,
+        angle_limit: Some(1.0),
         keeps: "energy and angular momentum of a free body to rounding; under a potential the energy error stays bounded",
-        not_for: "h‖ω‖ beyond about 1, where its equation has no solution: refused",
+        not_for: "h‖ω‖ beyond about 1 rad a step, where its equation has no solution: refused",
         ..MethodInfo::explicit(
             "dmv2s",
             "Discrete Moser-Veselov, split",
@@ -80,16 +82,16 @@ impl<S: RigidSystem> Stepper<S> for SplitMoserVeselov {
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
         let SplitMemory { maps, splitting } = memory;
-        splitting
-            .step(system, t, x, h, out, |i, momentum| {
-                let inertia = system.body(i).inertia();
-                if inertia.is_diagonal() {
-                    return Ok(maps[i].increment(momentum, h)?.rotation);
-                }
-                let axes = inertia.principal_axes();
-                let principal = maps[i].increment(&axes.inverse_transform_vector(momentum), h)?;
-                Ok(axes * principal.rotation * axes.inverse())
-            })
-            .map_err(|e| e.at(Self::INFO.name, t))
+        splitting.step(system, t, x, h, out, |i, momentum| {
+            let inertia = system.body(i).inertia();
+            let refused = |e: NotConverged| e.of::<Self>(t, h, inertia.velocity(momentum).norm());
+            if inertia.is_diagonal() {
+                return Ok(maps[i].increment(momentum, h).map_err(refused)?.rotation);
+            }
+            let axes = inertia.principal_axes();
+            let principal =
+                maps[i].increment(&axes.inverse_transform_vector(momentum), h).map_err(refused)?;
+            Ok(axes * principal.rotation * axes.inverse())
+        })
     }
 }

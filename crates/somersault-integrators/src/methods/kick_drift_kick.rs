@@ -1,7 +1,8 @@
 //! Half kick of the momenta, free drift, half kick: the frame of the splitting methods for rigid bodies.
 
-use crate::moser_veselov::NotConverged;
+use crate::augmented::advance;
 use crate::state::{Pose, Poses, Twist};
+use crate::stepper::StepError;
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -42,8 +43,8 @@ impl<S: RigidSystem> KickDriftKickMemory<S> {
         x: &StateOf<S>,
         h: f64,
         out: &mut StateOf<S>,
-        drift: impl Fn(usize, &Vector3<f64>) -> Result<UnitQuaternion<f64>, NotConverged>,
-    ) -> Result<(), NotConverged> {
+        drift: impl Fn(usize, &Vector3<f64>) -> Result<UnitQuaternion<f64>, StepError>,
+    ) -> Result<(), StepError> {
         let free = system.is_free();
         if !free && !self.wrenches_hold {
             system.wrenches(t, x, &mut self.wrenches);
@@ -68,6 +69,8 @@ impl<S: RigidSystem> KickDriftKickMemory<S> {
             let angular = angular_velocity(body, &next, &momentum);
             S::Configuration::set_twist(&mut out.rate, i, Twist { linear: twist.linear + a * h, angular });
         }
+        let ahead: &[_] = if free { &[] } else { &[(h, &self.wrenches)] };
+        advance::<S::Configuration>(&x.rate, ahead, &mut out.rate);
         if free {
             return Ok(());
         }
@@ -84,6 +87,8 @@ impl<S: RigidSystem> KickDriftKickMemory<S> {
             };
             S::Configuration::set_twist(&mut out.rate, i, rate);
         }
+        let slopes = [(0.5 * h, &self.wrenches), (0.5 * h, &self.wrenches_ahead)];
+        advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
         std::mem::swap(&mut self.wrenches, &mut self.wrenches_ahead);
         self.wrenches_hold = !system.depends_on_velocity();
         Ok(())

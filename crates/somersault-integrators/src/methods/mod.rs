@@ -28,7 +28,8 @@ include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
 pub use adams::StartUp;
 pub use table::{
-    EmbeddedSystemVisitor, EmbeddedVisitor, Method, Options, SystemVisitor, UnknownMethod, Visitor,
+    EmbeddedFrameVisitor, EmbeddedSystemVisitor, EmbeddedVisitor, FrameVisitor, Method, Options,
+    SystemVisitor, UnknownMethod, Visitor,
 };
 
 #[cfg(doc)]

@@ -116,6 +116,7 @@ built_in! {
     MethodInfo {
         evaluations: 6,
         embedded: Some(4),
+        dense_order: 5,
         ..MethodInfo::explicit(
             "rkmk5",
             "Runge-Kutta-Munthe-Kaas 5(4), Dormand-Prince",
@@ -131,6 +132,7 @@ built_in! {
     MethodInfo {
         evaluations: 12,
         embedded: Some(7),
+        dense_order: 8,
         ..MethodInfo::explicit(
             "rkmk8",
             "Runge-Kutta-Munthe-Kaas 8(5,3), DOP853",

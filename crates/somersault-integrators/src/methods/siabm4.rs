@@ -28,9 +28,10 @@ pub struct SemiImplicitAdams4 {
 impl Scheme for SemiImplicitAdams4 {
     const INFO: MethodInfo = MethodInfo {
         orders: Orders::split(4, 2),
+        rate_orders: Orders::split(4, 2),
         evaluations: 1,
         history: 3,
-        not_for: "rotations to an accuracy: order 2 on SO(3)",
+        not_for: "rotations to an accuracy: order 2 on SO(3), and on ℝ³ where forces depend on the orientation",
         ..MethodInfo::explicit(
             "siabm4",
             "Four-step semi-implicit Adams-Bashforth-Moulton",

@@ -5,8 +5,11 @@
 //!
 //! Order 1 on ℝ³ and on SO(3); 1 evaluation and a 3 × 3 solve; no start-up. Without torque the energy
 //! never grows: taking the product with ω₊ removes the bracket, and ω₊ᵀIω₊ = ω₊ᵀIωₙ bounds the one by
-//! the other (Cauchy–Schwarz). It is damped instead, which is why physics engines use it.
+//! the other (Cauchy–Schwarz). It is damped instead, which is why physics engines use it. A step of a free body is
+//! off by 0.19 θ² rad at most, θ = h √(2T/I_min) the angle at the fastest it can turn with its kinetic energy T;
+//! its equation has a solution however large that is.
 
+use crate::augmented::advance;
 use crate::state::{Configuration, Poses, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf};
@@ -66,6 +69,7 @@ impl<S: RigidSystem> Stepper<S> for SemiImplicitEulerGyroscopic {
             out.configuration.set_pose(i, next);
             S::Configuration::set_twist(&mut out.rate, i, rate);
         }
+        advance::<S::Configuration>(&x.rate, &[(h, wrenches)], &mut out.rate);
         Ok(())
     }
 }

@@ -34,7 +34,7 @@ impl Scheme for ExactSplitting2 {
         evaluations: 1,
         scope: Scope::RigidBodies,
         keeps: "a free body exactly; symplectic under a potential",
-        not_for: "cheap forces and slow spins: elliptic functions in each step",
+        not_for: "cheap forces and slow spins: elliptic functions in each step; output between nodes of a free body, of order 4",
         ..MethodInfo::explicit(
             "split2",
             "Splitting with exact free motion, order 2",

@@ -36,7 +36,7 @@ impl Scheme for ExactSplitting4 {
         evaluations: 6,
         scope: Scope::RigidBodies,
         keeps: "a free body exactly; symplectic under a potential",
-        not_for: "cheap forces and slow spins: elliptic functions in each step",
+        not_for: "cheap forces and slow spins: elliptic functions in each step; output between nodes of a free body, of order 4",
         ..MethodInfo::explicit(
             "split4",
             "Splitting with exact free motion, order 4",

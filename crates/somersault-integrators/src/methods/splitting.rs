@@ -1,5 +1,6 @@
 //! Splitting of a rigid body's motion into kicks by its wrench and exact free drifts.
 
+use crate::augmented::advance;
 use crate::exact::FreeRotation;
 use crate::state::{Poses, Rate, Twist};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity};
@@ -70,6 +71,7 @@ impl<S: RigidSystem> SplittingMemory<S> {
                 let angular = angular_momentum(system.body(i), &x.configuration.pose(i), &twist.angular);
                 S::Configuration::set_twist(&mut self.carried, i, Twist { linear: twist.linear, angular });
             }
+            advance::<S::Configuration>(&x.rate, &[], &mut self.carried);
             self.carried_holds = true;
         }
         if system.is_free() {
@@ -149,6 +151,7 @@ fn set_rates<S: RigidSystem>(system: &S, carried: &RateOf<S>, out: &mut StateOf<
         let angular = angular_velocity(system.body(i), &out.configuration.pose(i), &twist.angular);
         S::Configuration::set_twist(&mut out.rate, i, Twist { linear: twist.linear, angular });
     }
+    advance::<S::Configuration>(carried, &[], &mut out.rate);
 }
 
 /// Time derivative of velocities and angular momenta.

@@ -4,7 +4,7 @@
 //! v₊ = vₙ + h aₙ, L₊ = Lₙ + h Mₙ, ω₊ = I₊⁻¹ L₊.
 //!
 //! Order 2 for the position under r̈ = f(r) and for the orientation of a free body, order 1 where the
-//! velocity matters, under torque too: the velocity lines are Euler's. `sv2` has them of second order.
+//! velocity matters, under torque too: the velocity lines are Euler's, and the velocity itself is of order 1 under any force. `sv2` has them of second order.
 //! 1 evaluation; 1 earlier step, the first step made by `rkmk`. The position under r̈ = f(r) is
 //! symplectic; angular momentum is exact without torque. Rounding grows as 1/h, since the position is
 //! a second difference.
@@ -13,6 +13,7 @@
 //! The start-up, which the thesis leaves open.
 
 use super::rkmk::RungeKuttaMuntheKaas4;
+use crate::augmented::advance;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
@@ -27,17 +28,13 @@ pub struct StormerVerlet;
 
 impl Scheme for StormerVerlet {
     const INFO: MethodInfo = MethodInfo {
-        orders: Orders {
-            translation: 2,
-            translation_with_velocity: 1,
-            rotation: 2,
-            rotation_with_torque: Some(1),
-        },
+        orders: Orders { translation_with_velocity: 1, rotation_with_torque: Some(1), ..Orders::all(2) },
+        rate_orders: Orders { rotation: 2, ..Orders::all(1) },
         evaluations: 1,
         history: 1,
         scope: crate::stepper::Scope::RigidBodies,
         keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
-        not_for: "forces that depend on the velocity, and torque: order 1",
+        not_for: "velocities under any force, and positions where forces depend on the velocity or a torque acts: order 1",
         ..MethodInfo::explicit(
             "sv",
             "Störmer-Verlet",
@@ -108,6 +105,8 @@ impl<S: RigidSystem> VerletMemory<S> {
                     out.configuration.set_pose(i, next);
                     S::Configuration::set_twist(&mut out.rate, i, rate);
                 }
+                let slopes = [(h * newest, &*wrenches), (h * (1.0 - newest), wrenches_before)];
+                advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
             }
         }
         match &mut self.before {

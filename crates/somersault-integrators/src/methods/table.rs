@@ -52,6 +52,27 @@ pub trait SystemVisitor<S: System> {
     fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output;
 }
 
+/// What to do with a method that takes any system, in the variables of the world or of the body, once its type is
+/// known.
+pub trait FrameVisitor<W: System, B: System> {
+    /// The result.
+    type Output;
+    /// Takes a method in world variables.
+    fn world<M: Stepper<W>>(self, stepper: M) -> Self::Output;
+    /// Takes a method in body variables.
+    fn body<M: Stepper<B>>(self, stepper: M) -> Self::Output;
+}
+
+/// As [`FrameVisitor`], for methods that estimate their error.
+pub trait EmbeddedFrameVisitor<W: System, B: System> {
+    /// The result.
+    type Output;
+    /// Takes a method in world variables.
+    fn world<M: EmbeddedStepper<W>>(self, stepper: M) -> Self::Output;
+    /// Takes a method in body variables.
+    fn body<M: EmbeddedStepper<B>>(self, stepper: M) -> Self::Output;
+}
+
 /// As [`SystemVisitor`], for methods that estimate their error.
 pub trait EmbeddedSystemVisitor<S: System> {
     /// The result.
@@ -68,6 +89,11 @@ macro_rules! methods {
         pub enum Method {
             $(#[doc = concat!("[`", stringify!($stepper), "`], ", methods!(@scope $kind), ".")] $variant,)*
         }
+
+        $(const _: () = assert!(
+            <$stepper as Scheme>::INFO.embedded.is_some() == methods!(@is_embedded $($embedded)?),
+            concat!("the row of ", stringify!($variant), " and its INFO differ in whether it is embedded"),
+        );)*
 
         impl Method {
             /// All methods, in the order of the table.
@@ -114,6 +140,32 @@ macro_rules! methods {
                 }
             }
 
+            /// As [`visit_system`](Self::visit_system) for a system written in two frames: methods for any system in the
+            /// variables of the world or of the body; `None` for the others.
+            pub fn visit_frames<W: System, B: System, V: FrameVisitor<W, B>>(
+                self,
+                $options: Options,
+                visitor: V,
+            ) -> Option<V::Output> {
+                match self {
+                    $(Self::$variant => methods!(@frames visitor, $make, $kind),)*
+                }
+            }
+
+            /// As [`visit_frames`](Self::visit_frames) for methods with an error estimate.
+            pub fn visit_embedded_frames<W: System, B: System, V: EmbeddedFrameVisitor<W, B>>(
+                self,
+                $options: Options,
+                visitor: V,
+            ) -> Option<V::Output> {
+                let _ = $options;
+                match self {
+                    $($(Self::$variant => methods!(@frames visitor, $make, $kind $embedded),)?)*
+                    #[allow(unreachable_patterns)]
+                    _ => None,
+                }
+            }
+
             /// As [`visit_system`](Self::visit_system) for methods with an error estimate.
             pub fn visit_embedded_system<S: System, V: EmbeddedSystemVisitor<S>>(
                 self,
@@ -129,9 +181,14 @@ macro_rules! methods {
             }
         }
     };
+    (@is_embedded) => { false };
+    (@is_embedded embedded) => { true };
     (@thesis $variant:ident) => { Self::$variant };
     (@scope any) => { "any system" };
     (@scope $kind:ident) => { concat!("rigid bodies in ", stringify!($kind), " variables") };
+    (@frames $visitor:ident, $make:expr, any $($embedded:ident)?) => { Some($visitor.world($make)) };
+    (@frames $visitor:ident, $make:expr, body $($embedded:ident)?) => { Some($visitor.body($make)) };
+    (@frames $visitor:ident, $make:expr, $kind:ident $($embedded:ident)?) => { None };
     (@system $visitor:ident, $make:expr, any $($embedded:ident)?) => { Some($visitor.visit($make)) };
     (@system $visitor:ident, $make:expr, $kind:ident $($embedded:ident)?) => { None };
     (@info $stepper:ty, any) => { <$stepper as Scheme>::INFO };

@@ -1,10 +1,11 @@
 //! Bodies without torque: the discrete Moser–Veselov map for the rotation, velocity Verlet for the
 //! translation.
 
+use crate::augmented::advance;
 use crate::moser_veselov::{CompensatedVector, MoserVeselov};
 use crate::preprocessing::{ModifiedMoments, Preprocessing};
 use crate::state::{Pose, Poses, Twist};
-use crate::stepper::StepError;
+use crate::stepper::{Scheme, StepError};
 use crate::system::{RateOf, RigidSystem, StateOf};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -51,14 +52,16 @@ impl FreeRotation {
 
     /// Moves the principal frame and returns it with the angular velocity in the world frame.
     #[inline]
-    fn step(
+    fn step<M: Scheme>(
         &mut self,
-        method: &'static str,
         t: f64,
         principal: &UnitQuaternion<f64>,
         h: f64,
     ) -> Result<(UnitQuaternion<f64>, Vector3<f64>), StepError> {
-        let increment = self.map.increment(self.momentum.value(), h).map_err(|e| e.at(method, t))?;
+        let increment = self
+            .map
+            .increment(self.momentum.value(), h)
+            .map_err(|e| e.of::<M>(t, h, self.inverse_moments.component_mul(self.momentum.value()).norm()))?;
         self.momentum.add(&increment.momentum_change);
         let turned = principal * increment.rotation;
         let r = turned.to_rotation_matrix().into_inner();
@@ -74,9 +77,9 @@ impl FreeRotation {
 }
 
 impl<S: RigidSystem> TorqueFreeMemory<S> {
-    pub(super) fn new(system: &S, x: &StateOf<S>, method: &'static str) -> Result<Self, StepError> {
+    pub(super) fn new<M: Scheme>(system: &S, x: &StateOf<S>) -> Result<Self, StepError> {
         if !system.is_torque_free() {
-            return Err(StepError::Torque { method });
+            return Err(StepError::Torque { method: M::INFO.name });
         }
         Ok(Self {
             rotations: Vec::with_capacity(x.configuration.count()),
@@ -91,10 +94,9 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
         self.wrenches_hold = false;
     }
 
-    pub(super) fn step(
+    pub(super) fn step<M: Scheme>(
         &mut self,
         preprocessing: Option<Preprocessing>,
-        method: &'static str,
         system: &S,
         t: f64,
         x: &StateOf<S>,
@@ -112,11 +114,16 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
             let axes = inertia.principal_axes();
             let principal = if diagonal { pose.orientation } else { pose.orientation * axes };
             if self.rotations.len() <= i {
+                if preprocessing.is_some() {
+                    // Beyond its limit the series is none, whatever the map makes of it.
+                    M::check_angle(t, h, twist.angular.norm())?;
+                }
                 let moments = inertia.principal_moments();
                 let started = FreeRotation::start(moments, &principal, &twist.angular, h, preprocessing);
+                let method = M::INFO.name;
                 self.rotations.push(started.ok_or(StepError::StepTooLarge { method, t, h })?);
             }
-            let (turned, angular) = self.rotations[i].step(method, t, &principal, h)?;
+            let (turned, angular) = self.rotations[i].step::<M>(t, &principal, h)?;
             let a = self.acceleration(system, free, i);
             let next = Pose {
                 position: pose.position + (twist.linear + a * (0.5 * h)) * h,
@@ -126,6 +133,8 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
             // Where forces depend on the velocity, this prediction is good enough for order 2.
             S::Configuration::set_twist(&mut out.rate, i, Twist { linear: twist.linear + a * h, angular });
         }
+        let ahead: &[_] = if free { &[] } else { &[(h, &self.wrenches)] };
+        advance::<S::Configuration>(&x.rate, ahead, &mut out.rate);
         if free {
             return Ok(());
         }
@@ -137,6 +146,8 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
             twist.linear = S::Configuration::twist(&x.rate, i).linear + (before + ahead) * (0.5 * h);
             S::Configuration::set_twist(&mut out.rate, i, twist);
         }
+        let slopes = [(0.5 * h, &self.wrenches), (0.5 * h, &self.wrenches_ahead)];
+        advance::<S::Configuration>(&x.rate, &slopes, &mut out.rate);
         std::mem::swap(&mut self.wrenches, &mut self.wrenches_ahead);
         self.wrenches_hold = !system.depends_on_velocity();
         Ok(())

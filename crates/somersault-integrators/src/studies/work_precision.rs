@@ -19,8 +19,9 @@ use super::{Progress, StudyError, check_not_empty, check_positive, report};
 use crate::body::RigidBody;
 use crate::driver::{Adaptive, TimeGrid, integrate, integrate_adaptive};
 use crate::methods::{Method, Options};
+use crate::state::State;
 use crate::stepper::{EmbeddedStepper, Stepper};
-use crate::system::{RateOf, RigidSystem, StateOf, System};
+use crate::system::{BodyPoses, BodyRate, RateOf, RigidSystem, StateOf, System};
 use std::cell::Cell;
 use std::time::Instant;
 
@@ -241,6 +242,7 @@ impl<S> Counted<S> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: RigidSystem> System for Counted<S> {
     type Configuration = S::Configuration;
     type Workspace = S::Workspace;
@@ -256,6 +258,7 @@ impl<S: RigidSystem> System for Counted<S> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: RigidSystem> RigidSystem for Counted<S> {
     fn body(&self, i: usize) -> &RigidBody {
         self.system.body(i)
@@ -266,6 +269,16 @@ impl<S: RigidSystem> RigidSystem for Counted<S> {
     fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         self.calls.set(self.calls.get() + 1);
         self.system.wrenches(t, x, out);
+    }
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<BodyPoses<S>>,
+        world: &mut (StateOf<S>, RateOf<S>),
+        out: &mut BodyRate<S>,
+    ) {
+        self.calls.set(self.calls.get() + 1);
+        self.system.body_wrenches(t, x, world, out);
     }
     fn is_free(&self) -> bool {
         false

@@ -133,6 +133,14 @@ struct Determined {
     rank: usize,
 }
 
+/// What a minimum is worth.
+struct Examined {
+    unknowns: Vec<UnknownStatus>,
+    covariance: Option<DMatrix<f64>>,
+    /// Whether the residuals are beyond the noise.
+    is_misfit: bool,
+}
+
 /// Where a search ends before it has converged.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Until {
@@ -236,7 +244,7 @@ impl<'a> FrameFitter<'a> {
                 covariance: None,
             });
         }
-        let (unknowns, covariance, is_misfit) = self.examine(targets, &estimate)?;
+        let Examined { unknowns, covariance, is_misfit } = self.examine(targets, &estimate)?;
         let status = if is_misfit && status == FitStatus::Converged { FitStatus::Misfit } else { status };
         Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, unknowns, covariance })
     }
@@ -515,10 +523,11 @@ impl<'a> FrameFitter<'a> {
         &mut self,
         targets: &[Option<Vector3<f64>>],
         estimate: &Estimate,
-    ) -> Result<(Vec<UnknownStatus>, Option<DMatrix<f64>>, bool), DynamicsError> {
+    ) -> Result<Examined, DynamicsError> {
         self.linearize(targets, estimate)?;
         let Some(Determined { mut inverse, mut status, rank }) = self.determined(estimate) else {
-            return Ok((vec![UnknownStatus::Undetermined; self.unknowns.n()], None, false));
+            let unknowns = vec![UnknownStatus::Undetermined; self.unknowns.n()];
+            return Ok(Examined { unknowns, covariance: None, is_misfit: false });
         };
         let n_measured = 3 * targets.iter().flatten().count();
         let n_over = n_measured.saturating_sub(rank) as f64;
@@ -532,7 +541,9 @@ impl<'a> FrameFitter<'a> {
         let known = self.options.noise.filter(|_| self.options.loss == Loss::Squares);
         let is_misfit =
             known.is_some_and(|noise| squares > noise * noise * (n_over + MISFIT * (2.0 * n_over).sqrt()));
-        let Some(variance) = variance else { return Ok((status, None, is_misfit)) };
+        let Some(variance) = variance else {
+            return Ok(Examined { unknowns: status, covariance: None, is_misfit });
+        };
         let rounding = self.no_cost(targets);
         for i in 0..status.len() {
             if status[i] != UnknownStatus::AtLimit {
@@ -555,7 +566,7 @@ impl<'a> FrameFitter<'a> {
             inverse.column_mut(i).fill(0.0);
             inverse[(i, i)] = f64::INFINITY;
         }
-        Ok((status, Some(inverse), is_misfit))
+        Ok(Examined { unknowns: status, covariance: Some(inverse), is_misfit })
     }
 
     /// First and second derivative of the frame's minimum by its scale, which is fixed: the second is that of

@@ -116,7 +116,8 @@ pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError
     let unit = match parameters.text("POINT", "UNITS") {
         Some((_, name)) if name.is_empty() => options.convention.unit(),
         Some((place, name)) => {
-            LengthUnit::from_name(&name).ok_or_else(|| unexpected(place, &name, LengthUnit::NAMES))?
+            let known = LengthUnit::from_name(&name).or_else(|| LengthUnit::from_cut_name(&name));
+            known.ok_or_else(|| unexpected(place, &name, LengthUnit::NAMES))?
         }
         None => options.convention.unit(),
     };

@@ -37,6 +37,24 @@ impl LengthUnit {
         })
     }
 
+    /// The unit of a name that a field of so many letters has cut: at least four letters of a known one.
+    pub fn from_cut_name(name: &str) -> Option<Self> {
+        let name = name.trim().to_ascii_lowercase();
+        const WHOLE: [&str; 9] = [
+            "metres",
+            "meters",
+            "decimetres",
+            "decimeters",
+            "centimetres",
+            "centimeters",
+            "millimetres",
+            "millimeters",
+            "inches",
+        ];
+        let known = WHOLE.iter().find(|whole| name.len() >= 4 && whole.starts_with(&name));
+        known.and_then(|whole| Self::from_name(whole))
+    }
+
     /// The abbreviation that files have.
     pub fn symbol(self) -> &'static str {
         match self {
@@ -234,6 +252,9 @@ mod tests {
         assert_eq!(LengthUnit::Millimetre.to_metres(1234.5), 1.2345);
         assert_eq!(LengthUnit::from_name(" MM"), Some(LengthUnit::Millimetre));
         assert_eq!(LengthUnit::from_name("furlong"), None);
+        assert_eq!(LengthUnit::from_cut_name("mete"), Some(LengthUnit::Metre));
+        assert_eq!(LengthUnit::from_cut_name("Milli"), Some(LengthUnit::Millimetre));
+        assert!(["met", "mega", "m", ""].iter().all(|name| LengthUnit::from_cut_name(name).is_none()));
         use LengthUnit::{Centimetre, Decimetre, Foot, Inch, Metre, Millimetre};
         for unit in [Metre, Decimetre, Centimetre, Millimetre, Inch, Foot] {
             assert_eq!(LengthUnit::from_name(unit.symbol()), Some(unit));

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 /// Rounds of the search for a reference, at most. It converges in some; what is learnt depends on its end, but not on how
 /// motions were turned before.
 const ROUNDS: usize = 100;
-/// Change of the reference that is none, relative.
+/// Relative change of the reference at which its search ends.
 const AT_REST: f64 = 1e-13;
 /// Parts in which the motions are left out of a basis.
 const PARTS: usize = 10;

@@ -113,7 +113,7 @@ pub enum ScoringError {
         /// Greatest score.
         greatest: f64,
     },
-    /// The scale is none.
+    /// The ends of the scale do not grow, or one is not finite.
     #[error("`scale` must be two finite numbers that grow, found {least} and {greatest}")]
     Scale {
         /// Least score.

@@ -344,6 +344,33 @@ fn where_header_and_parameters_of_a_c3d_differ_the_length_of_the_file_decides() 
 }
 
 #[test]
+fn blanks_in_the_last_block_of_a_c3d_are_no_points() {
+    let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
+    file.resize(file.len().next_multiple_of(512), 0);
+    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+    let expected = read(&file);
+    // four frames of four points would end nearer to the end of the file
+    file[2] = 4;
+    assert_eq!(read(&file), expected);
+    let used = c3d::contradictions(&file).unwrap()[0];
+    assert_eq!((used.quantity, used.used, used.header), ("points", 3.0, 4.0));
+}
+
+#[test]
+fn a_c3d_whose_parameters_end_nowhere_or_whose_unit_is_cut_is_read() {
+    let whole = C3d { bytes: Bytes::Mips, float: false, n_frames: 4 }.write();
+    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+    let mut file = whole.clone();
+    // the distance from the last parameter, in the order of bytes of another processor
+    let last = whole.windows(4).rposition(|w| w == b"RATE").unwrap();
+    file[last + 4..last + 6].copy_from_slice(&[0x3f, 0x01]);
+    assert_eq!(read(&file), read(&whole));
+    let unit = whole.windows(4).position(|w| w == b"mm  ").unwrap();
+    file[unit..unit + 4].copy_from_slice(b"mete");
+    assert_eq!(read(&file).frame(0)[0].unwrap(), read(&whole).frame(0)[0].unwrap() * 1000.0);
+}
+
+#[test]
 fn the_first_frame_of_a_c3d_is_at_the_time_of_its_number() {
     let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
     (file[6], file[8]) = (101, 104);

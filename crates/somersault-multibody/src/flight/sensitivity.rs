@@ -112,13 +112,12 @@ impl<'f, S: ShapeParameters + ?Sized> FlightSensitivities<'f, S> {
         for (column, (displacement, rate)) in
             displacements.chunks_exact(n).zip(rest.chunks_exact_mut(n)).enumerate()
         {
-            let mut sum = match displacement {
+            let mut sum = if self.flight.is_planar {
                 // a turn about the normal of the plane changes nothing
-                [_] => Vector3::zeros(),
-                _ => {
-                    let theta = Vector3::from_column_slice(displacement);
-                    found.by_orientation * theta - omega.cross(&theta)
-                }
+                Vector3::zeros()
+            } else {
+                let theta = Vector3::from_column_slice(displacement);
+                found.by_orientation * theta - omega.cross(&theta)
             };
             if (n..n + 3).contains(&column) {
                 sum += found.by_angular_momentum.column(column - n);

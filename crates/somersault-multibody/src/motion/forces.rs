@@ -15,14 +15,17 @@ pub trait TreeForces {
     /// Adds joint forces, dual to v, at time `t` for positions `q` and velocities `v`.
     fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]);
 
-    /// Whether there may be wrenches on bodies besides.
-    fn has_wrenches(&self) -> bool {
-        false
+    /// Wrenches on the bodies besides, if there are any; those of a closure and of `()` are none.
+    fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+        None
     }
+}
 
-    /// Adds a wrench on every body, in body axes about the body's origin; `bodies` has their poses and
+/// Wrenches on the bodies of a tree.
+pub trait BodyWrenches {
+    /// Adds a wrench on every body at time `t`, in body axes about the body's origin; `bodies` has their poses and
     /// velocities.
-    fn add_wrenches(&self, _t: f64, _bodies: &Velocities<'_>, _wrenches: &mut [Force<f64>]) {}
+    fn add_wrenches(&self, t: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]);
 }
 
 impl TreeForces for () {
@@ -36,29 +39,32 @@ impl<F: Fn(f64, &[f64], &[f64], &mut [f64])> TreeForces for F {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<A: TreeForces, B: TreeForces> TreeForces for (A, B) {
     fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
         self.0.add_torque(t, q, v, torque);
         self.1.add_torque(t, q, v, torque);
     }
-    fn has_wrenches(&self) -> bool {
-        self.0.has_wrenches() || self.1.has_wrenches()
-    }
-    fn add_wrenches(&self, t: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
-        self.0.add_wrenches(t, bodies, wrenches);
-        self.1.add_wrenches(t, bodies, wrenches);
+    fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+        (self.0.wrenches().is_some() || self.1.wrenches().is_some()).then_some(self)
     }
 }
 
+impl<A: TreeForces, B: TreeForces> BodyWrenches for (A, B) {
+    fn add_wrenches(&self, t: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
+        for model in self.0.wrenches().into_iter().chain(self.1.wrenches()) {
+            model.add_wrenches(t, bodies, wrenches);
+        }
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
 impl TreeForces for Box<dyn TreeForces + Send + Sync> {
     fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
         (**self).add_torque(t, q, v, torque);
     }
-    fn has_wrenches(&self) -> bool {
-        (**self).has_wrenches()
-    }
-    fn add_wrenches(&self, t: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
-        (**self).add_wrenches(t, bodies, wrenches);
+    fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+        (**self).wrenches()
     }
 }
 

@@ -33,7 +33,7 @@ mod state;
 mod system;
 
 pub use crate::coordinates::{Coordinates, Rates};
-pub use forces::{Driven, JointDrive, TreeForces};
+pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
 pub use state::TreeState;
 pub use system::{TreeDynamics, TreeSystem, TreeWorkspace};
 

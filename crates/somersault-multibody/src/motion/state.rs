@@ -5,8 +5,8 @@
 
 use crate::coordinates::{Coordinates, Factor, Layout};
 use crate::error::{DynamicsError, expect_length};
-use crate::joint::{Joint, quaternion};
-use crate::model::Model;
+use crate::joint::{Joint, JointKind, Turning, quaternion};
+use crate::model::{Body, Model};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_integrators::state::State;
 
@@ -22,7 +22,7 @@ impl Model {
         self.normalize(&mut q)?;
         let mut rates = v.to_vec();
         self.turn_linear_parts(&q, &mut rates, |turn, part, _| turn * part);
-        let layout = Layout::new(self.links().iter().flat_map(|link| factors(&link.joint)).copied());
+        let layout = Layout::new(self.links().iter().flat_map(|link| factors(&link.joint)));
         let (configuration, rate) = layout.state(q, rates);
         Ok(State { configuration, rate })
     }
@@ -41,48 +41,44 @@ impl Model {
     /// out ← the rates of the rates for joint velocities `v` and accelerations `a`; lengths must fit.
     pub(crate) fn second_rates(&self, q: &[f64], v: &[f64], a: &[f64], out: &mut [f64]) {
         out.copy_from_slice(a);
-        self.turn_linear_parts(q, out, |turn, part, dofs| {
-            let (linear, angular) = split(&v[dofs]);
-            turn * (part + angular.cross(&linear))
+        self.turn_linear_parts(q, out, |turn, part, body| {
+            let velocity = self.relative(body, v);
+            turn * (part + velocity.angular.cross(&velocity.linear))
         });
     }
 
-    /// Replaces the linear part of every planar and free joint by `map`(R, part, degrees of freedom).
+    /// Replaces the linear part of every planar and free joint by `map`(R, part, body).
     fn turn_linear_parts(
         &self,
         q: &[f64],
         numbers: &mut [f64],
-        map: impl Fn(&UnitQuaternion<f64>, Vector3<f64>, std::ops::Range<usize>) -> Vector3<f64>,
+        map: impl Fn(&UnitQuaternion<f64>, Vector3<f64>, &Body<f64>) -> Vector3<f64>,
     ) {
         for (body, link) in self.bodies.iter().zip(self.links()) {
-            let (turn, n_linear) = match link.joint {
-                Joint::Planar => (UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[body.q + 2]), 2),
-                Joint::Free => (UnitQuaternion::new_unchecked(quaternion(&q[body.q + 3..])), 3),
-                _ => continue,
+            let kind = link.joint.kind();
+            if !kind.turns_linear_part() {
+                continue;
+            }
+            let (n_linear, q) = (kind.n_linear, &q[body.q + kind.n_linear..]);
+            let turn = match kind.turning {
+                Turning::None => continue,
+                Turning::Angle => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[0]),
+                Turning::Rotation => UnitQuaternion::new_unchecked(quaternion(q)),
             };
-            let numbers = &mut numbers[body.dofs.clone()];
-            let mapped = map(&turn, split(numbers).0, body.dofs.clone());
-            numbers[..n_linear].copy_from_slice(&mapped.as_slice()[..n_linear]);
+            let part = self.relative(body, numbers).linear;
+            let mapped = map(&turn, part, body);
+            numbers[body.dofs.clone()][..n_linear].copy_from_slice(&mapped.as_slice()[..n_linear]);
         }
     }
 }
 
-/// Linear and angular part of the velocity of a planar (three numbers) or free joint (six).
-fn split(v: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
-    match v {
-        [x, y, z] => (Vector3::new(*x, *y, 0.0), Vector3::new(0.0, 0.0, *z)),
-        _ => (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5])),
-    }
-}
-
 /// The factors of the group of a joint, in the order of its numbers.
-fn factors(joint: &Joint) -> &'static [Factor] {
-    match joint {
-        Joint::Fixed => &[],
-        Joint::Revolute { .. } => &[Factor::Angle],
-        Joint::Prismatic { .. } => &[Factor::Linear(1)],
-        Joint::Spherical => &[Factor::Rotation],
-        Joint::Planar => &[Factor::Linear(2), Factor::Angle],
-        Joint::Free => &[Factor::Linear(3), Factor::Rotation],
-    }
+fn factors(joint: &Joint) -> impl Iterator<Item = Factor> {
+    let JointKind { n_linear, turning, .. } = joint.kind();
+    let turning = match turning {
+        Turning::None => None,
+        Turning::Angle => Some(Factor::Angle),
+        Turning::Rotation => Some(Factor::Rotation),
+    };
+    (n_linear > 0).then_some(Factor::Linear(n_linear)).into_iter().chain(turning)
 }

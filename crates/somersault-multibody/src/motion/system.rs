@@ -74,10 +74,10 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         self.model.joint_velocities(x, &mut w.v)?;
         w.torque.fill(0.0);
         self.forces.add_torque(t, q, &w.v, &mut w.torque);
-        if self.forces.has_wrenches() {
+        if let Some(model) = self.forces.wrenches() {
             w.wrenches.fill(Force::zero());
             let bodies = self.model.velocities(&mut w.data, q, &w.v)?;
-            self.forces.add_wrenches(t, &bodies, &mut w.wrenches);
+            model.add_wrenches(t, &bodies, &mut w.wrenches);
         }
         self.drive.solve(self.model, t, q, w)?;
         Ok(TreeDynamics { velocity: &w.v, acceleration: &w.acceleration, torque: &w.torque })
@@ -90,7 +90,7 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
 
     fn workspace(&self) -> TreeWorkspace {
         let n = self.model.n_velocities();
-        let n_wrenches = if self.forces.has_wrenches() { self.model.n_bodies() } else { 0 };
+        let n_wrenches = if self.forces.wrenches().is_some() { self.model.n_bodies() } else { 0 };
         TreeWorkspace {
             data: Data::new(self.model),
             v: vec![0.0; n],

@@ -68,9 +68,8 @@ pub(super) struct Writer<'a> {
 impl Sink for Writer<'_> {
     #[inline(always)]
     fn add(&mut self, _: usize, _: usize, value: f64) {
-        if let Some(&Slot { at, factor }) = self.slots.next()
-            && at != NOWHERE
-        {
+        let &Slot { at, factor } = self.slots.next().expect("both runs of a loop have the same entries");
+        if at != NOWHERE {
             self.values[at] += factor * value;
         }
     }

@@ -135,6 +135,11 @@ pub(super) trait Formula: Send {
     fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]);
 }
 
+/// What a user announces and does not write has no value, rather than zero or the last one.
+fn unwritten<T: Scalar>(values: &mut [T]) {
+    values.fill(nalgebra::convert(f64::NAN));
+}
+
 pub(super) struct DynamicsFormula<D>(pub(super) D, pub(super) Sizes);
 
 impl<D: Dynamics> Formula for DynamicsFormula<D> {
@@ -142,6 +147,7 @@ impl<D: Dynamics> Formula for DynamicsFormula<D> {
         self.1.states
     }
     fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]) {
+        unwritten(values);
         self.0.rates(&self.1.view(arguments), values);
     }
 }
@@ -155,6 +161,7 @@ impl<C: Terms> Formula for PathFormula<C> {
     }
     fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]) {
         let at = self.1.view(arguments);
+        unwritten(values);
         values[0] = self.0.running_cost(&at);
         self.0.path_constraints(&at, &mut values[1..]);
     }
@@ -169,6 +176,7 @@ impl<C: Terms> Formula for EndFormula<C> {
     }
     fn evaluate<T: Scalar>(&self, arguments: &[T], values: &mut [T]) {
         let ends = self.1.view_ends(arguments);
+        unwritten(values);
         values[0] = self.0.end_cost(&ends);
         self.0.end_constraints(&ends, &mut values[1..]);
     }

@@ -3,7 +3,8 @@
 //! A [`Problem`] has one or several [`Phase`]s: equations ẋ = f(x, u, p, t), costs, path and end constraints,
 //! bounds, ends and horizons that are fixed or free. On a [`Mesh`] a [`Transcription`] makes a sparse nonlinear
 //! program of it, with exact Jacobian and Hessian; [`Collocation`] solves programs and refines meshes until the
-//! estimated error is below its tolerance, and integrates what it found anew ([`confirm`]).
+//! estimated errors of states, cost, costates, Hamiltonian and bounds are below its tolerance ([`Accuracy`]), and integrates
+//! what it found again ([`confirm`]).
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -48,15 +49,17 @@
 //! [`Sqp`](crate::solver::Sqp) shifts it as far as the null space of the active constraints needs. Next to a solution that
 //! is not at all, and convergence is quadratic.
 //!
-//! Bounds and path constraints hold at the collocation points; [`Confirmation`] says how far they are violated
-//! between them. Nothing is collocated at the end of a phase, where a control is extrapolated. A start
+//! Bounds and path constraints hold at the collocation points. Between them states and path constraints that do not depend on
+//! the controls exceed theirs by the tolerance at most where a search converged; a control that switches exceeds its own in the
+//! short interval where it does, and [`Confirmation`] says by how much. Nothing is collocated at the end of a phase, where a control is extrapolated. A start
 //! mesh should resolve what is expected to be fast: on a coarse one a program often has solutions that are no
 //! motions, and the refinement follows them.
 //!
 //! Sources: D. Garg et al., *Direct trajectory optimization and costate estimation of finite-horizon and
 //! infinite-horizon optimal control problems using a Radau pseudospectral method*, Comput. Optim. Appl. 49 (2011);
 //! M. A. Patterson, W. W. Hager and A. V. Rao, *A ph mesh refinement method for optimal control*, Optim. Control
-//! Appl. Methods 36 (2015); F. Liu, W. W. Hager and A. V. Rao, *Adaptive mesh refinement method for optimal control
+//! Appl. Methods 36 (2015); R. Becker and R. Rannacher, *An optimal control approach to a posteriori error estimation in
+//! finite element methods*, Acta Numerica 10 (2001); F. Liu, W. W. Hager and A. V. Rao, *Adaptive mesh refinement method for optimal control
 //! using decay rates of Legendre polynomial coefficients*, IEEE Trans. Control Syst. Technol. 26 (2018).
 
 mod confirmation;

@@ -54,6 +54,15 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
+    /// Of what was not estimated: infinite errors.
+    pub const UNKNOWN: Self = Self {
+        equations: f64::INFINITY,
+        cost: f64::INFINITY,
+        costates: f64::INFINITY,
+        hamiltonian: f64::INFINITY,
+        violation: f64::INFINITY,
+    };
+
     /// Each error with its name and what it may be.
     fn parts(&self, tolerance: f64) -> [(&'static str, f64, f64); 5] {
         let root = tolerance.sqrt();
@@ -70,6 +79,11 @@ impl Accuracy {
     /// root.
     pub fn meets(&self, tolerance: f64) -> bool {
         self.parts(tolerance).iter().all(|(_, found, allowed)| found <= allowed)
+    }
+
+    /// The largest error in parts of what it may be.
+    pub(super) fn excess(&self, tolerance: f64) -> f64 {
+        self.parts(tolerance).iter().fold(0.0, |m: f64, (_, found, allowed)| m.max(found / allowed))
     }
 
     /// What exceeds that most, if anything does.

@@ -164,9 +164,8 @@ pub(super) fn wishes(
     }
     let wish = |(error, found): (&IntervalError, &IntervalOptimality)| {
         let excess = error.relative / tolerance;
-        // a NaN is not within
-        let is_far =
-            !(found.accuracy.cost < least) || !Accuracy { cost: 0.0, ..found.accuracy }.meets(tolerance);
+        let is_costly = found.accuracy.cost >= least || found.accuracy.cost.is_nan();
+        let is_far = is_costly || !Accuracy { cost: 0.0, ..found.accuracy }.meets(tolerance);
         match (excess > 1.0 || excess.is_nan(), is_far, found.switches) {
             (false, false, _) => Wish::Keep,
             (_, true, true) => Wish::Divide,

@@ -16,6 +16,9 @@ use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
+/// Meshes in a row that leave more than this share of the least error before them, after which there is no other.
+const PATIENCE: usize = 5;
+const WORTHWHILE: f64 = 0.5;
 /// Relative defect from which on a motion is not coarse but none.
 const NO_MOTION: f64 = 1e-2;
 
@@ -57,7 +60,8 @@ pub enum CollocationStatus {
     /// The program converged, and its motion is none: integrated anew it leaves its own nodes by more than the tolerance
     /// though its mesh should meet it, or by more than 10⁻² of the states whatever the mesh.
     FalseConvergence,
-    /// The last mesh allowed does not meet the tolerance: [`Accuracy::shortfall`] says in what.
+    /// The last mesh does not meet the tolerance, and no other is allowed or finer ones do not help: [`Accuracy::shortfall`]
+    /// says in what.
     MeshLimit,
     /// The cost still falls along a free time where the program ended: its slope is small beside one and not beside the terms
     /// it is made of. A cost of effort alone has no minimum over a time without an upper bound.
@@ -119,8 +123,9 @@ impl<S: NlpSolver> Collocation<S> {
         self.solve_while(problem, meshes, on_iteration, &mut || true)
     }
 
-    /// The same for as long as `go_on`, which is asked at each step of the integration that confirms the motion. Without
-    /// it the status is [`Status::Interrupted`], and what was solved is kept.
+    /// The same for as long as `go_on`, which is asked where a mesh is solved and at each step of the integration that
+    /// confirms the motion. Without it the status is [`Status::Interrupted`], what was solved is kept, and the errors that
+    /// were not estimated any more are [unknown](Accuracy::UNKNOWN).
     pub fn solve_while(
         &self,
         problem: &mut Problem,
@@ -151,16 +156,20 @@ impl<S: NlpSolver> Collocation<S> {
             let runs_away = program.status.is_converged()
                 && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
             drop(transcription);
-            let (mut errors, mut optimal) = (Vec::new(), Vec::new());
-            for ((phase, solution), held) in problem.phases.iter_mut().zip(&phases).zip(&held) {
-                errors.push(refinement::errors(phase, solution)?);
-                optimal.push(optimality(phase, solution, held)?);
-            }
+            let is_cut = !go_on();
             let size = program.cost.abs().max(1.0);
-            let mut accuracy = Accuracy::default();
-            optimal.iter().flatten().for_each(|found| accuracy.include(&found.accuracy));
-            accuracy.cost /= size;
-            accuracy.equations = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
+            let (mut errors, mut optimal) = (Vec::new(), Vec::new());
+            let mut accuracy = Accuracy::UNKNOWN;
+            if !is_cut {
+                for ((phase, solution), held) in problem.phases.iter_mut().zip(&phases).zip(&held) {
+                    errors.push(refinement::errors(phase, solution)?);
+                    optimal.push(optimality(phase, solution, held)?);
+                }
+                accuracy = Accuracy::default();
+                optimal.iter().flatten().for_each(|found| accuracy.include(&found.accuracy));
+                accuracy.cost /= size;
+                accuracy.equations = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
+            }
             history.push(MeshRecord {
                 meshes: meshes.clone(),
                 cost: program.cost,
@@ -170,7 +179,8 @@ impl<S: NlpSolver> Collocation<S> {
                 time: began.elapsed(),
             });
             let is_met = program.status.is_converged() && accuracy.meets(self.tolerance);
-            if is_met || runs_away || !is_usable(&program) || history.len() >= self.max_meshes {
+            let is_last = history.len() >= self.max_meshes || self.has_settled(&history);
+            if is_cut || is_met || runs_away || is_last || !is_usable(&program) {
                 return self.report(problem, phases, history, program, runs_away, go_on);
             }
             let wishes = refinement::wishes(&errors, &optimal, size, self.tolerance);
@@ -183,6 +193,16 @@ impl<S: NlpSolver> Collocation<S> {
             meshes = finer;
             previous = Some((phases, rest));
         }
+    }
+
+    /// Whether finer meshes have ceased to help: what they leave are errors of the program.
+    fn has_settled(&self, history: &[MeshRecord]) -> bool {
+        let least = |records: &[MeshRecord]| {
+            let excess = |record: &MeshRecord| record.accuracy.excess(self.tolerance);
+            records.iter().map(excess).fold(f64::INFINITY, f64::min)
+        };
+        let Some(before) = history.len().checked_sub(PATIENCE) else { return false };
+        least(&history[before..]) > WORTHWHILE * least(&history[..before])
     }
 
     fn refined(&self, mesh: &Mesh, wishes: &[refinement::Wish]) -> Result<Mesh, CollocationError> {

@@ -44,10 +44,16 @@ impl Rate for Vector {
     }
     fn add_bracket(&mut self, _: f64, _: &Self, _: &Self) {}
     fn dexp_inv(&mut self, _: &Self) {}
+    fn angle(&self) -> f64 {
+        0.0
+    }
     fn is_finite(&self) -> bool {
         self.0.iter().all(|x| x.is_finite())
     }
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        Vector::weigh(self, other, error, tolerances, sum);
+    }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         Vector::weigh(self, other, error, tolerances, sum);
     }
 }
@@ -70,6 +76,9 @@ impl Configuration for Vector {
         self.0.iter().all(|x| x.is_finite())
     }
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
+        Vector::weigh(self, other, error, tolerances, sum);
+    }
+    fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
         Vector::weigh(self, other, error, tolerances, sum);
     }
 }

@@ -3,9 +3,9 @@
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::{OcpError, expect_length};
 use crate::nlp::EvaluationError;
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Matrix6;
 use num_dual::Dual64;
-use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Motion, Split};
+use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Split};
 
 /// A tree as [`HybridDynamics`]; joint forces of passive degrees of freedom, viscous friction and gravity are its own.
 #[derive(Debug, Clone)]
@@ -14,31 +14,12 @@ pub struct Tree {
     split: Split,
     dofs: Dofs,
     /// Of the groups of `dofs`.
-    groups: Vec<Group>,
+    joints: Vec<Joint>,
     data: Data,
     work: DerivativeData,
     acceleration: Vec<f64>,
     torque: Vec<f64>,
     bent: Option<Box<Bent>>,
-}
-
-/// A joint whose displacements do not commute.
-#[derive(Debug, Clone, Copy)]
-enum Group {
-    Spherical,
-    Planar,
-    Free,
-}
-
-impl Group {
-    fn of(joint: &Joint) -> Option<Self> {
-        match joint {
-            Joint::Fixed | Joint::Revolute { .. } | Joint::Prismatic { .. } => None,
-            Joint::Spherical => Some(Self::Spherical),
-            Joint::Planar => Some(Self::Planar),
-            Joint::Free => Some(Self::Free),
-        }
-    }
 }
 
 /// The tree over dual numbers, made when second derivatives are first asked for.
@@ -70,7 +51,7 @@ impl Tree {
             positions: vec![None; n],
             groups: Vec::new(),
         };
-        let mut groups = Vec::new();
+        let mut joints = Vec::new();
         for (i, link) in model.links().iter().enumerate() {
             let at = model.velocities_of(i);
             if at.len() == 1 {
@@ -82,14 +63,14 @@ impl Tree {
                 let joint = link.name().to_owned();
                 return Err(OcpError::ActiveJoint { joint, n_active, n_velocities: at.len() });
             }
-            if let Some(group) = Group::of(link.joint()) {
+            if at.len() > 1 {
                 dofs.groups.push(at);
-                groups.push(group);
+                joints.push(*link.joint());
             }
         }
         let (data, work) = (Data::new(&model), DerivativeData::new(&model));
         let room = || vec![0.0; n];
-        Ok(Self { model, split, dofs, groups, data, work, acceleration: room(), torque: room(), bent: None })
+        Ok(Self { model, split, dofs, joints, data, work, acceleration: room(), torque: room(), bent: None })
     }
 
     /// The tree.
@@ -105,25 +86,6 @@ impl Tree {
 
 pub(crate) fn undefined(error: DynamicsError) -> EvaluationError {
     EvaluationError::Undefined { what: format!("the motion of the tree ({error})") }
-}
-
-/// A displacement of a joint as a motion in the axes of its child.
-fn motion(group: Group, d: &[f64]) -> Motion<f64> {
-    match group {
-        Group::Spherical => Motion::new(Vector3::zeros(), Vector3::new(d[0], d[1], d[2])),
-        Group::Planar => Motion::new(Vector3::new(d[0], d[1], 0.0), Vector3::new(0.0, 0.0, d[2])),
-        Group::Free => Motion::new(Vector3::new(d[0], d[1], d[2]), Vector3::new(d[3], d[4], d[5])),
-    }
-}
-
-/// The numbers of a displacement of a joint.
-fn numbers(group: Group, m: &Motion<f64>) -> [f64; 6] {
-    let (l, a) = (m.linear, m.angular);
-    match group {
-        Group::Spherical => [a.x, a.y, a.z, 0.0, 0.0, 0.0],
-        Group::Planar => [l.x, l.y, a.z, 0.0, 0.0, 0.0],
-        Group::Free => [l.x, l.y, l.z, a.x, a.y, a.z],
-    }
 }
 
 impl HybridDynamics for Tree {
@@ -179,14 +141,13 @@ impl HybridDynamics for Tree {
     }
 
     fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64> {
-        let (group, at) = (self.groups[group], self.dofs.groups[group].clone());
-        let d = motion(group, &d[at.clone()]);
+        let (joint, at) = (&self.joints[group], self.dofs.groups[group].clone());
+        let d = joint.motion(&d[at.clone()]);
         let mut matrix = Matrix6::zeros();
         for j in 0..at.len() {
             let mut unit = [0.0; 6];
             unit[j] = 1.0;
-            let column = numbers(group, &d.cross(&motion(group, &unit)));
-            matrix.column_mut(j).copy_from_slice(&column);
+            joint.numbers(&d.cross(&joint.motion(&unit)), matrix.column_mut(j).as_mut_slice());
         }
         matrix
     }

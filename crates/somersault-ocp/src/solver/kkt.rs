@@ -10,8 +10,9 @@
 //! all working sets, so that AMD and the symbolic factorisation happen once: variables at bounds and
 //! constraints out of the set keep a diagonal entry only. ε makes the matrix quasi-definite where H + σ 1 is
 //! positive definite, also where rows are dependent. Where a pivot vanishes, as it may where H has zeros, the factors are
-//! those with δ 1 added. Both are taken out again by GMRES on the residual with the factors as preconditioner
-//! (Saad 2003, algorithm 9.5), which a few directions of slow convergence do not hold up as they do plain refinement. By
+//! those with δ 1 added. Both are taken out again by iterative refinement, and where that stands still, as it does where rows
+//! hardly differ, by GMRES on the residual with the factors as preconditioner (Saad 2003, algorithm 9.5), which a few
+//! directions of slow convergence do not hold up. By
 //! Sylvester's law of inertia H + (σ + δ) 1 is positive definite on the null space of A where exactly n pivots are positive.
 
 use super::program::max_norm;
@@ -40,8 +41,9 @@ const PRIMAL_REGULARISATION: f64 = 1e-9;
 
 /// Pivots below this, relative to the largest entry of H, count as zero.
 const SMALLEST_PIVOT: f64 = 1e-13;
+const REFINEMENTS: usize = 10;
 /// Cycles of GMRES, and steps of each.
-const REFINEMENTS: usize = 6;
+const CYCLES: usize = 6;
 const KRYLOV: usize = 12;
 /// Decrease of the residual that ends a cycle: no more digits are to be had of it.
 const DIGITS: f64 = 1e-12;
@@ -69,6 +71,8 @@ pub(super) struct Kkt {
     compliance: f64,
     row_norms: Vec<f64>,
     residual: Vec<f64>,
+    /// Where a solve started.
+    start: Vec<f64>,
     krylov: Krylov,
     pub(super) count: usize,
 }
@@ -134,6 +138,7 @@ impl Kkt {
             compliance: 0.0,
             row_norms: vec![0.0; m],
             residual: vec![0.0; n + m],
+            start: vec![0.0; n + m],
             krylov: Krylov::new(n + m),
             count: 0,
         }
@@ -231,16 +236,13 @@ impl Kkt {
             p.fill(0.0);
             y.fill(0.0);
         }
-        let mut last = f64::INFINITY;
-        let mut accurate = false;
-        for _ in 0..REFINEMENTS {
-            let error = self.residuals(q, targets, p, &y[n..]);
-            accurate = error <= ACCURACY;
-            if !error.is_finite() || error <= f64::EPSILON || (accurate && error > 0.3 * last) {
-                break;
-            }
-            last = error;
-            self.refine(p, &mut y[n..]);
+        self.start[..n].copy_from_slice(p);
+        self.start[n..].copy_from_slice(&y[n..]);
+        let mut accurate = self.improve(q, targets, p, &mut y[n..], REFINEMENTS, Self::refine);
+        if !accurate {
+            p.copy_from_slice(&self.start[..n]);
+            y[n..].copy_from_slice(&self.start[n..]);
+            accurate = self.improve(q, targets, p, &mut y[n..], CYCLES, Self::cycle);
         }
         // What holds a variable at its bound is what stationarity lacks there.
         self.dual_residual(q, p, &y[n..]);
@@ -250,8 +252,39 @@ impl Kkt {
         accurate && p.iter().chain(y.iter()).all(|x| x.is_finite())
     }
 
-    /// One cycle of GMRES for the correction that the residual asks for.
+    /// Takes `most` steps, or as many as help. Whether the residual is small in the end.
+    fn improve(
+        &mut self,
+        q: &[f64],
+        targets: &[f64],
+        p: &mut [f64],
+        y: &mut [f64],
+        most: usize,
+        step: fn(&mut Self, &mut [f64], &mut [f64]),
+    ) -> bool {
+        let mut last = f64::INFINITY;
+        let mut accurate = false;
+        for _ in 0..most {
+            let error = self.residuals(q, targets, p, y);
+            accurate = error <= ACCURACY;
+            if !error.is_finite() || error <= f64::EPSILON || (accurate && error > 0.3 * last) {
+                break;
+            }
+            last = error;
+            step(self, p, y);
+        }
+        accurate
+    }
+
+    /// Plain refinement: adds what the factors make of the residual.
     fn refine(&mut self, p: &mut [f64], y: &mut [f64]) {
+        self.factors.solve(&mut self.residual);
+        add_scaled(p, 1.0, &self.residual[..self.n]);
+        add_scaled(y, 1.0, &self.residual[self.n..]);
+    }
+
+    /// One cycle of GMRES for the correction that the residual calls for.
+    fn cycle(&mut self, p: &mut [f64], y: &mut [f64]) {
         let n = self.n;
         let mut krylov = std::mem::replace(&mut self.krylov, Krylov::new(0));
         let Krylov { basis, directions, triangle, rotations, projected } = &mut krylov;

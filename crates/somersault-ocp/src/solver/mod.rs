@@ -9,7 +9,8 @@
 //!
 //! **Step.** [`Sqp`] takes Newton's step on its working set, a quadratic program with equalities, by one sparse
 //! LDLᵀ factorisation (QDLDL), exchanging rows while bounds or signs of multipliers are violated. Where that does not
-//! end, clarabel solves the program with inequalities and tells the working set (Morales, Nocedal & Wu 2012). Where
+//! end, clarabel solves the program with inequalities and tells the working set (Morales, Nocedal & Wu 2012), from which
+//! the primal active-set method exchanges rows one by one if need be. Where
 //! the linearised constraints contradict each other, or want multipliers beyond 10⁴ max(1, ‖∇f‖∞), the violations
 //! are penalised instead (elastic mode; Gill, Murray & Saunders 2005), with a weight that is raised until they fall.
 //!

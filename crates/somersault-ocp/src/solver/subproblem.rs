@@ -5,7 +5,9 @@
 //!    exchanged a few times where bounds or signs of multipliers are violated (a primal–dual active set method,
 //!    Hintermüller, Ito & Kunisch 2002). What passes both tests is a local solution of the quadratic program.
 //! 2. Else clarabel solves the program with its Hessian shifted until it is convex everywhere, and step 1 is
-//!    tried with the rows that are active there (as in SQP+, Morales, Nocedal & Wu 2012).
+//!    tried with the rows that are active there (as in SQP+, Morales, Nocedal & Wu 2012), and then the primal active-set
+//!    method from there. Where the shift is not zero it hides what bounds alone hold in place, such as a control that
+//!    switches between its own: before that, rows come from a model that is nearly linear.
 //! 3. Where the linearised constraints contradict each other, or can be met only with huge multipliers, the
 //!    elastic program with weight ρ has a solution.
 
@@ -21,6 +23,10 @@ use crate::nlp::{Pattern, Structure};
 const EXCHANGES: usize = 6;
 /// Multipliers that are not believed, relative to ‖∇f‖∞ (Gill, Murray & Saunders 2005 take the same).
 const HUGE_MULTIPLIER: f64 = 1e4;
+/// Exchanges of one row at a time, after clarabel.
+const SINGLE_EXCHANGES: usize = 100;
+/// Shift, relative to ‖H‖, that may hide what bounds hold.
+const HIDING: f64 = 1e-2;
 /// Multiple of the unit matrix, relative to ‖H‖, in a model that is to tell what bounds alone hold.
 const FLAT: f64 = 1e-6;
 /// Elastic weight at first, relative to ‖∇f‖∞, and at last.
@@ -54,6 +60,9 @@ pub(super) struct Subproblem {
     /// What clarabel found, while a better step is tried.
     convex_p: Vec<f64>,
     convex_y: Vec<f64>,
+    /// Where the active-set method is.
+    feasible_p: Vec<f64>,
+    feasible_jp: Vec<f64>,
     last_shift: f64,
     /// Step.
     pub(super) p: Vec<f64>,
@@ -92,6 +101,8 @@ impl Subproblem {
             no_hessian: vec![0.0; hessian.pattern.n_entries()],
             convex_p: vec![0.0; n],
             convex_y: vec![0.0; n + m],
+            feasible_p: vec![0.0; n],
+            feasible_jp: vec![0.0; m],
             last_shift: 0.0,
             p: vec![0.0; n],
             jp: vec![0.0; m],
@@ -250,12 +261,12 @@ impl Subproblem {
         let n = point.z.len();
         self.jp.fill(0.0);
         self.structure.jacobian.add_product(&point.jacobian, &self.p, &mut self.jp);
+        let sign_tolerance = self.sign_tolerance(point);
         let reach = max_norm(&self.p);
-        let sign_tolerance = 1e-10 * max_norm(&self.y).max(max_norm(&point.gradient));
         let mut changed = false;
         for i in 0..self.trial_set.len() {
             let value = if i < n { self.p[i] } else { self.jp[i - n] };
-            let tolerance = 1e-10 * reach.min(1.0).max(value.abs()).max(1e-2);
+            let tolerance = row_tolerance(reach, value);
             let next = match self.trial_set[i] {
                 Activity::Free if value > self.upper[i] + tolerance => Activity::Upper,
                 Activity::Free if value < self.lower[i] - tolerance => Activity::Lower,
@@ -275,11 +286,12 @@ impl Subproblem {
             return None;
         }
         // A large shift hides what bounds alone hold in place, as they do a control that switches between its own.
-        if shift > floor {
-            let size = max_norm(&hessian.values);
-            if self.interior_point(point, &self.no_hessian.clone(), FLAT * size)
-                && self.newton_on_found(point, hessian, floor)
-            {
+        let size = max_norm(&hessian.values);
+        if shift > floor.max(HIDING * size) {
+            let flat = std::mem::take(&mut self.no_hessian);
+            let is_solved = self.interior_point(point, &flat, FLAT * size);
+            self.no_hessian = flat;
+            if is_solved && self.newton_on_found(point, hessian, floor) {
                 return Some(Origin::WorkingSet);
             }
         }
@@ -289,9 +301,10 @@ impl Subproblem {
         self.shift = shift;
         self.convex_p.copy_from_slice(&self.p);
         self.convex_y.copy_from_slice(&self.y);
-        if self.newton_on_found(point, hessian, floor) {
+        if self.newton_on_found(point, hessian, floor) || self.settle(point, hessian, floor) {
             return Some(Origin::WorkingSet);
         }
+        self.shift = shift;
         self.p.copy_from_slice(&self.convex_p);
         self.y.copy_from_slice(&self.convex_y);
         Some(Origin::Convex)
@@ -319,6 +332,73 @@ impl Subproblem {
     fn newton_on_found(&mut self, point: &Point, hessian: &Hessian, floor: f64) -> bool {
         self.trial_set.copy_from_slice(&self.active);
         self.newton(point, hessian, floor, 2)
+    }
+
+    /// The primal active-set method (Nocedal & Wright 2006, algorithm 16.3) from what clarabel found: one exchange at a time,
+    /// which ends also where many rows hardly push and exchanging all of them at once goes in circles.
+    fn settle(&mut self, point: &Point, hessian: &Hessian, floor: f64) -> bool {
+        let n = point.z.len();
+        let mut shift = floor;
+        self.trial_set.copy_from_slice(&self.active);
+        self.feasible_p.copy_from_slice(&self.convex_p);
+        self.y.copy_from_slice(&self.convex_y);
+        for _ in 0..SINGLE_EXCHANGES {
+            self.set_targets();
+            if !self.factor_convex(point, hessian, &mut shift, true)
+                || !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y)
+            {
+                return false;
+            }
+            self.jp.fill(0.0);
+            self.structure.jacobian.add_product(&point.jacobian, &self.p, &mut self.jp);
+            self.feasible_jp.fill(0.0);
+            self.structure.jacobian.add_product(&point.jacobian, &self.feasible_p, &mut self.feasible_jp);
+            let reach = max_norm(&self.p);
+            let (mut length, mut blocking) = (1.0, None);
+            for i in (0..self.trial_set.len()).filter(|i| self.trial_set[*i] == Activity::Free) {
+                let (from, to) = if i < n {
+                    (self.feasible_p[i], self.p[i])
+                } else {
+                    (self.feasible_jp[i - n], self.jp[i - n])
+                };
+                let tolerance = row_tolerance(reach, to);
+                for (bound, side) in [(self.upper[i], Activity::Upper), (self.lower[i], Activity::Lower)] {
+                    let beyond = if side == Activity::Upper { to - bound } else { bound - to };
+                    let fraction = ((bound - from) / (to - from)).max(0.0);
+                    if beyond > tolerance && fraction < length {
+                        (length, blocking) = (fraction, Some((i, side)));
+                    }
+                }
+            }
+            for (feasible, p) in self.feasible_p.iter_mut().zip(&self.p) {
+                *feasible += length * (p - *feasible);
+            }
+            if let Some((i, side)) = blocking {
+                self.trial_set[i] = side;
+                continue;
+            }
+            let allowed = self.sign_tolerance(point);
+            let wrong = |i: &usize| match self.trial_set[*i] {
+                Activity::Lower => self.y[*i],
+                Activity::Upper => -self.y[*i],
+                Activity::Free | Activity::Equal => 0.0,
+            };
+            let worst = (0..self.trial_set.len()).max_by(|a, b| wrong(a).total_cmp(&wrong(b)));
+            match worst.filter(|i| wrong(i) > allowed) {
+                Some(i) => self.trial_set[i] = Activity::Free,
+                None => {
+                    self.shift = shift;
+                    self.active.copy_from_slice(&self.trial_set);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Multiplier of the wrong sign that counts as zero.
+    fn sign_tolerance(&self, point: &Point) -> f64 {
+        1e-10 * max_norm(&self.y).max(max_norm(&point.gradient))
     }
 
     /// Raises the weight until the step reduces the violation, or no weight does.
@@ -395,6 +475,8 @@ impl Subproblem {
             };
             self.targets[n + i] = bound - trial.constraints[i] + self.jp[i];
         }
+        self.p.fill(0.0);
+        self.y.fill(0.0);
         if !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y) {
             return false;
         }
@@ -422,4 +504,9 @@ impl Subproblem {
             |i: usize| (slope[i] > 0.0 && self.lower[i] > -1e-8) || (slope[i] < 0.0 && self.upper[i] < 1e-8);
         (0..n).filter(|&i| !held(i)).fold(0.0, |s: f64, i| s.max(slope[i].abs())) / size
     }
+}
+
+/// Excess of a row that counts as none, in a step that is `reach` long.
+fn row_tolerance(reach: f64, value: f64) -> f64 {
+    1e-10 * reach.min(1.0).max(value.abs()).max(1e-2)
 }

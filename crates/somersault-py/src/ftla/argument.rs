@@ -19,7 +19,8 @@ fn whole_number(argument: &str, value: &Bound<'_, PyAny>) -> Result<usize, Error
 }
 
 fn entries<'py>(argument: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Error> {
-    value.extract().map_err(|_| input(format!("`{argument}` must be a sequence, found {}", a_type(value))))
+    crate::convert::entries(value)
+        .map_err(|_| input(format!("`{argument}` must be a sequence, found {}", a_type(value))))
 }
 
 fn whole_numbers(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<usize>, Error> {

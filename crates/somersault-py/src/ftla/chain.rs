@@ -3,6 +3,7 @@
 use super::dimension::{DIMENSIONS, by_rows, expect_square, for_dimension, matrix, matrix_array, vector};
 use super::error::input;
 use super::spectrum::Spectrum;
+use crate::convert::integer;
 use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
@@ -154,9 +155,18 @@ impl Chain {
     /// Returns
     /// -------
     /// Spectrum
+    ///
+    /// Raises
+    /// ------
+    /// FtlaInputError
+    ///     If there is no such time.
     #[pyo3(signature = (mark=-1))]
-    fn spectrum(&self, mark: isize) -> Result<Spectrum, Error> {
-        self.spectrum_of(self.marks[index(mark, self.marks.len())?])
+    fn spectrum(&self, #[pyo3(from_py_with = integer)] mark: i64) -> Result<Spectrum, Error> {
+        let known = self.marks.len();
+        let number = index(mark as isize, known).map_err(|_| {
+            super::error::input(format!("`mark` must be from -{known} to {}, found {mark}", known as i64 - 1))
+        })?;
+        self.spectrum_of(self.marks[number])
     }
 
     fn __len__(&self) -> usize {
@@ -168,8 +178,10 @@ impl Chain {
     }
 
     fn __repr__(&self) -> String {
-        let last = self.times.last().copied().unwrap_or_default();
-        format!("<Chain: {} factors, to {last} s>", self.links.len())
+        match self.times.last() {
+            Some(last) => format!("<Chain: {} factors, to {last} s>", self.links.len()),
+            None => "<Chain: empty>".to_owned(),
+        }
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -206,6 +218,6 @@ fn index(number: isize, length: usize) -> Result<usize, Error> {
     let place = if number < 0 { number + length as isize } else { number };
     match usize::try_from(place) {
         Ok(place) if place < length => Ok(place),
-        _ => Err(PyIndexError::new_err(format!("index {number} of {length} entries")).into()),
+        Ok(_) | Err(_) => Err(PyIndexError::new_err(format!("index {number} of {length} entries")).into()),
     }
 }

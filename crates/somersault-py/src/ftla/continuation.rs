@@ -1,12 +1,12 @@
 //! Extremals from a rest, and families of them.
 
 use super::argument::whole;
-use super::dimension::{for_dimension, vector};
+use super::dimension::{for_dimension, no_such, vector};
 use super::error::{input, positive};
 use super::matching::entries;
 use super::named_systems::of_arm;
 use super::run::{Run, attend, caused};
-use super::settings::Settings;
+use super::settings::{Settings, limits_of};
 use super::shooting::{EndStates, Extremal, Nodes, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;
@@ -15,8 +15,9 @@ use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ftla::budget::Limits;
 use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
-use somersault::ftla::continuation::{self, Continuation, Member};
+use somersault::ftla::continuation::{self, Continuation, Member, Reason, Stage};
 use somersault::ftla::shooting::Shooting;
 use std::sync::Arc;
 
@@ -39,7 +40,11 @@ pub(crate) struct Continued {
     /// int: Evaluations of the field for all of them.
     #[pyo3(get)]
     n_evaluations: usize,
-    arrived: bool,
+    /// str: What it was doing last, such as ``'along the family'`` or ``'lowering torque limits'``.
+    #[pyo3(get)]
+    stage: String,
+    /// Why it went no further, and whether that was a limit; none if it arrived.
+    reason: Option<(String, bool)>,
 }
 
 #[pymethods]
@@ -47,7 +52,27 @@ impl Continued {
     /// bool: Whether the last member was reached and polished.
     #[getter]
     fn success(&self) -> bool {
-        self.arrived
+        self.reason.is_none()
+    }
+
+    /// str: ``'arrived'``, ``'broke_off'``, or ``'limit_reached'`` where ``max_time`` or ``max_evaluations`` was; ``extremal`` is then
+    /// the last member solved or, where there is none, the best iterate.
+    #[getter]
+    fn status(&self) -> &'static str {
+        match self.reason {
+            None => "arrived",
+            Some((_, false)) => "broke_off",
+            Some((_, true)) => "limit_reached",
+        }
+    }
+
+    /// str: Stage and reason in a sentence.
+    #[getter]
+    fn message(&self) -> String {
+        match &self.reason {
+            None => "the last member is reached and polished".to_owned(),
+            Some((why, _)) => format!("broke off at s = {} {}: {why}", self.s, self.stage),
+        }
     }
 
     /// Extremal: The last solution.
@@ -58,7 +83,7 @@ impl Continued {
 
     fn __repr__(&self) -> String {
         let Self { s, n_steps, n_rejected, n_iterations, .. } = self;
-        let how = if self.arrived { "arrived" } else { "broke off" };
+        let how = if self.success() { "arrived" } else { "broke off" };
         format!(
             "<Continued: {how} at s = {s}, {n_steps} members, {n_rejected} in vain, {n_iterations} iterations>"
         )
@@ -67,7 +92,7 @@ impl Continued {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let own = slf.get();
         let counts = (own.n_steps, own.n_rejected, own.n_iterations, own.n_evaluations);
-        let arguments = (own.extremal.bind(slf.py()), own.s, counts, own.arrived);
+        let arguments = (own.extremal.bind(slf.py()), own.s, counts, own.stage.clone(), own.reason.clone());
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
@@ -78,10 +103,11 @@ impl Continued {
         extremal: Py<Extremal>,
         s: f64,
         counts: (usize, usize, usize, usize),
-        arrived: bool,
+        stage: String,
+        reason: Option<(String, bool)>,
     ) -> Self {
         let (n_steps, n_rejected, n_iterations, n_evaluations) = counts;
-        Self { extremal, s, n_steps, n_rejected, n_iterations, n_evaluations, arrived }
+        Self { extremal, s, n_steps, n_rejected, n_iterations, n_evaluations, stage, reason }
     }
 }
 
@@ -92,6 +118,8 @@ struct Way {
     steps: [usize; 2],
     iterations: usize,
     evaluations: usize,
+    stage: Stage,
+    reason: Option<Reason>,
 }
 
 impl Way {
@@ -102,30 +130,34 @@ impl Way {
             steps: found.steps,
             iterations: found.iterations,
             evaluations: found.work.evaluations,
+            stage: found.stage,
+            reason: found.reason.clone(),
         }
     }
 
     fn into_python(self, py: Python<'_>, system: Py<System>, polish: &Shooting) -> Result<Continued, Error> {
         let extremal = Extremal { system, settings: Settings::new(polish.flow), nodes: self.nodes };
         Ok(Continued {
-            arrived: self.s == 1.0 && extremal.success(),
             extremal: Py::new(py, extremal)?,
             s: self.s,
             n_steps: self.steps[0],
             n_rejected: self.steps[1],
             n_iterations: self.iterations,
             n_evaluations: self.evaluations,
+            stage: self.stage.to_string(),
+            reason: self.reason.map(|why| (why.to_string(), matches!(why, Reason::Limit(_)))),
         })
     }
 }
 
 /// Settings of a continuation: those of `shoot` for its last member, then those of its steps.
 fn continuation_of(
-    [tol, rtol, atol]: [f64; 3],
+    tolerances: [f64; 3],
     max_iterations: usize,
     [first_step, min_step]: [f64; 2],
+    limits: Limits,
 ) -> Result<Continuation, Error> {
-    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let polish = shooting_of(tolerances, max_iterations, limits)?;
     for (name, found) in [("first_step", first_step), ("min_step", min_step)] {
         if !found.is_finite() || found <= 0.0 || found > 1.0 {
             return Err(input(format!("`{name}` must be above 0 and not above 1, found {found}")));
@@ -140,7 +172,7 @@ fn fractions_of(fractions: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let ascending = fractions.windows(2).all(|pair| pair[0] < pair[1]);
     match (fractions.first(), fractions.last()) {
         (Some(0.0), Some(1.0)) if ascending => Ok(fractions),
-        _ => Err(input("`fractions` must ascend from 0 to 1".to_owned())),
+        (_, _) => Err(input("`fractions` must ascend from 0 to 1".to_owned())),
     }
 }
 
@@ -174,6 +206,10 @@ fn through<const N: usize>(
 /// rtol, atol : float, optional
 /// first_step, min_step : float, optional
 ///     First step of the parameter from 0 to 1 in a stage, and the one below which a continuation ends.
+/// max_time : float, optional
+///     s. A search that reaches it ends with the status ``'limit_reached'`` and what it has.
+/// max_evaluations : int, optional
+///     Of the field, likewise.
 ///
 /// Returns
 /// -------
@@ -190,12 +226,12 @@ fn through<const N: usize>(
 #[pyfunction]
 #[pyo3(signature = (
     system, stages, horizon, fractions, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1,
-    min_step=1e-4
+    min_step=1e-4, max_time=None, max_evaluations=None
 ))]
 pub(crate) fn continue_through(
     py: Python<'_>,
     system: Py<System>,
-    stages: Vec<Bound<'_, PyAny>>,
+    #[pyo3(from_py_with = crate::convert::entries)] stages: Vec<Bound<'_, PyAny>>,
     horizon: f64,
     fractions: &Bound<'_, PyAny>,
     tol: f64,
@@ -204,8 +240,11 @@ pub(crate) fn continue_through(
     atol: f64,
     first_step: f64,
     min_step: f64,
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
 ) -> Result<Continued, Error> {
-    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step])?;
+    let limits = limits_of(max_time, max_evaluations)?;
+    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     let fractions = fractions_of(fractions)?;
     let pair = |pair: &Bound<'_, PyAny>| {
         let [initial, last]: [Bound<'_, PyAny>; 2] = pair
@@ -218,7 +257,7 @@ pub(crate) fn continue_through(
     let n = system.get().dimension;
     let way = attend(py, |run| {
         for_dimension!(n, through(&continuation, system.get(), run, &stages, horizon, &fractions))
-    })??;
+    })?;
     way.into_python(py, system, &continuation.polish)
 }
 
@@ -244,8 +283,9 @@ fn start_tree<const Q: usize, const N: usize>(
     let Some(tree) = system.tree::<N>(py)? else { return Ok(None) };
     let found = attend(py, |run| {
         let watch = |tree| Source::<N>::Compiled(Arc::new(tree)).watched(run);
-        TreeTravel::<Q, N> { system: &tree, initial, last, horizon }.solve_as(continuation, watch)
-    })??;
+        let travel = TreeTravel::<Q, N> { system: &tree, initial, last, horizon };
+        Ok(travel.solve_as(continuation, watch)?)
+    })?;
     Ok(Some(Way::of(&found)))
 }
 
@@ -268,6 +308,10 @@ fn start_tree<const Q: usize, const N: usize>(
 /// rtol, atol : float, optional
 /// first_step, min_step : float, optional
 ///     First step of the parameter from 0 to 1, and the one below which a continuation ends.
+/// max_time : float, optional
+///     s. A search that reaches it ends with the status ``'limit_reached'`` and what it has.
+/// max_evaluations : int, optional
+///     Of the field, likewise.
 ///
 /// Returns
 /// -------
@@ -282,7 +326,7 @@ fn start_tree<const Q: usize, const N: usize>(
 #[pyfunction]
 #[pyo3(signature = (
     system, initial_state, final_state, horizon, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15,
-    first_step=0.1, min_step=1e-4
+    first_step=0.1, min_step=1e-4, max_time=None, max_evaluations=None
 ))]
 pub(crate) fn cold_start(
     py: Python<'_>,
@@ -296,8 +340,11 @@ pub(crate) fn cold_start(
     atol: f64,
     first_step: f64,
     min_step: f64,
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
 ) -> Result<Continued, Error> {
-    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step])?;
+    let limits = limits_of(max_time, max_evaluations)?;
+    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     positive("horizon", horizon)?;
     let n = system.get().dimension;
     let initial = entries("initial_state", n / 2, initial_state)?;
@@ -311,11 +358,13 @@ pub(crate) fn cold_start(
         16 => start_tree::<4, 16>(py, settings, given, ends, horizon),
         20 => start_tree::<5, 20>(py, settings, given, ends, horizon),
         24 => start_tree::<6, 24>(py, settings, given, ends, horizon),
-        _ => Ok(None),
+        // states of a tree are two for each degree of freedom
+        2 | 6 | 10 => Ok(None),
+        other => Err(no_such("dimension", other)),
     }?;
     let way = match of_tree {
         Some(way) => way,
-        None => attend(py, |run| for_dimension!(n, start_cold(settings, given, run, ends, horizon)))??,
+        None => attend(py, |run| for_dimension!(n, start_cold(settings, given, run, ends, horizon)))?,
     };
     way.into_python(py, system, &continuation.polish)
 }
@@ -336,13 +385,18 @@ pub(crate) fn cold_start(
 ///     As for `shoot`.
 /// max_iterations : int, optional
 /// rtol, atol : float, optional
+/// max_time : float, optional
+///     s. A search that reaches it ends with the status ``'limit_reached'`` and what it has.
+/// max_evaluations : int, optional
+///     Of the field, likewise.
 ///
 /// Returns
 /// -------
 /// Continued
 #[pyfunction]
 #[pyo3(signature = (
-    system, initial, last, horizon, fold, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15
+    system, initial, last, horizon, fold, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, max_time=None,
+    max_evaluations=None
 ))]
 pub(crate) fn travel_arm(
     py: Python<'_>,
@@ -355,8 +409,10 @@ pub(crate) fn travel_arm(
     #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
     atol: f64,
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
 ) -> Result<Continued, Error> {
-    let polish = shooting_of(tol, max_iterations, rtol, atol)?;
+    let polish = shooting_of([tol, rtol, atol], max_iterations, limits_of(max_time, max_evaluations)?)?;
     let Some(arm) = system.get().arm() else {
         return Err(input("`system` must be an arm, as `ftla.arm` makes it".to_owned()));
     };
@@ -364,8 +420,8 @@ pub(crate) fn travel_arm(
     let continuation = Continuation { polish, ..Continuation::default() };
     let found = attend(py, |run| {
         let watch = |arm| Source::<8>::Compiled(Arc::new(arm)).watched(run);
-        travel.solve_as(&continuation, watch)
-    })??;
+        Ok(travel.solve_as(&continuation, watch)?)
+    })?;
     // with limits that were not reached the motion is one of another arm
     let reached = if found.system == arm { system } else { Py::new(py, of_arm(found.system))? };
     Way::of(&found.continued).into_python(py, reached, &continuation.polish)
@@ -428,13 +484,18 @@ fn follow<const N: usize>(
 /// rtol, atol : float, optional
 /// first_step, min_step : float, optional
 ///     First step of s, and the one below which the continuation ends.
+/// max_time : float, optional
+///     s. A search that reaches it ends with the status ``'limit_reached'`` and what it has.
+/// max_evaluations : int, optional
+///     Of the field, likewise.
 ///
 /// Returns
 /// -------
 /// Continued
 #[pyfunction(name = "follow")]
 #[pyo3(signature = (
-    family, start, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1, min_step=1e-4
+    family, start, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1, min_step=1e-4,
+    max_time=None, max_evaluations=None
 ))]
 pub(crate) fn py_follow(
     py: Python<'_>,
@@ -446,8 +507,11 @@ pub(crate) fn py_follow(
     atol: f64,
     first_step: f64,
     min_step: f64,
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
 ) -> Result<Continued, Error> {
-    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step])?;
+    let limits = limits_of(max_time, max_evaluations)?;
+    let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     check_callable("family", "of s", family)?;
     let callable = family.clone().unbind();
     let given = |s: f64| -> PyResult<GivenMember> {
@@ -463,7 +527,7 @@ pub(crate) fn py_follow(
     let n = start.system.get().dimension;
     let (fractions, nodes) = start.fractions();
     let way =
-        attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))??;
+        attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))?;
     // the nodes are those of the member that was reached
     let reached = given(way.s)?.0;
     way.into_python(py, reached, &continuation.polish)

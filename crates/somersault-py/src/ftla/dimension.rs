@@ -44,14 +44,14 @@ pub(crate) fn expect_square(argument: &str, values: &[f64], n: usize) -> Result<
     Ok(())
 }
 
-/// A vector of known length; what is missing is zero, which callers have excluded.
+/// A vector whose length callers have checked.
 pub(crate) fn vector<const N: usize>(values: &[f64]) -> SVector<f64, N> {
-    SVector::from_fn(|i, _| values.get(i).copied().unwrap_or_default())
+    SVector::from_column_slice(values)
 }
 
-/// A matrix from its columns one after the other.
+/// A matrix from its columns one after the other, whose number callers have checked.
 pub(crate) fn matrix<const N: usize>(values: &[f64]) -> SMatrix<f64, N, N> {
-    SMatrix::from_fn(|i, j| values.get(j * N + i).copied().unwrap_or_default())
+    SMatrix::from_column_slice(values)
 }
 
 /// A square matrix as an array, from its columns one after the other.

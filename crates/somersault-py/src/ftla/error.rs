@@ -54,7 +54,7 @@ fn with_place(class: &'static str, message: String, t: f64, state: &[f64]) -> Er
 pub(super) fn told(error: &FlowError) -> String {
     match error {
         FlowError::NonFinite { source: Some(why), .. } => format!("{error}: {why}"),
-        _ => error.to_string(),
+        error => error.to_string(),
     }
 }
 
@@ -63,10 +63,10 @@ pub(super) fn of_motion(which: &str, error: FlowError) -> Error {
     let message = format!("{which}{}", told(&error));
     match error {
         FlowError::NonFinite { t, state, .. } => with_place("FieldError", message, t, &state),
-        FlowError::StepUnderflow { t, state } | FlowError::TooManySteps { t, state, .. } => {
-            with_place("FlowError", message, t, &state)
-        }
-        _ => input(message),
+        FlowError::StepUnderflow { t, state }
+        | FlowError::TooManySteps { t, state, .. }
+        | FlowError::LimitReached { t, state, .. } => with_place("FlowError", message, t, &state),
+        error => own("FtlaInputError", &error),
     }
 }
 

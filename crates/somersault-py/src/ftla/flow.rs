@@ -29,9 +29,11 @@ use std::sync::Arc;
 /// ----------
 /// system : System
 /// rtol : float, optional
-///     Error of a step relative to each entry of the state and each column of Φ, from 1e-15 to 0.1.
+///     Estimated error of one step relative to each entry of the state and each column of Φ, from 1e-15 to 0.1. The error of a
+///     run is that of its steps, each carried on by the Φ that follows it: up to the number of steps times ``rtol`` times the
+///     growth of Φ. For an error of a run, compare with a run at a hundredth of the tolerance.
 /// atol : float, optional
-///     Error of a step that is always allowed in an entry of the state.
+///     Error of one step that is always allowed in an entry of the state.
 /// max_steps : int, optional
 ///     Of a run.
 ///
@@ -202,7 +204,7 @@ impl VariationalFlow {
         let (p, (single, durations)) = (self.point("p", p)?, crate::convert::times("duration", duration)?);
         let system = self.system.get();
         let n = system.dimension;
-        let ends = attend(py, |run| for_dimension!(n, states(system, self.settings, run, &p, &durations)))??;
+        let ends = attend(py, |run| for_dimension!(n, states(system, self.settings, run, &p, &durations)))?;
         if single {
             return Ok(PyArray1::from_slice(py, &ends[0]).into_any());
         }
@@ -230,7 +232,7 @@ impl VariationalFlow {
         let (p, system) = (self.point("p", p)?, self.system.get());
         let (end, cost) = attend(py, |run| {
             for_dimension!(system.dimension, cost(system, self.settings, run, &p, duration))
-        })??;
+        })?;
         Ok((PyArray1::from_vec(py, end).into_any(), cost))
     }
 
@@ -249,11 +251,13 @@ impl VariationalFlow {
         let (p, system) = (self.point("p", p)?, self.system.get());
         let mut found = attend(py, |run| {
             for_dimension!(system.dimension, transitions(system, self.settings, run, &p, duration))
-        })??;
+        })?;
         Ok(found.remove(0))
     }
 
     /// Ends and transition matrices from many points at once, in parallel.
+    ///
+    /// `rtol` of the flow bounds the error of a step and not of a run, as `VariationalFlow` says.
     ///
     /// Parameters
     /// ----------
@@ -276,7 +280,7 @@ impl VariationalFlow {
         let rows = Rows::extract("points", &[n], points)?;
         let all = rows.all()?;
         let found =
-            attend(py, |run| for_dimension!(n, transitions(system, self.settings, run, all, duration)))??;
+            attend(py, |run| for_dimension!(n, transitions(system, self.settings, run, all, duration)))?;
         let ends = found.iter().flat_map(|t| t.end_values().iter().copied()).collect();
         let matrices = found.iter().flat_map(Transition::matrix_by_rows).collect();
         let m = found.len();
@@ -304,9 +308,7 @@ impl VariationalFlow {
         duration: f64,
     ) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
         let (p, system) = (self.point("p", p)?, self.system.get());
-        attend(py, |run| {
-            for_dimension!(system.dimension, switches(system, self.settings, run, &p, duration))
-        })?
+        attend(py, |run| for_dimension!(system.dimension, switches(system, self.settings, run, &p, duration)))
     }
 
     /// Factors of Φ that keep its small singular values.
@@ -333,7 +335,7 @@ impl VariationalFlow {
         let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
         attend(py, |run| {
             for_dimension!(system.dimension, chain(system, self.settings, run, &p, &times, growth))
-        })?
+        })
     }
 
     /// Finite-time Lyapunov exponents and vectors for many averaging times, from one run.
@@ -360,7 +362,7 @@ impl VariationalFlow {
         let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
         attend(py, |run| {
             for_dimension!(system.dimension, spectra(system, self.settings, run, &p, &times, direction))
-        })?
+        })
     }
 
     /// Finite-time Lyapunov exponents and vectors for one averaging time.

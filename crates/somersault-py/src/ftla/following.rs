@@ -117,6 +117,6 @@ impl Placement {
                 system.dimension,
                 following(self, system, settings, run, optimum, &error, &sizes, bound)
             )
-        })?
+        })
     }
 }

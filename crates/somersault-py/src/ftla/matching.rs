@@ -6,6 +6,7 @@ use super::error::{input, positive};
 use super::flow::VariationalFlow;
 use super::placement::Placement;
 use super::run::{Run, attend};
+use super::settings::limits_of;
 use super::watched::Watched;
 use crate::convert::{real_numbers, with_shape};
 use crate::error::Error;
@@ -49,13 +50,29 @@ pub(crate) struct Matching {
 /// Times and points of an end and after each correction.
 type Course = Vec<(f64, Vec<f64>)>;
 
-/// Statuses with their names.
-const STATUSES: [(MatchStatus, &str); 4] = [
-    (MatchStatus::Matched, "matched"),
-    (MatchStatus::Exhausted, "exhausted"),
-    (MatchStatus::MaxRounds, "max_rounds"),
-    (MatchStatus::NoStart, "no_start"),
-];
+/// What Python calls a status.
+fn name_of(status: MatchStatus) -> &'static str {
+    match status {
+        MatchStatus::Matched => "matched",
+        MatchStatus::Exhausted => "exhausted",
+        MatchStatus::MaxRounds => "max_rounds",
+        MatchStatus::NoStart => "no_start",
+        MatchStatus::LimitReached => "limit_reached",
+    }
+}
+
+/// A pickled status.
+fn status_named(name: &str) -> Result<&'static str, Error> {
+    let all = [
+        MatchStatus::Matched,
+        MatchStatus::Exhausted,
+        MatchStatus::MaxRounds,
+        MatchStatus::NoStart,
+        MatchStatus::LimitReached,
+    ];
+    let known = all.map(name_of).into_iter().find(|known| *known == name);
+    known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
+}
 
 /// Finite numbers, so many of them.
 pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
@@ -102,7 +119,7 @@ impl Matching {
         let (py, matching) = (self_.py(), self_.get());
         let owner = self_.clone().unbind();
         let mut found =
-            attend(py, |run| for_dimension!(matching.dimension(), search_in(matching, run, search)))??;
+            attend(py, |run| for_dimension!(matching.dimension(), search_in(matching, run, search)))?;
         found.matching = Some(owner);
         Ok(found)
     }
@@ -118,7 +135,7 @@ fn search_in<const N: usize>(matching: &Matching, run: &Arc<Run>, search: &Searc
         Search::LeastSquares(search) => search.run(&typed)?,
     };
     Ok(Matched {
-        status: STATUSES.iter().find(|(status, _)| *status == found.status).map_or("", |(_, name)| *name),
+        status: name_of(found.status),
         ends: found.ends.map(|p| p.as_slice().to_vec()),
         meeting: found.meeting.map(|p| p.as_slice().to_vec()),
         mismatch: found.mismatch,
@@ -175,10 +192,13 @@ impl Matching {
             flow,
             placement,
             horizon,
-            match_time: match_time.unwrap_or(0.5 * positive("horizon", horizon)?),
+            match_time: match match_time {
+                Some(given) => given,
+                None => 0.5 * positive("horizon", horizon)?,
+            },
             corrections: corrections.map_or(Ok(Vec::new()), |times| real_numbers("corrections", times))?,
         };
-        attend(py, |run| for_dimension!(2 * n, search_in(&matching, run, &Search::Check)))??;
+        attend(py, |run| for_dimension!(2 * n, search_in(&matching, run, &Search::Check)))?;
         Ok(matching)
     }
 
@@ -189,22 +209,31 @@ impl Matching {
     /// spacing : array_like, shape (2, k)
     ///     Of the grids at the start and at the end, for each costate held.
     /// tol : float, optional
-    ///     Mismatch at which to stop.
+    ///     Mismatch at which to stop, in the units of p.
     /// finest : float, optional
     ///     Stops when every spacing is below this fraction of the first.
     /// max_rounds : int, optional
+    /// max_time : float, optional
+    ///     s. A search that reaches it ends with the status ``'limit_reached'`` and the best pair.
+    /// max_evaluations : int, optional
+    ///     Of the field, likewise.
     ///
     /// Returns
     /// -------
     /// Matched
-    #[pyo3(signature = (spacing, *, tol=2e-3, finest=1e-4, max_rounds=100))]
+    #[pyo3(signature = (
+        spacing, *, tol=2e-3, finest=1e-4, max_rounds=100, max_time=None, max_evaluations=None
+    ))]
     fn grid_search(
         self_: &Bound<'_, Self>,
         spacing: &Bound<'_, PyAny>,
         tol: f64,
         finest: f64,
         #[pyo3(from_py_with = whole::max_rounds)] max_rounds: usize,
+        max_time: Option<&Bound<'_, PyAny>>,
+        max_evaluations: Option<&Bound<'_, PyAny>>,
     ) -> Result<Matched, Error> {
+        let limits = limits_of(max_time, max_evaluations)?;
         let count = self_.get().placement.get().held_count();
         let numbers = with_shape("spacing", &[2, count], spacing)?;
         let (first, last) = numbers.split_at(count);
@@ -214,6 +243,7 @@ impl Matching {
             tolerance: positive("tol", tol)?,
             finest: positive("finest", finest)?,
             max_rounds,
+            limits,
         };
         Self::run(self_, &Search::Grid(search))
     }
@@ -225,20 +255,27 @@ impl Matching {
     /// conserved : sequence of int, optional
     ///     Numbers, from 0, of held costates that are constant along motions: one unknown for both ends. λ₁ of the arm is.
     /// tol : float, optional
-    ///     Mismatch at which to stop.
+    ///     Mismatch at which to stop, in the units of p.
     /// max_rounds : int, optional
+    /// max_time : float, optional
+    ///     s. A search that reaches it ends with the status ``'limit_reached'`` and the best pair.
+    /// max_evaluations : int, optional
+    ///     Of the field, likewise.
     ///
     /// Returns
     /// -------
     /// Matched
-    #[pyo3(signature = (conserved=vec![], *, tol=2e-3, max_rounds=30))]
+    #[pyo3(signature = (conserved=vec![], *, tol=2e-3, max_rounds=30, max_time=None, max_evaluations=None))]
     fn least_squares(
         self_: &Bound<'_, Self>,
         #[pyo3(from_py_with = wholes::conserved)] conserved: Vec<usize>,
         tol: f64,
         #[pyo3(from_py_with = whole::max_rounds)] max_rounds: usize,
+        max_time: Option<&Bound<'_, PyAny>>,
+        max_evaluations: Option<&Bound<'_, PyAny>>,
     ) -> Result<Matched, Error> {
-        let search = LeastSquares { conserved, tolerance: positive("tol", tol)?, max_rounds };
+        let limits = limits_of(max_time, max_evaluations)?;
+        let search = LeastSquares { conserved, tolerance: positive("tol", tol)?, max_rounds, limits };
         Self::run(self_, &Search::LeastSquares(search))
     }
 
@@ -273,8 +310,8 @@ impl Matching {
 /// A pair of ends whose motions nearly meet: the best that was found.
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct Matched {
-    /// str: ``'matched'``, ``'exhausted'`` where spacing or steps have become too small, ``'max_rounds'``, or ``'no_start'``
-    /// where nothing to begin with could be placed and followed.
+    /// str: ``'matched'``, ``'exhausted'`` where spacing or steps have become too small, ``'max_rounds'``,
+    /// ``'limit_reached'``, or ``'no_start'`` where nothing to begin with could be placed and followed.
     #[pyo3(get)]
     status: &'static str,
     ends: [Vec<f64>; 2],
@@ -351,7 +388,7 @@ impl Matched {
             return Err(input(format!("`times` must be from 0 to the horizon, found {t}")));
         }
         let n = matching.dimension();
-        let nodes = attend(py, |run| for_dimension!(n, nodes_in(self, matching, run, &times)))??;
+        let nodes = attend(py, |run| for_dimension!(n, nodes_in(self, matching, run, &times)))?;
         Ok(rows_array(py, &nodes, n)?)
     }
 
@@ -388,8 +425,7 @@ impl Matched {
         courses: [Course; 2],
         matching: Option<Py<Matching>>,
     ) -> Result<Self, Error> {
-        let known = STATUSES.into_iter().find(|(_, name)| *name == status);
-        let (_, status) = known.ok_or_else(|| input(format!("`status` is not known: '{status}'")))?;
+        let status = status_named(status)?;
         let (n_rounds, n_branches, n_flow_evaluations) = counts;
         Ok(Self {
             status,

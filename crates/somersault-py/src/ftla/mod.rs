@@ -7,6 +7,7 @@ mod argument;
 mod chain;
 mod continuation;
 mod control_problem;
+mod differences;
 mod dimension;
 mod error;
 mod flow;

@@ -5,7 +5,7 @@ use super::dimension::{DIMENSIONS, for_dimension, vector};
 use super::error::{input, positive, told};
 use super::flow::VariationalFlow;
 use super::run::{Run, attend};
-use super::settings::Settings;
+use super::settings::{Settings, limits_of};
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
 use super::subspace::dims_of;
 use super::system::System;
@@ -14,6 +14,8 @@ use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ftla::budget::Limits;
+use somersault::ftla::flow::FlowError;
 use somersault::ftla::placement::{self, Method, PlacementError, PlacementStatus, Schedule};
 use somersault::ftla::spectrum::{SplittingDims, TimeDirection};
 use std::sync::Arc;
@@ -88,7 +90,7 @@ fn check<const N: usize>(placement: &Placement) -> Result<(), Error> {
     let backward = placement.typed::<N>(TimeDirection::Backward);
     match (forward, backward) {
         (Err(error), Err(_)) => Err(error.into()),
-        _ => Ok(()),
+        (Ok(_), _) | (_, Ok(_)) => Ok(()),
     }
 }
 
@@ -99,10 +101,12 @@ fn place<const N: usize>(
     run: &Arc<Run>,
     p: &[f64],
     direction: TimeDirection,
+    limits: Limits,
 ) -> Result<Placed, Error> {
     let placement = placement.typed::<N>(direction)?;
     let system = system.watched::<N>(run)?;
-    Ok(Placed::of(placement.place(&settings.flow(&system)?, &vector(p))))
+    let budget = limits.start();
+    Ok(Placed::of(placement.place(&settings.flow(&system)?.within(&budget), &vector(p))))
 }
 
 #[pymethods]
@@ -172,7 +176,7 @@ impl Placement {
 
     /// Places a point for one averaging time after the other (thesis algorithms 3 and 4).
     ///
-    /// A time at which placing fails is approached in smaller steps before giving up.
+    /// A time at which placing fails is approached in smaller steps before giving up; the first one from zero.
     ///
     /// Parameters
     /// ----------
@@ -180,22 +184,30 @@ impl Placement {
     /// p : array_like, shape (dimension,)
     /// direction : {'forward', 'backward'}, optional
     ///     Forward for a point at the start, backward for one at the end.
+    /// max_time : float, optional
+    ///     s. Where it is reached the status is ``'limit_reached'``.
+    /// max_evaluations : int, optional
+    ///     Of the field, likewise.
     ///
     /// Returns
     /// -------
     /// Placed
     ///     The placed point, or the best one found; the status says which.
-    #[pyo3(signature = (flow, p, direction="forward"))]
+    #[pyo3(signature = (flow, p, direction="forward", *, max_time=None, max_evaluations=None))]
     fn place(
         &self,
         py: Python<'_>,
         flow: &VariationalFlow,
         p: &Bound<'_, PyAny>,
         direction: &str,
+        max_time: Option<&Bound<'_, PyAny>>,
+        max_evaluations: Option<&Bound<'_, PyAny>>,
     ) -> Result<Placed, Error> {
         let (p, system, settings) = (flow.point("p", p)?, flow.system.get(), flow.settings);
-        let direction = direction_of(direction)?;
-        attend(py, |run| for_dimension!(system.dimension, place(self, system, settings, run, &p, direction)))?
+        let (direction, limits) = (direction_of(direction)?, limits_of(max_time, max_evaluations)?);
+        attend(py, |run| {
+            for_dimension!(system.dimension, place(self, system, settings, run, &p, direction, limits))
+        })
     }
 
     fn __repr__(&self) -> String {
@@ -235,7 +247,7 @@ impl Placement {
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct Placed {
     p: Vec<f64>,
-    /// str: ``'placed'``, ``'stalled'``, ``'max_iterations'``, ``'singular_costates'`` or ``'flow'``.
+    /// str: ``'placed'``, ``'stalled'``, ``'max_iterations'``, ``'singular_costates'``, ``'flow'`` or ``'limit_reached'``.
     #[pyo3(get)]
     status: &'static str,
     /// str: The status in a sentence.
@@ -263,13 +275,14 @@ pub(crate) fn status_of(status: &PlacementStatus) -> &'static str {
         PlacementStatus::Stalled => "stalled",
         PlacementStatus::MaxIterations => "max_iterations",
         PlacementStatus::SingularCostates => "singular_costates",
+        PlacementStatus::Flow(FlowError::LimitReached { .. }) => "limit_reached",
         PlacementStatus::Flow(_) => "flow",
     }
 }
 
 /// A pickled status.
 pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
-    let known = ["placed", "stalled", "max_iterations", "singular_costates", "flow"];
+    let known = ["placed", "stalled", "max_iterations", "singular_costates", "flow", "limit_reached"];
     let found = known.into_iter().find(|status| *status == name);
     found.ok_or_else(|| input(format!("`status` must be one of {known:?}, found '{name}'")))
 }
@@ -277,19 +290,20 @@ pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
 impl Placed {
     fn of<const N: usize>(placed: placement::Placed<N>) -> Self {
         let message = match &placed.status {
-            PlacementStatus::Placed => "the angle is within the tolerance at the last averaging time",
-            PlacementStatus::Stalled => {
-                "no step lowers the angle: the point is out of reach of this averaging time"
+            PlacementStatus::Placed => {
+                "the angle is within the tolerance at the last averaging time".to_owned()
             }
-            PlacementStatus::MaxIterations => "the iterations for one averaging time are used up",
+            PlacementStatus::Stalled => {
+                "no step lowers the angle: the point is out of reach of this averaging time".to_owned()
+            }
+            PlacementStatus::MaxIterations => "the iterations for one averaging time are used up".to_owned(),
             PlacementStatus::SingularCostates => {
                 "the costates solved for do not move the field along the fast directions: hold others"
+                    .to_owned()
             }
-            PlacementStatus::Flow(_) => "the motion cannot be followed for the averaging time",
-        };
-        let message = match &placed.status {
-            PlacementStatus::Flow(error) => format!("{message}: {}", told(error)),
-            _ => message.to_owned(),
+            PlacementStatus::Flow(error) => {
+                format!("the motion cannot be followed for the averaging time: {}", told(error))
+            }
         };
         Self {
             p: placed.p.as_slice().to_vec(),

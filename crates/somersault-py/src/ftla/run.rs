@@ -2,16 +2,23 @@
 
 use crate::error::Error;
 use crate::waiting;
-use pyo3::exceptions::PyException;
+use pyo3::exceptions::{PyArithmeticError, PyException};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Points at the beginning of a calculation at which all derivatives are checked.
+const FIRST_POINTS: usize = 4;
 
 /// One calculation. Once it is stopped its fields have no values any more, which ends whatever integrates them.
 #[derive(Default)]
 pub(crate) struct Run {
     stopped: AtomicBool,
     raised: OnceLock<PyErr>,
+    /// Why a callable had no value where it was asked last.
+    no_value: Mutex<Option<PyErr>>,
+    /// Points at which derivatives have been asked for.
+    derivatives: AtomicUsize,
 }
 
 impl Run {
@@ -21,6 +28,26 @@ impl Run {
         self.stopped.store(true, Ordering::Relaxed);
     }
 
+    /// Notes why there is no value at some point. A trial that overflows is a step rejected; the reason is told where nothing
+    /// but an error comes of it.
+    pub(crate) fn note(&self, error: PyErr) {
+        *self.no_value.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+    }
+
+    /// Notes or ends, according to what a callable raised: arithmetic that fails at a point says nothing of other points.
+    pub(crate) fn raised(&self, py: Python<'_>, name: &str, error: PyErr) {
+        let arithmetic = error.is_instance_of::<PyArithmeticError>(py);
+        let error = caused(py, name, error);
+        if arithmetic { self.note(error) } else { self.stop(error) }
+    }
+
+    /// Whether derivatives are to be held against differences here: at the first points that they are asked for at, and then
+    /// ever more seldom.
+    pub(crate) fn checks_derivatives(&self) -> bool {
+        let before = self.derivatives.fetch_add(1, Ordering::Relaxed);
+        !self.is_stopped() && (before < FIRST_POINTS || before.is_power_of_two())
+    }
+
     /// Whether it is to end.
     pub(crate) fn is_stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
@@ -28,13 +55,22 @@ impl Run {
 }
 
 /// Calculates without the interpreter, while this thread looks for signals.
-pub(crate) fn attend<T: Send>(py: Python<'_>, work: impl FnOnce(&Arc<Run>) -> T + Send) -> Result<T, Error> {
+pub(crate) fn attend<T: Send>(
+    py: Python<'_>,
+    work: impl FnOnce(&Arc<Run>) -> Result<T, Error> + Send,
+) -> Result<T, Error> {
     let run = Arc::new(Run::default());
-    let result = waiting::attend(py, |raised| run.stop(raised), || work(&run));
-    match run.raised.get() {
-        Some(error) => Err(Error::Raised(error.clone_ref(py))),
-        None => result,
+    let result = waiting::attend(py, |raised| run.stop(raised), || work(&run))?;
+    if let Some(error) = run.raised.get() {
+        return Err(Error::Raised(error.clone_ref(py)));
     }
+    result.map_err(|error| {
+        let noted = run.no_value.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match (noted, &error) {
+            (None, _) | (Some(_), Error::Own { class: "FtlaInputError", .. }) => error,
+            (Some(why), _) => Error::Raised(why),
+        }
+    })
 }
 
 /// The exception of a callable as the cause of one that names it; what is no `Exception` ends the program as it is.

@@ -2,8 +2,12 @@
 
 use super::error::input;
 use super::watched::Watched;
+use crate::convert::a_type;
 use crate::error::Error;
+use pyo3::prelude::*;
+use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{FlowError, Tolerances, VariationalFlow};
+use std::time::Duration;
 
 /// Steps of a run, unless a user allows another number.
 const MAX_STEPS: usize = 100_000;
@@ -41,6 +45,34 @@ impl Settings {
     ) -> Result<VariationalFlow<'a, Watched<N>, N>, FlowError> {
         Ok(VariationalFlow::try_new(system, self.tolerances)?.with_max_steps(self.max_steps))
     }
+}
+
+/// Limits by the names that they have in Python, where they are given.
+pub(crate) fn limits_of(
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
+) -> Result<Limits, Error> {
+    let time = max_time.map(|value| {
+        let wrong =
+            || input(format!("`max_time` must be a positive number of seconds, found {}", shown(value)));
+        let seconds: f64 = value.extract().map_err(|_| wrong())?;
+        match Duration::try_from_secs_f64(seconds) {
+            Ok(time) if !time.is_zero() => Ok(time),
+            Ok(_) | Err(_) => Err(wrong()),
+        }
+    });
+    let evaluations = max_evaluations.map(|value| match value.extract::<usize>() {
+        Ok(count) if count > 0 => Ok(count),
+        Ok(_) | Err(_) => {
+            Err(input(format!("`max_evaluations` must be a positive whole number, found {}", shown(value))))
+        }
+    });
+    Ok(Limits { time: time.transpose()?, evaluations: evaluations.transpose()? })
+}
+
+/// A value as it is printed, for a message.
+fn shown(value: &Bound<'_, PyAny>) -> String {
+    value.repr().map_or_else(|_| a_type(value), |text| text.to_string())
 }
 
 /// Tolerances by the names that they have in Python.

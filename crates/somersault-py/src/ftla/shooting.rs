@@ -3,9 +3,9 @@
 use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{for_dimension, rows_array, vector};
-use super::error::{input, positive};
+use super::error::input;
 use super::run::{Run, attend};
-use super::settings::{Plain, Settings, tolerances_of};
+use super::settings::{Plain, Settings, limits_of, tolerances_of};
 use super::system::System;
 use crate::convert::{array, real_numbers, times};
 use crate::error::Error;
@@ -13,23 +13,41 @@ use crate::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::shooting::{self, End, Shooting, Status, graded_times};
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem};
 use std::sync::Arc;
 
-/// Statuses with their names and what they mean.
-const STATUSES: [(Status, &str, &str); 5] = [
-    (Status::Converged, "converged", "every defect and end condition is within the tolerance"),
-    (Status::Stalled, "stalled", "no shortened step passes the monotonicity test"),
-    (Status::MaxIterations, "max_iterations", "the iterations are used up"),
-    (Status::Singular, "singular", "the end conditions do not determine a correction"),
-    (
+/// What Python calls a status.
+pub(crate) fn name_of(status: Status) -> &'static str {
+    match status {
+        Status::Converged => "converged",
+        Status::Floor => "floor",
+        Status::HamiltonianDrifts => "hamiltonian_drifts",
+        Status::Stalled => "stalled",
+        Status::MaxIterations => "max_iterations",
+        Status::Singular => "singular",
+        Status::LimitReached => "limit_reached",
+        Status::OnTheWay => "on_the_way",
+    }
+}
+
+/// A pickled status.
+fn status_named(name: &str) -> Result<Status, Error> {
+    let all = [
+        Status::Converged,
+        Status::Floor,
+        Status::HamiltonianDrifts,
+        Status::Stalled,
+        Status::MaxIterations,
+        Status::Singular,
+        Status::LimitReached,
         Status::OnTheWay,
-        "on_the_way",
-        "a continuation broke off: this solves a member on its way, to the tolerance of those",
-    ),
-];
+    ];
+    let known = all.into_iter().find(|status| name_of(*status) == name);
+    known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
+}
 
 /// The states at one end, None where one is free.
 pub(crate) type EndStates = Vec<Option<f64>>;
@@ -42,7 +60,8 @@ pub(crate) fn end_of<const N: usize>(name: &str, states: &EndStates) -> Result<E
     if let Some(found) = states.iter().flatten().find(|x| !x.is_finite()) {
         return Err(input(format!("`{name}` must be finite, found {found}")));
     }
-    let given: Vec<f64> = states.iter().map(|x| x.unwrap_or_default()).collect();
+    // what is free is given first, and then freed
+    let given: Vec<f64> = states.iter().map(|x| x.unwrap_or(0.0)).collect();
     let mut end = End::try_state(&given)?;
     for i in (0..states.len()).filter(|&i| states[i].is_none()) {
         end = end.with_free(i)?;
@@ -57,6 +76,8 @@ pub(crate) struct Nodes {
     links: Vec<Transition>,
     status: Status,
     residual: f64,
+    floor: f64,
+    hamiltonian_drift: Option<f64>,
     iterations: usize,
     flow_evaluations: usize,
     work: Work,
@@ -70,6 +91,8 @@ impl Nodes {
             links: extremal.links.iter().map(Transition::of).collect(),
             status: extremal.status,
             residual: extremal.residual,
+            floor: extremal.floor,
+            hamiltonian_drift: extremal.hamiltonian_drift,
             iterations: extremal.iterations,
             flow_evaluations: extremal.flow_evaluations,
             work: extremal.work,
@@ -97,6 +120,8 @@ impl Extremal {
             links: nodes.links.iter().map(Transition::typed).collect(),
             status: nodes.status,
             residual: nodes.residual,
+            floor: nodes.floor,
+            hamiltonian_drift: nodes.hamiltonian_drift,
             iterations: nodes.iterations,
             flow_evaluations: nodes.flow_evaluations,
             work: nodes.work,
@@ -166,17 +191,19 @@ impl Extremal {
         self.system.clone_ref(py)
     }
 
-    /// str: ``'converged'``, ``'stalled'``, ``'max_iterations'``, ``'singular'``, or ``'on_the_way'`` where a continuation broke
-    /// off and the nodes solve a problem before the one asked for; the nodes are the best found.
+    /// str: ``'converged'``; ``'floor'`` where rounding and the segments' tolerance allow no smaller residual;
+    /// ``'hamiltonian_drifts'`` where the conditions hold but the Hamiltonian is not constant, as with a wrong derivative;
+    /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation broke off
+    /// and the nodes solve a problem before the requested one. The nodes are the best found.
     #[getter]
     fn status(&self) -> &'static str {
-        STATUSES.iter().find(|(status, ..)| *status == self.nodes.status).map_or("", |(_, name, _)| *name)
+        name_of(self.nodes.status)
     }
 
     /// str: The status in a sentence.
     #[getter]
-    fn message(&self) -> &'static str {
-        STATUSES.iter().find(|(status, ..)| *status == self.nodes.status).map_or("", |(.., text)| *text)
+    fn message(&self) -> String {
+        self.nodes.status.to_string()
     }
 
     /// bool: Whether it converged.
@@ -197,10 +224,24 @@ impl Extremal {
         rows_array(py, &self.nodes.points, self.dimension())
     }
 
-    /// float: The largest entry of a defect or end condition.
+    /// float: The largest entry of a defect or end condition, relative to the largest value of that entry of (x, λ) over the
+    /// motion.
     #[getter]
     fn residual(&self) -> f64 {
         self.nodes.residual
+    }
+
+    /// float: The residual below which rounding and the tolerance of the segments hide what a step does.
+    #[getter]
+    fn floor(&self) -> f64 {
+        self.nodes.floor
+    }
+
+    /// float or None: The range of the Hamiltonian over nodes and ends of segments, relative to the terms that it is a sum of;
+    /// None where the system was made without it.
+    #[getter]
+    fn hamiltonian_drift(&self) -> Option<f64> {
+        self.nodes.hamiltonian_drift
     }
 
     /// int: Newton steps taken.
@@ -242,7 +283,7 @@ impl Extremal {
     /// ndarray, shape (dimension,) or (m, dimension)
     fn __call__<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (single, t) = finite_times(t)?;
-        let found = attend(py, |run| for_dimension!(self.dimension(), points(self, run, &t)))??;
+        let found = attend(py, |run| for_dimension!(self.dimension(), points(self, run, &t)))?;
         shaped(py, found, single, self.dimension())
     }
 
@@ -258,7 +299,7 @@ impl Extremal {
     /// ndarray, shape (n_controls,) or (m, n_controls)
     fn control<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (single, t) = finite_times(t)?;
-        let found = attend(py, |run| for_dimension!(self.dimension(), controls(self, run, &t)))??;
+        let found = attend(py, |run| for_dimension!(self.dimension(), controls(self, run, &t)))?;
         shaped(py, found, single, self.system.get().n_controls)
     }
 
@@ -268,7 +309,7 @@ impl Extremal {
     /// -------
     /// float
     fn cost(&self, py: Python<'_>) -> Result<f64, Error> {
-        attend(py, |run| for_dimension!(self.dimension(), cost(self, run)))?
+        attend(py, |run| for_dimension!(self.dimension(), cost(self, run)))
     }
 
     /// The smallest and the largest Hamiltonian over the nodes and the ends of segments.
@@ -277,21 +318,22 @@ impl Extremal {
     /// -------
     /// tuple of float
     fn hamiltonian_range(&self, py: Python<'_>) -> Result<(f64, f64), Error> {
-        let range = attend(py, |run| for_dimension!(self.dimension(), hamiltonian_range(self, run)))??;
+        let range = attend(py, |run| for_dimension!(self.dimension(), hamiltonian_range(self, run)))?;
         Ok(range.into())
     }
 
     fn __repr__(&self) -> String {
         let Nodes { times, residual, .. } = &self.nodes;
-        let last = times.last().copied().unwrap_or_default();
+        let last = times[times.len() - 1];
         format!("<Extremal: {}, residual {residual:.1e}, {} nodes to {last} s>", self.status(), times.len())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let Nodes { links, residual, iterations, flow_evaluations, work, .. } = &own.nodes;
+        let Nodes { links, residual, floor, hamiltonian_drift, iterations, flow_evaluations, work, .. } =
+            &own.nodes;
         let Work { evaluations, steps, rejected, switches } = *work;
-        let how = (own.status(), residual, iterations, flow_evaluations);
+        let how = (own.status(), residual, floor, hamiltonian_drift, iterations, flow_evaluations);
         let work = (evaluations, steps, rejected, switches);
         let motion = (own.times(py), own.nodes(py)?, links.clone());
         let arguments = (own.system.bind(py), own.settings.plain(), motion, how, work);
@@ -305,7 +347,7 @@ impl Extremal {
         system: Py<System>,
         settings: Plain,
         motion: (Vec<f64>, Vec<Vec<f64>>, Vec<Transition>),
-        how: (String, f64, usize, usize),
+        how: (String, f64, f64, Option<f64>, usize, usize),
         work: (usize, usize, usize, usize),
     ) -> Result<Self, Error> {
         let (times, points, links) = motion;
@@ -319,12 +361,22 @@ impl Extremal {
         if !fits {
             return Err(input("times, nodes and links of an extremal must fit".to_owned()));
         }
-        let (status, residual, iterations, flow_evaluations) = how;
-        let known = STATUSES.into_iter().find(|(_, name, _)| *name == status);
-        let (status, ..) = known.ok_or_else(|| input(format!("`status` is not known: '{status}'")))?;
+        let (status, residual, floor, hamiltonian_drift, iterations, flow_evaluations) = how;
+        let status = status_named(&status)?;
         let (evaluations, steps, rejected, switches) = work;
         let work = Work { evaluations, steps, rejected, switches };
-        let nodes = Nodes { times, points, links, status, residual, iterations, flow_evaluations, work };
+        let nodes = Nodes {
+            times,
+            points,
+            links,
+            status,
+            residual,
+            floor,
+            hamiltonian_drift,
+            iterations,
+            flow_evaluations,
+            work,
+        };
         Ok(Self { system, settings: Settings::of_plain(settings)?, nodes })
     }
 }
@@ -349,8 +401,15 @@ fn shaped(
 }
 
 /// A shooting by the names that its settings have in Python.
-pub(crate) fn shooting_of(tol: f64, max_iterations: usize, rtol: f64, atol: f64) -> Result<Shooting, Error> {
-    Ok(Shooting { tolerance: positive("tol", tol)?, max_iterations, flow: tolerances_of(rtol, atol)? })
+pub(crate) fn shooting_of(
+    [tol, rtol, atol]: [f64; 3],
+    max_iterations: usize,
+    limits: Limits,
+) -> Result<Shooting, Error> {
+    if !(1e-15..=0.1).contains(&tol) {
+        return Err(input(format!("`tol` must be from 1e-15, below which is rounding, to 0.1, found {tol}")));
+    }
+    Ok(Shooting { tolerance: tol, max_iterations, flow: tolerances_of(rtol, atol)?, limits })
 }
 
 fn solve<const N: usize>(
@@ -381,10 +440,15 @@ fn solve<const N: usize>(
 /// nodes : array_like, shape (m, dimension)
 ///     A guess.
 /// tol : float, optional
-///     Largest defect and end residual of a solution.
+///     Largest defect and end residual of a solution, relative to the largest value of each entry of (x, λ) over the motion;
+///     from 1e-15, below which is rounding, to 0.1.
 /// max_iterations : int, optional
 /// rtol, atol : float, optional
-///     Of the segments in the last steps.
+///     Of the segments in the last steps; the absolute one counts in the largest value of each entry.
+/// max_time : float, optional
+///     s. Where it is reached the status is ``'limit_reached'``.
+/// max_evaluations : int, optional
+///     Of the field, likewise.
 ///
 /// Returns
 /// -------
@@ -401,7 +465,8 @@ fn solve<const N: usize>(
 /// ('converged', 2.923094)
 #[pyfunction]
 #[pyo3(signature = (
-    system, initial_state, final_state, times, nodes, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15
+    system, initial_state, final_state, times, nodes, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15,
+    max_time=None, max_evaluations=None
 ))]
 pub(crate) fn shoot(
     py: Python<'_>,
@@ -414,13 +479,16 @@ pub(crate) fn shoot(
     #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
     atol: f64,
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
 ) -> Result<Extremal, Error> {
     let n = system.get().dimension;
     let (times, rows) = (real_numbers("times", times)?, Rows::extract("nodes", &[n], nodes)?);
     let (all, states) = (rows.all()?, [initial_state, final_state]);
-    let shooting = shooting_of(tol, max_iterations, rtol, atol)?;
+    let limits = limits_of(max_time, max_evaluations)?;
+    let shooting = shooting_of([tol, rtol, atol], max_iterations, limits)?;
     let nodes =
-        attend(py, |run| for_dimension!(n, solve(&shooting, system.get(), run, &states, &times, all)))??;
+        attend(py, |run| for_dimension!(n, solve(&shooting, system.get(), run, &states, &times, all)))?;
     Ok(Extremal { settings: Settings::new(shooting.flow), system, nodes })
 }
 

@@ -8,7 +8,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::placement::Schedule;
-use somersault::ftla::spectrum::{self, SplittingDims, TimeDirection};
+use somersault::ftla::spectrum::{self, SplittingDims, TimeDirection, Unknown, Verdict};
 
 /// A direction of time by its name.
 pub(crate) fn direction_of(name: &str) -> Result<TimeDirection, Error> {
@@ -40,6 +40,7 @@ pub(crate) struct Spectrum {
     exponents: Vec<f64>,
     /// Column by column.
     vectors: Vec<f64>,
+    balanced: Vec<f64>,
 }
 
 impl Spectrum {
@@ -49,6 +50,7 @@ impl Spectrum {
             time: spectrum.time,
             exponents: spectrum.exponents.as_slice().to_vec(),
             vectors: spectrum.vectors.as_slice().to_vec(),
+            balanced: spectrum.balanced.as_slice().to_vec(),
         }
     }
 
@@ -58,6 +60,7 @@ impl Spectrum {
             time: self.time,
             exponents: vector(&self.exponents),
             vectors: matrix(&self.vectors),
+            balanced: vector(&self.balanced),
         }
     }
 
@@ -86,6 +89,13 @@ impl Spectrum {
         matrix_array(py, &self.vectors, self.exponents.len())
     }
 
+    /// ndarray, shape (dimension,): The exponents with costates in the unit in which states act on them as much as they on states,
+    /// as `diagnose` takes them: those of a finite time depend on units, these not on that of the cost.
+    #[getter]
+    fn balanced<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        PyArray1::from_slice(py, &self.balanced).into_any()
+    }
+
     /// ndarray, shape (dimension,): Exponents in forward order whatever the direction, backward ones with their sign changed.
     #[getter]
     fn rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
@@ -110,7 +120,7 @@ impl Spectrum {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
         let columns = PyArray1::from_slice(py, &own.vectors);
-        let arguments = (own.direction(), own.time, own.exponents(py), columns);
+        let arguments = (own.direction(), own.time, own.exponents(py), columns, own.balanced(py));
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
@@ -122,9 +132,17 @@ impl Spectrum {
         time: f64,
         exponents: Vec<f64>,
         vectors: Vec<f64>,
+        balanced: Vec<f64>,
     ) -> Result<Self, Error> {
         expect_square("vectors", &vectors, exponents.len())?;
-        Ok(Self { direction: direction_of(direction)?, time, exponents, vectors })
+        if balanced.len() != exponents.len() {
+            return Err(input(format!(
+                "`balanced` must have {} entries, found {}",
+                exponents.len(),
+                balanced.len()
+            )));
+        }
+        Ok(Self { direction: direction_of(direction)?, time, exponents, vectors, balanced })
     }
 }
 
@@ -150,6 +168,14 @@ impl Diagnosis {
         (stable, center, unstable)
     }
 
+    /// str: ``'complete'`` or ``'partial'`` where the problem is hyper-sensitive in all or in some directions, ``'insensitive'``
+    /// where no rates are fast against the horizon, ``'undetermined'`` where the averaging times do not tell, and
+    /// ``'not_hamiltonian'`` where the flow is that of no optimal control problem. ``str`` of the diagnosis says why.
+    #[getter]
+    fn verdict(&self) -> &'static str {
+        verdict_name(&self.diagnosis.verdict)
+    }
+
     /// bool: Whether fast rates act in both directions for many time constants on the horizon.
     #[getter]
     fn is_hyper_sensitive(&self) -> bool {
@@ -172,6 +198,12 @@ impl Diagnosis {
     #[getter]
     fn fast_rates(&self) -> (f64, f64) {
         self.diagnosis.fast_rates.into()
+    }
+
+    /// tuple of float: The same of the balanced exponents, which the verdict is about.
+    #[getter]
+    fn balanced_rates(&self) -> (f64, f64) {
+        self.diagnosis.balanced_rates.into()
     }
 
     /// float: Largest |μ| of the centre, 1/s.
@@ -226,7 +258,13 @@ impl Diagnosis {
         let own = slf.get();
         let spectrum::Diagnosis { time, center_rate, time_constants, horizon, .. } = own.diagnosis;
         let numbers = (time, center_rate, time_constants, horizon);
-        let arguments = (own.dims(), numbers, own.fast_rates(), own.gaps(), own.window());
+        let verdict = match own.diagnosis.verdict {
+            Verdict::Undetermined(why) => (own.verdict(), Some(why.to_string()), None),
+            Verdict::NotHamiltonian { defect } => (own.verdict(), None, Some(defect)),
+            Verdict::Complete | Verdict::Partial | Verdict::Insensitive => (own.verdict(), None, None),
+        };
+        let rates = (own.fast_rates(), own.balanced_rates());
+        let arguments = (verdict, own.dims(), numbers, rates, own.gaps(), own.window());
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
@@ -234,37 +272,70 @@ impl Diagnosis {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
+        verdict: (String, Option<String>, Option<f64>),
         dims: (usize, usize, usize),
         numbers: (f64, f64, f64, f64),
-        fast_rates: (f64, f64),
+        rates: ((f64, f64), (f64, f64)),
         gaps: (f64, f64),
         window: (f64, f64),
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let (time, center_rate, time_constants, horizon) = numbers;
-        Self {
+        let (fast_rates, balanced_rates) = rates;
+        Ok(Self {
             diagnosis: spectrum::Diagnosis {
+                verdict: verdict_of(verdict)?,
                 dims: dims_of(dims),
                 time,
                 fast_rates: fast_rates.into(),
+                balanced_rates: balanced_rates.into(),
                 center_rate,
                 gaps: gaps.into(),
                 time_constants,
                 window: window.into(),
                 horizon,
             },
-        }
+        })
     }
 }
 
-/// Chooses (n^s, n^c, n^u) from spectra at one point.
+/// What Python calls a verdict.
+fn verdict_name(verdict: &Verdict) -> &'static str {
+    match verdict {
+        Verdict::Complete => "complete",
+        Verdict::Partial => "partial",
+        Verdict::Insensitive => "insensitive",
+        Verdict::Undetermined(_) => "undetermined",
+        Verdict::NotHamiltonian { .. } => "not_hamiltonian",
+    }
+}
+
+/// A pickled verdict: its name, why averaging times do not tell, and how far pairs of exponents are off.
+fn verdict_of((name, why, defect): (String, Option<String>, Option<f64>)) -> Result<Verdict, Error> {
+    let unknown = [Unknown::Span, Unknown::Unsettled, Unknown::Short];
+    let known = match (name.as_str(), why, defect) {
+        ("complete", None, None) => Some(Verdict::Complete),
+        ("partial", None, None) => Some(Verdict::Partial),
+        ("insensitive", None, None) => Some(Verdict::Insensitive),
+        ("not_hamiltonian", None, Some(defect)) => Some(Verdict::NotHamiltonian { defect }),
+        ("undetermined", Some(why), None) => {
+            unknown.into_iter().find(|each| each.to_string() == why).map(Verdict::Undetermined)
+        }
+        (_, _, _) => None,
+    };
+    known.ok_or_else(|| input(format!("`verdict` is not known: '{name}'")))
+}
+
+/// Chooses (n^s, n^c, n^u) from spectra at one point, and says what they tell about the problem.
 ///
-/// The widest gap above and the widest below zero, at the averaging time where the smaller of the two times T is largest; a
-/// gap of less than three time constants is none.
+/// A gap between exponents splits rates if it has three time constants at the longest averaging time T and gains three between
+/// T/2 and T, more than between T/4 and T/2, while the rate over the second half of T is at most three tenths above the mean. Growth like a power of time, whose exponents are like ln T/T, gains as much in each doubling. That a problem is not
+/// hyper-sensitive is said only if the averaging times reach half of the horizon or the largest rate is slow against it; that
+/// it is, only if paired exponents add up to zero, as those of a control problem do.
 ///
 /// Parameters
 /// ----------
 /// spectra : sequence of Spectrum
-///     At one point, for ascending averaging times.
+///     At one point, for ascending averaging times that span a factor of four at least.
 /// horizon : float
 ///     Of the problem, s.
 ///

@@ -1,8 +1,9 @@
 //! The system of one calculation: compiled, or Python callables, and stopped when the calculation is.
 
+use super::differences::{Differences, expect_derivative};
 use super::dimension::matrix;
 use super::error::input;
-use super::run::{Run, caused};
+use super::run::Run;
 use crate::convert::with_shape;
 use crate::error::Error;
 use pyo3::prelude::*;
@@ -52,21 +53,18 @@ pub(super) fn call(
     }
     Python::attach(|py| {
         let given = vectors.iter().map(|vector| numpy::PyArray1::from_slice(py, vector));
-        let returned = PyTuple::new(py, given)
-            .and_then(|given| callable.call1(py, given).map_err(|error| caused(py, name, error)));
-        let numbers = returned.and_then(|value| {
-            with_shape(&format!("{name}({arguments})"), shape, value.bind(py))
-                .map_err(|error| PyErr::from(input_of(error)))
-        });
-        numbers.map_err(|error| run.stop(error)).ok()
+        let given = PyTuple::new(py, given).map_err(|error| run.stop(error)).ok()?;
+        let value = callable.call1(py, given).map_err(|error| run.raised(py, name, error)).ok()?;
+        let numbers = with_shape(&format!("{name}({arguments})"), shape, value.bind(py));
+        numbers.map_err(|error| run.stop(PyErr::from(input_of(error)))).ok()
     })
 }
 
-/// Ends a run because of what a callable returned, unless it has ended.
+/// Notes what a callable returned that is no value, unless the run has ended.
 pub(super) fn no_value(run: &Run, name: &str, value: f64) {
     if !run.is_stopped() {
         let message = format!("`{name}` returned {value}");
-        run.stop(PyErr::from(Error::Own { class: "FieldError", message }));
+        run.note(PyErr::from(Error::Own { class: "FieldError", message }));
     }
 }
 
@@ -89,7 +87,7 @@ impl<const N: usize> Watched<N> {
         call(&self.run, name, "p", callable, &[p.as_slice()], shape)
     }
 
-    /// A number that a callable makes of p; NaN once anything has been raised, and an error where it is no number.
+    /// A number that a callable makes of p; NaN where it has no value, and an error where there is no callable.
     fn number(&self, name: &str, callable: Option<&Py<PyAny>>, p: &SVector<f64, N>) -> f64 {
         let Some(callable) = callable else {
             self.run.stop(input(format!("this system was made without `{name}`")).into());
@@ -126,9 +124,17 @@ impl<const N: usize> VectorField<N> for Watched<N> {
     fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
         match &self.source {
             Source::Compiled(system) => system.jacobian(p),
-            Source::Callables(own) => self
-                .call("jacobian", &own.jacobian, p, &[N, N])
-                .map_or(SMatrix::repeat(f64::NAN), |d| matrix::<N>(&d).transpose()),
+            Source::Callables(own) => {
+                let Some(d) = self.call("jacobian", &own.jacobian, p, &[N, N]) else {
+                    return SMatrix::repeat(f64::NAN);
+                };
+                if self.run.checks_derivatives() {
+                    let field = |p: &[f64]| call(&self.run, "field", "p", &own.field, &[p], &[N]);
+                    let found = Differences::of(p.as_slice(), N, field);
+                    expect_derivative(&self.run, "jacobian(p)", "field", &d, found.as_ref());
+                }
+                matrix::<N>(&d).transpose()
+            }
         }
     }
 
@@ -136,7 +142,7 @@ impl<const N: usize> VectorField<N> for Watched<N> {
     fn linearize(&self, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
         match &self.source {
             Source::Compiled(system) if !self.run.is_stopped() => system.linearize(p),
-            _ => (self.field(p), self.jacobian(p)),
+            Source::Compiled(_) | Source::Callables(_) => (self.field(p), self.jacobian(p)),
         }
     }
 
@@ -158,14 +164,14 @@ impl<const N: usize> VectorField<N> for Watched<N> {
     fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
         match &self.source {
             Source::Compiled(system) if !self.run.is_stopped() => system.field_in(piece, p),
-            _ => self.field(p),
+            Source::Compiled(_) | Source::Callables(_) => self.field(p),
         }
     }
 
     fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
         match &self.source {
             Source::Compiled(system) if !self.run.is_stopped() => system.linearize_in(piece, p),
-            _ => self.linearize(p),
+            Source::Compiled(_) | Source::Callables(_) => self.linearize(p),
         }
     }
 
@@ -180,6 +186,16 @@ impl<const N: usize> VectorField<N> for Watched<N> {
         match &self.source {
             Source::Compiled(system) => system.next_piece(piece, p),
             Source::Callables(_) => *piece,
+        }
+    }
+
+    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+        match &self.source {
+            Source::Compiled(system) => system.conserved(p),
+            Source::Callables(own) => {
+                let hamiltonian = own.hamiltonian.as_ref()?;
+                Some(self.call("hamiltonian", hamiltonian, p, &[]).map_or(f64::NAN, |numbers| numbers[0]))
+            }
         }
     }
 
@@ -229,11 +245,14 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
                     }
                 };
                 let found = found.unwrap_or_else(|| vec![f64::NAN; own.n_controls]);
-                if let Some(value) = found.iter().find(|x| !x.is_finite()) {
-                    no_value(&self.run, "control", *value);
-                }
                 u.copy_from_slice(&found);
-                Ok(())
+                match found.iter().find(|x| !x.is_finite()) {
+                    Some(value) => {
+                        no_value(&self.run, "control", *value);
+                        Err(SystemError::NoValue { quantity: "control" })
+                    }
+                    None => Ok(()),
+                }
             }
         }
     }

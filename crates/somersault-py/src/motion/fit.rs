@@ -4,7 +4,7 @@ use super::markers::MarkerRecording;
 use super::matrix::{count, numbers_array};
 use super::motion_fit::MotionFit;
 use super::worker::attended_while;
-use crate::convert::{a_type, array, real_numbers, vector};
+use crate::convert::{a_type, array, entries_or_none, real_numbers, vector};
 use crate::error::Error;
 use crate::model::{Model, Which};
 use crate::ocp::EigenpostureBase;
@@ -246,7 +246,7 @@ impl MarkerFit {
         common_scale: bool,
         loss: &str,
         threshold: Option<f64>,
-        starts: Option<Vec<Bound<'_, PyAny>>>,
+        #[pyo3(from_py_with = entries_or_none)] starts: Option<Vec<Bound<'_, PyAny>>>,
         max_iterations: Option<i128>,
         step_tol: Option<f64>,
         noise: Option<f64>,

@@ -1,7 +1,7 @@
 //! Recordings of markers.
 
 use super::matrix::{count, mask, numbers_array};
-use crate::convert::{array, real_numbers, with_shape};
+use crate::convert::{array, entries, real_numbers, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -45,7 +45,7 @@ impl MarkerRecording {
     #[new]
     #[pyo3(signature = (names, times, points, present=None))]
     fn new(
-        names: Vec<String>,
+        #[pyo3(from_py_with = entries)] names: Vec<String>,
         times: &Bound<'_, PyAny>,
         points: &Bound<'_, PyAny>,
         present: Option<&Bound<'_, PyAny>>,

@@ -35,6 +35,9 @@ fn status_of<T: Copy>(all: &[(T, &'static str)], name: &str) -> Result<T, Error>
 type Estimates<'py> =
     (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
+/// Statuses of all frames and of their unknowns, iterations, and whether a common scale has converged.
+type Searches = ((Vec<String>, Vec<Vec<String>>), Vec<usize>, bool);
+
 impl MotionFit {
     /// As many numbers of each frame as the first has.
     fn rows<'py>(
@@ -227,7 +230,7 @@ impl MotionFit {
         fit: Py<MarkerFit>,
         times: &Bound<'_, PyAny>,
         estimates: Estimates<'_>,
-        searches: ((Vec<String>, Vec<Vec<String>>), Vec<usize>, bool),
+        searches: Searches,
         covariances: Vec<Option<Bound<'_, PyAny>>>,
     ) -> Result<Self, Error> {
         let (scale, q, weights, residuals, cost) = estimates;

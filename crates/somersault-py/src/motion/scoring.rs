@@ -4,10 +4,10 @@ use super::markers::MarkerRecording;
 use super::matrix::{self, count, matrix, matrix_array, numbers_array, same_length};
 use super::pca::Pca;
 use super::worker::attended;
-use crate::convert::real_numbers;
+use crate::convert::{entries, real_numbers};
 use crate::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::{PyBytes, PyTuple, PyType};
 use somersault::motion::nalgebra::Vector3;
 use somersault::motion::recording;
 use somersault::motion::scoring::{self, FeatureKind, VectorOptions};
@@ -136,8 +136,10 @@ impl Performance {
             let points = places.map(|(i, k)| Some(point(i, k))).collect();
             let recording = recording::MarkerRecording::try_new(names, times, points)?;
             Self { performance: scoring::Performance::from_markers(&recording)? }
-        } else {
+        } else if kind == FeatureKind::Coordinates.to_string() {
             Self::new(times, names, values, path)?
+        } else {
+            return Err(Error::input(format!("`kind` must be 'markers' or 'coordinates', found '{kind}'")));
         };
         Ok(if synthetic { found.labelled_synthetic() } else { found })
     }
@@ -368,7 +370,7 @@ impl ScoringModel {
     #[pyo3(signature = (motions, scores, options=None))]
     fn new(
         py: Python<'_>,
-        motions: Vec<Bound<'_, Performance>>,
+        #[pyo3(from_py_with = entries)] motions: Vec<Bound<'_, Performance>>,
         scores: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, ScoringOptions>>,
     ) -> Result<Self, Error> {
@@ -459,7 +461,9 @@ impl ScoringModel {
     /// path : path
     fn save(&self, path: &Bound<'_, PyAny>) -> Result<(), Error> {
         let text = self.model.to_json()?;
-        matrix::path("path", path)?.call_method1("write_text", (text, "utf-8"))?;
+        let (py, path) = (path.py(), matrix::path("path", path)?);
+        let text = PyBytes::new(py, text.as_bytes());
+        py.import("somersault.storage")?.call_method1("write_bytes", (path, text))?;
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
 use super::worker::attended_while;
-use crate::convert::{a_type, real_numbers, with_shape};
+use crate::convert::{a_type, entries, real_numbers, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -239,7 +239,7 @@ impl Validation {
 #[pyo3(signature = (motions, scores, options=None, *, n_resamples=1000, level=0.95, seed=0, features=None))]
 pub(crate) fn validate(
     py: Python<'_>,
-    motions: Vec<Bound<'_, Performance>>,
+    #[pyo3(from_py_with = entries)] motions: Vec<Bound<'_, Performance>>,
     scores: &Bound<'_, PyAny>,
     options: Option<&Bound<'_, ScoringOptions>>,
     n_resamples: i128,

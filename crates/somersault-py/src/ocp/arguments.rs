@@ -61,12 +61,12 @@ pub(crate) fn seed_of(found: i64) -> Result<u64, Error> {
         .map_err(|_| Error::ocp_input(format!("`seed` must be from 0 to 2⁶³ − 1, found {found}")))
 }
 
-/// A tolerance.
+/// A tolerance; below rounding it is refused, since no search can end by it.
 pub(crate) fn tolerance(argument: &str, found: Option<f64>) -> Result<Option<f64>, Error> {
     match found {
-        Some(x) if !(x > 0.0 && x.is_finite()) => {
-            Err(Error::ocp_input(format!("`{argument}` must be positive and finite, found {x}")))
-        }
+        Some(x) if !(x >= 1e-15 && x.is_finite()) => Err(Error::ocp_input(format!(
+            "`{argument}` must be finite and at least 1e-15, below which is rounding, found {x}"
+        ))),
         found => Ok(found),
     }
 }

@@ -1,7 +1,7 @@
 //! Eigenpostures, and joint motions made of splines.
 
 use super::arguments::{count, finite_all, index, integer};
-use crate::convert::{a_type, array, real_numbers, times, with_shape};
+use crate::convert::{a_type, array, entries, real_numbers, times, with_shape};
 use crate::error::Error;
 use crate::memory::{bytes_of_numbers, expect_room};
 use pyo3::prelude::*;
@@ -38,7 +38,7 @@ pub(crate) struct EigenpostureBase {
 #[pymethods]
 impl EigenpostureBase {
     #[new]
-    fn new(postures: Vec<Vec<f64>>) -> Result<Self, Error> {
+    fn new(#[pyo3(from_py_with = entries)] postures: Vec<Vec<f64>>) -> Result<Self, Error> {
         Ok(Self { base: motion::EigenpostureBase::try_new(&postures)? })
     }
 

@@ -249,6 +249,11 @@ pub(crate) fn duration(max_time: Option<f64>) -> Result<Option<Duration>, Error>
     }
 }
 
+/// When a solve that may take so long is to end; never where the clock does not reach so far.
+pub(crate) fn deadline(max_time: Option<f64>) -> Result<Option<Instant>, Error> {
+    Ok(duration(max_time)?.and_then(|limit| Instant::now().checked_add(limit)))
+}
+
 impl SolverArguments<'_, '_> {
     pub(crate) fn solver(&self) -> Result<Box<dyn NlpSolver + Send + Sync>, Error> {
         let max_time = duration(self.max_time)?;
@@ -381,9 +386,9 @@ impl Watcher {
     }
 
     /// What a handler of signals raised where a thread waited for the solve is as if it had been raised here.
-    pub(crate) fn hears(&mut self, py: Python<'_>, stop: &Stop) {
-        if let Some(raised) = stop.raised() {
-            self.raised.get_or_insert_with(|| raised.clone_ref(py));
+    pub(crate) fn hears(&mut self, raised: Option<PyErr>) {
+        if let Some(raised) = raised {
+            self.raised.get_or_insert(raised);
         }
     }
 

@@ -5,7 +5,7 @@ use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
 use super::solver::{Report, SolverArguments, attended};
 use super::verification::{SwingUpVerification, Unverified, Verifier};
-use crate::convert::{array, finite, numbers_or_one, with_shape};
+use crate::convert::{array, entries_or_none, finite, numbers_or_one, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::returns_interrupted;
@@ -380,7 +380,7 @@ impl CartPendulumProblem {
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = integer)] n_starts: i64,
-        starts: Option<Vec<Bound<'_, PyAny>>>,
+        #[pyo3(from_py_with = entries_or_none)] starts: Option<Vec<Bound<'_, PyAny>>>,
         #[pyo3(from_py_with = integer)] seed: i64,
         reach: f64,
         distance_tol: f64,

@@ -1,7 +1,7 @@
 //! Terms of costs and constraints: what Python says of them, and what the library makes of it.
 
 use super::arguments::{count, finite_all, index, integer, integers_or_none};
-use crate::convert::{a_type, components, orientation, real_numbers, vector, with_shape};
+use crate::convert::{a_type, components, entries_or_none, orientation, real_numbers, vector, with_shape};
 use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
@@ -214,7 +214,7 @@ pub(crate) fn function(
     f: &Bound<'_, PyAny>,
     #[pyo3(from_py_with = integer)] n_rows: i64,
     gradient: Option<&Bound<'_, PyAny>>,
-    reads: Option<Vec<String>>,
+    #[pyo3(from_py_with = entries_or_none)] reads: Option<Vec<String>>,
 ) -> Result<Term, Error> {
     let n_rows = count("n_rows", n_rows, 1)?;
     check_callable("f", "f(node)", f)?;

@@ -15,6 +15,7 @@ _HEADER = (
     words("method"),
     "order on ℝ³",
     "order on SO(3)",
+    "within steps",
     "evaluations",
     "earlier steps",
     words("step"),
@@ -23,17 +24,23 @@ _HEADER = (
 )
 
 
-def _order(general: int | None, special: int | None) -> str:
-    return str(general) if special in (None, general) else f"{general} ({special})"
+def _order(info: MethodInfo, benign: str, *general: str) -> str:
+    def of(orders: dict[str, int | None]) -> str:
+        first, others = orders[benign], [orders[name] for name in general]
+        special = None if None in others else min(order for order in others if order is not None)
+        return str(first) if special in (None, first) else f"{first} ({special})"
+
+    configuration, rate = of(info.orders), of(info.rate_orders)
+    return configuration if configuration == rate else f"{configuration}; {rate}"
 
 
 def _row(info: MethodInfo) -> list[Cell]:
-    orders = info.orders
     return [
         words(info.name),
         words(info.title),
-        Cell(_order(orders["translation"], orders["translation_with_velocity"])),
-        Cell(_order(orders["rotation"], orders["rotation_with_torque"])),
+        Cell(_order(info, "translation", "translation_with_velocity", "translation_with_orientation")),
+        Cell(_order(info, "rotation", "rotation_with_torque")),
+        Cell(str(info.dense_order)),
         Cell(str(info.evaluations)),
         Cell(str(info.history)),
         words("fixed or adapted" if info.adaptive else "fixed"),
@@ -51,8 +58,11 @@ def write(page: Page, measurements: Measurements) -> None:
         " adapt their step. Orders differ between ℝ³ and SO(3): that is the point of the study."
     )
     page.text(
-        "An order in brackets is a lower one: on ℝ³ where forces depend on the velocity, on SO(3) where a"
-        " torque acts. Evaluations are those of the equations of motion in each step, once started; a method"
+        "An order in brackets is a lower one: on ℝ³ where forces depend on the velocity or the orientation,"
+        " on SO(3) where a torque acts; after a semicolon stand the orders of the velocities, where they"
+        " differ. Within a step, by dense output, the order is the lower of that at its ends and of the"
+        " column."
+        " Evaluations are those of the equations of motion in each step, once started; a method"
         " that solves an equation in each step may need them for every iteration. Earlier steps are those a"
         " method remembers, and must be made by another method first."
     )

@@ -135,7 +135,7 @@ def _scaled(fit: motion.MotionFit, q: Array) -> Array:
     deviation = np.array(
         [np.full(len(joints), np.nan) if c is None else np.sqrt(np.diag(c)[1:][joints]) for c in found]
     )
-    # at a bound there is none, without a marker it is infinite
+    # zero at a bound, infinite without a marker
     is_known = (deviation > 0.0) & np.isfinite(deviation)
     return np.asarray(off / np.where(is_known, deviation, np.nan))
 

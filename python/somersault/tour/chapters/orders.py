@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from somersault import plotting
 from somersault.tour import thesis
 from somersault.tour.measurements import Measurements
@@ -20,10 +22,10 @@ def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     observed = measurements.observed
     slopes = [
-        (getattr(observed[info.name], kind), order)
+        (slope, order)
         for info in measurements.methods
-        for kind, order in info.orders.items()
-        if order is not None
+        for kind, slope in asdict(observed[info.name]).items()
+        if (order := info.orders[kind]) is not None
     ]
     found = [(slope, order) for slope, order in slopes if slope is not None]
     agreeing = sum(abs(slope - order) < 0.35 for slope, order in found)
@@ -73,7 +75,7 @@ def write(page: Page, measurements: Measurements) -> None:
         entry, stated = observed[name], orders[name]
         return [
             words(plotting.abbreviation(name)),
-            *(_slope(getattr(entry, kind), stated[kind]) for kind in stated),
+            *(_slope(slope, stated[kind]) for kind, slope in asdict(entry).items()),
         ]
 
     orders = {info.name: info.orders for info in measurements.methods}

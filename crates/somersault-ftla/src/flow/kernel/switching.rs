@@ -88,7 +88,9 @@ impl<S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'_, S, N, MAT
     /// top of the parabola through what is known.
     fn inside(&self, h: f64, value: f64, switches: usize, value_at: &impl Fn(f64) -> f64) -> (f64, f64) {
         let Watch { margins, rates } = &self.watch;
-        let lowest = (0..switches).min_by(|&i, &j| margins[i].total_cmp(&margins[j])).unwrap_or(0);
+        let lowest = (0..switches).min_by(|&i, &j| margins[i].total_cmp(&margins[j]));
+        // without switches no margin is below zero
+        let Some(lowest) = lowest else { return (0.0, 0.0) };
         let (start, rise) = (margins[lowest], h * rates[lowest]);
         if start < 1e-3 * rise {
             let mut size = h * 0.5 * rise / (rise - value);

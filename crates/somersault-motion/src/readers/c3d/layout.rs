@@ -1,8 +1,9 @@
 //! Where the points are in a file, from header and parameters, which may contradict each other.
 //!
 //! Both declare the number of points, the analog values of a frame, the first block of data, the type of numbers and the
-//! number of frames. Of all combinations of what they declare the one is used with which the frames best fill the file
-//! from the first block of data to its end; where two do so equally, that of the parameters.
+//! number of frames. Of all combinations of what they declare the one is used whose frames end where the file does: at its last
+//! byte, or in its last block with nothing but one byte again and again behind them, as much of that as there is. Where there is
+//! no such one, it is that whose frames end nearest to the end of the file; where two are equal, that of the parameters.
 
 use super::parameters::{Parameters, Processor};
 use super::{BLOCK, Contradiction, Decision};
@@ -110,7 +111,7 @@ pub(super) fn layout(
         return Err(ReadError::NoFrames { place: frames.place });
     }
 
-    let mut best: Option<(u64, Chosen)> = None;
+    let mut best: Option<(Ending, Chosen)> = None;
     let mut first = None;
     for n_points in points.candidates() {
         for n_analog in analog.candidates() {
@@ -119,10 +120,9 @@ pub(super) fn layout(
                     for n_frames in frames.candidates().filter(|n| *n > 0) {
                         let chosen = Chosen { n_points, n_analog, scale, block, n_frames };
                         first.get_or_insert(chosen);
-                        let unfilled = chosen.unfilled(file.len());
-                        let better = |(least, _): &(u64, Chosen)| unfilled.is_some_and(|u| u < *least);
-                        if best.as_ref().is_none_or(better) {
-                            best = unfilled.map(|u| (u, chosen)).or(best);
+                        let Some(ending) = chosen.ending(file) else { continue };
+                        if best.as_ref().is_none_or(|(nearest, _)| ending < *nearest) {
+                            best = Some((ending, chosen));
                         }
                     }
                 }
@@ -176,6 +176,15 @@ fn differs(c: &Contradiction) -> bool {
     (c.header - c.parameter).abs() > ROUNDING * c.header.abs().max(c.parameter.abs())
 }
 
+/// Where frames end in a file, the best first.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Ending {
+    /// At its end, or in its last block before so many blanks.
+    Filled { blanks: std::cmp::Reverse<usize> },
+    /// So many bytes from its end.
+    Off { bytes: usize },
+}
+
 /// One of the combinations that are declared.
 #[derive(Clone, Copy)]
 struct Chosen {
@@ -210,11 +219,17 @@ impl Chosen {
         if room < self.points() { 0 } else { (room - self.points()) / self.stride().max(1) + 1 }
     }
 
-    /// Bytes from the last frame to the end of the file, or that the last frame lacks; none where frames are missing.
-    fn unfilled(&self, length: usize) -> Option<u64> {
-        let room = length.saturating_sub(self.start()) as u64;
-        let filled = (self.stride() as u64).saturating_mul(self.n_frames as u64);
-        (self.room_for(length) >= self.n_frames).then(|| room.abs_diff(filled))
+    /// Where the frames end; none where some are missing.
+    fn ending(&self, file: &[u8]) -> Option<Ending> {
+        if self.room_for(file.len()) < self.n_frames {
+            return None;
+        }
+        let end = self.start().saturating_add(self.stride().saturating_mul(self.n_frames));
+        let rest = file.get(end..).filter(|rest| rest.len() < BLOCK);
+        match rest.filter(|rest| rest.windows(2).all(|pair| pair[0] == pair[1])) {
+            Some(blank) => Some(Ending::Filled { blanks: std::cmp::Reverse(blank.len()) }),
+            None => Some(Ending::Off { bytes: file.len().abs_diff(end) }),
+        }
     }
 }
 

@@ -63,7 +63,7 @@ pub(super) struct Parameters<'a> {
 }
 
 impl<'a> Parameters<'a> {
-    /// The section that begins with block number `first`, from 1.
+    /// The section that begins with block number `first`, from 1, of a file that has a header.
     pub(super) fn read(file: &'a [u8], first: u8) -> Result<Self, ReadError> {
         if first == 0 {
             return Err(unexpected(Place::Byte(0), "0", "the number of a block, from 1"));
@@ -71,6 +71,9 @@ impl<'a> Parameters<'a> {
         let start = (usize::from(first) - 1) * BLOCK;
         let head = bytes(file, start, 4, "the head of the parameters")?;
         let processor = Processor::from_code(head[3], Place::Byte(start + 3))?;
+        // nothing that begins among the data is a parameter: some files end their list with a distance to nowhere
+        let data = usize::from(processor.u16([file[16], file[17]])).saturating_sub(1) * BLOCK;
+        let end = if data > start { data } else { file.len() };
         let mut groups: HashMap<i8, String> = HashMap::new();
         let mut found: Vec<(i8, String, Parameter)> = Vec::new();
         let mut at = start + 4;
@@ -98,6 +101,9 @@ impl<'a> Parameters<'a> {
                 return Err(unexpected(Place::Byte(link), &offset.to_string(), allowed));
             }
             at = link + offset;
+            if at >= end {
+                break;
+            }
         }
         // parameters may come before their group
         let named = found

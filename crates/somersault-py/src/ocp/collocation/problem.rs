@@ -263,6 +263,7 @@ impl CollocationProblem {
     ///     returns true.
     /// on_interrupt : {'return', 'raise'}, optional
     ///     What Ctrl-C does: return the best iterate, or raise with it as the attribute ``result``.
+    ///     An iteration that takes longer than 0.4 s is not waited for: KeyboardInterrupt is raised without a result.
     ///
     /// Returns
     /// -------

@@ -5,15 +5,18 @@ use crate::error::Error;
 use crate::ocp::arguments::{count, limit, tolerance};
 use crate::ocp::solver::{Watcher, duration};
 use crate::plan::returns_interrupted;
-use crate::waiting::{Stop, attend};
+use crate::waiting::{Stop, attend_or_leave};
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
 use somersault::ocp::solver::{Flow, Iteration, Sqp, Status};
-use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 /// Collocation points of a first mesh, at most.
 const MOST_POINTS: usize = 100_000;
+
+/// How long Ctrl-C waits for the iteration under way and its result, on fine meshes in vain.
+const PATIENCE: Duration = Duration::from_millis(400);
 
 /// How a search is to go.
 pub(super) struct SearchOptions<'a, 'py> {
@@ -58,19 +61,16 @@ impl SearchOptions<'_, '_> {
             )));
         }
         let meshes = vec![Mesh::try_uniform(n_intervals, n_points)?; n_phases];
-        let mut problem = problem()?;
-        let watcher = Mutex::new(Watcher::new(self.callback)?);
-        let watch = || watcher.lock().unwrap_or_else(PoisonError::into_inner);
-        let stop = Stop::default();
-        let search = || {
+        let (mut problem, mut watcher) = (problem()?, Watcher::new(self.callback)?);
+        let search = move |stop: &Stop| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
-                if stop.is_asked() { Flow::Stop } else { watch().look(iteration) }
+                if stop.is_asked() { Flow::Stop } else { watcher.look(iteration) }
             };
-            collocation.solve_while(&mut problem, &meshes, &mut look, &mut || !stop.is_asked())
+            let found = collocation.solve_while(&mut problem, &meshes, &mut look, &mut || !stop.is_asked());
+            (found, watcher)
         };
-        let found = attend(py, |raised| stop.raise(raised), search)?;
-        let mut watcher = watcher.into_inner().unwrap_or_else(PoisonError::into_inner);
-        watcher.hears(py, &stop);
+        let ((found, mut watcher), raised) = attend_or_leave(py, PATIENCE, search)?;
+        watcher.hears(raised);
         let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
         if watcher.is_interrupted(py) {
             report.program = report.program.interrupted();

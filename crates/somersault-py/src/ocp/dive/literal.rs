@@ -33,7 +33,7 @@ impl LiteralDive {
         let watch = &mut |i: &Iteration<'_>| if stop.is_asked() { Flow::Stop } else { watcher.look(i) };
         let solve = || program.solve_literal(z, n_steps, watch);
         let found = attend(py, |raised| stop.raise(raised), solve)??;
-        watcher.hears(py, &stop);
+        watcher.hears(stop.raised().map(|raised| raised.clone_ref(py)));
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: solver::Report| if interrupted { report.interrupted() } else { report };
         let found = dive::LiteralDive { report: found.report.map(reported), ..found };

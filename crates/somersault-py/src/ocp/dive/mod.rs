@@ -11,8 +11,8 @@ pub(crate) use solution::DiveSolution;
 pub(crate) use verification::DiveVerification;
 
 use super::arguments::{count, finite_all, integer, integer_or_none, limit, seed_of, tolerance};
-use super::solver::{Watcher, duration};
-use crate::convert::with_shape;
+use super::solver::{Watcher, deadline};
+use crate::convert::{entries_or_none, with_shape};
 use crate::error::Error;
 use crate::named_models::Diver;
 use crate::plan::returns_interrupted;
@@ -26,7 +26,6 @@ use somersault::multibody::models::Dimension;
 use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 use somersault::ocp::nlp::Nlp;
 use somersault::ocp::solver::{Flow, Iteration, Report, Status};
-use std::time::Instant;
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
@@ -269,7 +268,7 @@ impl Dive {
         slf: &Bound<'_, Self>,
         py: Python<'_>,
         z: Option<&Bound<'_, PyAny>>,
-        soft_weights: Option<Vec<f64>>,
+        #[pyo3(from_py_with = entries_or_none)] soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
@@ -278,7 +277,7 @@ impl Dive {
     ) -> Result<DiveSolution, Error> {
         let dive = slf.get();
         let returned = returns_interrupted(on_interrupt)?;
-        let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
+        let deadline = deadline(max_time)?;
         let warm = z.and_then(|z| z.cast::<DiveSolution>().ok());
         let soft_weights = soft_weights.or_else(|| warm.map(|_| Vec::new()));
         let search = dive.search_with(soft_weights, tol, max_iterations)?;
@@ -295,7 +294,7 @@ impl Dive {
         };
         let solve = || search.solve(&dive.program, z, &mut watch);
         let mut report = attend(py, |raised| stop.raise(raised), solve)??;
-        watcher.hears(py, &stop);
+        watcher.hears(stop.raised().map(|raised| raised.clone_ref(py)));
         if stop.is_late() && report.status == Status::Stopped {
             report.status = Status::TimeLimit;
         }
@@ -332,7 +331,7 @@ impl Dive {
         py: Python<'_>,
         #[pyo3(from_py_with = integer)] n_starts: i64,
         #[pyo3(from_py_with = integer)] seed: i64,
-        soft_weights: Option<Vec<f64>>,
+        #[pyo3(from_py_with = entries_or_none)] soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
@@ -340,7 +339,7 @@ impl Dive {
     ) -> Result<Vec<DiveSolution>, Error> {
         let dive = slf.get();
         let returned = returns_interrupted(on_interrupt)?;
-        let deadline = duration(max_time)?.map(|limit| Instant::now() + limit);
+        let deadline = deadline(max_time)?;
         let search = dive.search_with(soft_weights, tol, max_iterations)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         let templates = KeyFrame::variations(&dive.own_template()?, n_starts, seed);
@@ -357,8 +356,7 @@ impl Dive {
             Ok::<_, DiveSearchError>((report, judged.flatten()))
         };
         let from = |template: &Vec<KeyFrame>| (!stop.is_asked()).then(|| solve(template));
-        let all =
-            || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<_>, _>>();
+        let all = || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<_>, _>>();
         let reports = attend(py, |raised| stop.raise(raised), all)??;
         let raised = stop.raised();
         if let Some(error) = raised

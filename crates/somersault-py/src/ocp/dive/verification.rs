@@ -6,6 +6,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};
 
+/// Least distance, limbs, time and clearance of a pickled verification.
+type NearestParts = (f64, [String; 2], f64, f64);
+
 /// A dive as independent integrations have it.
 ///
 /// The full dynamics of the tree with driven joints, which know no conserved momentum, are integrated from take-off to entry
@@ -172,7 +175,7 @@ impl DiveVerification {
         _: &Bound<'_, PyType>,
         flight: (f64, f64, f64, f64, f64, f64),
         integration: (Vec<f64>, f64, f64, f64),
-        bounds: (f64, f64, Option<(f64, [String; 2], f64, f64)>),
+        bounds: (f64, f64, Option<NearestParts>),
         torques: Vec<(String, f64, f64)>,
         take_off: (Bound<'_, PyAny>, Bound<'_, PyAny>),
     ) -> Result<Self, Error> {

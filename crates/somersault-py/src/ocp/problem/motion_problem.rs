@@ -3,12 +3,13 @@
 use super::recipe::Recipe;
 use super::shared::Shared;
 use super::{Constraint, Cost, Motion, Phase};
-use crate::convert::{array, with_shape};
+use crate::convert::{array, entries, entries_or_none, with_shape};
 use crate::error::Error;
+use crate::memory::{bytes_of_numbers, expect_room};
 use crate::model::Model;
 use crate::ocp::arguments::{count, finite_all, integer, integer_or_none, seed_of, starts_or_none};
 use crate::ocp::search::{SearchArguments, SearchResult};
-use crate::ocp::solver::{Report, SolverArguments, duration as limit_of_time};
+use crate::ocp::solver::{Report, SolverArguments, deadline};
 use crate::ocp::swing_up::scheme_of;
 use crate::ocp::verification::Verification;
 use crate::plan::returns_interrupted;
@@ -18,7 +19,6 @@ use somersault::ocp::nlp::Nlp;
 use somersault::ocp::shooting::{self, Start};
 use somersault::ocp::solver::{self, samples};
 use somersault::ocp::transcription::Transcription;
-use std::time::Instant;
 
 /// A motion problem: passive joints follow the equations of motion, driven ones splines.
 ///
@@ -74,14 +74,14 @@ impl MotionProblem {
         model: &Bound<'_, Model>,
         q: &Bound<'_, PyAny>,
         v: &Bound<'_, PyAny>,
-        phases: Vec<Py<Phase>>,
+        #[pyo3(from_py_with = entries)] phases: Vec<Py<Phase>>,
         active: &Bound<'_, PyAny>,
         drive: &str,
         scheme: &str,
-        costs: Vec<Py<Cost>>,
-        constraints: Vec<Py<Constraint>>,
-        free_positions: Option<Vec<bool>>,
-        free_velocities: Option<Vec<bool>>,
+        #[pyo3(from_py_with = entries)] costs: Vec<Py<Cost>>,
+        #[pyo3(from_py_with = entries)] constraints: Vec<Py<Constraint>>,
+        #[pyo3(from_py_with = entries_or_none)] free_positions: Option<Vec<bool>>,
+        #[pyo3(from_py_with = entries_or_none)] free_velocities: Option<Vec<bool>>,
         lower: Option<&Bound<'_, PyAny>>,
         upper: Option<&Bound<'_, PyAny>>,
         exact_hessian: bool,
@@ -324,7 +324,7 @@ impl MotionProblem {
         py: Python<'_>,
         #[pyo3(from_py_with = integer)] n_starts: i64,
         z: Option<&Bound<'_, PyAny>>,
-        starts: Option<Vec<Bound<'_, PyAny>>>,
+        #[pyo3(from_py_with = entries_or_none)] starts: Option<Vec<Bound<'_, PyAny>>>,
         #[pyo3(from_py_with = integer)] seed: i64,
         reach: Option<&Bound<'_, PyAny>>,
         distance_tol: f64,
@@ -337,6 +337,7 @@ impl MotionProblem {
         let returned = returns_interrupted(on_interrupt)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 0)?, seed_of(seed)?);
         let given = starts_or_none(starts, n_starts)?;
+        expect_room("so many starts of `n_starts`", bytes_of_numbers(&[n_starts, self.n_variables()]))?;
         let from = |z: &Bound<'_, PyAny>| {
             self.room(z).map(|(z, _)| z.into()).map_err(|error| error.with_names(&[("z", "starts")]))
         };
@@ -346,7 +347,7 @@ impl MotionProblem {
             all.push(centre.into());
             all.extend(samples(&range, n_starts - 1, seed)?);
         }
-        let deadline = limit_of_time(max_time)?.map(|limit| Instant::now() + limit);
+        let deadline = deadline(max_time)?;
         let arguments =
             SolverArguments { solver, tol, max_iterations, max_time: None, callback: None, on_interrupt };
         let arguments = SearchArguments { solver: arguments.solver()?, distance_tol, deadline, returned };

@@ -241,24 +241,22 @@ fn failures_of_the_step_are_typed() {
     let body = RigidBody::try_principal(1.0, V::new(1.0, 2.0, 2.5)).unwrap();
     let free = RigidBodySystem::free(body);
     let x = RigidBodyState::spinning(V::new(0.3, 0.2, 2.0));
-    for method in ["dmv2", "dmv2s"] {
+    for (method, allowed) in [
+        ("dmv2", 1.0),
+        ("dmv2s", 1.0),
+        ("lgvi", 0.7698),
+        ("pmv4", 1.0),
+        ("pmv6", 1.0),
+        ("pmv8", 1.0),
+        ("pmv10", 1.0),
+    ] {
         match run(method, &free, &x, 10.0, 10) {
-            Err(IntegrateError::Step(StepError::NotConverged {
-                method: found,
-                residual,
-                iterations,
-                ..
-            })) => {
-                assert!(found == method && residual > 0.0 && iterations > 0);
+            Err(IntegrateError::Step(StepError::Angle { method: found, angle, limit, .. })) => {
+                assert!(found == method && angle > 2.0 && (limit - allowed).abs() < 1e-4);
             }
             other => panic!("{method}: {:?}", other.map(|_| ())),
         }
     }
-    for method in ["pmv4", "pmv6", "pmv8", "pmv10"] {
-        let failed = run(method, &free, &x, 100.0, 10);
-        assert!(matches!(failed, Err(IntegrateError::Step(_))), "{method}");
-    }
-    assert!(run("lgvi", &free, &x, 10.0, 10).is_ok());
     let top = RigidBodySystem::new(body, ConstantForce { force: V::new(0.0, 0.0, -9.81), point: V::z() });
     for method in ["dmv2", "pmv4", "pmv6", "pmv8", "pmv10"] {
         let refused = run(method, &top, &x, 0.1, 10);

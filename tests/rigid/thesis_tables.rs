@@ -3,6 +3,7 @@
 //! Source of all printed numbers: J. Aguilar Mayans' thesis, Tables 6.1, 6.2, 6.3, 7.1 and 7.2. What does not
 //! reproduce is listed where it is left out, with the reason.
 
+use rayon::prelude::*;
 use somersault::integrators::driver::Flow;
 use somersault::integrators::force::ForceModel;
 use somersault::integrators::state::{Configuration, Rate};
@@ -15,19 +16,30 @@ use somersault::integrators::studies::problem::{
     Case, Problem, asymmetric_body, damped_spring_pendulum, spring_pendulum,
 };
 use somersault::integrators::studies::stability::{
-    Lambda, raster, raster_of, spectral_radius, spectral_radius_of, stability_region, stability_region_of,
+    Lambda, StabilityRegion, raster, raster_of, spectral_radius, spectral_radius_of, stability_region,
+    stability_region_of,
 };
 use somersault::integrators::studies::work_precision::{StepChoice, work_precision, work_precision_of};
 use somersault::integrators::studies::{StudyError, silent};
 use somersault::integrators::system::{StateOf, System};
 use somersault::prelude::*;
 use std::f64::consts::{PI, SQRT_2};
+use std::sync::LazyLock;
 
 fn method(name: &str) -> Method {
     name.parse().unwrap()
 }
 
 // Table 6.1
+
+/// The region of a method, computed once for all tests.
+fn region(name: &str) -> &'static StabilityRegion {
+    static REGIONS: LazyLock<Vec<(Method, StabilityRegion)>> = LazyLock::new(|| {
+        let of = |m| (m, stability_region(m, Options::default(), &mut silent).unwrap());
+        Method::ALL.into_par_iter().map(of).collect()
+    });
+    &REGIONS.iter().find(|(m, _)| *m == method(name)).unwrap().1
+}
 
 #[test]
 #[allow(clippy::approx_constant)] // 3.14 is what is printed
@@ -43,7 +55,7 @@ fn table_6_1_every_printed_area() {
         ("rk4", 12.70, 0.79),
     ];
     for (name, area, corrected) in printed {
-        let region = stability_region(method(name), Options::default(), &mut silent).unwrap();
+        let region = region(name);
         assert!((region.area - area).abs() < 0.005, "{name}: area {}", region.area);
         assert!((region.corrected - corrected).abs() < 0.005, "{name}: corrected {}", region.corrected);
         assert_eq!(region.failed, 0, "{name}");
@@ -83,7 +95,7 @@ fn areas_have_four_correct_digits() {
     // area ½ ∮ (x dy − y dx) over the unit circle is 5π/12 by residues.
     let exact = [("euler", PI), ("mp", runge_kutta_area(2, -1.0)), ("ab2", 5.0 * PI / 12.0)];
     for (name, area) in exact {
-        let found = stability_region(method(name), Options::default(), &mut silent).unwrap().area;
+        let found = region(name).area;
         assert!((found / area - 1.0).abs() < 1e-4, "{name}: {found} against {area}");
     }
     // Semi-implicit Euler: z² − (2 + 2λ_R − |λ|²) z + 1 + 2λ_R, stable where |tr| ≤ 1 + det ≤ 2 (Jury): between
@@ -91,7 +103,7 @@ fn areas_have_four_correct_digits() {
     let (radius, half_angle) = (8f64.sqrt(), PI / 4.0);
     let segment = radius * radius * (half_angle - half_angle.sin() * half_angle.cos());
     for name in ["sie", "sv", "sieg", "sie_l"] {
-        let found = stability_region(method(name), Options::default(), &mut silent).unwrap().area;
+        let found = region(name).area;
         assert!((found / segment - 1.0).abs() < 1e-4, "{name}: {found} against {segment}");
     }
 }
@@ -100,14 +112,13 @@ fn areas_have_four_correct_digits() {
 fn stability_regions_of_all_methods() {
     for m in Method::ALL {
         let name = m.info().name;
-        let region = stability_region(m, Options::default(), &mut silent).unwrap();
+        let region = region(name);
         assert!(region.area > 0.1 && region.area.is_finite(), "{name}: {}", region.area);
         assert_eq!(region.corrected, region.area / f64::from(m.info().evaluations).powi(2), "{name}");
         assert!(region.boundary.len() > 500, "{name}");
         // The translation does not depend on the variables of the rotation.
         if m.info().variables != Variables::World {
-            let world = method(name.split('_').next().unwrap());
-            let world = stability_region(world, Options::default(), &mut silent).unwrap();
+            let world = self::region(name.split('_').next().unwrap());
             assert_eq!(region.area, world.area, "{name}");
         }
         // The region of an implicit method may end where its iteration does, at any radius, and then says that
@@ -145,7 +156,7 @@ fn limits_on_the_axes() {
         ("sv", 2.0 * SQRT_2 - 2.0, 2.0),
     ];
     for (name, real, imaginary) in known {
-        let region = stability_region(method(name), Options::default(), &mut silent).unwrap();
+        let region = region(name);
         // On the real axis the roots are double, so that a rounding shows as its square root.
         assert!((region.real_limit - real).abs() < 1e-6, "{name}: {}", region.real_limit);
         assert!((region.imaginary_limit - imaginary).abs() < 1e-7, "{name}: {}", region.imaginary_limit);
@@ -202,7 +213,7 @@ fn spectral_radii_of_adams_bashforth_are_the_roots_of_their_polynomials() {
         if re > 0.0 { right = middle } else { left = middle }
     }
     let limit = adams_bashforth_4_locus(1.0, left).im;
-    let region = stability_region(method("ab4"), Options::default(), &mut silent).unwrap();
+    let region = region("ab4");
     assert!((region.imaginary_limit - limit).abs() < 1e-7, "{} {limit}", region.imaginary_limit);
 }
 

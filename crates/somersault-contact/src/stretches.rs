@@ -1,0 +1,408 @@
+//! Bodies whose friction has stretches, as a part of the state.
+//!
+//! The friction of [`CoulombFriction`](crate::friction::CoulombFriction) holds by a spring. Its stretch ξ, one
+//! vector in the plane of contact for each contact, obeys an equation of first order; [`WithStretches`] puts the
+//! stretches beside the rates of the bodies, where every method integrates them to the order that it has for
+//! velocities.
+//!
+//! On a curved surface, and between two spheres, ξ turns with the plane of contact, ξ̇ = … + Ω × ξ with Ω = n × ṅ,
+//! which keeps its length (parallel transport). Between two spheres, whose plane of contact turns with them when
+//! they turn as one, Ω has the mean of their spins about n besides: S. Luding, Granular Matter 10 (2008) 235.
+//!
+//! ξ is zero where a contact is open, and as it begins.
+
+use crate::contacts::event_kind;
+use crate::error::ContactError;
+use crate::event::EventKind;
+use crate::friction::Friction;
+use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
+use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::surface::SurfaceFault;
+use crate::sweep::Sweep;
+use nalgebra::{DMatrix, DVector, Vector3};
+use somersault_integrators::augmented::{Augmented, AugmentedRate};
+use somersault_integrators::body::RigidBody;
+use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::force::Wrench;
+use somersault_integrators::state::{Poses, State};
+use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System, world_acceleration};
+
+/// Bodies and their contacts, for [`WithStretches`].
+pub trait Touching: HybridBodies<Mode = Vec<ContactMode>> {
+    /// The laws of the contacts, in their order.
+    fn laws(&self) -> impl Iterator<Item = &ContactLaw>;
+
+    /// Shows each contact's number, law and encounter.
+    fn each_encounter(
+        &self,
+        q: &Self::Configuration,
+        p: &RateOf<Self>,
+        see: impl FnMut(usize, &ContactLaw, &Encounter),
+    );
+
+    /// Force and torque on every body, with the contacts' efforts by their numbers, laws and encounters.
+    fn wrenches_by(
+        &self,
+        t: f64,
+        x: (&Self::Configuration, &RateOf<Self>),
+        effort: impl FnMut(usize, &ContactLaw, &Encounter) -> Wrench,
+        out: &mut RateOf<Self>,
+    );
+}
+
+impl<S: Touching> Touching for &S {
+    fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
+        (**self).laws()
+    }
+    fn each_encounter(
+        &self,
+        q: &S::Configuration,
+        p: &RateOf<S>,
+        see: impl FnMut(usize, &ContactLaw, &Encounter),
+    ) {
+        (**self).each_encounter(q, p, see);
+    }
+    fn wrenches_by(
+        &self,
+        t: f64,
+        x: (&S::Configuration, &RateOf<S>),
+        effort: impl FnMut(usize, &ContactLaw, &Encounter) -> Wrench,
+        out: &mut RateOf<S>,
+    ) {
+        (**self).wrenches_by(t, x, effort, out);
+    }
+}
+
+/// Bodies in contact with the stretches of their friction: a
+/// [`BodyInContact`](crate::contacts::BodyInContact) or [`BodiesInContact`](crate::bodies::BodiesInContact).
+///
+/// Its state is that of the bodies and a stretch for each contact, m, in the order of the contacts, zero for
+/// those whose friction has none: [`State::augmented`]. Modes, guards and events are those of the bodies.
+#[derive(Debug, Clone, Copy)]
+pub struct WithStretches<S>(pub S);
+
+impl<S: Touching> WithStretches<S> {
+    /// A state with unstretched contacts.
+    pub fn unstretched(&self, x: StateOf<S>) -> StateOf<Self> {
+        State::augmented(x, vec![Vector3::zeros(); self.0.laws().count()])
+    }
+
+    /// A state with given stretches, m, of which the part in the plane of contact counts; none of open contacts.
+    pub fn stretched(
+        &self,
+        x: StateOf<S>,
+        stretches: Vec<Vector3<f64>>,
+    ) -> Result<StateOf<Self>, ContactError> {
+        let contacts = self.0.laws().count();
+        let finite = stretches.iter().flatten().all(|component| component.is_finite());
+        if stretches.len() != contacts || !finite {
+            let found = if finite { format!("{}", stretches.len()) } else { format!("{stretches:?}") };
+            return Err(ContactError::Stretches { found, contacts });
+        }
+        let mut state = State::augmented(x, stretches);
+        let State { configuration, rate } = &mut state;
+        self.0.each_encounter(&configuration.0, &rate.base, |i, law, at| {
+            let stretch = &mut rate.variables[i];
+            *stretch = if law.guard(at).is_inside() && law.friction.has_stretch() {
+                *stretch - at.normal * at.normal.dot(stretch)
+            } else {
+                Vector3::zeros()
+            };
+        });
+        Ok(state)
+    }
+
+    /// A state whose stretches carry the load at time t, as far as friction can: the parts in the planes of contact of
+    /// the least forces at the contacts that leave the least acceleration by Gauss' measure, aᵀ M a, each within
+    /// its cone. Forces along the normals may change from those of the state, as they will under the load.
+    pub fn loaded(&self, t: f64, x: StateOf<S>) -> StateOf<Self> {
+        let mut state = self.unstretched(x);
+        let (q, p) = (state.configuration.0.clone(), state.rate.base.clone());
+        let mut units: Vec<(usize, Vector3<f64>)> = Vec::new();
+        // Stiffness and longest stretch of each contact that holds by a spring.
+        let mut springs = vec![None; state.rate.variables.len()];
+        self.0.each_encounter(&q, &p, |i, law, at| {
+            if !law.guard(at).is_inside() {
+                return;
+            }
+            units.push((i, at.normal));
+            match &law.friction {
+                Friction::Coulomb(friction) if friction.stiffness() > 0.0 => {
+                    let first = at.normal.cross(&Vector3::ith(at.normal.iamin(), 1.0)).normalize();
+                    units.extend([(i, first), (i, at.normal.cross(&first))]);
+                    let push = law.normal.force_in_contact(at.gap, at.rate);
+                    let longest = friction.static_coefficient() * push / friction.stiffness();
+                    springs[i] = Some((friction.stiffness(), longest, at.normal));
+                }
+                Friction::None | Friction::Regularised(_) | Friction::Coulomb(_) => {}
+            }
+        });
+        let weighed_by = |effort: &dyn Fn(usize, &ContactLaw, &Encounter) -> Wrench| {
+            let mut wrenches = p.clone();
+            self.0.wrenches_by(t, (&q, &p), effort, &mut wrenches);
+            self.weighed(&q, &wrenches)
+        };
+        let none = Vector3::zeros();
+        let load = weighed_by(&|_, law, at| law.effort_in(&law.mode(at, &none), at, &none));
+        // The smooth forces act in each of the columns, and are taken out of them again.
+        let smooth = weighed_by(&|_, _, _| Wrench::default());
+        let column = |(contact, unit): &(usize, Vector3<f64>)| {
+            let force = |i| if i == *contact { *unit } else { Vector3::zeros() };
+            weighed_by(&|i, _, _| Wrench { force: force(i), torque: Vector3::zeros() }) - &smooth
+        };
+        let columns: Vec<_> = units.iter().map(column).collect();
+        if columns.is_empty() {
+            return state;
+        }
+        let svd = DMatrix::from_columns(&columns).svd(true, true);
+        let Ok(forces) = svd.solve(&-load, 1e-12 * svd.singular_values.max()) else { return state };
+        for ((i, unit), force) in units.iter().zip(forces.iter()) {
+            if let Some((stiffness, _, _)) = springs[*i] {
+                state.rate.variables[*i] -= unit * (force / stiffness);
+            }
+        }
+        for (stretch, spring) in state.rate.variables.iter_mut().zip(springs) {
+            let Some((_, longest, normal)) = spring else { continue };
+            *stretch -= normal * normal.dot(stretch);
+            let length = stretch.norm();
+            if length > longest {
+                *stretch *= longest / length;
+            }
+        }
+        state
+    }
+
+    /// Wrenches over the roots of mass and moments of inertia.
+    fn weighed(&self, q: &S::Configuration, wrenches: &RateOf<S>) -> DVector<f64> {
+        let mut sum = DVector::zeros(6 * q.count());
+        for i in 0..q.count() {
+            let (body, pose) = (self.0.body(i), q.pose(i));
+            let wrench = S::Configuration::twist(wrenches, i);
+            let principal = pose.orientation * body.inertia().principal_axes();
+            let torque = principal.inverse_transform_vector(&wrench.angular);
+            let moments = body.inertia().principal_moments().map(f64::sqrt);
+            sum.fixed_rows_mut::<3>(6 * i).copy_from(&(wrench.linear / body.mass().sqrt()));
+            sum.fixed_rows_mut::<3>(6 * i + 3).copy_from(&torque.component_div(&moments));
+        }
+        sum
+    }
+
+    /// Energy of the springs of contacts and friction, J.
+    pub fn energy(&self, x: &StateOf<Self>) -> f64 {
+        self.energy_at(&x.configuration, &x.rate)
+    }
+
+    pub(crate) fn energy_at(&self, q: &Augmented<S::Configuration>, p: &AugmentedRate<RateOf<S>>) -> f64 {
+        let mut sum = 0.0;
+        self.each(q, p, |_, law, at, stretch| sum += law.energy(at.gap, stretch));
+        sum
+    }
+
+    /// Calls with each contact's number, law, encounter and stretch.
+    #[inline]
+    fn each(
+        &self,
+        q: &Augmented<S::Configuration>,
+        p: &AugmentedRate<RateOf<S>>,
+        mut see: impl FnMut(usize, &ContactLaw, &Encounter, &Vector3<f64>),
+    ) {
+        self.0.each_encounter(&q.0, &p.base, |i, law, at| see(i, law, at, &p.variables[i]));
+    }
+
+    pub(crate) fn mode_at(
+        &self,
+        q: &Augmented<S::Configuration>,
+        p: &AugmentedRate<RateOf<S>>,
+    ) -> Vec<ContactMode> {
+        let mut modes = Vec::with_capacity(p.variables.len());
+        self.each(q, p, |_, law, at, stretch| modes.push(law.mode(at, stretch)));
+        modes
+    }
+
+    pub(crate) fn next_mode_at(
+        &self,
+        before: &[ContactMode],
+        q: &Augmented<S::Configuration>,
+        p: &AugmentedRate<RateOf<S>>,
+    ) -> Vec<ContactMode> {
+        let mut modes = Vec::with_capacity(before.len());
+        self.each(q, p, |i, law, at, stretch| modes.push(law.next_mode(&before[i], at, stretch)));
+        modes
+    }
+
+    #[inline]
+    pub(crate) fn guards_at(
+        &self,
+        mode: &[ContactMode],
+        q: &Augmented<S::Configuration>,
+        p: &AugmentedRate<RateOf<S>>,
+        out: &mut Vec<Guard>,
+    ) {
+        let n = mode.len();
+        out.resize(2 * n, Guard::default());
+        self.each(q, p, |i, law, at, stretch| {
+            out[i] = law.guard(at);
+            out[n + i] = law.friction_guard(&mode[i], at, stretch);
+        });
+    }
+
+    #[inline]
+    pub(crate) fn wrenches_at(
+        &self,
+        mode: &[ContactMode],
+        t: f64,
+        q: &Augmented<S::Configuration>,
+        p: &AugmentedRate<RateOf<S>>,
+        AugmentedRate { base, variables }: &mut AugmentedRate<RateOf<S>>,
+    ) {
+        let effort = |i: usize, law: &ContactLaw, at: &Encounter| {
+            let stretch = &p.variables[i];
+            variables[i] = law.stretch_rate_in(&mode[i], at, stretch);
+            law.effort_in(&mode[i], at, stretch)
+        };
+        self.0.wrenches_by(t, (&q.0, &p.base), effort, base);
+    }
+}
+
+/// Contacts begin and end without stretch.
+pub(crate) fn reset(before: &[ContactMode], after: &[ContactMode], stretches: &mut [Vector3<f64>]) {
+    for (stretch, modes) in stretches.iter_mut().zip(before.iter().zip(after)) {
+        if matches!(modes, (ContactMode::Open, _) | (_, ContactMode::Open)) {
+            *stretch = Vector3::zeros();
+        }
+    }
+}
+
+impl<S: Touching> System for WithStretches<S> {
+    type Configuration = Augmented<S::Configuration>;
+    type Workspace = ();
+    fn workspace(&self) {}
+    fn acceleration(&self, w: &mut (), t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+        self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+}
+
+impl<S: Touching> RigidSystem for WithStretches<S> {
+    #[inline(always)]
+    fn body(&self, i: usize) -> &RigidBody {
+        self.0.body(i)
+    }
+    fn rest(&self) -> StateOf<Self> {
+        self.unstretched(self.0.rest())
+    }
+    fn wrenches(&self, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+        self.wrenches_in(&self.mode(t, x), t, x, out);
+    }
+    fn is_free(&self) -> bool {
+        self.0.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.0.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.0.depends_on_velocity()
+    }
+}
+
+impl<S: Touching> Hybrid for WithStretches<S> {
+    type Mode = Vec<ContactMode>;
+    const RESETS: bool = true;
+
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
+
+    fn mode(&self, _: f64, x: &StateOf<Self>) -> Vec<ContactMode> {
+        self.mode_at(&x.configuration, &x.rate)
+    }
+
+    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &StateOf<Self>) -> Vec<ContactMode> {
+        self.next_mode_at(before, &x.configuration, &x.rate)
+    }
+
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+    ) -> EventKind {
+        event_kind(modes.0.len(), guard, before, after)
+    }
+
+    #[inline]
+    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &StateOf<Self>, out: &mut Vec<Guard>) {
+        self.guards_at(mode, &x.configuration, &x.rate, out);
+    }
+
+    fn sweeps(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        h: f64,
+        ends: (&StateOf<Self>, &StateOf<Self>),
+        out: &mut Vec<Sweep>,
+    ) {
+        self.0.sweeps(mode, t, h, (&ends.0.base(), &ends.1.base()), out);
+        out.resize(2 * mode.len(), Sweep::UNKNOWN);
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        t: f64,
+        x: &StateOf<Self>,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        self.0.clear_time(mode, t, &x.base(), guards, horizon)
+    }
+
+    fn examine(&self, guard: usize, x: &StateOf<Self>) -> Result<(), SurfaceFault> {
+        self.0.examine(guard, &x.base())
+    }
+
+    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
+        self.0.contact_rate(mode, &x.base())
+    }
+
+    fn energy(&self, x: &StateOf<Self>) -> Option<Energy> {
+        let of_bodies = self.0.energy(&x.base())?;
+        Some(Energy { springs: self.energy(x), ..of_bodies })
+    }
+
+    #[inline]
+    fn acceleration_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        (): &mut (),
+        t: f64,
+        x: &StateOf<Self>,
+        out: &mut RateOf<Self>,
+    ) {
+        self.wrenches_in(mode, t, x, out);
+        for i in 0..x.configuration.count() {
+            let (pose, rate) = (x.configuration.pose(i), Augmented::<S::Configuration>::twist(&x.rate, i));
+            let wrench = Augmented::<S::Configuration>::twist(out, i);
+            let state = State { configuration: pose, rate };
+            let acceleration = world_acceleration(self.0.body(i), &state, &wrench);
+            Augmented::<S::Configuration>::set_twist(out, i, acceleration);
+        }
+    }
+
+    /// Contacts begin and end without stretch.
+    fn reset(&self, _: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut StateOf<Self>) {
+        reset(before, after, &mut x.rate.variables);
+    }
+
+    fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
+        self.0.laws().nth(guard).map_or(0.0, |law| law.normal.impulse(h, before, after))
+    }
+}
+
+impl<S: Touching> HybridBodies for WithStretches<S> {
+    #[inline]
+    fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
+        self.wrenches_at(mode, t, &x.configuration, &x.rate, out);
+    }
+}

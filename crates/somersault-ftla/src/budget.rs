@@ -1,0 +1,62 @@
+//! Limits of a search, and what it has spent of them.
+
+use std::fmt;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// What a search may spend; none of both unless given.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Limits {
+    /// Time by the clock.
+    pub time: Option<Duration>,
+    /// Evaluations of the field, or of field and Jacobian, by the integrator.
+    pub evaluations: Option<usize>,
+}
+
+/// The limit that a search has reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    /// [`Limits::time`].
+    Time(Duration),
+    /// [`Limits::evaluations`].
+    Evaluations(usize),
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Time(time) => write!(f, "the time limit of {} s is reached", time.as_secs_f64()),
+            Self::Evaluations(count) => write!(f, "the limit of {count} evaluations is reached"),
+        }
+    }
+}
+
+/// A search that has begun: its limits, when it began and its evaluations so far. Shared by all of its threads.
+#[derive(Debug)]
+pub struct Budget {
+    limits: Limits,
+    began: Instant,
+    evaluations: AtomicUsize,
+}
+
+impl Limits {
+    /// From now on.
+    pub fn start(self) -> Budget {
+        Budget { limits: self, began: Instant::now(), evaluations: AtomicUsize::new(0) }
+    }
+}
+
+impl Budget {
+    /// Counts evaluations.
+    pub fn spend(&self, evaluations: usize) {
+        self.evaluations.fetch_add(evaluations, Ordering::Relaxed);
+    }
+
+    /// The limit that has been reached, if one has.
+    pub fn reached(&self) -> Option<Limit> {
+        let Limits { time, evaluations } = self.limits;
+        let spent = self.evaluations.load(Ordering::Relaxed);
+        let of_evaluations = evaluations.filter(|&most| spent >= most).map(Limit::Evaluations);
+        of_evaluations.or_else(|| time.filter(|&most| self.began.elapsed() >= most).map(Limit::Time))
+    }
+}

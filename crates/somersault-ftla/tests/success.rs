@@ -1,0 +1,279 @@
+//! What success means: the same in all units, Hamiltonians that are constant, limits of a search, trials without a value.
+
+mod common;
+
+use common::{ArmProblem, arm_nodes};
+use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use somersault_ftla::budget::{Limit, Limits};
+use somersault_ftla::cold_start::{ArmTravel, cold_start};
+use somersault_ftla::continuation::{Continuation, Member, Reason, Stage};
+use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::shooting::{End, Shooting, ShootingError, Status, graded_times};
+use somersault_ftla::system::{
+    ArmMinimumTorque, ControlProblem, CubicRegulator, DifferentiatedProblem, HamiltonianSystem,
+    ProblemDerivatives, StateCostate, VectorField,
+};
+use somersault_multibody::Scalar;
+use std::time::Duration;
+
+fn k<T: Scalar>(x: f64) -> T {
+    nalgebra::convert(x)
+}
+
+/// The cubic regulator with its state in units of 1/`length` and its cost in units of 1/`cost`.
+#[derive(Clone, Copy)]
+struct InUnits {
+    length: f64,
+    cost: f64,
+}
+
+impl ControlProblem<1, 1> for InUnits {
+    fn dynamics<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> Vector1<T> {
+        Vector1::new(u.x - x.x * x.x * x.x * k(1.0 / (self.length * self.length)))
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> T {
+        (x.x * x.x + u.x * u.x) * k(0.5 * self.cost / (self.length * self.length))
+    }
+}
+
+#[test]
+fn a_regulator_is_solved_to_the_same_digits_in_all_units() {
+    let (a, b, horizon) = (1.0, 1.5, 40.0);
+    let continuation = Continuation::default();
+    let plain = cold_start(&CubicRegulator, &[a], &[b], horizon, &continuation).expect("well posed");
+    let root = |x: f64| (1.0 + x.powi(4)).sqrt();
+    let exact = [-a.powi(3) + a * root(a), -b.powi(3) - b * root(b)];
+    for length in [1e-6, 1.0, 1e6] {
+        for cost in [1e-6, 1.0, 1e6] {
+            let system = StateCostate::<_, 1, 1, 2>::try_new(InUnits { length, cost }).expect("no bounds");
+            let found = cold_start(&system, &[a * length], &[b * length], horizon, &continuation)
+                .expect("well posed");
+            let extremal = &found.extremal;
+            assert!(found.arrived(), "{length:e} {cost:e}: {:?}", found.reason);
+            assert_eq!(found.iterations, plain.iterations, "{length:e} {cost:e}");
+            let last = extremal.nodes.len() - 1;
+            for (node, exact) in [(0, exact[0]), (last, exact[1])] {
+                let costate = extremal.nodes[node].y * length / cost;
+                assert!((costate - exact).abs() < 1e-10, "{length:e} {cost:e}: {costate} for {exact}");
+            }
+            let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
+            let value = extremal.cost(&flow).expect("regular") / cost;
+            assert!((value - 3.36205690494300).abs() < 1e-10, "{length:e} {cost:e}: {value}");
+        }
+    }
+}
+
+#[test]
+fn the_arm_is_solved_whatever_its_weights() {
+    // with (35, 17.5) the costates reach 38
+    for factor in [1e-6, 1e-3, 35.0, 1e3, 1e6] {
+        let thesis = ArmTravel::default();
+        let weights = thesis.system.weights().map(|w| w * factor);
+        let system = ArmMinimumTorque::try_new(*thesis.system.arm(), weights).expect("positive");
+        let found = ArmTravel { system, ..thesis }.solve(&Continuation::default()).expect("well posed");
+        let continued = found.continued;
+        assert!(
+            continued.arrived(),
+            "{factor:e}: {:?} {}",
+            continued.extremal.status,
+            continued.extremal.residual
+        );
+        assert_eq!((continued.steps, continued.stage), ([1, 0], Stage::LeastEffort), "{factor:e}");
+        let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
+        let cost = continued.extremal.cost(&flow).expect("regular") / factor;
+        assert!((cost - 0.321777232).abs() < 1e-9, "{factor:e}: {cost}");
+        let off = (continued.extremal.nodes[0]
+            - arm_nodes()[0].1.map_with_location(|i, _, x| if i < 4 { x } else { x * factor }))
+        .component_div(&continued.extremal.scale());
+        assert!(off.amax() < 1e-9, "{factor:e}: {off}");
+    }
+}
+
+#[test]
+fn a_floor_of_rounding_is_a_status() {
+    let thesis = ArmTravel::default();
+    let polish = Shooting { tolerance: 1e-15, ..Shooting::default() };
+    let found = thesis.solve(&Continuation { polish, ..Continuation::default() }).expect("well posed");
+    let extremal = found.continued.extremal;
+    assert_eq!(extremal.status, Status::Floor, "{:e} {:e}", extremal.residual, extremal.floor);
+    assert!(extremal.residual < 1e-11 && extremal.residual > 1e-15, "{:e}", extremal.residual);
+    assert_eq!(found.continued.reason, Some(Reason::Unsolved(Status::Floor)));
+    for tolerance in [1e-16, 0.0, f64::NAN, 0.2] {
+        let polish = Shooting { tolerance, ..Shooting::default() };
+        let refused = thesis.solve(&Continuation { polish, ..Continuation::default() });
+        assert!(
+            matches!(refused, Err(ShootingError::Argument { argument: "tolerance", .. })),
+            "{tolerance}: {:?}",
+            refused.map(|found| found.continued.extremal.status)
+        );
+    }
+}
+
+/// x₁' = x₂, x₂' = −sin x₁ − x₂/5 + u, ℓ = ½(x₁² + u²).
+#[derive(Clone, Copy)]
+struct Pendulum;
+
+impl ControlProblem<2, 1> for Pendulum {
+    fn dynamics<T: Scalar>(&self, x: &Vector2<T>, u: &Vector1<T>) -> Vector2<T> {
+        Vector2::new(x.y, u.x - x.x.sin() - x.y * k(0.2))
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &Vector2<T>, u: &Vector1<T>) -> T {
+        (x.x * x.x + u.x * u.x) * k(0.5)
+    }
+}
+
+/// The pendulum with one entry of ∂f/∂x off by a part of itself.
+#[derive(Clone, Copy)]
+struct Wrong {
+    entry: (usize, usize),
+    part: f64,
+}
+
+type Two = Vector2<f64>;
+type One = Vector1<f64>;
+
+impl DifferentiatedProblem<2, 1> for Wrong {
+    fn rate(&self, x: &Two, u: &One) -> Two {
+        Pendulum.rate(x, u)
+    }
+
+    fn cost(&self, x: &Two, u: &One) -> f64 {
+        Pendulum.cost(x, u)
+    }
+
+    fn by_control(&self, x: &Two, costate: &Two, u: &One) -> (f64, One, SMatrix<f64, 1, 1>) {
+        Pendulum.by_control(x, costate, u)
+    }
+
+    fn by_state(&self, x: &Two, costate: &Two, u: &One) -> Two {
+        let (i, j) = self.entry;
+        let mut slope = Pendulum.by_state(x, costate, u);
+        slope[j] += self.part * costate[i] * Pendulum.derivatives(x, costate, u).f_x[(i, j)];
+        slope
+    }
+
+    fn derivatives(&self, x: &Two, costate: &Two, u: &One) -> ProblemDerivatives<2, 1> {
+        let mut d = Pendulum.derivatives(x, costate, u);
+        d.f_x[self.entry] *= 1.0 + self.part;
+        d
+    }
+
+    fn control_bounds(&self) -> [One; 2] {
+        Pendulum.control_bounds()
+    }
+}
+
+#[test]
+fn a_wrong_derivative_is_no_success() {
+    let mut random = common::Random::new(8);
+    let solve = |entry: (usize, usize), part: f64| {
+        let system = StateCostate::<_, 2, 1, 4>::try_new(Wrong { entry, part }).expect("no bounds");
+        cold_start(&system, &[1.0, 0.0], &[0.2, 0.1], 4.0, &Continuation::default()).expect("well posed")
+    };
+    assert!(solve((0, 1), 0.0).arrived());
+    for case in 0..30 {
+        let part = 10f64.powf(-2.0 + random.unit()) * if case % 2 == 0 { 1.0 } else { -1.0 };
+        let entry = [(0, 1), (1, 0), (1, 1)][case % 3];
+        let found = solve(entry, part);
+        assert!(!found.arrived(), "{entry:?} off by {part}: drift {:?}", found.extremal.hamiltonian_drift);
+        assert_eq!(found.reason, Some(Reason::Unsolved(Status::HamiltonianDrifts)), "{entry:?} {part}");
+    }
+}
+
+#[test]
+fn every_search_ends_at_its_limits_with_what_it_has() {
+    let thesis = ArmTravel::default();
+    let within = |limits: Limits| {
+        let polish = Shooting { limits, ..Shooting::default() };
+        Continuation { polish, ..Continuation::default() }
+    };
+    let free = thesis.solve(&Continuation::default()).expect("well posed").continued;
+    let ends = [thesis.initial, thesis.last].map(|[one, two]| vec![one, two, 0.0, 0.0]);
+    let rest = vec![0.0, thesis.fold, 0.0, 0.0];
+    let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
+    for (evaluations, time) in
+        [(Some(free.work.evaluations / 2), None), (Some(1), None), (None, Some(Duration::ZERO))]
+    {
+        let limits = Limits { time, evaluations };
+        let continuation = within(limits);
+        let arm = thesis.solve(&continuation).expect("well posed").continued;
+        let stages = [[rest.clone(), rest.clone()], ends.clone()];
+        let led = continuation.through(&thesis.system, &stages, 10.0, &fractions).expect("well posed");
+        let cold = cold_start(&thesis.system, &ends[0], &ends[1], 10.0, &continuation).expect("well posed");
+        for found in [arm, led, cold] {
+            assert!(!found.arrived());
+            assert!(matches!(found.reason, Some(Reason::Limit(_))), "{limits:?}: {:?}", found.reason);
+            assert!(found.extremal.nodes.iter().all(|p| p.iter().all(|x| x.is_finite())));
+            // no more than what was under way when the limit was met
+            let spent = found.work.evaluations;
+            assert!(evaluations.is_none_or(|most| spent < most + 3000), "{limits:?}: {spent}");
+        }
+    }
+    let limit = Limit::Time(Duration::from_millis(1500));
+    assert_eq!(limit.to_string(), "the time limit of 1.5 s is reached");
+}
+
+/// The cubic regulator up to x = 1.2; beyond it has no value.
+#[derive(Clone, Copy)]
+struct Cliff;
+
+impl VectorField<2> for Cliff {
+    fn field(&self, p: &Vector2<f64>) -> Vector2<f64> {
+        if p.x > 1.2 { Vector2::repeat(f64::NAN) } else { CubicRegulator.field(p) }
+    }
+
+    fn jacobian(&self, p: &Vector2<f64>) -> SMatrix<f64, 2, 2> {
+        CubicRegulator.jacobian(p)
+    }
+
+    fn conserved(&self, p: &Vector2<f64>) -> Option<f64> {
+        Some(CubicRegulator.hamiltonian(p))
+    }
+}
+
+#[test]
+fn trials_without_a_value_are_rejected_and_the_best_member_is_kept() {
+    let fractions = graded_times(1.0, 0.02, 0.2).expect("positive");
+    let stages = [0.0, 1.0, 1.5].map(|b| [vec![0.5 * b], vec![b]]);
+    let found = Continuation::default().through(&Cliff, &stages, 10.0, &fractions).expect("well posed");
+    assert!(!found.arrived() && found.extremal.status == Status::OnTheWay);
+    assert_eq!(found.stage, Stage::Leg { to: 3, of: 3 });
+    assert!(matches!(found.reason, Some(Reason::Failed(_) | Reason::Unsolved(_))), "{:?}", found.reason);
+    // 1.2 is two fifths of the way from 1 to 1.5
+    assert!((found.s - 0.7).abs() < 1e-3, "{}", found.s);
+    let last = found.extremal.nodes[found.extremal.nodes.len() - 1].x;
+    assert!(last < 1.2 && last > 1.199, "{last}");
+
+    // a family whose polish alone fails: what led there is kept
+    let ends = |b: f64| [[0.5].as_slice(), &[b]].map(|x| End::try_state(x).expect("one state"));
+    let family = |s: f64| Member { system: Cliff, ends: ends(1.0 + 0.3 * s), horizon: 10.0 };
+    let nodes = found_at_one(&fractions);
+    let followed = Continuation::default().follow(family, &fractions, &nodes).expect("well posed");
+    assert!(followed.s < 1.0 && followed.reason.is_some() && followed.stage == Stage::Family);
+}
+
+fn found_at_one(fractions: &[f64]) -> Vec<SVector<f64, 2>> {
+    let stages = [[vec![0.0], vec![0.0]], [vec![0.5], vec![1.0]]];
+    Continuation::default().through(&Cliff, &stages, 10.0, fractions).expect("well posed").extremal.nodes
+}
+
+#[test]
+fn the_arm_by_hyper_duals_keeps_its_hamiltonian_too() {
+    let thesis = ArmTravel::default();
+    let problem = ArmProblem {
+        arm: *thesis.system.arm(),
+        weights: thesis.system.weights(),
+        limits: [f64::INFINITY; 2],
+    };
+    let system = StateCostate::<_, 4, 2, 8>::try_new(problem).expect("no bounds");
+    let nodes = arm_nodes();
+    let times: Vec<f64> = nodes.iter().map(|(t, _)| *t).collect();
+    let guess: Vec<_> = nodes.iter().map(|(_, p)| *p).collect();
+    let ends =
+        [thesis.initial, thesis.last].map(|[one, two]| End::try_state(&[one, two, 0.0, 0.0]).expect("four"));
+    let found = Shooting::default().solve(&system, &ends, &times, &guess).expect("well posed");
+    assert_eq!(found.status, Status::Converged);
+    assert!(found.hamiltonian_drift < Some(1e-11), "{:?}", found.hamiltonian_drift);
+}

@@ -1,0 +1,10 @@
+//! Rigid bodies and the methods that move them. One program, so that what all of them use is compiled once.
+
+mod bad_input;
+mod batch;
+mod conservation;
+mod exact;
+mod implicit;
+mod moser_veselov;
+mod orders;
+mod thesis_tables;
