@@ -1,8 +1,8 @@
 //! No contact is missed: random shots against an independent search for the least gap.
 //!
 //! A shot flies freely until it touches, so that its motion is known exactly: a parabola, a constant rotation of a
-//! ball, the elliptic functions of a free box. The least gap along it is found from samples as close as the speed
-//! asks for, and by golden sections. A shot whose least gap is deeper than the tolerance must have an event, one
+//! ball, the elliptic functions of a free box. The least gap along it is found from samples as close as the speed and the
+//! obstacle ask for, and by golden sections. A shot whose least gap is deeper than the tolerance must have an event, one
 //! whose gap stays larger must have none.
 
 use nalgebra::{UnitQuaternion, Vector3};
@@ -183,24 +183,37 @@ impl Steps {
     }
 }
 
-/// The least of a function over [0, END] that changes by no more than `speed` in a unit of time.
-fn least(f: impl Fn(f64) -> f64, speed: f64) -> f64 {
-    // A dip between two samples is no deeper than half of what the speed allows, and then is looked at.
+/// The least of a function over [0, END] that changes by no more than `speed` in a unit of time and has one dip at most
+/// while it can change by `grain`.
+fn least(f: impl Fn(f64) -> f64, speed: f64, grain: f64) -> f64 {
     const SAMPLES: usize = 400;
     let step = END / SAMPLES as f64;
-    let values: Vec<f64> = (0..=SAMPLES).map(|i| f(step * i as f64)).collect();
-    let lowest = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let mut found = lowest;
-    for i in 0..SAMPLES {
-        if 0.5 * (values[i] + values[i + 1] - speed * step) > found {
+    let coarse: Vec<f64> = (0..=SAMPLES).map(|i| f(step * i as f64)).collect();
+    let mut found = coarse.iter().copied().fold(f64::INFINITY, f64::min);
+    // A dip between two samples is no deeper than half of what the speed allows, and then is looked at.
+    let is_open = |k: usize, found: f64| 0.5 * (coarse[k] + coarse[k + 1] - speed * step) <= found;
+    let parts = (speed * step / grain).ceil().max(1.0) as usize;
+    let (mut times, mut values) = (vec![], vec![]);
+    for k in 0..SAMPLES {
+        let parts = if is_open(k, found) { parts } else { 1 };
+        for i in 0..parts {
+            let t = step * (k as f64 + i as f64 / parts as f64);
+            times.push(t);
+            values.push(if i == 0 { coarse[k] } else { f(t) });
+        }
+    }
+    times.push(END);
+    values.push(coarse[SAMPLES]);
+    let last = times.len() - 1;
+    found = values.iter().copied().fold(found, f64::min);
+    for k in 0..=last {
+        let (before, after) = (k.saturating_sub(1), (k + 1).min(last));
+        let may_be_least = 0.5 * (values[before] + values[k] - speed * (times[k] - times[before])) <= found
+            || 0.5 * (values[k] + values[after] - speed * (times[after] - times[k])) <= found;
+        if values[k] > values[before] || values[k] > values[after] || !may_be_least {
             continue;
         }
-        let is_dip =
-            |k: usize| values[k] <= values[k.saturating_sub(1)] && values[k] <= values[(k + 1).min(SAMPLES)];
-        if !is_dip(i) && !is_dip(i + 1) {
-            continue;
-        }
-        let (mut a, mut b) = (step * i.saturating_sub(1) as f64, step * (i + 2).min(SAMPLES) as f64);
+        let (mut a, mut b) = (times[before], times[after]);
         let ratio = 0.5 * (5f64.sqrt() - 1.0);
         for _ in 0..60 {
             let (c, d) = (b - ratio * (b - a), a + ratio * (b - a));
@@ -255,7 +268,7 @@ fn moved(x: &RigidBodyState, gravity: &Gravity, t: f64) -> Vector3<f64> {
 }
 
 /// A small ball at an obstacle; `None` where it starts within.
-fn at_obstacle(random: &mut Random, surface: Arc<dyn Surface>, size: f64) -> Option<Shot> {
+fn at_obstacle(random: &mut Random, surface: Arc<dyn Surface>, size: f64, grain: f64) -> Option<Shot> {
     // A ball must be met by a distance; a function that is one at its surface only takes points.
     let radius = if surface.lipschitz() > 1.0 { 0.0 } else { random.within(0.002, 0.02) };
     let gravity = fall(random);
@@ -273,7 +286,7 @@ fn at_obstacle(random: &mut Random, surface: Arc<dyn Surface>, size: f64) -> Opt
     }
     let speed = surface.lipschitz() * (velocity.norm() + gravity.acceleration.norm() * END);
     let (touches, steps, trials) = Steps::some(random).touches(&system, &start);
-    Some(Shot { least: least(gap, speed), tolerance: GRAZE, touches, steps, trials })
+    Some(Shot { least: least(gap, speed, grain), tolerance: GRAZE, touches, steps, trials })
 }
 
 /// Two spheres, fixed off the centres of mass of two balls that spin.
@@ -315,7 +328,7 @@ fn pair(random: &mut Random) -> Option<Shot> {
     );
     let (touches, count, trials) = steps.touches(&system, &start);
     let tolerance = GRAZE + 3.0 * error;
-    Some(Shot { least: least(gap, speed), tolerance, touches, steps: count, trials })
+    Some(Shot { least: least(gap, speed, radii[0].min(radii[1])), tolerance, touches, steps: count, trials })
 }
 
 /// A tumbling box that flies low over the ground or past a sphere.
@@ -365,7 +378,7 @@ fn tumbling_box(random: &mut Random) -> Option<Shot> {
     let speed = velocity.norm() + 9.81 * END + 6.0 * spin.norm() * size;
     let (touches, count, trials) = steps.touches(&system, &start);
     let tolerance = GRAZE + 3.0 * error;
-    Some(Shot { least: least(gap, speed), tolerance, touches, steps: count, trials })
+    Some(Shot { least: least(gap, speed, 0.02), tolerance, touches, steps: count, trials })
 }
 
 fn shot(seed: u64) -> Option<(usize, Shot)> {
@@ -374,13 +387,13 @@ fn shot(seed: u64) -> Option<(usize, Shot)> {
     let radius = random.within(0.02, 0.5);
     let sphere = Sphere::try_new(Vector3::zeros(), radius, Solid::Inside).unwrap();
     let shot = match kind {
-        0 => at_obstacle(random, Arc::new(sphere), radius),
+        0 => at_obstacle(random, Arc::new(sphere), radius, radius),
         1 => {
             let tube = random.within(0.1, 0.5) * radius;
             let ring = Ring { centre: Vector3::zeros(), radius: radius - tube, tube };
-            at_obstacle(random, Arc::new(ring), radius)
+            at_obstacle(random, Arc::new(ring), radius, 0.3 * tube)
         }
-        2 => at_obstacle(random, Arc::new(Steep { sphere, length: 0.3 }), radius),
+        2 => at_obstacle(random, Arc::new(Steep { sphere, length: 0.3 }), radius, radius),
         3 => pair(random),
         _ => tumbling_box(random),
     };
@@ -489,7 +502,7 @@ fn a_force_that_is_a_closure_has_its_hits_found_too() {
             Vector3::new(-5.0 + 0.07 * f64::from(i), 0.104 * f64::from(i % 7 - 3) / 3.0, 0.3);
         start.rate.linear = Vector3::new(9.0, 0.0, 2.0);
         let gap = |t: f64| moved(&start, &Gravity::earth(), t).norm() - 0.105;
-        let is_hit = least(gap, 20.0) < -GRAZE;
+        let is_hit = least(gap, 20.0, 0.1) < -GRAZE;
         assert_eq!(Steps::Fixed(Method::Rkmk, 0.1).touches(&system, &start).0, Some(is_hit), "{i}");
     }
 }

@@ -61,6 +61,8 @@ PATIENCE = 5.0
 PROMPT = 0.5
 #: Bytes that a call may take beyond what there is.
 MEMORY = 3 << 30
+#: Entries of an array of which a changed copy is made.
+MOST_CHANGED = 10_000_000
 #: Seconds that an example may take to be a start.
 SLOWEST = 2.0
 #: Starts of one function: more would be more of the same.
@@ -348,7 +350,8 @@ def mutated(value: Any, rng: random.Random, pool: list[Any], depth: int = 0) -> 
 
 def _mutated_array(value: np.ndarray, rng: random.Random) -> Any:
     kind = rng.randrange(12)
-    if kind == 0:
+    # one of `ARRAYS` without memory of its own is changed no further
+    if kind == 0 or value.size > MOST_CHANGED:
         return rng.choice(ARRAYS)
     if kind < 5 and value.size and value.dtype.kind in "fi":
         changed = value.astype(float)

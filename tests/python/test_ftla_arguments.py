@@ -138,6 +138,8 @@ def test_nonsense_is_a_value_or_type_error_that_names_it(
         ("begin with a rest", lambda: ftla.continue_through(FLOW.system, [([1.0], [1.0]), ([1.0], [1.5])], 4.0, TIMES / 4.0)),
         ("begin with a rest", lambda: ftla.continue_through(FLOW.system, [([0.0], [1.0]), ([1.0], [1.5])], 4.0, TIMES / 4.0)),
         ("`horizon`", lambda: ftla.solve_arm(STATE, STATE, 1e9)),
+        ("`horizon`", lambda: ftla.arm_extremals(STATE, STATE, 5e-324)),
+        ("`horizon`", lambda: ftla.graded_times(5e-324, 1.0, 1.0)),
         ("times", lambda: ftla.shoot(FLOW.system, [1.0], [1.5], [0.0, np.inf], np.zeros((2, 2)))),
         ("spectra", lambda: ftla.diagnose(SPECTRA[::-1], 40.0)),
         ("spectra", lambda: ftla.diagnose([SPECTRA[0], BACKWARD], 40.0)),

@@ -40,6 +40,9 @@ def test_energy_is_bounded_where_angular_momentum_is_kept() -> None:
     assert gains.lost[-1] == loses.gained[-1] == gains.failed == 0
     with pytest.raises(somersault.errors.StudyInputError, match="`steps` must increase"):
         studies.energy("euler", bodies, steps=[10, 1])
+    for steps in ([-10, 20], [2**64]):
+        with pytest.raises(ValueError):
+            studies.energy("euler", bodies, steps=steps)
 
 
 @pytest.mark.parametrize(("method", "order"), [("euler", 1), ("mp", 2), ("rkmk", 4)])

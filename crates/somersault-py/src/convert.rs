@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::memory::copied;
 use numpy::prelude::*;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
-use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError};
+use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
@@ -52,7 +52,15 @@ where
     T: for<'a> FromPyObject<'a, 'py>,
 {
     check_length(value)?;
-    value.extract()
+    value.extract().map_err(|error: PyErr| {
+        let py = value.py();
+        // a number out of range is a wrong value, as any other
+        if error.is_instance_of::<PyOverflowError>(py) {
+            PyValueError::new_err(error.value(py).to_string())
+        } else {
+            error
+        }
+    })
 }
 
 /// The same for an argument that may be None.

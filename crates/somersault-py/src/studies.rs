@@ -342,9 +342,13 @@ pub(crate) fn energy_study(
     #[pyo3(from_py_with = entries_or_none)] bodies: Option<Vec<RigidBody>>,
     angular_velocity: Option<&Bound<'_, PyAny>>,
     dt: f64,
-    #[pyo3(from_py_with = entries)] steps: Vec<u64>,
+    #[pyo3(from_py_with = entries)] steps: Vec<i64>,
     start_up: &str,
 ) -> Result<EnergyStudy, Error> {
+    let positive = |&n: &i64| {
+        u64::try_from(n).map_err(|_| Error::input(format!("entries of `steps` must be positive, found {n}")))
+    };
+    let steps = steps.iter().map(positive).collect::<Result<_, _>>()?;
     let (method, options) = method_and_options(method, start_up)?;
     let bodies: Vec<body::RigidBody> = match bodies {
         Some(bodies) => bodies.into_iter().map(|body| body.0).collect(),

@@ -356,6 +356,10 @@ pub fn graded_times(horizon: f64, shortest: f64, longest: f64) -> Result<Vec<f64
     let scale = 0.5 * horizon / t;
     let mut times: Vec<f64> = half.iter().map(|t| t * scale).collect();
     times.extend(half.iter().rev().skip(1).map(|t| horizon - t * scale));
+    if times.len() < 2 || times.windows(2).any(|pair| pair[0] >= pair[1]) {
+        let allowed = "long enough for times that differ";
+        return Err(ShootingError::Argument { argument: "horizon", allowed, found: horizon });
+    }
     Ok(times)
 }
 
