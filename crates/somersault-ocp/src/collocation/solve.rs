@@ -19,6 +19,8 @@ const USABLE: f64 = 1e-4;
 /// Meshes in a row that leave more than this share of the least error before them, after which there is no other.
 const PATIENCE: usize = 5;
 const WORTHWHILE: f64 = 0.5;
+/// Meshes in a row whose programs end at their limit of iterations, after which there is no other.
+const CREEPING: usize = 2;
 /// Relative defect from which on a motion is not coarse but none.
 const NO_MOTION: f64 = 1e-2;
 
@@ -180,7 +182,10 @@ impl<S: NlpSolver> Collocation<S> {
             });
             let is_met = program.status.is_converged() && accuracy.meets(self.tolerance);
             let is_last = history.len() >= self.max_meshes || self.has_settled(&history);
-            if is_cut || is_met || runs_away || is_last || !is_usable(&program) {
+            // a finer mesh may help a program out, and has not
+            let creeps = history.len() >= CREEPING
+                && history.iter().rev().take(CREEPING).all(|mesh| mesh.status == Status::IterationLimit);
+            if is_cut || is_met || runs_away || is_last || creeps || !is_usable(&program) {
                 return self.report(problem, phases, history, program, runs_away, go_on);
             }
             let wishes = refinement::wishes(&errors, &optimal, size, self.tolerance);
