@@ -22,6 +22,17 @@ pub enum EventKind {
 }
 
 impl EventKind {
+    /// Its name in files and in Python: `touch_down`, `release`, `re_engagement`, `stick` or `slip`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TouchDown => "touch_down",
+            Self::Release => "release",
+            Self::ReEngagement => "re_engagement",
+            Self::Stick => "stick",
+            Self::Slip => "slip",
+        }
+    }
+
     /// What the change of a contact's own guard is called: going in, [`TouchDown`](Self::TouchDown), or
     /// [`ReEngagement`](Self::ReEngagement) where the gap grows; coming out, [`Release`](Self::Release).
     pub fn of_contact(before: &Guard, after: &Guard) -> Self {

@@ -337,6 +337,7 @@ impl<H: Hybrid> Frozen<H> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<H: Hybrid> System for Frozen<H> {
     type Configuration = H::Configuration;
     type Workspace = H::Workspace;
@@ -353,6 +354,7 @@ impl<H: Hybrid> System for Frozen<H> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<H: HybridBodies> RigidSystem for Frozen<H> {
     #[inline(always)]
     fn body(&self, i: usize) -> &RigidBody {

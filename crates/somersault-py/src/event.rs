@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::trajectory::Seen;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::contact::event::{self, EventKind};
+use somersault::contact::event;
 use somersault::integrators::nalgebra::Vector3;
 
 /// The events of a run, and what it took to find them.
@@ -44,19 +44,11 @@ pub(crate) struct Event {
 
 impl Event {
     pub(crate) fn of<Q: Seen>(py: Python<'_>, contacts: usize, event: &event::Event<Q>) -> PyResult<Self> {
-        let kind = match event.kind {
-            EventKind::TouchDown => "touch_down",
-            EventKind::Release => "release",
-            EventKind::ReEngagement => "re_engagement",
-            EventKind::Stick => "stick",
-            EventKind::Slip => "slip",
-            _ => "other",
-        };
         let state = Q::to_python(py, &event.state)?.unbind();
         Ok(Self {
             t: event.t,
             contact: event.guard % contacts.max(1),
-            kind: kind.to_owned(),
+            kind: event.kind.name().to_owned(),
             impulse: event.impulse,
             state,
         })

@@ -83,7 +83,7 @@ impl CollocationOutcome {
             CollocationStatus::NotSolved(Status::Interrupted)
                 if self.report.program.status.is_converged() =>
             {
-                return "interrupted while the motion was integrated anew; its program was solved".to_owned();
+                return "interrupted before its motion was confirmed; its program was solved".to_owned();
             }
             CollocationStatus::NotSolved(status) => {
                 return format!("the program of the last mesh was not solved: {}", status.message());
