@@ -16,8 +16,8 @@ help:
 		/^[a-z][a-z-]*:( |$$)/ { printf "  make %-13s %s\n", substr($$1, 1, length($$1) - 1), said } { said = "" }' Makefile
 
 # The guided tour: a report with what the library does and how it is known to be right.
-tour: $(VENV)/.extension
-	$(BIN)/python -m somersault tour
+tour: $(VENV)/.extension $(VENV)/.tour
+	$(BIN)/python -m tour
 
 # Everything that must pass.
 test: lint test-rust test-python
@@ -26,7 +26,7 @@ test: lint test-rust test-python
 lint: $(VENV)/.extension-dev
 	cargo fmt --check -- $(METHODS)
 	cargo clippy --workspace --all-targets -- -D warnings
-	$(BIN)/ruff check docs python tests/python benches/peers
+	$(BIN)/ruff check docs python tour tests/python benches/peers
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 
@@ -38,7 +38,7 @@ test-rust:
 	cargo test --workspace --exclude somersault-benches --doc
 
 # The tests in Python.
-test-python: $(VENV)/.extension-dev
+test-python: $(VENV)/.extension-dev $(VENV)/.tour
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 # Long versions of tests, which take minutes.
@@ -64,7 +64,7 @@ bench:
 
 # The same problems solved by other packages, side by side.
 bench-peers: $(VENV)/.peers
-	$(BIN)/python benches/peers
+	PYTHONPATH=. $(BIN)/python benches/peers
 
 # Each reader on ten minutes of hostile files; needs nightly and cargo-fuzz.
 fuzz:
@@ -102,14 +102,19 @@ $(VENV)/.tools:
 
 # The package, editable, with its extension in the release profile.
 $(VENV)/.extension: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --extras docs,tour
+	$(BIN)/maturin develop --release --extras docs,plot
 	rm -f $(VENV)/.extension-dev
 	touch $@
 
 # The same in the profile of the tests, which checks its arithmetic and is built for them anyway.
 $(VENV)/.extension-dev: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --profile dev --extras test,tour
+	$(BIN)/maturin develop --profile dev --extras test
 	rm -f $(VENV)/.extension
+	touch $@
+
+# What the tour needs beside the package.
+$(VENV)/.tour: $(VENV)/.tools tour/requirements.txt
+	$(BIN)/python -m pip install --quiet --requirement tour/requirements.txt
 	touch $@
 
 $(VENV)/.peers: $(VENV)/.extension

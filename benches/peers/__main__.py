@@ -1,4 +1,4 @@
-"""Side by side with the packages one would otherwise use: `python benches/peers`.
+"""Side by side with the packages one would otherwise use: `make bench-peers`.
 
 Writes a table to standard output, and `peers.json` and `peers.md` to the folder asked for.
 """

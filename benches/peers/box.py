@@ -12,7 +12,7 @@ from motions import TUMBLING_BOX, Array, Errors
 from ours import body_of, start_of, states_of
 
 import somersault
-from somersault.tour import mujoco_scene
+from tour import mujoco_scene
 
 STEPS = 500
 DT = TUMBLING_BOX.duration / STEPS

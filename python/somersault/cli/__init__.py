@@ -8,13 +8,11 @@ interrupted.
 from __future__ import annotations
 
 import argparse
-import importlib
 import importlib.util
 import json
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import somersault
 
@@ -44,14 +42,6 @@ def _methods(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _tour(arguments: argparse.Namespace) -> int:
-    # It needs matplotlib, which the rest of the command line does without.
-    tour = importlib.import_module("somersault.tour")
-    report: Path = tour.run(arguments.out)
-    print(f"report: {report.resolve()}")
-    return 0
-
-
 def _schema(arguments: argparse.Namespace) -> int:
     from somersault.cli.documents import schema
 
@@ -70,10 +60,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"somersault {somersault.__version__}")
     commands = parser.add_subparsers(title="commands", required=True)
-
-    tour = commands.add_parser("tour", help="run the guided tour and write its report")
-    tour.add_argument("--out", type=Path, default=Path("out/tour"), help="folder of the report (%(default)s)")
-    tour.set_defaults(command=_tour)
 
     methods = commands.add_parser("methods", help="print the table of methods")
     methods.add_argument("--json", action="store_true", help="as JSON")

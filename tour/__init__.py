@@ -1,0 +1,111 @@
+"""The guided tour: what the library computes, held against what the thesis prints.
+
+It is a program of the repository, run by `make tour`, and not part of the package. `run` writes a folder of
+pages that need nothing from outside it. Each chapter is a module of `tour.chapters` with a `TITLE` and a
+function `write(page, measurements)`; the index lists them in the order of `chapters.ORDER`.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Iterable, Iterator
+from html import escape
+from pathlib import Path
+from typing import TypeVar
+
+import somersault
+from tour import chapters, thesis
+from tour.measurements import FULL, REDUCED, Measurements, Setting
+from tour.page import Page
+
+__all__ = ["FULL", "REDUCED", "Measurements", "Setting", "run"]
+
+Item = TypeVar("Item")
+
+PURPOSE = """
+How should one integrate the rotation of a rigid body? The thesis <a href="{url}">{citation}</a> compares
+thirteen methods; this library implements them, and what has been found since. Every number and figure here
+was computed by the library when these pages were made, but for what is marked as printed in the thesis.
+"""
+
+
+def run(out: Path | str, measurements: Measurements | None = None, progress: bool = True) -> Path:
+    """Writes the tour.
+
+    Parameters
+    ----------
+    out : path
+        Folder to write to; it is made where it is missing.
+    measurements : Measurements, optional
+        What to show; all of it in the full setting unless given.
+    progress : bool
+        Whether to show how far it has come.
+
+    Returns
+    -------
+    Path
+        The page to open.
+    """
+    started = time.monotonic()
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    measurements = measurements or Measurements(FULL)
+    pages = []
+    for slug in _shown(chapters.ORDER, progress):
+        chapter = chapters.load(slug)
+        page = Page(slug, chapter.TITLE, folder)
+        chapter.write(page, measurements)
+        pages.append(page)
+    index = _index(folder, pages, measurements)
+    footer = escape(
+        f"somersault {somersault.__version__} · {platform.system()} {platform.machine()}, "
+        f"Python {platform.python_version()} · {time.strftime('%Y-%m-%d')} · "
+        f"computed in {time.monotonic() - started:.0f} s"
+    )
+    for page in [index, *pages]:
+        (folder / f"{page.slug}.html").write_text(
+            page.html(_navigation(page, pages), footer), encoding="utf-8"
+        )
+    return folder / "index.html"
+
+
+def _shown(items: Iterable[Item], progress: bool) -> Iterator[Item]:
+    """The items, with a bar if tqdm is there and a line for each if not."""
+    if not progress:
+        yield from items
+        return
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        for item in items:
+            print(f"tour: {item}", flush=True)
+            yield item
+    else:
+        with tqdm(list(items), desc="tour", unit="chapter") as bar:
+            for item in bar:
+                bar.set_postfix_str(str(item))
+                yield item
+
+
+def _navigation(current: Page, pages: Iterable[Page]) -> str:
+    links = [("index", "Overview"), *((page.slug, page.title) for page in pages)]
+    return "".join(
+        f'<a href="{slug}.html"{" aria-current=page" if slug == current.slug else ""}>{escape(title)}</a> '
+        for slug, title in links
+    )
+
+
+def _index(folder: Path, pages: list[Page], measurements: Measurements) -> Page:
+    index = Page("index", "Rigid body rotations, and how to integrate them", folder)
+    index.lead(PURPOSE.format(url=thesis.URL, citation=escape(thesis.CITATION)))
+    chapters.summary(index, measurements)
+    index.section("Chapters")
+    index.add(
+        "<dl>"
+        + "".join(
+            f'<dt><a href="{p.slug}.html">{escape(p.title)}</a></dt><dd>{p.finding}</dd>' for p in pages
+        )
+        + "</dl>"
+    )
+    return index

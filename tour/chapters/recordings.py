@@ -1,0 +1,267 @@
+"""Chapter 4.2 of the thesis, on recordings of people, where there are any."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from somersault import errors, motion, multibody, ocp, viewer
+from tour.chapters.divers import inertia
+from tour.chapters.motions import frame, postures
+from tour.measurements import Measurements
+from tour.page import Cell, Page, number, words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+TITLE = "Recordings of people"
+
+#: Names the folder with the motions of DeepMimic.
+VARIABLE = "SOMERSAULT_MOTIONS"
+
+_RECORDED = ("backflip", "sideflip", "cartwheel", "roll", "jump", "spinkick", "walk", "run")
+_COLOURS = ("#4477aa", "#cc6677", "#228833", "#ccbb44", "#66ccee", "#aa3377")
+_JOINTS = (("hip", "thigh"), ("knee", "shank"), ("ankle", "foot"), ("toes", "toes"))
+_ARM = (("shoulder", "shoulder_flexion"), ("elbow", "forearm"), ("wrist", "hand"))
+
+
+def markers_of_recordings(model: multibody.Model) -> motion.MarkerSet:
+    """Where the joints of DeepMimic's figures are on the spatial diver."""
+    places: dict[str, tuple[str | int, Any]] = {"chest": ("torso", (0, 0, 0)), "neck": ("head", (0, 0, 0))}
+    for side in ("right", "left"):
+        for joint, body in (*_JOINTS, *_ARM):
+            places[f"{side}_{joint}"] = (f"{side}_{body}", (0, 0, 0))
+    return motion.MarkerSet(model, places)
+
+
+def files(folder: str) -> dict[str, Path]:
+    """The recordings of a folder, by their names."""
+    found = {name: Path(folder) / f"humanoid3d_{name}.txt" for name in _RECORDED}
+    for path in found.values():
+        if not path.is_file():
+            raise errors.InputError(
+                f"`{VARIABLE}` must name a folder with the motions of DeepMimic or be unset, but"
+                f" {path.name} is not in {folder!r}"
+            )
+    return found
+
+
+def turned(q: Array) -> Array:
+    """Turns about the axes of the body since the first frame: the steps' rotations, added up."""
+    rotations = Rotation.from_quat(q[:, 3:7])
+    steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+    return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)]) / (2.0 * np.pi)
+
+
+def _turns(recordings: dict[str, motion.SkeletonRecording], fits: dict[str, motion.MotionFit]) -> Axes:
+    axes = plt.figure(figsize=(9.0, 4.8), layout="constrained").subplots(2, 4, sharey=True)
+    for ax, name in zip(axes.flat, recordings, strict=True):
+        found = turned(np.asarray(recordings[name].configurations)), turned(fits[name].q)
+        for k, (axis, colour) in enumerate(zip(("forward", "left", "long axis"), _COLOURS, strict=False)):
+            ax.plot(recordings[name].times, found[0][:, k], color=colour, lw=1.7, label=axis)
+            ax.plot(fits[name].times, found[1][:, k], color=colour, lw=0.9, ls="--")
+        ax.set_title(name, fontsize=10)
+        ax.grid(color="0.92")
+        ax.margins(x=0)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("turns")
+    for ax in axes[1]:
+        ax.set_xlabel("time, s")
+    axes[0, 0].legend(frameon=False, fontsize=8)
+    drawn: Axes = axes[0, 0]
+    return drawn
+
+
+def _body_centred(fits: dict[str, motion.MotionFit]) -> Axes:
+    """Height of the centre of mass, and inertia about the axes of the trunk."""
+    axes = plt.figure(figsize=(9.0, 4.2), layout="constrained").subplots(
+        2, len(fits), sharex="col", sharey="row"
+    )
+    for (top, bottom), (name, fit) in zip(axes.T, fits.items(), strict=True):
+        q = np.asarray(fit.q)
+        top.plot(fit.times, np.asarray(fit.model.center_of_mass(q))[:, 2], color="0.25", lw=1.6)
+        trunk = Rotation.from_quat(q[:, 3:7]).as_matrix()
+        tensors = np.array(
+            [axis.T @ inertia(fit.model, row) @ axis for axis, row in zip(trunk, q, strict=True)]
+        )
+        for k, (axis, colour) in enumerate(zip(("forward", "left", "long axis"), _COLOURS, strict=False)):
+            bottom.plot(fit.times, tensors[:, k, k], color=colour, lw=1.6, label=axis)
+        top.set_title(name, fontsize=10)
+        bottom.set_xlabel("time, s")
+        for ax in (top, bottom):
+            ax.grid(color="0.92")
+            ax.margins(x=0)
+    axes[0, 0].set_ylabel("height of the\ncentre of mass, m")
+    axes[1, 0].set(ylabel="moment of inertia, kg m²", ylim=(0.0, None))
+    axes[1, -1].legend(frameon=False, fontsize=8)
+    drawn: Axes = axes[0, 0]
+    return drawn
+
+
+def _posture_space(fits: dict[str, motion.MotionFit], diver: multibody.Diver, letters: str) -> Axes:
+    base = ocp.EigenpostureBase([diver.configuration(letter)[7:] for letter in letters])
+    axes = plt.figure(figsize=(9.0, 4.6), layout="constrained").subplots(
+        2, len(fits), sharex="col", sharey="row"
+    )
+    for (top, bottom), (name, fit) in zip(axes.T, fits.items(), strict=True):
+        found = motion.project(base, fit.q[:, 7:])
+        for k, letter in enumerate(letters[1:]):
+            top.plot(fit.times, found.weights[:, k], color=_COLOURS[k], lw=1.8, label=letter)
+        bottom.plot(fit.times, np.degrees(found.distances), color="0.25", lw=1.4)
+        top.set_title(name, fontsize=10)
+        bottom.set_xlabel("time, s")
+        for ax in (top, bottom):
+            ax.grid(color="0.92")
+            ax.margins(x=0)
+    axes[0, 0].set(ylabel="weight", ylim=(-0.02, 1.02))
+    axes[1, 0].set(ylabel="rest, °", ylim=(0.0, None))
+    axes[0, -1].legend(frameon=False, fontsize=9)
+    drawn: Axes = axes[0, 0]
+    return drawn
+
+
+def write(page: Page, measurements: Measurements) -> None:
+    """Writes the chapter."""
+    folder = os.environ.get(VARIABLE)
+    if folder is None:
+        page.lead(f"There are no recordings here: <code>{VARIABLE}</code> names no folder.")
+        page.text(
+            "Where the environment variable"
+            f" <code>{VARIABLE}</code> names a folder with the motions of DeepMimic"
+            " (<code>humanoid3d_backflip.txt</code> and so on), this page shows"
+            f" {', '.join(_RECORDED[:-1])}"
+            " and"
+            f" {_RECORDED[-1]}: joint centres by forward kinematics, fitted by the spatial diver, with"
+            " residuals,"
+            " rotation, and backflip and sideflip in posture space. The recordings are not part of the"
+            " project."
+        )
+        return
+    diver = multibody.diver_spatial()
+    markers = markers_of_recordings(diver.model)
+    recordings = {name: motion.read_joint_motion(path, diver) for name, path in files(folder).items()}
+    fit = motion.MarkerFit(markers, scale=1.0, starts=postures(diver))
+    fits = {name: fit.fit(recording.joint_centres()) for name, recording in recordings.items()}
+    page.lead(
+        "Eight motions of people, laid over by the spatial diver to"
+        f" {1e3 * min(found.rms for found in fits.values()):.0f} to"
+        f" {1e3 * max(found.rms for found in fits.values()):.0f} mm; backflip and sideflip in"
+        " posture space."
+    )
+    rows: list[list[str | Cell]] = []
+    for name, found in fits.items():
+        done = sum(status == "converged" for status in found.status)
+        turns = turned(np.asarray(recordings[name].configurations))[-1]
+        rows.append(
+            [
+                words(name),
+                str(len(found)),
+                number(recordings[name].duration),
+                f"{done}",
+                number(1e3 * found.rms, 0),
+                *(number(round(float(x), 2) + 0.0) for x in turns),
+            ]
+        )
+    page.text(
+        "Motions of DeepMimic (X. B. Peng and others, ACM Trans. Graph. 37 (2018), 143), made from motion"
+        " capture."
+        " They carry no lengths of segments: joint centres are by forward kinematics with the"
+        " segment lengths"
+        " of"
+        " the diver of 1.70 m, and the scale is known to be 1. The diver is hinged: hips and knees"
+        " bend in one plane, and the trunk is stiff where the figures have a chest. What it cannot"
+        " do is the"
+        " residual."
+    )
+    page.table(
+        (
+            words("motion"),
+            "frames",
+            "duration, s",
+            "converged",
+            "residual, mm",
+            "turns: forward axis",
+            "left axis",
+            "long axis",
+        ),
+        rows,
+        "Turns are those of the recording's root about its own axes from the first to the last frame, its"
+        " steps"
+        " added up; about the axis to the left, forward somersaults count positive. Frames that have not"
+        " converged"
+        " are the best of 100 iterations.",
+    )
+    page.table(
+        (words("residual by marker, mm"), *map(words, fits)),
+        [
+            [
+                words(marker.replace("_", " ")),
+                *(number(1e3 * found.marker_rms[marker], 0) for found in fits.values()),
+            ]
+            for marker in markers.names
+        ],
+        "Root mean square, over the frames of a motion, of the distance between each joint centre of the"
+        " recording and that of the diver.",
+    )
+    page.figure(
+        "recorded-turns",
+        _turns(recordings, fits),
+        "How far the root has turned about its own axes: of the recording, and dashed the fitted"
+        " trunk. Where"
+        " they"
+        " part, the stiff trunk and hinged hips make up for what they cannot do.",
+        "Eight panels; backflip and roll go a turn about the axis to the left, sideflip and cartwheel about"
+        " the"
+        " forward axis, the spin kick about the long axis",
+    )
+    flips = {name: fits[name] for name in ("backflip", "sideflip")}
+    letters = "BAFGC"
+    page.figure(
+        "recorded-postures",
+        _posture_space(flips, diver, letters),
+        "Backflip and sideflip in posture space: weights of A (arms up), F (tuck), G (open pike)"
+        " and C (arms"
+        " sideways)"
+        " over B (arms at the sides), w ≥ 0 and Σw ≤ 1, and the norm of what remains of the 21"
+        " joint angles.",
+        "Two columns of weights over time, with the rest below",
+    )
+    page.figure(
+        "recorded-body",
+        _body_centred(flips),
+        "Height of the centre of mass, and moments of inertia about it along the axes of the"
+        " trunk: a tuck makes"
+        " those about the forward and the left axis small, and that about the long axis large.",
+        "Two columns; the height rises and falls, the moments of inertia are least in the air",
+    )
+    pca = motion.common_eigenpostures([found.q[:, 7:] for found in flips.values()], 5)
+    share = 100.0 * np.cumsum(pca.explained_variance_ratio)
+    tuck = {
+        name: motion.project(
+            ocp.EigenpostureBase([diver.configuration(letter)[7:] for letter in letters]), found.q[:, 7:]
+        ).weights[:, 1]
+        for name, found in flips.items()
+    }
+    page.text(
+        f"On one basis for both flips, {np.searchsorted(share, 90.0) + 1} eigenpostures hold 90 % of the"
+        " variance of"
+        f" their joint angles. The tuck weighs most, {tuck['backflip'].max():.2f}, at"
+        f" {flips['backflip'].times[int(tuck['backflip'].argmax())]:.2f} s of the backflip, and"
+        f" {tuck['sideflip'].max():.2f} at"
+        f" {flips['sideflip'].times[int(tuck['sideflip'].argmax())]:.2f} s of"
+        " the"
+        " sideflip."
+    )
+    recording = recordings["backflip"]
+    scene = viewer.Scene("Backflip").ground(0.0).camera("corner").play(0.5)
+    scene.add(recording.skeleton.model(65.0), recording.times, recording.configurations, label="recording")
+    scene.add(diver.model, fits["backflip"].times, fits["backflip"].q, label="fitted diver", panel=1)
+    frame(page, scene, "backflip", "The recorded backflip, and the diver fitted to its joints.")
