@@ -11,6 +11,8 @@ Units are SI and angles radians. Everything is in the world frame but for names 
 ``_body``. Quaternions are in SciPy's order (x, y, z, w) and lead from the body frame to the world.
 """
 
+from typing import TYPE_CHECKING
+
 from somersault import (
     batch,
     contact,
@@ -41,6 +43,25 @@ from somersault._somersault import __version__ as __version__
 from somersault.errors import InputError, SomersaultError
 from somersault.storage import load, save
 
+if TYPE_CHECKING:
+    from somersault import plotting as plotting
+    from somersault import viewer as viewer
+else:
+    import importlib
+
+    #: Imported when they are first used: SciPy's rotations and matplotlib take longer than all the rest.
+    _LATE = ("plotting", "viewer")
+
+    def __getattr__(name):
+        if name in _LATE:
+            return importlib.import_module(f"somersault.{name}")
+        raise AttributeError(f"module 'somersault' has no attribute {name!r}")
+
+    def __dir__():
+        return sorted({*globals(), *_LATE})
+
+
+# Without `plotting`: a star takes all that is listed, and matplotlib may not be installed.
 __all__ = [
     "DenseOutput",
     "InputError",
@@ -68,4 +89,5 @@ __all__ = [
     "save",
     "studies",
     "sweep",
+    "viewer",
 ]

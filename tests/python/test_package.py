@@ -106,6 +106,26 @@ def test_the_command_line_says_what_it_can_do() -> None:
     assert run("somersault").returncode == 2
 
 
+def test_plotting_and_the_viewer_are_attributes_imported_when_first_used() -> None:
+    program = """
+import sys, somersault
+assert {"plotting", "viewer"} <= set(dir(somersault))
+assert not {"matplotlib", "scipy.spatial"} & set(sys.modules)
+somersault.viewer.Scene("A box")
+assert "matplotlib" not in sys.modules
+somersault.plotting.style("rk4")
+try:
+    somersault.plots
+except AttributeError as error:
+    assert "'plots'" in str(error)
+else:
+    raise AssertionError
+"""
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_importing_it_takes_little_beyond_numpy() -> None:
     program = "import time, numpy; t = time.process_time(); import somersault; print(time.process_time() - t)"
     command = [sys.executable, "-c", program]

@@ -1,4 +1,4 @@
-"""Figures of finite-time Lyapunov analyses; `somersault.plotting` offers them."""
+"""Figures of finite-time Lyapunov analyses."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from somersault import errors, ftla
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+__all__ = ["compare_motions", "exponents", "projections", "subspace_angles"]
 
 Array = NDArray[np.float64]
 

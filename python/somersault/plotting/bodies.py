@@ -1,0 +1,227 @@
+"""Figures of motions of bodies and trees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Ellipse
+from numpy.typing import NDArray
+
+import somersault
+from somersault.plotting.palette import AXES, MUTED
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["gaps", "motion", "polhode", "tree"]
+
+Array = NDArray[Any]
+
+
+def motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """Position, body axes, angular velocity, energy and angular momentum of one body over time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory or Solution
+        Of one body.
+    axes : sequence of four matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    sequence of four matplotlib.axes.Axes
+    """
+    if axes is None:
+        axes = plt.figure(figsize=(9.0, 7.6), layout="constrained").subplots(4, 1, sharex=True)
+    place, turn, conserved, drift = axes
+    t = trajectory.t
+    for i, colour in enumerate(AXES):
+        place.plot(t, trajectory.position[:, i], color=colour, label="xyz"[i])
+        turn.plot(t, trajectory.angular_velocity_body[:, i], color=colour, label=rf"$\omega_{'xyz'[i]}$")
+        conserved.plot(t, trajectory.angular_momentum[:, i], color=colour, label=rf"$L_{'xyz'[i]}$")
+    place.set_ylabel("position, m")
+    turn.set_ylabel("angular velocity\nin the body, rad/s")
+    conserved.set_ylabel("angular momentum\nin the world, kg m²/s")
+    energy = np.asarray(trajectory.kinetic_energy)
+    drift.plot(t, energy, color="0.2", label="$T$")
+    drift.set_ylabel("kinetic energy, J")
+    if np.ptp(energy) < 1e-6 * np.max(np.abs(energy)):
+        drift.set_ylim(0.0, 1.3 * np.max(energy))
+    drift.set_xlabel("time, s")
+    for ax in axes:
+        ax.grid(color="0.92")
+        ax.margins(x=0)
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return axes
+
+
+def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+    """Gaps and forces of contacts of one body over time, and the events of the motion.
+
+    Parameters
+    ----------
+    motion : Trajectory or Solution
+        Of one body.
+    contacts : Contact or sequence of Contact
+        Its contacts.
+    axes : sequence of two matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    sequence of two matplotlib.axes.Axes
+    """
+    if axes is None:
+        axes = plt.figure(figsize=(9.0, 5.2), layout="constrained").subplots(2, 1, sharex=True)
+    contacts = [contacts] if isinstance(contacts, somersault.contact.Contact) else list(contacts)
+    events = motion.events if isinstance(motion, somersault.Solution) else ()
+    for i, contact in enumerate(contacts):
+        colour = MUTED[i % len(MUTED)]
+        seen = np.array([contact.gap(motion[n]) for n in range(len(motion))])
+        axes[0].plot(motion.t, 1e3 * seen[:, 0], color=colour, lw=1.2, label=f"contact {i}")
+        axes[1].plot(motion.t, [contact.law.force(*pair) for pair in seen], color=colour, lw=1.2)
+        for kind, marker in (("touch_down", "v"), ("release", "^"), ("re_engagement", "D")):
+            there = [event for event in events if event.contact == i and event.kind == kind]
+            axes[0].plot(
+                [event.t for event in there],
+                [1e3 * contact.gap(event.state)[0] for event in there],
+                marker,
+                color=colour,
+                ms=4,
+                mfc="white",
+                label=kind.replace("_", "-") if there and i == 0 else None,
+            )
+    axes[0].axhline(0.0, color="0.6", lw=0.8, zorder=0)
+    axes[0].set_ylabel("gap, mm")
+    axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    axes[1].set_ylabel("normal force, N")
+    axes[1].set_xlabel("time, s")
+    for ax in axes:
+        ax.grid(color="0.92")
+        ax.margins(x=0)
+    return axes
+
+
+def tree(
+    model: somersault.Model, q: Any, view: str = "xz", ax: Axes | None = None, colour: str = MUTED[3]
+) -> Axes:
+    """A tree of bodies in a configuration, seen along an axis of the world.
+
+    Each body is drawn as the solid ellipsoid that has its mass and inertia; dots are joints, the cross is
+    the centre of mass.
+
+    Parameters
+    ----------
+    model : Model
+        The tree.
+    q : array_like, shape (n_positions,)
+        Its configuration.
+    view : str, optional
+        The two axes of the page, such as ``"xz"`` or ``"yz"``.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into.
+    colour : str, optional
+        Colour of the bodies.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+    """
+    ax = ax or plt.figure(figsize=(4.0, 6.0), layout="constrained").add_subplot()
+    right, up = ("xyz".index(axis) for axis in view)
+    page = np.eye(3)[[right, up]]
+    towards = np.cross(*page)
+    poses = model.poses(q)
+    shapes = []
+    for link, pose in zip(model.links, poses, strict=True):
+        if link.mass == 0.0 or not link.inertia.any():
+            continue
+        moments, axes = np.linalg.eigh(link.inertia)
+        # I = m (b² + c²)/5 and its permutations; rounding may leave a square below zero.
+        squares = np.maximum(2.5 / link.mass * (moments.sum() - 2 * moments), 0.0)
+        rotation = pose[:3, :3] @ axes
+        shape = page @ (rotation * squares) @ rotation.T @ page.T
+        centre = pose[:3, :3] @ link.center + pose[:3, 3]
+        shapes.append((float(towards @ centre), page @ centre, shape))
+    for _, centre, shape in sorted(shapes, key=lambda entry: entry[0]):
+        squares, axes = np.linalg.eigh(shape)
+        width, height = 2 * np.sqrt(np.maximum(squares, 0.0))
+        angle = float(np.degrees(np.arctan2(axes[1, 0], axes[0, 0])))
+        ax.add_patch(
+            Ellipse(
+                (centre[0], centre[1]), width, height, angle=angle, fc=colour, ec="0.25", lw=0.7, alpha=0.85
+            )
+        )
+    ax.plot(*(page @ poses[:, :3, 3].T), "o", color="0.25", ms=2.2)
+    ax.plot(*(page @ model.center_of_mass(q)), "P", color=MUTED[1], ms=7, mec="white")
+    ax.set_aspect("equal")
+    ax.autoscale_view()
+    ax.set_xlabel(f"{view[0]}, m")
+    ax.set_ylabel(f"{view[1]}, m")
+    return ax
+
+
+def polhode(
+    trajectories: somersault.Trajectory | Iterable[somersault.Trajectory], ax: Axes | None = None
+) -> Axes:
+    """Paths of the angular momentum as the body sees it, on the unit sphere.
+
+    A free body keeps to one curve, where the sphere of its momentum meets the ellipsoid of its energy.
+
+    Parameters
+    ----------
+    trajectories : Trajectory or iterable of Trajectory
+        Motions of one body each. The first is drawn bold.
+    ax : mpl_toolkits.mplot3d.axes3d.Axes3D, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    mpl_toolkits.mplot3d.axes3d.Axes3D
+    """
+    if isinstance(trajectories, somersault.Trajectory):
+        trajectories = [trajectories]
+    sphere: Any = ax or plt.figure(figsize=(5.2, 4.6), layout="constrained").add_subplot(projection="3d")
+    for i, trajectory in enumerate(trajectories):
+        momentum = trajectory.orientation.inv().apply(trajectory.angular_momentum)
+        m = momentum / np.linalg.norm(momentum, axis=1, keepdims=True)
+        front = _facing(sphere, m)
+        colour = MUTED[1] if i == 0 else "0.55"
+        width = 2.2 if i == 0 else 0.9
+        sphere.plot(*np.where(front[:, None], m, np.nan).T, color=colour, lw=width)
+        sphere.plot(*np.where(front[:, None], np.nan, m).T, color=colour, lw=width, alpha=0.25)
+    for i, colour in enumerate(AXES):
+        end = np.zeros((2, 3))
+        end[:, i] = 1.0, 1.35
+        sphere.plot(*end.T, color=colour, lw=1.8)
+        sphere.text(*(1.48 * np.eye(3)[i]), "xyz"[i], color=colour, ha="center", va="center")
+    angle = np.linspace(0.0, 2 * np.pi, 121)
+    right, up = _screen(sphere)
+    outline = np.outer(np.cos(angle), right) + np.outer(np.sin(angle), up)
+    sphere.plot(*outline.T, color="0.75", lw=0.8)
+    sphere.set_box_aspect((1, 1, 1), zoom=1.3)
+    sphere.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2), zlim=(-1.2, 1.2))
+    sphere.set_axis_off()
+    return cast("Axes", sphere)
+
+
+def _view(sphere: Any) -> Array:
+    azimuth, elevation = np.radians([sphere.azim, sphere.elev])
+    return np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    )
+
+
+def _screen(sphere: Any) -> tuple[Array, Array]:
+    view = _view(sphere)
+    right = np.cross([0.0, 0.0, 1.0], view)
+    right /= np.linalg.norm(right)
+    return right, np.cross(view, right)
+
+
+def _facing(sphere: Any, m: Array) -> Array:
+    return np.asarray(m @ _view(sphere) >= 0.0)
