@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 METHODS := $(wildcard crates/somersault-integrators/src/methods/*.rs)
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint studies docs pictures bench bench-peers fuzz mutate wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures public-names bench bench-peers fuzz mutate wheel package clean
 
 # This list.
 help:
@@ -57,6 +57,10 @@ docs: $(VENV)/.extension
 pictures: $(VENV)/.extension
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/crate_graph.py
+
+# The list of public names of the package, written anew; a test shows what a change adds or removes.
+public-names: $(VENV)/.extension-dev
+	$(BIN)/python tests/python/public_names.py
 
 # The benchmarks of the crates.
 bench:

@@ -9,35 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import public_names
 import pytest
 
 import somersault
 from somersault import _somersault
 
 ROOT = Path(__file__).parents[2]
-MODULES = [
-    "somersault",
-    *(
-        f"somersault.{name}"
-        for name in (
-            "batch",
-            "cli",
-            "contact",
-            "errors",
-            "exact",
-            "forces",
-            "ftla",
-            "integrators",
-            "motion",
-            "multibody",
-            "plotting",
-            "storage",
-            "studies",
-            "sweep",
-            "viewer",
-        )
-    ),
-]
 
 
 def documented() -> Iterator[tuple[str, Any]]:
@@ -60,7 +38,7 @@ def test_everything_is_documented_and_its_examples_hold(name: str, thing: Any) -
     assert doctest.DocTestRunner().run(test).failed == 0
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", public_names.modules())
 def test_modules_are_documented_and_export_what_they_have(name: str) -> None:
     module = importlib.import_module(name)
     assert module.__doc__
