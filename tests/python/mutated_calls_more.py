@@ -425,7 +425,7 @@ def square(x):
 sweep.run(square, [{"x": 1.0}, {"x": 2.0}], directory="squares", workers=1, version="1")
 sweep.run(square, sweep.grid(x=[1.0, 2.0]), version="1", retry_failures=True)
 sweep.grid(x=[1, 2], y=["a"])
-sweep.load("squares").table()
+sweep.read("squares").table()
 somersault.save("a.som", {"run": run, "model": model, "n": [1, 2.0, np.arange(3)]})
 somersault.load("a.som")
 page = viewer.Scene("A box").add(run, shapes=viewer.Box((0.2, 0.4, 0.6), checkered=True))

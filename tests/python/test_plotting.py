@@ -72,7 +72,7 @@ def test_observed_orders_stand_beside_the_stated() -> None:
 def test_work_precision_draws_what_was_measured(error: str, against: str) -> None:
     problem = studies.Problem.case(1)
     runs = {name: studies.work_precision(problem, name, [0.05, 0.02]) for name in ("mp", "rkmk")}
-    ax = plotting.work_precision(runs, error, against)
+    ax = plotting.work_precision_diagram(runs, error, against)
     for line, run in zip(ax.lines, runs.values(), strict=True):
         np.testing.assert_allclose(line.get_ydata(), run.errors[error])
         np.testing.assert_allclose(line.get_xdata(), getattr(run, against))
@@ -83,12 +83,12 @@ def test_work_precision_leaves_out_failed_runs() -> None:
     problem = studies.Problem.case(2)
     run = studies.work_precision(problem, "pmv8", [1.0, 0.01])
     assert np.isinf(run.errors["orientation"][0])
-    (line,) = plotting.work_precision({"pmv8": run}).lines
+    (line,) = plotting.work_precision_diagram({"pmv8": run}).lines
     assert len(line.get_xdata()) == 1
 
 
 def test_a_motion_has_four_panels(motion: somersault.Solution) -> None:
-    axes = plotting.motion(motion)
+    axes = plotting.body_motion(motion)
     assert [len(ax.lines) for ax in axes] == [3, 3, 3, 1]
     np.testing.assert_allclose(axes[3].lines[0].get_ydata(), motion.kinetic_energy)
     assert axes[-1].get_xlabel() == "time, s"
@@ -136,12 +136,12 @@ def test_a_tree_is_drawn_as_ellipsoids_of_its_inertia() -> None:
     box = somersault.RigidBody.ellipsoid(2.0, (0.3, 0.2, 0.1))
     link = somersault.multibody.Link("body", "free", body=box, center=(0.0, 0.0, 0.5))
     model = somersault.Model([link])
-    ax = plotting.tree(model, model.neutral())
+    ax = plotting.tree_configuration(model, model.neutral())
     (ellipse,) = ax.patches
     # Full axes of the ellipsoid, as x and z see it.
     assert sorted((ellipse.width, ellipse.height)) == pytest.approx([0.2, 0.6])
     assert tuple(ellipse.center) == pytest.approx((0.0, 0.5))
     diver = somersault.multibody.diver_spatial()
-    ax = plotting.tree(diver.model, diver.configuration("F"), "yz")
+    ax = plotting.tree_configuration(diver.model, diver.configuration("F"), "yz")
     assert len(ax.patches) == sum(body.mass > 0 for body in diver.model.links)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("y, m", "z, m")

@@ -11,10 +11,6 @@ DOUBLES = {
     "Scene": "to be renamed: a body with its contacts, and a page of the viewer",
     "Sphere": "to be renamed: a surface that bodies touch, and a shape that the viewer draws",
     "integrate": "to be renamed: bodies, batches of bodies, and trees",
-    "load": "to be renamed: anything saved in a file, and a sweep from its folder",
-    "motion": "to be renamed: the module of recorded motions, and a figure",
-    "tree": "to be renamed: a control problem of a tree, and a figure",
-    "work_precision": "to be renamed: a study, and the figure of it",
 }
 
 

@@ -72,7 +72,7 @@ def killed_and_resumed(folder: Path, address: str) -> dict[str, str]:
         process.send_signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)
     left = len(list(directory.glob("records/*/[0-9]*.json")))
     assert 4000 <= left < 10_000
-    assert sweep.load(directory).missing
+    assert sweep.read(directory).missing
     with script(folder / "study.py", directory, address) as process:
         assert process.communicate(timeout=120)[0] == "9900 100\n"
     return digest(directory)
@@ -137,7 +137,7 @@ def test_failures_are_recorded_and_can_be_tried_again(tmp_path: Path) -> None:
     found = sweep.run(ten_over, sweep.grid(x=[2, 0, 5]), directory=tmp_path / "a")
     assert found.values == [5.0, None, 2.0]
     assert found.failures == {1: sweep.Failure("ZeroDivisionError", "division by zero")}
-    assert found == sweep.load(tmp_path / "a")
+    assert found == sweep.read(tmp_path / "a")
     table = found.table()
     assert table["error"].tolist() == ["", "division by zero", ""]
     assert np.isnan(table["value"][1]) and table["x"].tolist() == [2, 0, 5]
@@ -198,9 +198,9 @@ def test_a_directory_of_another_sweep_is_refused(tmp_path: Path) -> None:
         sweep.run(ten_over, sweep.grid(x=[1, 2]), directory=directory)
     manifest.write_text("{")
     with pytest.raises(SweepInputError, match="is damaged"):
-        sweep.load(directory)
+        sweep.read(directory)
     with pytest.raises(SweepInputError, match="is not of a sweep"):
-        sweep.load(tmp_path)
+        sweep.read(tmp_path)
 
 
 def test_damaged_and_foreign_records_are_computed_again(tmp_path: Path) -> None:
@@ -211,7 +211,7 @@ def test_damaged_and_foreign_records_are_computed_again(tmp_path: Path) -> None:
     records[0].write_bytes(records[0].read_bytes()[:-5])
     records[1].write_bytes(records[2].read_bytes())
     (records[0].parent / ".000002.json.77.tmp").write_text("half a record")
-    assert sweep.load(tmp_path / "a").missing == [0, 1]
+    assert sweep.read(tmp_path / "a").missing == [0, 1]
     assert sweep.run(ten_over, points, directory=tmp_path / "a") == found
     assert digest(tmp_path / "a") == whole
 
@@ -273,13 +273,13 @@ def test_axes_and_directories_of_another_type_are_refused(tmp_path: Path) -> Non
         with pytest.raises(SweepInputError, match="`dt` must be a list of values"):
             sweep.grid(dt=values)  # type: ignore[arg-type]
     with pytest.raises(SweepInputError, match="`directory` must be a path"):
-        sweep.load(3)  # type: ignore[arg-type]
+        sweep.read(3)  # type: ignore[arg-type]
     for count in ("-1", '"3"', "null", "1" + 18 * "0"):
         (tmp_path / "manifest.json").write_text(
             f'{{"format": "somersault sweep", "format_version": 2, "n_points": {count}}}'
         )
         with pytest.raises(SweepInputError, match="`n_points` is no number of points"):
-            sweep.load(tmp_path)
+            sweep.read(tmp_path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
@@ -294,7 +294,7 @@ def wait(x):
 try:
     sweep.run(wait, sweep.grid(x=range(1000)), directory=sys.argv[1], workers=2, progress=True)
 except KeyboardInterrupt:
-    print(len(sweep.load(sys.argv[1]).missing))
+    print(len(sweep.read(sys.argv[1]).missing))
 """
     (tmp_path / "program.py").write_text(program)
     command = [sys.executable, str(tmp_path / "program.py"), str(tmp_path / "a")]

@@ -322,7 +322,7 @@ def test_a_record_with_another_number_is_computed_again(tmp_path: Path) -> None:
         record = json.loads(path.read_bytes())
         record["value"] = 7.0
         path.write_text(json.dumps(record))
-    assert sweep.load(tmp_path / "a").missing == [0, 1]
+    assert sweep.read(tmp_path / "a").missing == [0, 1]
     assert sweep.run(double, points, directory=tmp_path / "a") == found
 
 

@@ -51,7 +51,7 @@ def write(page: Page, measurements: Measurements) -> None:
     ):
         page.section(f"Figure 7.{number}: error of the {what}")
         for case, runs in measurements.accuracy.items():
-            ax = plotting.work_precision({name: runs[name] for name in thesis.METHODS}, error)
+            ax = plotting.work_precision_diagram({name: runs[name] for name in thesis.METHODS}, error)
             page.figure(
                 f"{error.replace('_', '-')}-case-{case}",
                 ax,

@@ -28,7 +28,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.section("High orders on a free body")
     page.figure(
         "high-orders",
-        plotting.work_precision({name: runs[name] for name in names}),
+        plotting.work_precision_diagram({name: runs[name] for name in names}),
         "Case 2 again, with all methods of order 4 and above. RKMK is the thesis' best; preprocessed "
         "Moser–Veselov methods (PMV) cost the same at any order, since what raises it is prepared once for "
         "each motion. They are for bodies without torque.",
@@ -38,7 +38,7 @@ def write(page: Page, measurements: Measurements) -> None:
     fixed = {name: runs[name] for name in (best, "rkmk_b")}
     page.figure(
         "adapted",
-        plotting.work_precision({**measurements.adapted, **fixed}),
+        plotting.work_precision_diagram({**measurements.adapted, **fixed}),
         "Case 2 with steps adapted to tolerances from 10⁻³ to 10⁻¹³, beside fixed steps of"
         f" {plotting.abbreviation(best)} and RKMK_B.",
         "Orientation error against computation time of the embedded pairs",
@@ -54,7 +54,7 @@ def write(page: Page, measurements: Measurements) -> None:
     )
     page.figure(
         "forced",
-        plotting.work_precision({name: forced[name] for name in measurements.names if name in shown}),
+        plotting.work_precision_diagram({name: forced[name] for name in measurements.names if name in shown}),
         "Orientation error of the hanging box against computation time, with fixed steps: the thesis'"
         " methods, and all of order 3 and above under torque.",
         "Orientation error against computation time, methods in bundles by their order",

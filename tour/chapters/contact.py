@@ -128,7 +128,7 @@ def _figure_7_5(page: Page, measurements: Measurements) -> None:
         how = "located" if located else "as the thesis runs them"
         axes = plt.figure(figsize=(10.5, 8.0), layout="constrained").subplots(2, 2, sharex=True)
         for ax, quantity in zip(axes.flat, QUANTITIES, strict=True):
-            plotting.work_precision(measurements.top_runs[located], quantity, ax=ax)
+            plotting.work_precision_diagram(measurements.top_runs[located], quantity, ax=ax)
             if quantity != "angular_velocity":
                 ax.get_legend().remove()
         page.figure(

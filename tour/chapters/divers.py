@@ -52,7 +52,7 @@ def _drawn(diver: multibody.Diver, views: tuple[str, ...]) -> Axes:
     axes = figure.subplots(len(views), len(postures), sharex=True, sharey="row", squeeze=False)
     for row, view in zip(axes, views, strict=True):
         for ax, posture in zip(row, postures, strict=True):
-            plotting.tree(diver.model, diver.configuration(posture), view, ax=ax)
+            plotting.tree_configuration(diver.model, diver.configuration(posture), view, ax=ax)
             ax.set(xlabel="", ylabel="")
             ax.set_xticks([])
             ax.grid(axis="y", color="0.92")

@@ -50,7 +50,7 @@ def _frames(dive: ocp.DiveSolution, count: int, view: str, n_rows: int, spacing:
         else:
             q[1] += offset - center[1]
         q[up] -= center[2]
-        plotting.tree(model, q, view, ax=ax, colour="#ddcc77")
+        plotting.tree_configuration(model, q, view, ax=ax, colour="#ddcc77")
         ax.text(offset, -1.35, f"{dive.t[node]:.2f} s", ha="center", va="top", fontsize=8)
     for ax in axes:
         ax.set(xlim=(-0.6 * spacing, spacing * (columns - 0.4)), ylim=(-1.55, 1.25), xlabel="", ylabel="")

@@ -121,7 +121,9 @@ def _blend(diver: multibody.Diver, pairs: tuple[tuple[str, str], ...], weights: 
         before, after = (diver.configuration(posture) for posture in (first, second))
         base = ocp.EigenpostureBase([before[3:], after[3:]])
         for ax, weight in zip(row, weights, strict=True):
-            plotting.tree(diver.model, np.concatenate((before[:3], base.positions([weight]))), ax=ax)
+            plotting.tree_configuration(
+                diver.model, np.concatenate((before[:3], base.positions([weight]))), ax=ax
+            )
             ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
             for side in ax.spines.values():
                 side.set_visible(False)

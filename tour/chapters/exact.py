@@ -53,7 +53,7 @@ def write(page: Page, measurements: Measurements) -> None:
         "path = motion(numpy.linspace(0, 30))  # many: a Trajectory\n"
     )
     page.section("The twist")
-    axes = plotting.motion(motion)
+    axes = plotting.body_motion(motion)
     page.figure(
         "twist",
         axes[0],

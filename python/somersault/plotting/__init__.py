@@ -11,7 +11,7 @@ from importlib.util import find_spec
 if find_spec("matplotlib") is None:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'")
 
-from somersault.plotting.bodies import gaps, motion, polhode, tree
+from somersault.plotting.bodies import body_motion, gaps, polhode, tree_configuration
 from somersault.plotting.lyapunov import compare_motions, exponents, projections, subspace_angles
 from somersault.plotting.methods import (
     abbreviation,
@@ -19,17 +19,17 @@ from somersault.plotting.methods import (
     observed_orders,
     stability_regions,
     style,
-    work_precision,
+    work_precision_diagram,
 )
 from somersault.plotting.recordings import motion_groups
 
 __all__ = [
     "abbreviation",
+    "body_motion",
     "compare_motions",
     "energy_ratios",
     "exponents",
     "gaps",
-    "motion",
     "motion_groups",
     "observed_orders",
     "polhode",
@@ -37,6 +37,6 @@ __all__ = [
     "stability_regions",
     "style",
     "subspace_angles",
-    "tree",
-    "work_precision",
+    "tree_configuration",
+    "work_precision_diagram",
 ]

@@ -16,12 +16,12 @@ from somersault.plotting.palette import AXES, MUTED
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["gaps", "motion", "polhode", "tree"]
+__all__ = ["body_motion", "gaps", "polhode", "tree_configuration"]
 
 Array = NDArray[Any]
 
 
-def motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+def body_motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
     """Position, body axes, angular velocity, energy and angular momentum of one body over time.
 
     Parameters
@@ -106,7 +106,7 @@ def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | No
     return axes
 
 
-def tree(
+def tree_configuration(
     model: somersault.Model, q: Any, view: str = "xz", ax: Axes | None = None, colour: str = MUTED[3]
 ) -> Axes:
     """A tree of bodies in a configuration, seen along an axis of the world.

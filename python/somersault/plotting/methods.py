@@ -24,7 +24,7 @@ __all__ = [
     "observed_orders",
     "stability_regions",
     "style",
-    "work_precision",
+    "work_precision_diagram",
 ]
 
 Array = NDArray[Any]
@@ -235,7 +235,7 @@ _ERROR_LABELS = {
 }
 
 
-def work_precision(
+def work_precision_diagram(
     runs: Mapping[str, Any], error: str = "orientation", against: str = "seconds", ax: Axes | None = None
 ) -> Axes:
     """Error at the end against computation time, as thesis Figures 7.1 and 7.2.

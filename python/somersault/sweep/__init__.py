@@ -48,7 +48,7 @@ from somersault.sweep.folder import Folder, held, hold, manifest_of, record_of
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["Failure", "Sweep", "grid", "load", "run"]
+__all__ = ["Failure", "Sweep", "grid", "read", "run"]
 
 Point = Mapping[str, Any]
 
@@ -109,7 +109,7 @@ class Sweep:
     failures : dict of int to Failure
         By the index of the point.
     missing : list of int
-        Points without a record: of a directory that was loaded before its sweep was done.
+        Points without a record: of a directory that was read before its sweep was done.
     """
 
     points: list[dict[str, Any]]
@@ -274,7 +274,7 @@ def run(
     return _collect(bare, records)
 
 
-def load(directory: str | PathLike[str]) -> Sweep:
+def read(directory: str | PathLike[str]) -> Sweep:
     """Reads the records of a sweep, whether it is done or not.
 
     Parameters
