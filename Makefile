@@ -4,8 +4,6 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# The build script declares them as modules, so cargo's formatter does not come by.
-METHODS := $(wildcard crates/somersault-integrators/src/methods/*.rs)
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: help tour test test-rust test-python lint studies docs pictures public-names bench bench-peers fuzz mutate wheel package clean
@@ -24,7 +22,7 @@ test: lint test-rust test-python
 
 # Formatting, lints and types. The quick part of `test`.
 lint: $(VENV)/.extension-dev
-	cargo fmt --check -- $(METHODS)
+	cargo fmt --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check docs python tour tests/python benches/peers
 	$(BIN)/mypy

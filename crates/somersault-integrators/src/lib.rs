@@ -3,6 +3,7 @@
 
 pub use nalgebra;
 
+mod adams;
 pub mod augmented;
 pub mod batch;
 pub mod body;
@@ -11,16 +12,19 @@ pub mod driver;
 pub mod exact;
 pub mod force;
 mod inverse3;
+mod kick_drift_kick;
 pub mod methods;
 pub mod moser_veselov;
 pub mod preprocessing;
 pub mod scratch;
 pub mod solution;
+mod splitting;
 pub mod state;
 pub mod step_size;
 pub mod stepper;
 pub mod studies;
 pub mod system;
 pub mod tableau;
+mod torque_free;
 pub mod variation;
 pub mod variational_cayley;

@@ -5,13 +5,13 @@
 //! Order 2 on ℝ³ and on SO(3).
 //! 1 evaluation; 1 earlier steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
 
-use super::adams::{AdamsMemory, StartUp};
+use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    70 thesis => Ab2: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up }, any;
-    270 => Ab2L: AdamsBashforth2 = AdamsBashforth2 { start_up: options.start_up },
+    70 thesis => Ab2: AdamsBashforth2 { start_up }, any;
+    270 => Ab2L: AdamsBashforth2 { start_up },
         momentum("ab2_l", "Two-step Adams-Bashforth, angular momentum");
 }
 

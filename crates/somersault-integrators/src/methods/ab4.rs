@@ -7,13 +7,13 @@
 //! of third order.
 //! 1 evaluation; 3 earlier steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
 
-use super::adams::{AdamsMemory, StartUp};
+use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    110 thesis => Ab4: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up }, any;
-    280 => Ab4L: AdamsBashforth4 = AdamsBashforth4 { start_up: options.start_up },
+    110 thesis => Ab4: AdamsBashforth4 { start_up }, any;
+    280 => Ab4L: AdamsBashforth4 { start_up },
         momentum("ab4_l", "Four-step Adams-Bashforth, angular momentum");
 }
 

@@ -18,7 +18,7 @@ use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velo
 use somersault_core::so3;
 
 register! {
-    90 thesis => Aso: AugmentedSecondOrder = AugmentedSecondOrder, world;
+    90 thesis => Aso: AugmentedSecondOrder, world;
 }
 
 /// Buss's augmented second order method.

@@ -22,8 +22,8 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
 
 register! {
-    370 => Cf4: CommutatorFree4 = CommutatorFree4, any;
-    380 => Cf4B: CommutatorFree4 = CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
+    370 => Cf4: CommutatorFree4, any;
+    380 => Cf4B: CommutatorFree4, body("cf4_b", "Commutator-free, order 4, body frame");
 }
 
 /// Commutator-free method of order 4.

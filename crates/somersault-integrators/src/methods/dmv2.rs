@@ -19,12 +19,12 @@
 //! [`crate::moser_veselov`]. The thesis has no algorithm for it and leaves the translation open: velocity
 //! Verlet.
 
-use super::torque_free::TorqueFreeMemory;
 use crate::stepper::{MethodInfo, Orders, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
+use crate::torque_free::TorqueFreeMemory;
 
 register! {
-    100 thesis => Dmv2: DiscreteMoserVeselov = DiscreteMoserVeselov, world;
+    100 thesis => Dmv2: DiscreteMoserVeselov, world;
 }
 
 /// The discrete Moser–Veselov method.

@@ -19,14 +19,14 @@
 //! # Deviations
 //! The second kick under wrenches that depend on the rates takes them at rates predicted by the first.
 
-use super::kick_drift_kick::KickDriftKickMemory;
+use crate::kick_drift_kick::KickDriftKickMemory;
 use crate::moser_veselov::{MoserVeselov, NotConverged};
 use crate::state::Poses;
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
 register! {
-    140 => Dmv2s: SplitMoserVeselov = SplitMoserVeselov, world;
+    140 => Dmv2s: SplitMoserVeselov, world;
 }
 
 /// The discrete Moser–Veselov method split for bodies under torque.

@@ -9,8 +9,8 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    10 thesis => Euler: Euler = Euler, any;
-    220 => EulerL: Euler = Euler, momentum("euler_l", "Euler's method, angular momentum");
+    10 thesis => Euler: Euler, any;
+    220 => EulerL: Euler, momentum("euler_l", "Euler's method, angular momentum");
 }
 
 /// Euler's method.

@@ -10,8 +10,8 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    50 thesis => Heun: Heun = Heun, any;
-    250 => HeunL: Heun = Heun, momentum("heun_l", "Heun's method, angular momentum");
+    50 thesis => Heun: Heun, any;
+    250 => HeunL: Heun, momentum("heun_l", "Heun's method, angular momentum");
 }
 
 /// Heun's method.

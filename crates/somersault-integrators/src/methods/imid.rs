@@ -25,7 +25,7 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
 
 register! {
-    390 => Imid: ImplicitMidpoint = ImplicitMidpoint, any;
+    390 => Imid: ImplicitMidpoint, any;
 }
 
 /// Implicit midpoint method.

@@ -21,13 +21,13 @@
 //! # Deviations
 //! The second kick under wrenches that depend on the rates takes them at rates predicted by the first.
 
-use super::kick_drift_kick::KickDriftKickMemory;
+use crate::kick_drift_kick::KickDriftKickMemory;
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 use crate::variational_cayley;
 
 register! {
-    190 => Lgvi: VariationalLieVerlet = VariationalLieVerlet, world;
+    190 => Lgvi: VariationalLieVerlet, world;
 }
 
 /// Largest h √(2T/I_min), 4/(3√3): the radius of convergence of the series of g + g³ = h ω/2.

@@ -8,8 +8,8 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    40 thesis => Mp: Midpoint = Midpoint, any;
-    240 => MpL: Midpoint = Midpoint, momentum("mp_l", "Midpoint method, angular momentum");
+    40 thesis => Mp: Midpoint, any;
+    240 => MpL: Midpoint, momentum("mp_l", "Midpoint method, angular momentum");
 }
 
 /// Explicit midpoint method.

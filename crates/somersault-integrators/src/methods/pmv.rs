@@ -19,16 +19,16 @@
 //! # Deviations
 //! The coefficients are not taken from the source but computed anew.
 
-use super::torque_free::TorqueFreeMemory;
 use crate::preprocessing::Preprocessing;
 use crate::stepper::{MethodInfo, Orders, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
+use crate::torque_free::TorqueFreeMemory;
 
 register! {
-    150 => Pmv4: PreprocessedMoserVeselov<4> = PreprocessedMoserVeselov::<4>, world;
-    160 => Pmv6: PreprocessedMoserVeselov<6> = PreprocessedMoserVeselov::<6>, world;
-    170 => Pmv8: PreprocessedMoserVeselov<8> = PreprocessedMoserVeselov::<8>, world;
-    180 => Pmv10: PreprocessedMoserVeselov<10> = PreprocessedMoserVeselov::<10>, world;
+    150 => Pmv4: PreprocessedMoserVeselov<4>, world;
+    160 => Pmv6: PreprocessedMoserVeselov<6>, world;
+    170 => Pmv8: PreprocessedMoserVeselov<8>, world;
+    180 => Pmv10: PreprocessedMoserVeselov<10>, world;
 }
 
 /// The preprocessed discrete Moser–Veselov method of order 4, 6, 8 or 10; a [`Scheme`] for these only.

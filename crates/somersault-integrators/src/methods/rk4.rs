@@ -11,8 +11,8 @@ use crate::stepper::{MethodInfo, Orders, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    60 thesis => Rk4: RungeKutta4 = RungeKutta4, any;
-    260 => Rk4L: RungeKutta4 = RungeKutta4, momentum("rk4_l", "Classic fourth order Runge-Kutta, angular momentum");
+    60 thesis => Rk4: RungeKutta4, any;
+    260 => Rk4L: RungeKutta4, momentum("rk4_l", "Classic fourth order Runge-Kutta, angular momentum");
 }
 
 /// Classic fourth-order Runge–Kutta method.

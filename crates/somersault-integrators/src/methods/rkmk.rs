@@ -15,10 +15,9 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
 
 register! {
-    130 thesis => Rkmk: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, any;
-    290 => RkmkL: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4,
-        momentum("rkmk_l", "Runge-Kutta-Munthe-Kaas, angular momentum");
-    300 => RkmkB: RungeKuttaMuntheKaas4 = RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
+    130 thesis => Rkmk: RungeKuttaMuntheKaas4, any;
+    290 => RkmkL: RungeKuttaMuntheKaas4, momentum("rkmk_l", "Runge-Kutta-Munthe-Kaas, angular momentum");
+    300 => RkmkB: RungeKuttaMuntheKaas4, body("rkmk_b", "Runge-Kutta-Munthe-Kaas, body frame");
 }
 
 /// Runge–Kutta–Munthe-Kaas method of order 4.

@@ -33,14 +33,14 @@ use crate::system::{RateOf, StateOf, System};
 use crate::tableau::{self, DenseWeights, ErrorWeights, Tableau};
 
 register! {
-    310 => Rkmk3: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine), any, embedded;
-    320 => Rkmk5: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince), any, embedded;
-    330 => Rkmk8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853), any, embedded;
-    340 => Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine> = RungeKuttaMuntheKaas(BogackiShampine),
+    310 => Rkmk3: RungeKuttaMuntheKaas<BogackiShampine>, any, embedded;
+    320 => Rkmk5: RungeKuttaMuntheKaas<DormandPrince>, any, embedded;
+    330 => Rkmk8: RungeKuttaMuntheKaas<Dop853>, any, embedded;
+    340 => Rkmk3B: RungeKuttaMuntheKaas<BogackiShampine>,
         body("rkmk3_b", "Runge-Kutta-Munthe-Kaas 3(2), body frame"), embedded;
-    350 => Rkmk5B: RungeKuttaMuntheKaas<DormandPrince> = RungeKuttaMuntheKaas(DormandPrince),
+    350 => Rkmk5B: RungeKuttaMuntheKaas<DormandPrince>,
         body("rkmk5_b", "Runge-Kutta-Munthe-Kaas 5(4), body frame"), embedded;
-    360 => Rkmk8B: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853),
+    360 => Rkmk8B: RungeKuttaMuntheKaas<Dop853>,
         body("rkmk8_b", "Runge-Kutta-Munthe-Kaas 8(5,3), body frame"), embedded;
 }
 

@@ -5,12 +5,12 @@
 //! Order 2 on ℝ³ and on SO(3).
 //! 1 evaluation; 1 earlier steps, started up by a [`StartUp`] of the user's choice. The energy of a free body grows at large steps.
 
-use super::adams::{AdamsMemory, StartUp};
+use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    80 thesis => Siabm2: SemiImplicitAdams2 = SemiImplicitAdams2 { start_up: options.start_up }, any;
+    80 thesis => Siabm2: SemiImplicitAdams2 { start_up }, any;
 }
 
 /// Two-step semi-implicit Adams-Bashforth-Moulton method.

@@ -10,12 +10,12 @@
 //! Line 5 of algorithm 14 prints −19/24; (5.13) and the order require +19/24. (5.12) is taken with
 //! f(t, y, ẏ).
 
-use super::adams::{AdamsMemory, StartUp};
+use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    120 thesis => Siabm4: SemiImplicitAdams4 = SemiImplicitAdams4 { start_up: options.start_up }, any;
+    120 thesis => Siabm4: SemiImplicitAdams4 { start_up }, any;
 }
 
 /// Four-step semi-implicit Adams-Bashforth-Moulton method.

@@ -10,8 +10,8 @@ use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 register! {
-    20 thesis => Sie: SemiImplicitEuler = SemiImplicitEuler, any;
-    230 => SieL: SemiImplicitEuler = SemiImplicitEuler, momentum("sie_l", "Semi-implicit Euler, angular momentum");
+    20 thesis => Sie: SemiImplicitEuler, any;
+    230 => SieL: SemiImplicitEuler, momentum("sie_l", "Semi-implicit Euler, angular momentum");
 }
 
 /// Semi-implicit Euler.

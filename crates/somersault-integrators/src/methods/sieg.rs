@@ -16,7 +16,7 @@ use crate::system::{RateOf, RigidSystem, StateOf};
 use somersault_core::so3;
 
 register! {
-    210 => Sieg: SemiImplicitEulerGyroscopic = SemiImplicitEulerGyroscopic, world;
+    210 => Sieg: SemiImplicitEulerGyroscopic, world;
 }
 
 /// Semi-implicit Euler with implicit gyroscopic term.

@@ -17,12 +17,12 @@
 //! A kick by a wrench that depends on the rates is solved by the explicit midpoint method, which keeps
 //! the order but not the symmetry.
 
-use super::splitting::{Kick, Splitting, SplittingMemory};
+use crate::splitting::{Kick, Splitting, SplittingMemory};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
 register! {
-    400 => Split2: ExactSplitting2 = ExactSplitting2, world;
+    400 => Split2: ExactSplitting2, world;
 }
 
 /// Splitting of order 2 with exact free motion.

@@ -19,12 +19,12 @@
 //! A kick by a wrench that depends on the rates is solved by the classic Runge–Kutta method, which
 //! keeps the order but not the symmetry.
 
-use super::splitting::{Kick, Splitting, SplittingMemory};
+use crate::splitting::{Kick, Splitting, SplittingMemory};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
 register! {
-    410 => Split4: ExactSplitting4 = ExactSplitting4, world;
+    410 => Split4: ExactSplitting4, world;
 }
 
 /// Splitting of order 4 with exact free motion.

@@ -19,7 +19,7 @@ use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
 
 register! {
-    30 thesis => Sv: StormerVerlet = StormerVerlet, world;
+    30 thesis => Sv: StormerVerlet, world;
 }
 
 /// Störmer–Verlet as algorithm 7 has it.

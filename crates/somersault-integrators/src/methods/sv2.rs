@@ -12,7 +12,7 @@ use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RigidSystem, StateOf};
 
 register! {
-    200 => Sv2: StormerVerlet2 = StormerVerlet2, world;
+    200 => Sv2: StormerVerlet2, world;
 }
 
 /// Störmer–Verlet with a two-step Adams–Bashforth velocity update.

@@ -7,7 +7,7 @@ use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velo
 
 /// How a kick is solved where the wrench depends on the rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kick {
+pub(crate) enum Kick {
     /// Explicit midpoint method.
     SecondOrder,
     /// Classic Runge–Kutta method.
@@ -16,10 +16,10 @@ pub(super) enum Kick {
 
 /// A splitting method: kicks and drifts by turns, in parts of the step, a kick first and last.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Splitting<'a> {
-    pub(super) kicks: &'a [f64],
-    pub(super) drifts: &'a [f64],
-    pub(super) kick: Kick,
+pub(crate) struct Splitting<'a> {
+    pub(crate) kicks: &'a [f64],
+    pub(crate) drifts: &'a [f64],
+    pub(crate) kick: Kick,
 }
 
 /// Velocities and angular momenta of the bodies, and the slopes of the kicks.
@@ -37,7 +37,7 @@ pub struct SplittingMemory<S: RigidSystem> {
 }
 
 impl<S: RigidSystem> SplittingMemory<S> {
-    pub(super) fn new(x: &StateOf<S>) -> Self {
+    pub(crate) fn new(x: &StateOf<S>) -> Self {
         let mut zero = x.rate.clone();
         zero.set_zero();
         Self {
@@ -50,12 +50,12 @@ impl<S: RigidSystem> SplittingMemory<S> {
         }
     }
 
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.carried_holds = false;
         self.slope_holds = false;
     }
 
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         system: &S,
         splitting: &Splitting<'_>,

@@ -18,7 +18,7 @@ pub struct KickDriftKickMemory<S: RigidSystem> {
 }
 
 impl<S: RigidSystem> KickDriftKickMemory<S> {
-    pub(super) fn new(x: &StateOf<S>) -> Self {
+    pub(crate) fn new(x: &StateOf<S>) -> Self {
         let mut wrenches = x.rate.clone();
         crate::state::Rate::set_zero(&mut wrenches);
         Self {
@@ -29,14 +29,14 @@ impl<S: RigidSystem> KickDriftKickMemory<S> {
         }
     }
 
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.momenta.clear();
         self.wrenches_hold = false;
     }
 
     /// One step; `drift` gives the body-frame rotation of body i by its body-frame angular momentum.
     #[inline]
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         system: &S,
         t: f64,

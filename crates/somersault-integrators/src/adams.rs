@@ -3,7 +3,7 @@
 //! A method of K steps remembers the slopes of the K − 1 steps before. Until they exist it starts up in
 //! one of two ways that the user chooses.
 
-use super::rkmk::RungeKuttaMuntheKaas4;
+use crate::methods::rkmk::RungeKuttaMuntheKaas4;
 use crate::scratch::Scratch;
 use crate::state::Rate;
 use crate::stepper::{StepError, Stepper};
@@ -50,7 +50,7 @@ pub struct AdamsMemory<S: System, const K: usize> {
 }
 
 impl<S: System, const K: usize> AdamsMemory<S, K> {
-    pub(super) fn new(system: &S, x: &StateOf<S>) -> Result<Self, StepError> {
+    pub(crate) fn new(system: &S, x: &StateOf<S>) -> Result<Self, StepError> {
         Ok(Self {
             slopes: std::array::from_fn(|_| (x.rate.clone(), x.rate.clone())),
             known: 0,
@@ -60,7 +60,7 @@ impl<S: System, const K: usize> AdamsMemory<S, K> {
         })
     }
 
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.known = 0;
     }
 
@@ -77,7 +77,7 @@ impl<S: System, const K: usize> AdamsMemory<S, K> {
     /// One step: `explicit` takes the displacement from velocities known (Adams–Bashforth), otherwise
     /// it includes the new velocity (Adams–Moulton).
     #[inline]
-    pub(super) fn step(
+    pub(crate) fn step(
         &mut self,
         system: &S,
         start_up: StartUp,

@@ -77,7 +77,7 @@ impl FreeRotation {
 }
 
 impl<S: RigidSystem> TorqueFreeMemory<S> {
-    pub(super) fn new<M: Scheme>(system: &S, x: &StateOf<S>) -> Result<Self, StepError> {
+    pub(crate) fn new<M: Scheme>(system: &S, x: &StateOf<S>) -> Result<Self, StepError> {
         if !system.is_torque_free() {
             return Err(StepError::Torque { method: M::INFO.name });
         }
@@ -89,12 +89,12 @@ impl<S: RigidSystem> TorqueFreeMemory<S> {
         })
     }
 
-    pub(super) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.rotations.clear();
         self.wrenches_hold = false;
     }
 
-    pub(super) fn step<M: Scheme>(
+    pub(crate) fn step<M: Scheme>(
         &mut self,
         preprocessing: Option<Preprocessing>,
         system: &S,
