@@ -19,6 +19,7 @@
 use crate::error::{ContactError, not_negative, positive};
 use crate::hybrid::Guard;
 use crate::normal::Stiffest;
+use somersault_core::quadrature::GAUSS_3;
 use somersault_core::roots;
 use std::convert::Infallible;
 
@@ -140,9 +141,7 @@ impl HuntCrossley {
             r * r * ((1.0 + 2.0 * s) * before.gap + s * first)
                 + s * s * ((3.0 - 2.0 * s) * after.gap - r * last)
         };
-        let spring = |s: f64| self.force_in_contact(gap(s), 0.0);
-        let off = 0.15f64.sqrt();
-        let elastic = h / 18.0 * (5.0 * (spring(0.5 - off) + spring(0.5 + off)) + 8.0 * spring(0.5));
+        let elastic = h * GAUSS_3.map(|(s, w)| w * self.force_in_contact(gap(s), 0.0)).iter().sum::<f64>();
         elastic + 0.6 * self.damping * self.stiffness * (half_powers(after.gap) - half_powers(before.gap))
     }
 }

@@ -1,4 +1,4 @@
-//! Shared mathematics of the somersault crates: rotations, inertia, splines, bracketed roots.
+//! Shared mathematics of the somersault crates: rotations, inertia, splines, bracketed roots, quadrature, seeded numbers.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -21,6 +21,8 @@
 pub mod double_double;
 pub mod elliptic;
 mod inertia;
+pub mod quadrature;
+pub mod random;
 pub mod roots;
 pub mod so3;
 pub mod spline;

@@ -1,37 +1,30 @@
 //! Seeded random trees with all kinds of joints, states for them, and a humanoid to time.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_core::random::SplitMix64;
 use somersault_multibody::models::Diver;
 use somersault_multibody::{
     DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError,
 };
 
-/// Uniform numbers from a seed (SplitMix64: Steele, Lea and Flood, OOPSLA 2014).
+/// Random trees, bodies, rotations and numbers from a seed.
 #[derive(Debug, Clone)]
-pub struct Random(u64);
+pub struct Random(SplitMix64);
 
 impl Random {
     /// A sequence of its own for every seed.
     pub fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        Self(SplitMix64::new(seed))
     }
 
     /// In [low, high).
     pub fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+        low + (high - low) * self.0.unit()
     }
 
     /// Below `n`.
     pub fn below(&mut self, n: usize) -> usize {
-        (self.bits() % n as u64) as usize
+        (self.0.bits() % n as u64) as usize
     }
 
     /// Components in [−size, size).

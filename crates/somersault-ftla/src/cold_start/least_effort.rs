@@ -6,6 +6,7 @@
 //! neighbouring knots only and are solved by Cholesky's factorisation of the band, O(K Q³) for K knots.
 
 use nalgebra::{SMatrix, SVector};
+use somersault_core::quadrature::GAUSS_4;
 
 /// q, q̇ and q̈ at one time.
 pub(crate) type Motion<const Q: usize> = [SVector<f64, Q>; 3];
@@ -41,14 +42,6 @@ const QUINTICS: [[f64; 6]; 6] = [
     [0.0, 0.0, 0.0, 10.0, -15.0, 6.0],
     [0.0, 0.0, 0.0, -4.0, 7.0, -3.0],
     [0.0, 0.0, 0.0, 0.5, -1.0, 0.5],
-];
-
-/// Points and weights of Gauss' rule on [0, 1].
-const GAUSS: [(f64, f64); 4] = [
-    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
-    (0.330_009_478_207_571_9, 0.326_072_577_431_273_07),
-    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
-    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
 /// Of each quintic, the derivatives of order 0 to 2 by time at s in an interval of length h.
@@ -194,7 +187,7 @@ impl<const Q: usize> Spline<Q> {
     /// Interval, place in it and weight of every point of the rule.
     fn points(&self) -> impl Iterator<Item = (usize, f64, f64)> {
         let lengths = self.times.windows(2).map(|t| t[1] - t[0]).collect::<Vec<_>>().into_iter().enumerate();
-        lengths.flat_map(|(k, h)| GAUSS.map(|(s, w)| (k, s, w * h)))
+        lengths.flat_map(|(k, h)| GAUSS_4.map(|(s, w)| (k, s, w * h)))
     }
 }
 

@@ -2,26 +2,23 @@
 #![allow(dead_code)] // each test file is a crate of its own and uses a part
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
+use somersault_core::random::SplitMix64;
 use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::{Continuation, Continued};
 use somersault_ftla::system::{ControlProblem, StateCostate, VectorField};
 use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
 
-/// Numbers in [−1, 1) from a fixed seed (SplitMix64).
-pub(crate) struct Random(u64);
+/// Numbers in [−1, 1) from a fixed seed.
+pub(crate) struct Random(SplitMix64);
 
 impl Random {
     pub(crate) fn new(seed: u64) -> Self {
-        Self(seed)
+        Self(SplitMix64::new(seed))
     }
 
     pub(crate) fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        2.0 * self.0.unit() - 1.0
     }
 }
 

@@ -10,6 +10,7 @@
 
 use super::error::CollocationError;
 use nalgebra::DMatrix;
+use somersault_core::quadrature;
 
 /// Most points of one interval.
 pub const MAX_POINTS: usize = 500;
@@ -31,24 +32,7 @@ impl Radau {
         if !(1..=MAX_POINTS).contains(&n) {
             return Err(CollocationError::Mesh { phase: None, reason: "an interval needs 1 to 500 points" });
         }
-        let (mut nodes, mut weights) = (Vec::with_capacity(n + 1), Vec::with_capacity(n));
-        let size = n as f64;
-        for i in 0..n {
-            let mut x = -(std::f64::consts::TAU * i as f64 / (2.0 * size - 1.0)).cos();
-            if i == 0 {
-                nodes.push(-1.0);
-                weights.push(2.0 / (size * size));
-                continue;
-            }
-            // Newton converges quadratically from here; a few steps more only keep the rounding.
-            for _ in 0..8 {
-                let (before, last) = legendre(n, x);
-                x -= (1.0 - x) / size * (before + last) / (before - last);
-            }
-            let (before, _) = legendre(n, x);
-            nodes.push(x);
-            weights.push((1.0 - x) / (size * before).powi(2));
-        }
+        let (mut nodes, weights) = quadrature::radau(n);
         let control_factors = barycentric_factors(&nodes);
         nodes.push(1.0);
         let state_factors = barycentric_factors(&nodes);
@@ -112,16 +96,6 @@ impl Radau {
     pub fn control_basis(&self, tau: f64, basis: &mut [f64]) {
         lagrange(self.points(), &self.control_factors, tau, basis);
     }
-}
-
-/// P_{n−1} and P_n at x.
-fn legendre(n: usize, x: f64) -> (f64, f64) {
-    let (mut before, mut last) = (1.0, x);
-    for k in 1..n {
-        let k = k as f64;
-        (before, last) = (last, ((2.0 * k + 1.0) * x * last - k * before) / (k + 1.0));
-    }
-    (before, last)
 }
 
 /// 1/Π(x_i − x_j), with differences doubled: [−1, 1] has the capacity ½, so the products stay near 1.

@@ -2,6 +2,7 @@
 
 use crate::motion::SplineMotion;
 use nalgebra::{DMatrix, DVector};
+use somersault_core::quadrature::GAUSS_5;
 
 /// ½ ∫₀¹ Σ (d^r c_i/dx^r)² dx as ½ pᵀ Q p + gᵀ p + k in the free parameters.
 #[derive(Debug, Clone)]
@@ -19,12 +20,12 @@ impl Quadratic {
         let mut gram = DMatrix::zeros(n, n);
         let mut values = vec![0.0; basis.n_active()];
         for interval in 0..n_intervals {
-            for (node, weight) in GAUSS_LEGENDRE {
-                let share = (interval as f64 + 0.5 * (1.0 + node)) / n_intervals as f64;
+            for (node, weight) in GAUSS_5 {
+                let share = (interval as f64 + node) / n_intervals as f64;
                 let first = basis.evaluate(share, derivative, &mut values);
                 for (i, a) in values.iter().enumerate() {
                     for (j, b) in values.iter().enumerate() {
-                        gram[(first + i, first + j)] += 0.5 * weight / n_intervals as f64 * a * b;
+                        gram[(first + i, first + j)] += weight / n_intervals as f64 * a * b;
                     }
                 }
             }
@@ -61,12 +62,3 @@ impl Quadratic {
         value
     }
 }
-
-/// Nodes on [−1, 1] and weights, exact to degree 9 (Abramowitz and Stegun, Table 25.4).
-const GAUSS_LEGENDRE: [(f64, f64); 5] = [
-    (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
-    (-0.538_469_310_105_683, 0.478_628_670_499_366_5),
-    (0.0, 0.568_888_888_888_888_9),
-    (0.538_469_310_105_683, 0.478_628_670_499_366_5),
-    (0.906_179_845_938_664, 0.236_926_885_056_189_1),
-];

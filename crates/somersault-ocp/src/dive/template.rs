@@ -1,6 +1,7 @@
 //! Templates: rough courses of a dive to start a search from.
 
 use super::{Channels, Dive, DiveError, DiveProgram};
+use somersault_core::random::SplitMix64;
 
 /// The dive is in a posture at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,21 +16,13 @@ impl KeyFrame {
     /// `count` templates: the given one, then others whose inner key frames are moved by up to 0.4 of the way to
     /// their neighbours. The same for the same seed.
     pub fn variations(template: &[Self], count: usize, seed: u64) -> Vec<Vec<Self>> {
-        let mut state = seed;
-        // Steele, Lea & Flood (2014); its own few lines, so that starts do not change with the version of a crate
-        let mut random = || {
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut x = state;
-            x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut random = SplitMix64::new(seed);
         let mut moved = |k: usize| {
             let frame = template[k];
             if k == 0 || k + 1 == template.len() {
                 return frame;
             }
-            let reach = 0.4 * (2.0 * random() - 1.0);
+            let reach = 0.4 * (2.0 * random.unit() - 1.0);
             let neighbour = template[if reach < 0.0 { k - 1 } else { k + 1 }].share;
             Self { share: frame.share + reach.abs() * (neighbour - frame.share), ..frame }
         };

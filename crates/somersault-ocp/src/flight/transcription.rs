@@ -19,6 +19,7 @@ use crate::transcription::{
     NodeSizes, NodeTangent, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription, Visit,
 };
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
+use somersault_core::quadrature::simpson;
 use somersault_core::so3;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
@@ -565,20 +566,6 @@ impl FlightShooting {
 
 fn quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(nalgebra::Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
-}
-
-/// Weights of n + 1 nodes in integrals over [0, 1], n at least 2.
-fn simpson(n: usize) -> Vec<f64> {
-    let mut weights = vec![0.0; n + 1];
-    let even = if n.is_multiple_of(2) { n } else { n - 3 };
-    for k in (0..even).step_by(2) {
-        [1.0, 4.0, 1.0].iter().enumerate().for_each(|(i, w)| weights[k + i] += w / 3.0);
-    }
-    if even < n {
-        [3.0, 9.0, 9.0, 3.0].iter().enumerate().for_each(|(i, w)| weights[even + i] += w / 8.0);
-    }
-    weights.iter_mut().for_each(|w| *w /= n as f64);
-    weights
 }
 
 fn undefined(error: impl std::error::Error) -> EvaluationError {

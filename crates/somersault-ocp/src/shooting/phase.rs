@@ -4,6 +4,7 @@ use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
 use crate::motion::SplineMotion;
 use crate::nlp::Bounds;
 use serde::{Deserialize, Serialize};
+use somersault_core::quadrature::{gregory, left_rectangles};
 
 /// How a step in time is made, and integrals with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -151,35 +152,9 @@ impl Scheme {
 
     /// Weights of n + 1 nodes in integrals over [0, 1].
     pub(crate) fn quadrature(self, n: usize) -> Vec<f64> {
-        let mut weights = vec![1.0; n + 1];
         match self {
-            Self::ExplicitEuler => weights[n] = 0.0,
-            // closed Newton–Cotes formulas where the corrections would overlap
-            Self::RungeKutta4 if n < 6 => {
-                let formula: &[f64] = match n {
-                    1 => &[0.5, 0.5],
-                    2 => &[1.0 / 3.0, 4.0 / 3.0, 1.0 / 3.0],
-                    3 => &[3.0 / 8.0, 9.0 / 8.0, 9.0 / 8.0, 3.0 / 8.0],
-                    4 => &[14.0 / 45.0, 64.0 / 45.0, 24.0 / 45.0, 64.0 / 45.0, 14.0 / 45.0],
-                    _ => &[
-                        95.0 / 288.0,
-                        375.0 / 288.0,
-                        250.0 / 288.0,
-                        250.0 / 288.0,
-                        375.0 / 288.0,
-                        95.0 / 288.0,
-                    ],
-                };
-                weights.copy_from_slice(formula);
-            }
-            Self::RungeKutta4 => {
-                for (i, correction) in [9.0 / 24.0, 28.0 / 24.0, 23.0 / 24.0].into_iter().enumerate() {
-                    weights[i] = correction;
-                    weights[n - i] = correction;
-                }
-            }
+            Self::ExplicitEuler => left_rectangles(n),
+            Self::RungeKutta4 => gregory(n),
         }
-        weights.iter_mut().for_each(|w| *w /= n as f64);
-        weights
     }
 }

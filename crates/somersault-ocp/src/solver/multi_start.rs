@@ -6,6 +6,7 @@ use super::program::{check_bounds, check_positive, check_vector};
 use super::report::{Flow, Report, Start, Status};
 use crate::nlp::{Bounds, Nlp};
 use rayon::prelude::*;
+use somersault_core::random::SplitMix64;
 use std::cmp::Ordering;
 
 /// Violation up to which unfinished solves are compared by their costs.
@@ -173,31 +174,17 @@ pub fn samples(range: &Bounds, count: usize, seed: u64) -> Result<Vec<Start>, So
     check_bounds("range", range)?;
     check_vector("range.lower", &range.lower, range.len())?;
     check_vector("range.upper", &range.upper, range.len())?;
-    let mut random = SplitMix64(seed);
+    let mut random = SplitMix64::new(seed);
     let mut starts = vec![Start::from(vec![0.0; range.len()]); count];
     let mut parts: Vec<usize> = (0..count).collect();
     for i in 0..range.len() {
         for last in (1..count).rev() {
-            parts.swap(last, (random.next() * (last + 1) as f64) as usize);
+            parts.swap(last, (random.unit() * (last + 1) as f64) as usize);
         }
         let width = (range.upper[i] - range.lower[i]) / count as f64;
         for (start, &part) in starts.iter_mut().zip(&parts) {
-            start.z[i] = (range.lower[i] + (part as f64 + random.next()) * width).min(range.upper[i]);
+            start.z[i] = (range.lower[i] + (part as f64 + random.unit()) * width).min(range.upper[i]);
         }
     }
     Ok(starts)
-}
-
-/// Steele, Lea & Flood (2014). Its own few lines: starts must not change with the version of a crate.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    /// Uniform in [0, 1).
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut x = self.0;
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((x ^ (x >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
