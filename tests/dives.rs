@@ -2,6 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
+use somersault_core::argument::ArgumentError;
 use somersault_core::spline::{SplineError, UniformBasis};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::models::{Dimension, Diver, Posture};
@@ -992,7 +993,10 @@ fn bad_dives_are_refused() {
     assert!(matches!(of(&|d| d.postures[1][1] = f64::NAN), DiveError::Motion(MotionError::NonFinite { .. })));
     assert!(matches!(of(&|d| d.postures[1][2] = -0.5), DiveError::JointLimit { posture: 1, .. }));
     assert!(matches!(of(&|d| d.diver.mass = -1.0), DiveError::Model(_)));
-    assert!(matches!(of(&|d| d.diver = Diver::spatial()), DiveError::Dynamics(DynamicsError::Length { .. })));
+    assert!(matches!(
+        of(&|d| d.diver = Diver::spatial()),
+        DiveError::Dynamics(DynamicsError::Argument(ArgumentError::Length { .. }))
+    ));
     // a quarter of a twist leaves the plane of the somersaults; at the entry it may
     let mut quarter = Dive { twists: 0.25, ..Dive::forward_twisting() };
     assert!(matches!(quarter.program(), Err(DiveError::OutOfRange { argument: "twists", found: 0.25, .. })));

@@ -8,6 +8,7 @@ use somersault_contact::hybrid::Frozen;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::surface::{SignedDistance, Surface};
+use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, Status};
 use somersault_integrators::force::Gravity;
@@ -296,7 +297,7 @@ fn adapted_runs_refuse_bad_input() {
             other => panic!("{other}"),
         }
     };
-    use IntegrateError::{Budget, InitialState, Interval, NoErrorEstimate, NotPositive};
+    use IntegrateError::{Argument, Budget, InitialState, Interval, NoErrorEstimate};
     let good = tolerance(1e-8);
     assert!(matches!(attempt(Method::Rk4, &start, (0.0, 1.0), good), NoErrorEstimate { method: "rk4" }));
     for interval in [(1.0, 1.0), (1.0, 0.0), (0.0, f64::NAN)] {
@@ -309,7 +310,10 @@ fn adapted_runs_refuse_bad_input() {
         (Adaptive { max_step: f64::NAN, ..good }, "max_step"),
     ] {
         let error = attempt(Method::Rkmk5, &start, (0.0, 1.0), settings);
-        assert!(matches!(error, NotPositive { argument, .. } if argument == name), "{error}");
+        assert!(
+            matches!(error, Argument(ArgumentError::NotPositive { argument, .. }) if argument == name),
+            "{error}"
+        );
     }
     let few = Adaptive { max_steps: 5, ..good };
     assert!(matches!(attempt(Method::Rkmk5, &start, (0.0, 1.0), few), Budget { max_steps: 5, .. }));

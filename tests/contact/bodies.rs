@@ -12,6 +12,7 @@ use somersault_contact::hybrid::Frozen;
 use somersault_contact::interface::ContactLaw;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::surface::HalfSpace;
+use somersault_core::argument::ArgumentError;
 use somersault_core::{Inertia, so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
@@ -270,11 +271,14 @@ fn a_ball_dropped_on_a_ball_on_the_ground_rests_on_it_by_symmetry() {
 
 #[test]
 fn contacts_between_bodies_refuse_bad_input() {
-    use ContactError::{NoBody, NonFinite, NotPositive, SameBody};
+    use ContactError::{Argument, NoBody, NonFinite, SameBody};
     let zero = Vector3::zeros();
     let law = CompliantLaw::try_new(1.0, 0.0).unwrap();
     let sphere = BodySphere::try_new(0, zero, 0.1).unwrap();
-    assert!(matches!(BodySphere::try_new(0, zero, -0.1), Err(NotPositive { argument: "radius", .. })));
+    assert!(matches!(
+        BodySphere::try_new(0, zero, -0.1),
+        Err(Argument(ArgumentError::NotPositive { argument: "radius", .. }))
+    ));
     let bad = Vector3::new(0.0, f64::NAN, 0.0);
     assert!(matches!(BodySphere::try_new(0, bad, 0.1), Err(NonFinite { argument: "centre", .. })));
     assert_eq!(SpherePair::try_new(sphere, sphere, law).unwrap_err(), SameBody { body: 0 });

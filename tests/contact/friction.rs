@@ -13,6 +13,7 @@ use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::SlidingBlock;
 use somersault_contact::stretches::{Touching, WithStretches};
 use somersault_contact::surface::{HalfSpace, Solid, Sphere};
+use somersault_core::argument::ArgumentError;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
@@ -697,25 +698,55 @@ fn energy_never_grows_while_a_block_sticks_and_slips_or_a_ball_rolls_in_a_bowl()
 
 #[test]
 fn friction_laws_and_rolling_shapes_refuse_bad_input() {
-    use ContactError::{Direction, Negative, NonFinite, NotPositive};
+    use ContactError::{Argument, Direction, NonFinite};
     let coulomb = CoulombFriction::try_new;
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(coulomb(bad, 1.0, 1.0), Err(Negative { argument: "coefficient", .. })));
-        assert!(matches!(coulomb(0.3, bad, 1.0), Err(Negative { argument: "stiffness", .. })));
-        assert!(matches!(coulomb(0.3, 1.0, bad), Err(NotPositive { argument: "damping", .. })));
+        assert!(matches!(
+            coulomb(bad, 1.0, 1.0),
+            Err(Argument(ArgumentError::Negative { argument: "coefficient", .. }))
+        ));
+        assert!(matches!(
+            coulomb(0.3, bad, 1.0),
+            Err(Argument(ArgumentError::Negative { argument: "stiffness", .. }))
+        ));
+        assert!(matches!(
+            coulomb(0.3, 1.0, bad),
+            Err(Argument(ArgumentError::NotPositive { argument: "damping", .. }))
+        ));
         let regularised = RegularisedFriction::try_new;
-        assert!(matches!(regularised(bad, 1.0), Err(Negative { argument: "coefficient", .. })));
-        assert!(matches!(regularised(0.3, bad), Err(NotPositive { argument: "speed", .. })));
-        assert!(matches!(Resistance::try_new(bad, 0.0, 1.0), Err(Negative { argument: "rolling", .. })));
-        assert!(matches!(Resistance::try_new(0.0, bad, 1.0), Err(Negative { argument: "spinning", .. })));
-        assert!(matches!(Resistance::try_new(0.0, 0.0, bad), Err(NotPositive { argument: "speed", .. })));
+        assert!(matches!(
+            regularised(bad, 1.0),
+            Err(Argument(ArgumentError::Negative { argument: "coefficient", .. }))
+        ));
+        assert!(matches!(
+            regularised(0.3, bad),
+            Err(Argument(ArgumentError::NotPositive { argument: "speed", .. }))
+        ));
+        assert!(matches!(
+            Resistance::try_new(bad, 0.0, 1.0),
+            Err(Argument(ArgumentError::Negative { argument: "rolling", .. }))
+        ));
+        assert!(matches!(
+            Resistance::try_new(0.0, bad, 1.0),
+            Err(Argument(ArgumentError::Negative { argument: "spinning", .. }))
+        ));
+        assert!(matches!(
+            Resistance::try_new(0.0, 0.0, bad),
+            Err(Argument(ArgumentError::NotPositive { argument: "speed", .. }))
+        ));
     }
-    assert!(matches!(coulomb(0.3, 1.0, 0.0), Err(NotPositive { argument: "damping", .. })));
+    assert!(matches!(
+        coulomb(0.3, 1.0, 0.0),
+        Err(Argument(ArgumentError::NotPositive { argument: "damping", .. }))
+    ));
     let zero = Vector3::zeros();
     let bowl = Arc::new(Sphere::try_new(zero, 1.0, Solid::Outside).unwrap());
     let ball = |centre, radius, law| Contact::try_ball(centre, radius, bowl.clone(), law).map(|_| ());
     let plain = ContactLaw::from(stiff());
-    assert!(matches!(ball(zero, 0.0, plain), Err(NotPositive { argument: "radius", .. })));
+    assert!(matches!(
+        ball(zero, 0.0, plain),
+        Err(Argument(ArgumentError::NotPositive { argument: "radius", .. }))
+    ));
     assert!(matches!(
         ball(Vector3::new(f64::NAN, 0.0, 0.0), 0.1, plain),
         Err(NonFinite { argument: "centre", .. })

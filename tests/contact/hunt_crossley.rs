@@ -8,6 +8,7 @@ use somersault_contact::event::{EventKind, Located, Location};
 use somersault_contact::hunt_crossley::{Elastic, HuntCrossley};
 use somersault_contact::hybrid::Frozen;
 use somersault_contact::surface::HalfSpace;
+use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, TimeGrid};
 use somersault_integrators::force::Gravity;
@@ -142,15 +143,21 @@ fn a_release_that_weight_and_damping_bring_about_below_the_surface_is_a_switch()
 
 #[test]
 fn the_law_of_hunt_and_crossley_refuses_bad_input() {
-    use ContactError::{Negative, NotPositive, PoissonRatio, Restitution};
+    use ContactError::{Argument, PoissonRatio, Restitution};
     let law = HuntCrossley::try_new;
     for bad in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(law(bad, 0.1), Err(NotPositive { argument: "stiffness", .. })));
-        assert!(matches!(law(1.0, bad), Err(Negative { argument: "damping", .. })));
-        assert!(matches!(Elastic::try_new(bad, 0.3), Err(NotPositive { argument: "young_modulus", .. })));
+        assert!(matches!(
+            law(bad, 0.1),
+            Err(Argument(ArgumentError::NotPositive { argument: "stiffness", .. }))
+        ));
+        assert!(matches!(law(1.0, bad), Err(Argument(ArgumentError::Negative { argument: "damping", .. }))));
+        assert!(matches!(
+            Elastic::try_new(bad, 0.3),
+            Err(Argument(ArgumentError::NotPositive { argument: "young_modulus", .. }))
+        ));
         assert!(matches!(
             HuntCrossley::from_restitution(1.0, 0.5, bad),
-            Err(NotPositive { argument: "speed", .. })
+            Err(Argument(ArgumentError::NotPositive { argument: "speed", .. }))
         ));
     }
     for bad in [-1.0, 0.51, f64::NAN] {
@@ -159,5 +166,5 @@ fn the_law_of_hunt_and_crossley_refuses_bad_input() {
     assert_eq!(HuntCrossley::from_restitution(1.0, 0.0, 1.0), Err(Restitution { found: 0.0 }));
     let steel = Elastic::try_new(1.0, 0.3).unwrap();
     let made = HuntCrossley::from_materials([steel, steel], 0.0, 0.0);
-    assert!(matches!(made, Err(NotPositive { argument: "effective_radius", .. })));
+    assert!(matches!(made, Err(Argument(ArgumentError::NotPositive { argument: "effective_radius", .. }))));
 }

@@ -9,6 +9,7 @@ use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::studies::{self, Stepping};
 use somersault_contact::surface::{Cylinder, HalfSpace, Solid, Sphere, Surface};
+use somersault_core::argument::ArgumentError;
 use somersault_core::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, TimeGrid};
@@ -407,18 +408,33 @@ fn curved_surfaces_hold_like_the_plane_that_touches_them() {
 
 #[test]
 fn laws_surfaces_and_contacts_refuse_bad_input() {
-    use ContactError::{Direction, Negative, NonFinite, NotPositive, Restitution};
+    use ContactError::{Argument, Direction, NonFinite, Restitution};
     let law = CompliantLaw::try_new;
     for k in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(law(k, 1.0), Err(NotPositive { argument: "stiffness", .. })), "{k}");
+        assert!(
+            matches!(law(k, 1.0), Err(Argument(ArgumentError::NotPositive { argument: "stiffness", .. }))),
+            "{k}"
+        );
     }
     for c in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(law(1.0, c), Err(Negative { argument: "damping", .. })), "{c}");
+        assert!(
+            matches!(law(1.0, c), Err(Argument(ArgumentError::Negative { argument: "damping", .. }))),
+            "{c}"
+        );
     }
     let from = CompliantLaw::from_frequency;
-    assert!(matches!(from(0.0, 1.0, 0.1), Err(NotPositive { argument: "mass", .. })));
-    assert!(matches!(from(1.0, -1.0, 0.1), Err(NotPositive { argument: "frequency", .. })));
-    assert!(matches!(from(1.0, 1.0, -0.1), Err(Negative { argument: "damping_ratio", .. })));
+    assert!(matches!(
+        from(0.0, 1.0, 0.1),
+        Err(Argument(ArgumentError::NotPositive { argument: "mass", .. }))
+    ));
+    assert!(matches!(
+        from(1.0, -1.0, 0.1),
+        Err(Argument(ArgumentError::NotPositive { argument: "frequency", .. }))
+    ));
+    assert!(matches!(
+        from(1.0, 1.0, -0.1),
+        Err(Argument(ArgumentError::Negative { argument: "damping_ratio", .. }))
+    ));
     let error = CompliantLaw::from_restitution(1.0, 1.0, 0.0).unwrap_err();
     assert_eq!(error, Restitution { found: 0.0 });
     assert_eq!(error.to_string(), "`restitution` must be above 0 and at most 1, found 0");
@@ -429,7 +445,10 @@ fn laws_surfaces_and_contacts_refuse_bad_input() {
         HalfSpace::try_new(zero, Vector3::new(1.0, f64::NAN, 0.0)),
         Err(Direction { argument: "normal", .. })
     ));
-    assert!(matches!(Sphere::try_new(zero, 0.0, Solid::Inside), Err(NotPositive { argument: "radius", .. })));
+    assert!(matches!(
+        Sphere::try_new(zero, 0.0, Solid::Inside),
+        Err(Argument(ArgumentError::NotPositive { argument: "radius", .. }))
+    ));
     assert!(matches!(
         Cylinder::try_new(zero, zero, 1.0, Solid::Inside),
         Err(Direction { argument: "axis", .. })
@@ -455,7 +474,10 @@ fn runs_refuse_bad_input() {
     for rate in [0.0, -1.0, f64::NAN] {
         assert!(matches!(
             attempt(Method::Rkmk, &top.start, rate),
-            Err(Interruption::Integrate(IntegrateError::NotPositive { argument: "max_event_rate", .. }))
+            Err(Interruption::Integrate(IntegrateError::Argument(ArgumentError::NotPositive {
+                argument: "max_event_rate",
+                ..
+            })))
         ));
     }
     let mut bad = top.start;

@@ -6,6 +6,7 @@ use somersault::multibody::{
     Data, DerivativeData, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, Partials,
     Split,
 };
+use somersault_core::argument::ArgumentError;
 use somersault_testkit::trees::{Case, Random, cases};
 
 fn duals(x: &[f64]) -> Vec<Dual64> {
@@ -278,7 +279,8 @@ fn derivatives_refuse_bad_arguments() {
     let (q, v) = (model.neutral(), vec![0.0; n]);
     let mut work = DerivativeData::new(&model);
     let short = &v[1..];
-    let length = |argument| DynamicsError::Length { argument, expected: n, found: n - 1 };
+    let length =
+        |argument| DynamicsError::Argument(ArgumentError::Length { argument, expected: n, found: n - 1 });
     let split = Split::new(vec![true; n]);
     assert_eq!(model.inverse_dynamics_partials(&mut work, &q, &v, short, &[]).unwrap_err(), length("a"));
     assert_eq!(model.forward_dynamics_partials(&mut work, &q, &v, short, &[]).unwrap_err(), length("torque"));

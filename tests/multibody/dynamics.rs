@@ -7,6 +7,7 @@ use somersault::multibody::{
     Axes, Data, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError, Split,
     Transform,
 };
+use somersault_core::argument::ArgumentError;
 use somersault_testkit::trees::{Case, Random, cases, humanoid, random_configuration};
 
 fn largest(x: &[f64]) -> f64 {
@@ -582,7 +583,8 @@ fn a_motion_without_inertia_is_an_error_that_names_the_joint() {
 fn arguments_of_the_wrong_length_are_named() {
     let model = CartPendulum::default().model().unwrap();
     let mut data = Data::new(&model);
-    let wrong = |argument, found| DynamicsError::Length { argument, expected: 2, found };
+    let wrong =
+        |argument, found| DynamicsError::Argument(ArgumentError::Length { argument, expected: 2, found });
     let found = model.inverse_dynamics(&mut data, &[0.0], &[0.0; 2], &[0.0; 2], &[]);
     assert_eq!(found.unwrap_err(), wrong("q", 1));
     let found = model.forward_dynamics(&mut data, &[0.0; 2], &[0.0; 3], &[0.0; 2], &[]);

@@ -9,6 +9,7 @@ use somersault::multibody::models::Diver;
 use somersault::multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
 use somersault::multibody::{Data, DynamicsError, Joint, Link, MassProperties, Model, ModelBuilder, Split};
 use somersault::prelude::*;
+use somersault_core::argument::ArgumentError;
 use somersault_testkit::order::{Sampling, estimate};
 use somersault_testkit::trees::{Random, humanoid, random_configuration};
 use std::f64::consts::PI;
@@ -784,7 +785,9 @@ fn what_cannot_fly_is_refused_by_name() {
         assert_eq!(Flight::try_new(&model, bad).unwrap_err(), FlightError::NonFinite { argument });
     }
     let found = Flight::from_state(&model, 0.0, &[0.0; 6], &[0.0; 6]).unwrap_err();
-    let wrong = |argument, expected, found| DynamicsError::Length { argument, expected, found };
+    let wrong = |argument, expected, found| {
+        DynamicsError::Argument(ArgumentError::Length { argument, expected, found })
+    };
     assert_eq!(found, FlightError::Dynamics(wrong("q", 7, 6)));
     let flight = Flight::try_new(&model, start).unwrap();
     let other = humanoid().unwrap();

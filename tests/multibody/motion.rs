@@ -13,6 +13,7 @@ use somersault::multibody::{
     Data, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, Split, Velocities,
 };
 use somersault::prelude::*;
+use somersault_core::argument::ArgumentError;
 use somersault_testkit::order::{OrderEstimate, Sampling, estimate};
 use somersault_testkit::trees::{Random, humanoid, random_configuration, random_tree};
 use std::f64::consts::PI;
@@ -514,7 +515,11 @@ fn a_motion_that_has_no_acceleration_names_the_joint() {
     let other = humanoid().unwrap();
     let foreign = tumbling(&other);
     let found = run(&foreign).unwrap_err();
-    let expected = DynamicsError::Length { argument: "positions of x", expected: 1, found: 25 + 5 };
+    let expected = DynamicsError::Argument(ArgumentError::Length {
+        argument: "positions of x",
+        expected: 1,
+        found: 25 + 5,
+    });
     assert!(matches!(&found, MotionError::Dynamics { source, .. } if *source == expected), "{found}");
 }
 
@@ -522,7 +527,9 @@ fn a_motion_that_has_no_acceleration_names_the_joint() {
 fn states_of_the_wrong_shape_are_refused() {
     let model = floating_tree(Vector3::zeros());
     let (q, v) = (model.neutral(), vec![0.0; model.n_velocities()]);
-    let wrong = |argument, expected, found| DynamicsError::Length { argument, expected, found };
+    let wrong = |argument, expected, found| {
+        DynamicsError::Argument(ArgumentError::Length { argument, expected, found })
+    };
     assert_eq!(model.state(&q[1..], &v).unwrap_err(), wrong("q", 16, 15));
     assert_eq!(model.state(&q, &v[1..]).unwrap_err(), wrong("v", 13, 12));
     let mut no_rotation = q.clone();

@@ -4,6 +4,7 @@ use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::system::RigidBodiesSystem;
 use somersault::prelude::*;
+use somersault_core::argument::ArgumentError;
 
 fn body() -> RigidBody {
     RigidBody::try_box(1.0, Vector3::new(0.2, 0.4, 0.6)).unwrap()
@@ -17,15 +18,15 @@ fn run(state: &RigidBodyState, forces: impl ForceModel) -> Result<(), IntegrateE
 
 #[test]
 fn intervals_and_steps() {
-    use IntegrateError::{Interval, NotPositive, TooManySteps};
+    use IntegrateError::{Argument, Interval, TooManySteps};
     let grid = |a, b, h| TimeGrid::try_new(a, b, h).unwrap_err();
     assert!(matches!(grid(1.0, 0.0, 0.1), Interval { start: 1.0, end: 0.0 }));
     assert!(matches!(grid(1.0, 1.0, 0.1), Interval { .. }));
     assert!(matches!(grid(f64::NAN, 1.0, 0.1), Interval { .. }));
     assert!(matches!(grid(0.0, f64::INFINITY, 0.1), Interval { .. }));
-    assert!(matches!(grid(0.0, 1.0, 0.0), NotPositive { argument: "dt", .. }));
-    assert!(matches!(grid(0.0, 1.0, -0.1), NotPositive { argument: "dt", .. }));
-    assert!(matches!(grid(0.0, 1.0, f64::NAN), NotPositive { argument: "dt", .. }));
+    assert!(matches!(grid(0.0, 1.0, 0.0), Argument(ArgumentError::NotPositive { argument: "dt", .. })));
+    assert!(matches!(grid(0.0, 1.0, -0.1), Argument(ArgumentError::NotPositive { argument: "dt", .. })));
+    assert!(matches!(grid(0.0, 1.0, f64::NAN), Argument(ArgumentError::NotPositive { argument: "dt", .. })));
     assert!(matches!(grid(0.0, 1.0, 1e-300), TooManySteps { .. }));
     assert!(matches!(grid(1e16, 1e16 + 4.0, 0.1), TooManySteps { .. }));
     assert_eq!(grid(0.0, 1.0, -0.1).to_string(), "`dt` must be positive and finite, found -0.1");
@@ -105,7 +106,7 @@ fn adaptive_settings() {
     ));
     let Some(method) = Method::ALL.into_iter().find(|m| m.info().embedded.is_some()) else { return };
     let wrong = |control| match adapt(method, (0.0, 1.0), control) {
-        Err(IntegrateError::NotPositive { argument, .. }) => argument,
+        Err(IntegrateError::Argument(ArgumentError::NotPositive { argument, .. })) => argument,
         other => panic!("{other:?}"),
     };
     assert_eq!(wrong(Adaptive::with_tolerances(0.0, 1e-9)), "relative");

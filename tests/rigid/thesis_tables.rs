@@ -23,6 +23,7 @@ use somersault::integrators::studies::work_precision::{StepChoice, work_precisio
 use somersault::integrators::studies::{StudyError, silent};
 use somersault::integrators::system::{StateOf, System};
 use somersault::prelude::*;
+use somersault_core::argument::ArgumentError;
 use std::f64::consts::{PI, SQRT_2};
 use std::sync::LazyLock;
 
@@ -637,14 +638,20 @@ fn bad_arguments_are_named() {
         change(&mut setup);
         energy(Method::Euler, &setup, &bodies, &mut silent).unwrap_err()
     };
-    assert!(matches!(run(&|s| s.dt = 0.0), StudyError::NotPositive { argument: "dt", .. }));
-    assert!(matches!(run(&|s| s.dt = f64::NAN), StudyError::NotPositive { argument: "dt", .. }));
+    assert!(matches!(
+        run(&|s| s.dt = 0.0),
+        StudyError::Argument(ArgumentError::NotPositive { argument: "dt", .. })
+    ));
+    assert!(matches!(
+        run(&|s| s.dt = f64::NAN),
+        StudyError::Argument(ArgumentError::NotPositive { argument: "dt", .. })
+    ));
     assert!(matches!(run(&|s| s.steps.clear()), StudyError::Empty { argument: "steps" }));
     assert!(matches!(run(&|s| s.steps = vec![2, 2]), StudyError::NotIncreasing { argument: "steps" }));
     assert!(matches!(run(&|s| s.steps = vec![0, 2]), StudyError::NotIncreasing { argument: "steps" }));
     assert!(matches!(
         run(&|s| s.angular_velocity = Vector3::zeros()),
-        StudyError::NotPositive { argument: "angular_velocity", .. }
+        StudyError::Argument(ArgumentError::NotPositive { argument: "angular_velocity", .. })
     ));
     let none = energy(Method::Euler, &EnergySetup::thesis(), &prisms(0).unwrap(), &mut silent);
     assert_eq!(none.unwrap_err(), StudyError::Empty { argument: "bodies" });
@@ -653,25 +660,40 @@ fn bad_arguments_are_named() {
     let dts =
         |dts: &[f64]| convergence(&problem, Method::Euler, Options::default(), dts, &mut silent).unwrap_err();
     assert_eq!(dts(&[]), StudyError::Empty { argument: "dts" });
-    assert!(matches!(dts(&[0.1, -0.1]), StudyError::NotPositive { argument: "dts", .. }));
+    assert!(matches!(
+        dts(&[0.1, -0.1]),
+        StudyError::Argument(ArgumentError::NotPositive { argument: "dts", .. })
+    ));
     assert!(matches!(dts(&[1e-300]), StudyError::Integrate(_)));
     let work = |choices: &[StepChoice]| {
         work_precision(&problem, Method::Euler, Options::default(), choices, 0, &mut silent).unwrap_err()
     };
     assert_eq!(work(&[]), StudyError::Empty { argument: "choices" });
-    assert!(matches!(work(&[StepChoice::Fixed(0.0)]), StudyError::NotPositive { argument: "dt", .. }));
+    assert!(matches!(
+        work(&[StepChoice::Fixed(0.0)]),
+        StudyError::Argument(ArgumentError::NotPositive { argument: "dt", .. })
+    ));
     assert!(matches!(
         work(&[StepChoice::Tolerance(f64::INFINITY)]),
-        StudyError::NotPositive { argument: "tolerance", .. }
+        StudyError::Argument(ArgumentError::NotPositive { argument: "tolerance", .. })
     ));
     let at = |re, im| spectral_radius(Method::Euler, Options::default(), Lambda { re, im }).unwrap_err();
-    assert!(matches!(at(f64::NAN, 0.0), StudyError::NotFinite { argument: "re", .. }));
-    assert!(matches!(at(0.0, f64::INFINITY), StudyError::NotFinite { argument: "im", .. }));
+    assert!(matches!(
+        at(f64::NAN, 0.0),
+        StudyError::Argument(ArgumentError::NonFinite { argument: "re", .. })
+    ));
+    assert!(matches!(
+        at(0.0, f64::INFINITY),
+        StudyError::Argument(ArgumentError::NonFinite { argument: "im", .. })
+    ));
     let empty = raster(Method::Euler, Options::default(), &[], &[0.0], &mut silent).unwrap_err();
     assert_eq!(empty, StudyError::Empty { argument: "re" });
     let end = *problem.reference();
     let backwards = Problem::try_new(*problem.system(), *problem.initial(), -1.0, end);
-    assert!(matches!(backwards, Err(StudyError::NotPositive { argument: "t_end", .. })));
+    assert!(matches!(
+        backwards,
+        Err(StudyError::Argument(ArgumentError::NotPositive { argument: "t_end", .. }))
+    ));
 }
 
 #[test]

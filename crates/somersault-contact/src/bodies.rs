@@ -1,7 +1,7 @@
 //! Contacts of several bodies, with surfaces and with each other.
 
 use crate::contacts::{Contact, about_centre, event_kind, is_free, without_stretch};
-use crate::error::{ContactError, finite, positive};
+use crate::error::{ContactError, finite};
 use crate::event::EventKind;
 use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
@@ -9,6 +9,7 @@ use crate::stretches::Touching;
 use crate::surface::SurfaceFault;
 use crate::sweep::{BodySweep, Sweep};
 use nalgebra::Vector3;
+use somersault_core::argument::expect_positive;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::force::{ForceModel, Wrench};
@@ -26,7 +27,7 @@ pub struct BodySphere {
 impl BodySphere {
     /// The body's index, and centre (body frame, from the centre of mass) and radius, m.
     pub fn try_new(body: usize, centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
-        Ok(Self { body, centre: finite("centre", centre)?, radius: positive("radius", radius)? })
+        Ok(Self { body, centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? })
     }
 
     /// The lever arm of the centre, world frame.

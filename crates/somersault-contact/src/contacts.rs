@@ -1,6 +1,6 @@
 //! Contacts of a body with surfaces, as a force and as a system with modes.
 
-use crate::error::{ContactError, direction, finite, positive};
+use crate::error::{ContactError, direction, finite};
 use crate::event::EventKind;
 use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
@@ -12,6 +12,7 @@ use crate::surface::{self, HalfSpace, Surface, SurfaceFault, check_slope};
 use crate::sweep::{BodySweep, Sweep};
 use crate::touch::{Motion, Touch};
 use nalgebra::Vector3;
+use somersault_core::argument::expect_positive;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::force::{ForceModel, Wrench};
@@ -54,7 +55,8 @@ impl Contact {
         surface: Arc<dyn Surface>,
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
-        let shape = Shape::Ball { centre: finite("centre", centre)?, radius: positive("radius", radius)? };
+        let shape =
+            Shape::Ball { centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? };
         Ok(Self::new(shape, surface, law.into()))
     }
 
@@ -67,7 +69,7 @@ impl Contact {
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
         let (centre, axis) = (finite("centre", centre)?, direction("axis", axis)?);
-        let shape = Shape::Rim { centre, axis, radius: positive("radius", radius)? };
+        let shape = Shape::Rim { centre, axis, radius: expect_positive("radius", radius)? };
         Ok(Self::new(shape, Arc::new(plane), law.into()))
     }
 

@@ -1,25 +1,14 @@
 //! Errors of what users give.
 
+use somersault_core::argument::ArgumentError;
+
 /// Why a law, a surface, a contact or a model body cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ContactError {
-    /// A number that must be positive is not.
-    #[error("`{argument}` must be positive and finite, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: &'static str,
-        /// The value given.
-        found: f64,
-    },
-    /// A number that must not be negative is.
-    #[error("`{argument}` must be finite and not negative, found {found}")]
-    Negative {
-        /// Name of the argument.
-        argument: &'static str,
-        /// The value given.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A coefficient of restitution that this law cannot have.
     #[error("`restitution` must be above 0 and at most 1, found {found}")]
     Restitution {
@@ -82,22 +71,6 @@ pub enum ContactError {
         /// The value given.
         found: [f64; 3],
     },
-}
-
-pub(crate) fn positive(argument: &'static str, found: f64) -> Result<f64, ContactError> {
-    if found.is_finite() && found > 0.0 {
-        Ok(found)
-    } else {
-        Err(ContactError::NotPositive { argument, found })
-    }
-}
-
-pub(crate) fn not_negative(argument: &'static str, found: f64) -> Result<f64, ContactError> {
-    if found.is_finite() && found >= 0.0 {
-        Ok(found)
-    } else {
-        Err(ContactError::Negative { argument, found })
-    }
 }
 
 pub(crate) fn finite(

@@ -11,9 +11,10 @@
 //! O. D. L. Strack, Géotechnique 29 (1979) 47, P. R. Dahl, AIAA J. 14 (1976) 1675; the resistances: K. L. Johnson,
 //! *Contact Mechanics*, 1985.
 
-use crate::error::{ContactError, not_negative, positive};
+use crate::error::ContactError;
 use crate::interface::Encounter;
 use nalgebra::Vector3;
+use somersault_core::argument::{expect_not_negative, expect_positive};
 
 /// Friction of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -119,8 +120,8 @@ pub struct RegularisedFriction {
 impl RegularisedFriction {
     /// Coefficient μ ≥ 0 and the speed v_ε > 0 (m/s) over which the force builds up.
     pub fn try_new(coefficient: f64, speed: f64) -> Result<Self, ContactError> {
-        let coefficient = not_negative("coefficient", coefficient)?;
-        Ok(Self { coefficient, speed: positive("speed", speed)? })
+        let coefficient = expect_not_negative("coefficient", coefficient)?;
+        Ok(Self { coefficient, speed: expect_positive("speed", speed)? })
     }
 
     /// μ.
@@ -170,12 +171,12 @@ pub struct CoulombFriction {
 impl CoulombFriction {
     /// Coefficient μ ≥ 0, stiffness k ≥ 0 (N/m) and damping c > 0 (N s/m).
     pub fn try_new(coefficient: f64, stiffness: f64, damping: f64) -> Result<Self, ContactError> {
-        let coefficient = not_negative("coefficient", coefficient)?;
+        let coefficient = expect_not_negative("coefficient", coefficient)?;
         Ok(Self {
             coefficient,
             holding: coefficient,
-            stiffness: not_negative("stiffness", stiffness)?,
-            damping: positive("damping", damping)?,
+            stiffness: expect_not_negative("stiffness", stiffness)?,
+            damping: expect_positive("damping", damping)?,
         })
     }
 
@@ -187,8 +188,8 @@ impl CoulombFriction {
         mass: f64,
         damping_ratio: f64,
     ) -> Result<Self, ContactError> {
-        let (stiffness, mass) = (positive("stiffness", stiffness)?, positive("mass", mass)?);
-        let ratio = positive("damping_ratio", damping_ratio)?;
+        let (stiffness, mass) = (expect_positive("stiffness", stiffness)?, expect_positive("mass", mass)?);
+        let ratio = expect_positive("damping_ratio", damping_ratio)?;
         Self::try_new(coefficient, stiffness, 2.0 * ratio * (stiffness * mass).sqrt())
     }
 
@@ -306,9 +307,9 @@ impl Resistance {
     /// uniform pressure has s = ⅔ μ a.
     pub fn try_new(rolling: f64, spinning: f64, speed: f64) -> Result<Self, ContactError> {
         Ok(Self {
-            rolling: not_negative("rolling", rolling)?,
-            spinning: not_negative("spinning", spinning)?,
-            speed: positive("speed", speed)?,
+            rolling: expect_not_negative("rolling", rolling)?,
+            spinning: expect_not_negative("spinning", spinning)?,
+            speed: expect_positive("speed", speed)?,
         })
     }
 

@@ -16,9 +16,10 @@
 //!
 //! K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440; H. Hertz, J. reine angew. Math. 92 (1882) 156.
 
-use crate::error::{ContactError, not_negative, positive};
+use crate::error::ContactError;
 use crate::hybrid::Guard;
 use crate::normal::Stiffest;
+use somersault_core::argument::{expect_not_negative, expect_positive};
 use somersault_core::quadrature::GAUSS_3;
 use somersault_core::roots;
 use std::convert::Infallible;
@@ -33,7 +34,7 @@ pub struct Elastic {
 impl Elastic {
     /// Young's modulus E > 0 (Pa) and Poisson's ratio −1 < ν ≤ ½.
     pub fn try_new(young_modulus: f64, poisson_ratio: f64) -> Result<Self, ContactError> {
-        let young_modulus = positive("young_modulus", young_modulus)?;
+        let young_modulus = expect_positive("young_modulus", young_modulus)?;
         if poisson_ratio > -1.0 && poisson_ratio <= 0.5 {
             Ok(Self { young_modulus, poisson_ratio })
         } else {
@@ -59,7 +60,10 @@ impl HuntCrossley {
     ///
     /// α is the slope of the restitution, e = 1 − α v + O(v²) at the speed v of the impact.
     pub fn try_new(stiffness: f64, damping: f64) -> Result<Self, ContactError> {
-        Ok(Self { stiffness: positive("stiffness", stiffness)?, damping: not_negative("damping", damping)? })
+        Ok(Self {
+            stiffness: expect_positive("stiffness", stiffness)?,
+            damping: expect_not_negative("damping", damping)?,
+        })
     }
 
     /// Two bodies of given materials by Hertz, k = ⁴⁄₃ E √R with 1/E = Σ (1 − νᵢ²)/Eᵢ, and α (s/m).
@@ -70,7 +74,7 @@ impl HuntCrossley {
         effective_radius: f64,
         damping: f64,
     ) -> Result<Self, ContactError> {
-        let radius = positive("effective_radius", effective_radius)?;
+        let radius = expect_positive("effective_radius", effective_radius)?;
         let modulus = 1.0 / (materials[0].compliance() + materials[1].compliance());
         Self::try_new(4.0 / 3.0 * modulus * radius.sqrt(), damping)
     }
@@ -78,7 +82,7 @@ impl HuntCrossley {
     /// From stiffness and the coefficient of restitution 0 < e ≤ 1 of a central impact at `speed` (m/s)
     /// under no other force; see [`restitution`].
     pub fn from_restitution(stiffness: f64, restitution: f64, speed: f64) -> Result<Self, ContactError> {
-        let speed = positive("speed", speed)?;
+        let speed = expect_positive("speed", speed)?;
         Self::try_new(stiffness, impact_number(restitution)? / (1.5 * speed))
     }
 
@@ -94,7 +98,7 @@ impl HuntCrossley {
 
     /// Coefficient of restitution of a central impact at `speed` (m/s) under no other force.
     pub fn restitution(&self, speed: f64) -> Result<f64, ContactError> {
-        restitution(1.5 * self.damping * not_negative("speed", speed)?)
+        restitution(1.5 * self.damping * expect_not_negative("speed", speed)?)
     }
 
     /// k x^{3/2} (1 − 3/2 α Δẋ), zero above the surface: the force frozen in contact.
@@ -176,7 +180,7 @@ fn mismatch(restitution: f64, u: f64) -> f64 {
 /// m ẋ dẋ/dx = −k x^{3/2} (1 + 3/2 α ẋ), integrated from x = 0 to x = 0: neither mass nor stiffness
 /// matters. e = 1 − ⅔ u + …, the relation that Hunt and Crossley give, for small u.
 pub fn restitution(impact_number: f64) -> Result<f64, ContactError> {
-    let u = not_negative("impact_number", impact_number)?;
+    let u = expect_not_negative("impact_number", impact_number)?;
     if u == 0.0 {
         return Ok(1.0);
     }

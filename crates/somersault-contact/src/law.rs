@@ -8,9 +8,10 @@
 //! damping happens below the surface. At touch-down the force jumps to −c Δẋ; at release it is continuous
 //! and its slope jumps.
 
-use crate::error::{ContactError, not_negative, positive};
+use crate::error::ContactError;
 use crate::hybrid::Guard;
 use crate::normal::Stiffest;
+use somersault_core::argument::{expect_not_negative, expect_positive};
 use somersault_core::roots;
 use std::convert::Infallible;
 
@@ -24,14 +25,17 @@ pub struct CompliantLaw {
 impl CompliantLaw {
     /// Stiffness k > 0 (N/m) and damping c ≥ 0 (N s/m).
     pub fn try_new(stiffness: f64, damping: f64) -> Result<Self, ContactError> {
-        Ok(Self { stiffness: positive("stiffness", stiffness)?, damping: not_negative("damping", damping)? })
+        Ok(Self {
+            stiffness: expect_positive("stiffness", stiffness)?,
+            damping: expect_not_negative("damping", damping)?,
+        })
     }
 
     /// From the natural frequency ωₙ (rad/s) and the damping ratio ζ ≥ 0 of a mass (kg) on the contact:
     /// k = m ωₙ², c = 2 m ωₙ ζ, thesis 7.3.2.
     pub fn from_frequency(mass: f64, frequency: f64, damping_ratio: f64) -> Result<Self, ContactError> {
-        let (mass, frequency) = (positive("mass", mass)?, positive("frequency", frequency)?);
-        let ratio = not_negative("damping_ratio", damping_ratio)?;
+        let (mass, frequency) = (expect_positive("mass", mass)?, expect_positive("frequency", frequency)?);
+        let ratio = expect_not_negative("damping_ratio", damping_ratio)?;
         Self::try_new(mass * frequency * frequency, 2.0 * mass * frequency * ratio)
     }
 
@@ -44,8 +48,8 @@ impl CompliantLaw {
         stiffness: f64,
         restitution: f64,
     ) -> Result<Self, ContactError> {
-        let mass = positive("effective_mass", effective_mass)?;
-        let stiffness = positive("stiffness", stiffness)?;
+        let mass = expect_positive("effective_mass", effective_mass)?;
+        let stiffness = expect_positive("stiffness", stiffness)?;
         let ratio = damping_ratio(restitution)?;
         Self::try_new(stiffness, 2.0 * ratio * (stiffness * mass).sqrt())
     }
@@ -62,7 +66,7 @@ impl CompliantLaw {
 
     /// Coefficient of restitution in a central impact of an effective mass (kg) under no other force.
     pub fn restitution(&self, effective_mass: f64) -> Result<f64, ContactError> {
-        let mass = positive("effective_mass", effective_mass)?;
+        let mass = expect_positive("effective_mass", effective_mass)?;
         restitution(self.damping / (2.0 * (self.stiffness * mass).sqrt()))
     }
 
@@ -132,7 +136,7 @@ fn half_phase(ratio: f64) -> f64 {
 /// Δẋ = −e^{−ζ ωₙ t} Δẋ(0). Analytic through ζ = 1; falls from 1 to 0 as 1/(4ζ²). Release at zero
 /// penetration, the more common formula exp(−π ζ/√(1 − ζ²)), lets the damper pull.
 pub fn restitution(damping_ratio: f64) -> Result<f64, ContactError> {
-    let ratio = not_negative("damping_ratio", damping_ratio)?;
+    let ratio = expect_not_negative("damping_ratio", damping_ratio)?;
     Ok((-2.0 * ratio * half_phase(ratio)).exp())
 }
 

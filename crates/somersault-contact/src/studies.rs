@@ -29,7 +29,8 @@ use crate::driver::integrate_located;
 use crate::event::{Interruption, Location};
 use crate::hybrid::HybridBodies;
 use crate::models::SpinningTop;
-use somersault_integrators::driver::{Flow, IntegrateError, TimeGrid, check_positive};
+use somersault_core::argument::expect_positive;
+use somersault_integrators::driver::{Flow, IntegrateError, TimeGrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::studies::order::{
@@ -119,10 +120,10 @@ pub fn convergence<H: HybridBodies>(
     if dts.is_empty() {
         return Err(StudyError::Empty { argument: "dts" });
     }
-    check_positive("sizes", f64::from(sizes))?;
+    expect_positive("sizes", f64::from(sizes)).map_err(IntegrateError::from)?;
     let mut measured = Vec::with_capacity(dts.len());
     for &dt in dts {
-        check_positive("dts", dt)?;
+        expect_positive("dts", dt).map_err(IntegrateError::from)?;
         let mut logarithms = [0.0; 4];
         for i in 0..sizes {
             let dt = dt * 0.5f64.powf(f64::from(i) / f64::from(sizes));

@@ -1,7 +1,8 @@
 //! Smooth surfaces as signed distances.
 
-use crate::error::{ContactError, direction, finite, positive};
+use crate::error::{ContactError, direction, finite};
 use nalgebra::{Matrix3, Unit, Vector3};
+use somersault_core::argument::expect_positive;
 
 /// Distance of a point from a surface, negative inside, and its gradient there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -262,7 +263,7 @@ pub struct Sphere {
 impl Sphere {
     /// Centre and radius, m.
     pub fn try_new(centre: Vector3<f64>, radius: f64, solid: Solid) -> Result<Self, ContactError> {
-        Ok(Self { centre: finite("centre", centre)?, radius: positive("radius", radius)?, solid })
+        Ok(Self { centre: finite("centre", centre)?, radius: expect_positive("radius", radius)?, solid })
     }
 }
 
@@ -302,7 +303,7 @@ impl Cylinder {
         Ok(Self {
             centre: finite("centre", centre)?,
             axis: direction("axis", axis)?,
-            radius: positive("radius", radius)?,
+            radius: expect_positive("radius", radius)?,
             solid,
         })
     }

@@ -18,6 +18,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod argument;
 pub mod double_double;
 pub mod elliptic;
 mod inertia;

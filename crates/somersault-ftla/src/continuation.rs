@@ -12,6 +12,7 @@ use crate::flow::{FlowError, Work};
 use crate::shooting::{End, Extremal, Shooting, ShootingError, Status};
 use crate::system::VectorField;
 use nalgebra::SVector;
+use somersault_core::argument::ArgumentError;
 use std::fmt;
 
 /// One member of a family.
@@ -190,15 +191,15 @@ impl Continuation {
         fractions: &[f64],
     ) -> Result<Continued<N>, ShootingError> {
         if stages.len() < 2 {
-            return Err(ShootingError::Length { argument: "stages", expected: 2, found: stages.len() });
+            return Err(ArgumentError::Length { argument: "stages", expected: 2, found: stages.len() }.into());
         }
         for end in stages.iter().flatten() {
             if end.len() != N / 2 {
                 let (expected, found) = (N / 2, end.len());
-                return Err(ShootingError::Length { argument: "stages", expected, found });
+                return Err(ArgumentError::Length { argument: "stages", expected, found }.into());
             }
             if let Some(&found) = end.iter().find(|x| !x.is_finite()) {
-                return Err(ShootingError::Argument { argument: "stages", allowed: "finite", found });
+                return Err(ArgumentError::OutOfRange { argument: "stages", allowed: "finite", found }.into());
             }
         }
         let at_rest = rest_of(system, stages)?;
@@ -240,7 +241,11 @@ impl Continuation {
                 break;
             }
         }
-        total.ok_or(ShootingError::Length { argument: "stages", expected: 2, found: stages.len() })
+        total.ok_or(ShootingError::Argument(ArgumentError::Length {
+            argument: "stages",
+            expected: 2,
+            found: stages.len(),
+        }))
     }
 
     /// Follows `family` from nodes that solve the member s = 0; `fractions` ascend from 0 to 1.

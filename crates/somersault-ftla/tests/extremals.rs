@@ -4,6 +4,7 @@ mod common;
 
 use common::{arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2, Vector4};
+use somersault_core::argument::ArgumentError;
 use somersault_ftla::cold_start::{ArmTravel, TreeTravel};
 use somersault_ftla::continuation::{Continuation, Stage};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
@@ -200,14 +201,23 @@ fn what_does_not_converge_has_a_status_and_what_is_malformed_an_error() {
 
     let solve =
         |times: &[f64], nodes: &[SVector<f64, 8>]| Shooting::default().solve(&arm, &ends, times, nodes).err();
-    assert!(matches!(solve(&times[..4], &nodes), Some(ShootingError::Length { argument: "nodes", .. })));
-    assert!(matches!(solve(&[0.0], &nodes[..1]), Some(ShootingError::Length { argument: "times", .. })));
+    assert!(matches!(
+        solve(&times[..4], &nodes),
+        Some(ShootingError::Argument(ArgumentError::Length { argument: "nodes", .. }))
+    ));
+    assert!(matches!(
+        solve(&[0.0], &nodes[..1]),
+        Some(ShootingError::Argument(ArgumentError::Length { argument: "times", .. }))
+    ));
     assert!(matches!(
         solve(&[0.0, 0.0], &nodes[..2]),
-        Some(ShootingError::Argument { argument: "times", .. })
+        Some(ShootingError::Argument(ArgumentError::OutOfRange { argument: "times", .. }))
     ));
     let nan = [SVector::repeat(f64::NAN); 2];
-    assert!(matches!(solve(&[0.0, 1.0], &nan), Some(ShootingError::Argument { argument: "nodes", .. })));
+    assert!(matches!(
+        solve(&[0.0, 1.0], &nan),
+        Some(ShootingError::Argument(ArgumentError::OutOfRange { argument: "nodes", .. }))
+    ));
     let length = End::<8>::try_state(&[0.0; 3]).expect_err("three states");
     assert_eq!(length.to_string(), "`x` must have 4 entries, found 3");
     assert!(End::<8>::try_state(&[f64::NAN; 4]).is_err());
@@ -290,10 +300,16 @@ fn travels_without_sense_are_errors_and_impossible_ones_have_a_status() {
     let thesis = ArmTravel::default();
     let solve = |travel: ArmTravel| travel.solve(&Continuation::default());
     for horizon in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e9] {
-        assert!(matches!(solve(ArmTravel { horizon, ..thesis }), Err(ShootingError::Argument { .. })));
+        assert!(matches!(
+            solve(ArmTravel { horizon, ..thesis }),
+            Err(ShootingError::Argument(ArgumentError::OutOfRange { .. }))
+        ));
     }
     let nan = ArmTravel { initial: [f64::NAN, 0.0], ..thesis };
-    assert!(matches!(solve(nan), Err(ShootingError::Argument { argument: "initial", .. })));
+    assert!(matches!(
+        solve(nan),
+        Err(ShootingError::Argument(ArgumentError::OutOfRange { argument: "initial", .. }))
+    ));
     assert!(solve(ArmTravel { fold: f64::NAN, ..thesis }).is_err());
     // a hundredth of the torque that the travel takes
     let system = thesis.system.try_with_torque_limits([0.003, 0.002]).expect("positive");

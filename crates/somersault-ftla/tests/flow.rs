@@ -4,6 +4,7 @@ mod common;
 
 use common::{Random, START};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use somersault_core::argument::ArgumentError;
 use somersault_ftla::flow::{Chain, FlowError, Tolerances, VariationalFlow};
 use somersault_ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, VectorField,
@@ -217,22 +218,40 @@ fn arguments_out_of_range_are_named() {
     let bad = |relative, absolute| {
         VariationalFlow::try_new(&LinearRegulator, Tolerances { relative, absolute }).err()
     };
-    assert!(matches!(bad(0.0, 0.0), Some(FlowError::Argument { argument: "relative", .. })));
-    assert!(matches!(bad(f64::NAN, 0.0), Some(FlowError::Argument { argument: "relative", .. })));
-    assert!(matches!(bad(1e-9, -1.0), Some(FlowError::Argument { argument: "absolute", .. })));
+    assert!(matches!(
+        bad(0.0, 0.0),
+        Some(FlowError::Argument(ArgumentError::OutOfRange { argument: "relative", .. }))
+    ));
+    assert!(matches!(
+        bad(f64::NAN, 0.0),
+        Some(FlowError::Argument(ArgumentError::OutOfRange { argument: "relative", .. }))
+    ));
+    assert!(matches!(
+        bad(1e-9, -1.0),
+        Some(FlowError::Argument(ArgumentError::OutOfRange { argument: "absolute", .. }))
+    ));
     let flow = VariationalFlow::try_new(&LinearRegulator, Tolerances::default()).expect("in range");
     let p = Vector2::new(1.0, 0.0);
-    assert!(matches!(flow.state(&p, f64::INFINITY), Err(FlowError::Argument { argument: "duration", .. })));
+    assert!(matches!(
+        flow.state(&p, f64::INFINITY),
+        Err(FlowError::Argument(ArgumentError::OutOfRange { argument: "duration", .. }))
+    ));
     let nan = Vector2::new(f64::NAN, 0.0);
-    assert!(matches!(flow.state(&nan, 1.0), Err(FlowError::Argument { argument: "p", .. })));
+    assert!(matches!(
+        flow.state(&nan, 1.0),
+        Err(FlowError::Argument(ArgumentError::OutOfRange { argument: "p", .. }))
+    ));
     let mut chain = Chain::new();
     for times in [&[][..], &[1.0, 0.5], &[-1.0, 1.0], &[0.0, 1.0], &[f64::NAN]] {
         let error = flow.chain_into(&p, times, 1e3, &mut chain);
-        assert!(matches!(error, Err(FlowError::Argument { argument: "times", .. })), "{times:?}");
+        assert!(
+            matches!(error, Err(FlowError::Argument(ArgumentError::OutOfRange { argument: "times", .. }))),
+            "{times:?}"
+        );
     }
     assert!(matches!(
         flow.chain_into(&p, &[1.0], 1.0, &mut chain),
-        Err(FlowError::Argument { argument: "growth", .. })
+        Err(FlowError::Argument(ArgumentError::OutOfRange { argument: "growth", .. }))
     ));
 }
 

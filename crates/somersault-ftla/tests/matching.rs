@@ -3,6 +3,7 @@
 mod common;
 
 use common::arm_nodes;
+use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::Limits;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::matching::{GridSearch, LeastSquares, MatchStatus, Matching, MatchingError};
@@ -98,9 +99,15 @@ fn searches_without_a_start_say_so_and_malformed_ones_are_errors() {
     assert_eq!((found.status, found.branches), (MatchStatus::NoStart, 2));
     let near = matching(loose(&arm), [&GUESS[0], &GUESS[1]]);
     let wrong = LeastSquares { conserved: vec![1], ..LeastSquares::default() }.run(&near);
-    assert!(matches!(wrong, Err(MatchingError::Argument { argument: "conserved", .. })));
+    assert!(matches!(
+        wrong,
+        Err(MatchingError::Argument(ArgumentError::OutOfRange { argument: "conserved", .. }))
+    ));
     let wrong = GridSearch::default().run(&near);
-    assert!(matches!(wrong, Err(MatchingError::Length { argument: "spacing", expected: 2, found: 0 })));
+    assert!(matches!(
+        wrong,
+        Err(MatchingError::Argument(ArgumentError::Length { argument: "spacing", expected: 2, found: 0 }))
+    ));
     assert!(near.clone().try_with_course(11.0, &[]).is_err());
     assert!(near.try_with_course(5.0, &[4.0, 2.0]).is_err());
 }

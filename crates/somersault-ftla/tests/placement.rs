@@ -4,6 +4,7 @@ mod common;
 
 use common::{Random, START, arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2};
+use somersault_core::argument::ArgumentError;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::placement::{Method, Placement, PlacementError, PlacementStatus, Schedule};
 use somersault_ftla::spectrum::{SplittingDims, TimeDirection, diagnose, spectra};
@@ -146,8 +147,14 @@ fn arguments_out_of_range_are_named() {
     let of =
         |held: &[usize]| Placement::try_new::<8>(TimeDirection::Forward, ARM_DIMS, held, schedule()).err();
     assert_eq!(of(&[0]), Some(PlacementError::Held { held: 1, fast: 2, expected: 4 }));
-    assert!(matches!(of(&[0, 4]), Some(PlacementError::Argument { argument: "held", .. })));
-    assert!(matches!(of(&[1, 1]), Some(PlacementError::Argument { argument: "held", .. })));
+    assert!(matches!(
+        of(&[0, 4]),
+        Some(PlacementError::Argument(ArgumentError::OutOfRange { argument: "held", .. }))
+    ));
+    assert!(matches!(
+        of(&[1, 1]),
+        Some(PlacementError::Argument(ArgumentError::OutOfRange { argument: "held", .. }))
+    ));
     let dims = SplittingDims { stable: 2, center: 2, unstable: 2 };
     let error = Placement::try_new::<8>(TimeDirection::Forward, dims, &[0, 2], schedule()).expect_err("six");
     assert_eq!(error.to_string(), "the dimensions 2 + 2 + 2 must add up to 8");

@@ -4,6 +4,7 @@ mod common;
 
 use common::{ArmProblem, arm_nodes};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::{Limit, Limits};
 use somersault_ftla::cold_start::{ArmTravel, cold_start};
 use somersault_ftla::continuation::{Continuation, Member, Reason, Stage};
@@ -103,7 +104,10 @@ fn a_floor_of_rounding_is_a_status() {
         let polish = Shooting { tolerance, ..Shooting::default() };
         let refused = thesis.solve(&Continuation { polish, ..Continuation::default() });
         assert!(
-            matches!(refused, Err(ShootingError::Argument { argument: "tolerance", .. })),
+            matches!(
+                refused,
+                Err(ShootingError::Argument(ArgumentError::OutOfRange { argument: "tolerance", .. }))
+            ),
             "{tolerance}: {:?}",
             refused.map(|found| found.continued.extremal.status)
         );

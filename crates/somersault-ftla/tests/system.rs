@@ -4,6 +4,7 @@ mod common;
 
 use common::{ArmProblem, Random, arm_problem, matrix_gap};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use somersault_core::argument::ArgumentError;
 use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, CubicRegulator, HamiltonianSystem, LinearRegulator,
     OptimalControlSystem, Piece, StateCostate, SystemError, TreeMinimumTorque, VectorField,
@@ -408,7 +409,10 @@ fn a_singular_control_hessian_is_an_error() {
 fn parameters_out_of_range_are_named() {
     let bounds =
         StateCostate::<_, 1, 1, 2>::try_new(Scalar1 { cubic: false, cost: Cost::Square, bounds: [1.0, 0.0] });
-    assert!(matches!(bounds.err(), Some(SystemError::Parameter { argument: "lower bound", .. })));
+    assert!(matches!(
+        bounds.err(),
+        Some(SystemError::Argument(ArgumentError::OutOfRange { argument: "lower bound", .. }))
+    ));
     let arm = TwoLinkArm::default();
     let light = TwoLinkArm { masses: [0.5, 0.0], ..arm };
     let error = ArmMinimumTorque::try_new(light, [1.0, 0.5]).expect_err("no mass");
@@ -418,7 +422,7 @@ fn parameters_out_of_range_are_named() {
     assert!(ArmMinimumTorque::default().try_with_torque_limits([0.0, 1.0]).is_err());
     let model = arm.model().expect("a model");
     let error = TreeMinimumTorque::<4>::try_new(&model, &[1.0, 1.0]).expect_err("too few");
-    assert_eq!(error, SystemError::Length { argument: "p", expected: 8, found: 4 });
+    assert_eq!(error, SystemError::Argument(ArgumentError::Length { argument: "p", expected: 8, found: 4 }));
     assert!(TreeMinimumTorque::<8>::try_new(&model, &[1.0]).is_err());
     let mut short = [0.0; 1];
     let p = SVector::<f64, 8>::zeros();

@@ -11,11 +11,15 @@ pub use crate::step_size::Adaptive;
 use crate::step_size::StepSizeControl;
 use crate::stepper::{EmbeddedStepper, StepError, Stepper};
 use crate::system::{Decoder, Form, StateOf, System};
+use somersault_core::argument::{ArgumentError, expect_positive};
 
 /// Why an integration could not start or could not go on.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IntegrateError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// An interval that is empty, reversed or not finite.
     #[error("`interval` must run forward between finite times, found ({start}, {end})")]
     Interval {
@@ -23,14 +27,6 @@ pub enum IntegrateError {
         start: f64,
         /// End given.
         end: f64,
-    },
-    /// A step that is not positive and finite.
-    #[error("`{argument}` must be positive and finite, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Its value.
-        found: f64,
     },
     /// More steps than an integration can count, or a step too small to change the time.
     #[error("`dt` = {dt} is too small for the interval ({start}, {end}): times would not advance")]
@@ -110,7 +106,7 @@ impl TimeGrid {
     /// ten steps of 0.1 reach 1.
     pub fn try_new(start: f64, end: f64, dt: f64) -> Result<Self, IntegrateError> {
         check_interval(start, end)?;
-        check_positive("dt", dt)?;
+        expect_positive("dt", dt)?;
         let ratio = (end - start) / dt;
         // Beyond 2⁵³ steps, or below the spacing of the times, the times would repeat.
         if ratio >= 9e15 || start + dt == start || end - dt == end {
@@ -128,7 +124,7 @@ impl TimeGrid {
     pub fn try_with_steps(start: f64, end: f64, steps: u64) -> Result<Self, IntegrateError> {
         check_interval(start, end)?;
         if steps == 0 {
-            return Err(IntegrateError::NotPositive { argument: "steps", found: 0.0 });
+            return Err(ArgumentError::NotPositive { argument: "steps", found: 0.0 }.into());
         }
         Self::try_new(start, end, (end - start) / steps as f64)
     }
@@ -160,15 +156,6 @@ pub fn check_interval(start: f64, end: f64) -> Result<(), IntegrateError> {
         Ok(())
     } else {
         Err(IntegrateError::Interval { start, end })
-    }
-}
-
-/// Errors where an argument is not a positive finite number.
-pub fn check_positive(argument: &'static str, found: f64) -> Result<(), IntegrateError> {
-    if found.is_finite() && found > 0.0 {
-        Ok(())
-    } else {
-        Err(IntegrateError::NotPositive { argument, found })
     }
 }
 

@@ -5,10 +5,11 @@
 //! and 5; see Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.2, whose
 //! DOPRI5 has the same weights. A step whose error is not a number is rejected like one too large.
 
-use crate::driver::{IntegrateError, check_positive};
+use crate::driver::IntegrateError;
 use crate::state::{Configuration, ErrorSum, Rate, Tolerances};
 use crate::stepper::MethodInfo;
 use crate::system::{RateOf, StateOf, System};
+use somersault_core::argument::{ArgumentError, expect_positive};
 
 const SAFETY: f64 = 0.9;
 /// Errors below 1e-4 are remembered as that; this is its logarithm.
@@ -45,15 +46,18 @@ impl Adaptive {
     }
 
     fn check(&self) -> Result<(), IntegrateError> {
-        check_positive("relative", self.tolerances.relative)?;
-        check_positive("absolute", self.tolerances.absolute)?;
+        expect_positive("relative", self.tolerances.relative)?;
+        expect_positive("absolute", self.tolerances.absolute)?;
         if let Some(h) = self.first_step {
-            check_positive("first_step", h)?;
+            expect_positive("first_step", h)?;
         }
         if self.max_step > 0.0 {
             Ok(())
         } else {
-            Err(IntegrateError::NotPositive { argument: "max_step", found: self.max_step })
+            Err(IntegrateError::Argument(ArgumentError::NotPositive {
+                argument: "max_step",
+                found: self.max_step,
+            }))
         }
     }
 }
@@ -126,7 +130,7 @@ impl StepSizeControl {
     ///
     /// Errors: a step that is not positive.
     pub fn shorten(&mut self, step: f64) -> Result<(), IntegrateError> {
-        check_positive("step", step)?;
+        expect_positive("step", step)?;
         self.rejected += 1;
         self.h = step;
         Ok(())

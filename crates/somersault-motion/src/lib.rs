@@ -29,7 +29,4 @@ pub mod writers;
 /// Whether long work is to go on; asked between its parts, from any thread.
 pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
 
-/// The largest number that is analysed or fitted: its squares, their products with weights and sums of them stay finite.
-pub(crate) const LARGEST: f64 = 1e100;
-
 pub use nalgebra;

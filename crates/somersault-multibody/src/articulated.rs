@@ -18,11 +18,12 @@
 //! (C.26). Cost O(n).
 
 use crate::data::{Data, Node, Pivot};
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::inertia::ArticulatedInertia;
 use crate::model::Model;
 use crate::scalar::{Scalar, constant};
 use crate::spatial::{Force, Motion};
+use somersault_core::argument::expect_length;
 
 /// Which degrees of freedom have a prescribed acceleration.
 pub(crate) trait Roles {
@@ -88,7 +89,7 @@ impl<T: Scalar> Model<T> {
         wrenches: &[Force<T>],
     ) -> Result<&'d [T], DynamicsError> {
         self.expect_state(data, q, v)?;
-        expect_length("torque", torque, self.n_velocities())?;
+        expect_length("torque", torque.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
         let Data { nodes, momenta, pivots, acceleration, .. } = data;
         self.articulate(&AllPassive, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
@@ -112,9 +113,9 @@ impl<T: Scalar> Model<T> {
         wrenches: &[Force<T>],
     ) -> Result<(), DynamicsError> {
         self.expect_state(data, q, v)?;
-        expect_length("split", &split.active, self.n_velocities())?;
-        expect_length("acceleration", acceleration, self.n_velocities())?;
-        expect_length("torque", torque, self.n_velocities())?;
+        expect_length("split", split.active.len(), self.n_velocities())?;
+        expect_length("acceleration", acceleration.len(), self.n_velocities())?;
+        expect_length("torque", torque.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
         let Data { nodes, momenta, pivots, .. } = data;
         self.articulate(split, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;

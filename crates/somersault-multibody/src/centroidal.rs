@@ -4,11 +4,12 @@
 //! Column k of A is I^C_k J_k with its moment taken about the centre of mass.
 
 use crate::data::Data;
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::Force;
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::argument::expect_length;
 
 /// The momentum matrix at one configuration, with the centre of mass.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +23,7 @@ pub struct Centroidal<'a, T: Scalar = f64> {
 impl<T: Scalar> Centroidal<'_, T> {
     /// A v: linear momentum (kg m/s) and angular momentum about the centre of mass (kg m²/s), world axes.
     pub fn momentum(&self, v: &[T]) -> Result<Force<T>, DynamicsError> {
-        expect_length("v", v, self.matrix.ncols())?;
+        expect_length("v", v.len(), self.matrix.ncols())?;
         let mut sum = Force::zero();
         for (column, &rate) in self.matrix.column_iter().zip(v) {
             sum.linear += column.fixed_rows::<3>(0) * rate;
@@ -36,7 +37,7 @@ impl<T: Scalar> Model<T> {
     /// The centroidal momentum matrix. Cost O(n).
     pub fn centroidal<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<Centroidal<'d, T>, DynamicsError> {
         data.expect_for(self)?;
-        expect_length("q", q, self.n_positions())?;
+        expect_length("q", q.len(), self.n_positions())?;
         self.place(data, q);
         self.gather_composites(data);
         let whole = &data.nodes[0].composite;

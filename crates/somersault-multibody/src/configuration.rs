@@ -4,12 +4,13 @@
 //! [`joint`](crate::joint)). A curve q(t) with velocity v(t) therefore obeys
 //! q(t + h) = q(t) ⊕ (h v + ½ h² v̇) + O(h³).
 
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::joint::{Joint, quaternion};
 use crate::lie;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+use somersault_core::argument::expect_length;
 
 fn store<T: Scalar>(q: &Quaternion<T>, out: &mut [T]) {
     out.copy_from_slice(q.coords.as_slice());
@@ -30,9 +31,9 @@ impl<T: Scalar> Model<T> {
     /// out ← q ⊕ v. `q` and `out` have [`n_positions`](Self::n_positions), `v` has
     /// [`n_velocities`](Self::n_velocities) entries.
     pub fn integrate(&self, q: &[T], v: &[T], out: &mut [T]) -> Result<(), DynamicsError> {
-        expect_length("q", q, self.n_positions())?;
-        expect_length("v", v, self.n_velocities())?;
-        expect_length("out", out, self.n_positions())?;
+        expect_length("q", q.len(), self.n_positions())?;
+        expect_length("v", v.len(), self.n_velocities())?;
+        expect_length("out", out.len(), self.n_positions())?;
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let at = body.q..body.q + link.joint.n_positions();
             let (q, v, out) = (&q[at.clone()], &v[body.dofs.clone()], &mut out[at]);
@@ -68,9 +69,9 @@ impl<T: Scalar> Model<T> {
     /// Unique while rotations differ by less than a half turn; angles of planar joints must differ by
     /// less than a whole one.
     pub fn difference(&self, from: &[T], to: &[T], out: &mut [T]) -> Result<(), DynamicsError> {
-        expect_length("from", from, self.n_positions())?;
-        expect_length("to", to, self.n_positions())?;
-        expect_length("out", out, self.n_velocities())?;
+        expect_length("from", from.len(), self.n_positions())?;
+        expect_length("to", to.len(), self.n_positions())?;
+        expect_length("out", out.len(), self.n_velocities())?;
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let at = body.q..body.q + link.joint.n_positions();
             let (from, to, out) = (&from[at.clone()], &to[at], &mut out[body.dofs.clone()]);
@@ -103,7 +104,7 @@ impl<T: Scalar> Model<T> {
 
     /// Brings all quaternions in `q` to unit norm; fails on one that is zero or not finite.
     pub fn normalize(&self, q: &mut [T]) -> Result<(), DynamicsError> {
-        expect_length("q", q, self.n_positions())?;
+        expect_length("q", q.len(), self.n_positions())?;
         for (i, link) in self.links().iter().enumerate() {
             if let Some(quaternion) = self.quaternion_of(i) {
                 let coordinates = &mut q[quaternion];

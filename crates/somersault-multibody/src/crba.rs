@@ -6,17 +6,18 @@
 //! depth d.
 
 use crate::data::Data;
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::Transform;
 use nalgebra::DMatrix;
+use somersault_core::argument::expect_length;
 
 impl<T: Scalar> Model<T> {
     /// M(q), symmetric, [`n_velocities`](Self::n_velocities) squared.
     pub fn mass_matrix<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<&'d DMatrix<T>, DynamicsError> {
         data.expect_for(self)?;
-        expect_length("q", q, self.n_positions())?;
+        expect_length("q", q.len(), self.n_positions())?;
         self.place_from(data, q, Transform::identity());
         self.gather_composites(data);
         let (n, root) = (self.n_velocities(), self.bodies[0].dofs.end);

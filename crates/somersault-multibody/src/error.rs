@@ -1,19 +1,13 @@
 //! What can be wrong with the arguments of an algorithm.
 
+use somersault_core::argument::ArgumentError;
 /// Why an algorithm has no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DynamicsError {
-    /// An argument has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries the model asks for.
-        expected: usize,
-        /// Entries given.
-        found: usize,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// The workspace was made for a model of another size.
     #[error("`data` was made for another model; make it with `Data::new` from this one")]
     ForeignData,
@@ -43,18 +37,4 @@ pub enum DynamicsError {
         /// Name of the body that the joint carries.
         joint: String,
     },
-}
-
-/// Fails unless an argument has as many entries as the model asks for.
-#[inline(always)]
-pub(crate) fn expect_length<T>(
-    argument: &'static str,
-    given: &[T],
-    expected: usize,
-) -> Result<(), DynamicsError> {
-    if given.len() == expected {
-        Ok(())
-    } else {
-        Err(DynamicsError::Length { argument, expected, found: given.len() })
-    }
 }

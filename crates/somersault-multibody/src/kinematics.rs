@@ -4,11 +4,12 @@
 //! the root body; far from the world's origin nothing is lost by cancellation.
 
 use crate::data::Data;
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::{Motion, Transform};
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::argument::{ArgumentError, expect_length};
 
 /// The axes in which the velocity of a frame's origin is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +49,7 @@ impl<T: Scalar> Model<T> {
         q: &[T],
     ) -> Result<Positions<'a, T>, DynamicsError> {
         data.expect_for(self)?;
-        expect_length("q", q, self.n_positions())?;
+        expect_length("q", q.len(), self.n_positions())?;
         self.place(data, q);
         Ok(Positions { model: self, data })
     }
@@ -75,7 +76,7 @@ impl<T: Scalar> Model<T> {
         a: &[T],
     ) -> Result<Accelerations<'a, T>, DynamicsError> {
         self.expect_state(data, q, v)?;
-        expect_length("a", a, self.n_velocities())?;
+        expect_length("a", a.len(), self.n_velocities())?;
         self.place(data, q);
         self.move_bodies(data, v);
         for (i, body) in self.bodies.iter().enumerate() {
@@ -224,11 +225,13 @@ pub(crate) fn expect_columns<T: Scalar>(
     columns: usize,
 ) -> Result<(), DynamicsError> {
     if out.nrows() != rows {
-        return Err(DynamicsError::Length { argument: "rows of out", expected: rows, found: out.nrows() });
+        return Err(
+            ArgumentError::Length { argument: "rows of out", expected: rows, found: out.nrows() }.into()
+        );
     }
     if out.ncols() != columns {
         let found = out.ncols();
-        return Err(DynamicsError::Length { argument: "columns of out", expected: columns, found });
+        return Err(ArgumentError::Length { argument: "columns of out", expected: columns, found }.into());
     }
     Ok(())
 }

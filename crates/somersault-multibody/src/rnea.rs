@@ -4,10 +4,11 @@
 //! with a = −g for the world; inwards: τ_i = Sᵀ f_i + d q̇, f_λ += Xᵀ f_i. Cost O(n).
 
 use crate::data::{Data, Node};
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion};
+use somersault_core::argument::expect_length;
 
 impl<T: Scalar> Model<T> {
     /// Joint forces that produce the acceleration `a`: τ = M(q) a + h(q, v) − Σ Jᵀ f_ext.
@@ -23,7 +24,7 @@ impl<T: Scalar> Model<T> {
         wrenches: &[Force<T>],
     ) -> Result<&'d [T], DynamicsError> {
         self.expect_state(data, q, v)?;
-        expect_length("a", a, self.n_velocities())?;
+        expect_length("a", a.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
         self.newton_euler::<true>(&mut data.nodes, &mut data.torque, q, v, a, wrenches);
         Ok(&data.torque)
@@ -40,7 +41,7 @@ impl<T: Scalar> Model<T> {
     /// g(q): the joint forces that hold the tree at rest against gravity.
     pub fn gravity_forces<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<&'d [T], DynamicsError> {
         data.expect_for(self)?;
-        expect_length("q", q, self.n_positions())?;
+        expect_length("q", q.len(), self.n_positions())?;
         self.newton_euler::<false>(&mut data.nodes, &mut data.torque, q, &data.zeros, &data.zeros, &[]);
         Ok(&data.torque)
     }
@@ -91,12 +92,16 @@ impl<T: Scalar> Model<T> {
     #[inline(always)]
     pub(crate) fn expect_state(&self, data: &Data<T>, q: &[T], v: &[T]) -> Result<(), DynamicsError> {
         data.expect_for(self)?;
-        expect_length("q", q, self.n_positions())?;
-        expect_length("v", v, self.n_velocities())
+        expect_length("q", q.len(), self.n_positions())?;
+        expect_length("v", v.len(), self.n_velocities())?;
+        Ok(())
     }
 
     #[inline(always)]
     pub(crate) fn expect_wrenches(&self, wrenches: &[Force<T>]) -> Result<(), DynamicsError> {
-        if wrenches.is_empty() { Ok(()) } else { expect_length("wrenches", wrenches, self.n_bodies()) }
+        if !wrenches.is_empty() {
+            expect_length("wrenches", wrenches.len(), self.n_bodies())?;
+        }
+        Ok(())
     }
 }

@@ -176,7 +176,7 @@ impl From<IntegrateError> for Error {
         match error {
             IntegrateError::Step(error) => error.into(),
             IntegrateError::Interval { .. }
-            | IntegrateError::NotPositive { .. }
+            | IntegrateError::Argument(_)
             | IntegrateError::TooManySteps { .. }
             | IntegrateError::InitialState { .. }
             | IntegrateError::NoErrorEstimate { .. }
@@ -211,10 +211,9 @@ impl From<StudyError> for Error {
             StudyError::Body(error) => error.into(),
             StudyError::FreeBody(error) => error.into(),
             StudyError::Integrate(error) => error.into(),
-            StudyError::Empty { .. }
-            | StudyError::NotPositive { .. }
-            | StudyError::NotFinite { .. }
-            | StudyError::NotIncreasing { .. } => Self::own("StudyInputError", &error),
+            StudyError::Empty { .. } | StudyError::Argument(_) | StudyError::NotIncreasing { .. } => {
+                Self::own("StudyInputError", &error)
+            }
             error => Self::own("StudyError", &error),
         }
     }

@@ -5,10 +5,9 @@ use super::search::{Search, Trail, has_changed};
 use super::worker::{Point, Worker};
 use crate::event::{Event, EventKind, Interrupted, Interruption, Located, Location};
 use crate::hybrid::Hybrid;
+use somersault_core::argument::expect_positive;
 use somersault_integrators::dense::{Decoded, Interpolant};
-use somersault_integrators::driver::{
-    Flow, IntegrateError, Observer, Status, Step, check_positive, check_state,
-};
+use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, Step, check_state};
 use somersault_integrators::state::{Configuration, State};
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System};
@@ -84,8 +83,11 @@ pub(super) fn check_start<H: Hybrid>(
     system
         .check()
         .and_then(|()| check_state(initial))
-        .and_then(|()| check_positive("max_event_rate", location.max_event_rate))
-        .and_then(|()| check_positive("graze", location.graze))
+        .and_then(|()| {
+            expect_positive("max_event_rate", location.max_event_rate)?;
+            expect_positive("graze", location.graze)?;
+            Ok(())
+        })
         .map_err(|error| broken_at_start(error.into(), t, initial))
 }
 

@@ -13,10 +13,9 @@ use crate::friction::Friction;
 use crate::hybrid::Frozen;
 use crate::stretches::WithStretches;
 use nalgebra::Vector3;
+use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
-use somersault_integrators::driver::{
-    Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid, check_positive,
-};
+use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method, Options};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
@@ -296,8 +295,8 @@ fn refusal<F: ForceModel>(
     differentiation: &Differentiation,
     initial: &RigidBodyState,
 ) -> Option<SensitivityError> {
-    if let Err(error) = check_positive("grazing", differentiation.grazing) {
-        return Some(Interruption::from(error).into());
+    if let Err(error) = expect_positive("grazing", differentiation.grazing) {
+        return Some(Interruption::from(IntegrateError::from(error)).into());
     }
     let contacts = &system.forces.1;
     for parameter in &differentiation.parameters {

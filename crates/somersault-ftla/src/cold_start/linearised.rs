@@ -15,6 +15,7 @@ use crate::shooting::{End, ShootingError, Status, graded_times};
 use crate::system::{Piece, SystemError, VectorField};
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{SMatrix, SVector};
+use somersault_core::argument::ArgumentError;
 
 /// A field on the way from its linearisation to itself.
 #[derive(Debug)]
@@ -109,14 +110,16 @@ pub(super) fn expect_states<const N: usize>(
 ) -> Result<[End<N>; 2], ShootingError> {
     if !horizon.is_finite() || horizon <= 0.0 {
         let allowed = "positive and finite";
-        return Err(ShootingError::Argument { argument: "horizon", allowed, found: horizon });
+        return Err(ArgumentError::OutOfRange { argument: "horizon", allowed, found: horizon }.into());
     }
     let end = |argument, x: &[f64]| {
         if x.len() != N / 2 {
-            return Err(ShootingError::Length { argument, expected: N / 2, found: x.len() });
+            return Err(ArgumentError::Length { argument, expected: N / 2, found: x.len() }.into());
         }
         match x.iter().find(|x| !x.is_finite()) {
-            Some(&found) => Err(ShootingError::Argument { argument, allowed: "finite", found }),
+            Some(&found) => {
+                Err(ShootingError::Argument(ArgumentError::OutOfRange { argument, allowed: "finite", found }))
+            }
             None => End::try_state(x),
         }
     };
@@ -204,6 +207,8 @@ pub(super) fn cold_start_within<S: VectorField<N> + Sync, const N: usize>(
     match (found, failed) {
         (Some(found), _) => Ok(found),
         (None, Some(error)) => Err(error),
-        (None, None) => Err(ShootingError::Length { argument: "horizon", expected: 1, found: 0 }),
+        (None, None) => {
+            Err(ShootingError::Argument(ArgumentError::Length { argument: "horizon", expected: 1, found: 0 }))
+        }
     }
 }

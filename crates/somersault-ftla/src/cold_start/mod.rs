@@ -25,6 +25,7 @@ use least_effort::{Driven, Spline};
 pub(crate) use least_effort::{Motion, Torque};
 pub use linearised::cold_start;
 use nalgebra::{SVector, Vector2};
+use somersault_core::argument::ArgumentError;
 use std::f64::consts::PI;
 pub use tree::TreeTravel;
 
@@ -117,14 +118,18 @@ impl ArmTravel {
         continuation.polish.check_tolerance()?;
         if self.horizon.is_nan() || self.horizon <= 0.0 || self.horizon > LONGEST {
             let allowed = "positive and at most 10 000 s";
-            return Err(ShootingError::Argument { argument: "horizon", allowed, found: self.horizon });
+            return Err(
+                ArgumentError::OutOfRange { argument: "horizon", allowed, found: self.horizon }.into()
+            );
         }
         if !self.fold.is_finite() {
-            return Err(ShootingError::Argument { argument: "fold", allowed: "finite", found: self.fold });
+            return Err(
+                ArgumentError::OutOfRange { argument: "fold", allowed: "finite", found: self.fold }.into()
+            );
         }
         for (argument, angles) in [("initial", self.initial), ("last", self.last)] {
             if let Some(&found) = angles.iter().find(|angle| !angle.is_finite()) {
-                return Err(ShootingError::Argument { argument, allowed: "finite", found });
+                return Err(ArgumentError::OutOfRange { argument, allowed: "finite", found }.into());
             }
         }
         let [initial, last] = [self.initial, self.last].map(|[one, two]| vec![one, two, 0.0, 0.0]);

@@ -19,6 +19,7 @@ use crate::system::{OptimalControlSystem, Piece, SystemError, VectorField};
 use kernel::{Kernel, Progress};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
+use somersault_core::argument::ArgumentError;
 
 /// Accuracy of a run: bounds of the estimated error of each of its steps, not of their sum.
 ///
@@ -44,16 +45,9 @@ impl Default for Tolerances {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlowError {
-    /// An argument is out of range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    Argument {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// The field or its Jacobian has no value near the state reached.
     #[error("the {quantity} is not finite near t = {t}")]
     NonFinite {
@@ -220,11 +214,11 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         let Tolerances { relative, absolute } = tolerances;
         if !(1e-15..=0.1).contains(&relative) {
             let allowed = "in [1e-15, 0.1]";
-            return Err(FlowError::Argument { argument: "relative", allowed, found: relative });
+            return Err(ArgumentError::OutOfRange { argument: "relative", allowed, found: relative }.into());
         }
         if !(absolute >= 0.0 && absolute.is_finite()) {
             let allowed = "finite and not negative";
-            return Err(FlowError::Argument { argument: "absolute", allowed, found: absolute });
+            return Err(ArgumentError::OutOfRange { argument: "absolute", allowed, found: absolute }.into());
         }
         let scale = Scale { state: SVector::repeat(1.0), cost: 1.0 };
         Ok(Self { system, tolerances, max_steps: 100_000, scale, budget: None })
@@ -292,22 +286,28 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         chain: &mut Chain<N>,
     ) -> Result<(), FlowError> {
         let Some(&last) = times.last() else {
-            return Err(FlowError::Argument {
+            return Err(ArgumentError::OutOfRange {
                 argument: "times",
                 allowed: "of at least one entry",
                 found: 0.0,
-            });
+            }
+            .into());
         };
         let ordered = |pair: &[f64]| (pair[1] - pair[0]) * last > 0.0;
         if let Some(&found) = times.iter().find(|t| !t.is_finite()) {
-            return Err(FlowError::Argument { argument: "times", allowed: "finite", found });
+            return Err(ArgumentError::OutOfRange { argument: "times", allowed: "finite", found }.into());
         }
         if !(times[0] * last > 0.0 && times.windows(2).all(ordered)) {
             let allowed = "monotonic, away from zero, and of one sign";
-            return Err(FlowError::Argument { argument: "times", allowed, found: times[0] });
+            return Err(ArgumentError::OutOfRange { argument: "times", allowed, found: times[0] }.into());
         }
         if growth.is_nan() || growth <= 1.0 {
-            return Err(FlowError::Argument { argument: "growth", allowed: "above one", found: growth });
+            return Err(ArgumentError::OutOfRange {
+                argument: "growth",
+                allowed: "above one",
+                found: growth,
+            }
+            .into());
         }
         chain.links.clear();
         chain.marks.clear();
@@ -349,10 +349,15 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
         duration: f64,
     ) -> Result<Kernel<'a, S, N, MATRIX>, FlowError> {
         if !duration.is_finite() {
-            return Err(FlowError::Argument { argument: "duration", allowed: "finite", found: duration });
+            return Err(ArgumentError::OutOfRange {
+                argument: "duration",
+                allowed: "finite",
+                found: duration,
+            }
+            .into());
         }
         if let Some(&found) = p.iter().find(|x| !x.is_finite()) {
-            return Err(FlowError::Argument { argument: "p", allowed: "finite", found });
+            return Err(ArgumentError::OutOfRange { argument: "p", allowed: "finite", found }.into());
         }
         Kernel::start(self, p, duration)
     }

@@ -11,6 +11,7 @@ use crate::budget::Limits;
 use crate::system::HamiltonianSystem;
 use nalgebra::SVector;
 use rayon::prelude::*;
+use somersault_core::argument::ArgumentError;
 
 /// Settings of the search.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,10 +39,12 @@ impl GridSearch {
         for spacing in &self.spacing {
             if spacing.len() != held.len() {
                 let (expected, found) = (held.len(), spacing.len());
-                return Err(MatchingError::Length { argument: "spacing", expected, found });
+                return Err(ArgumentError::Length { argument: "spacing", expected, found }.into());
             }
             if let Some(&found) = spacing.iter().find(|s| s.is_nan() || **s <= 0.0) {
-                return Err(MatchingError::Argument { argument: "spacing", allowed: "positive", found });
+                return Err(
+                    ArgumentError::OutOfRange { argument: "spacing", allowed: "positive", found }.into()
+                );
             }
         }
         let budget = self.limits.start();

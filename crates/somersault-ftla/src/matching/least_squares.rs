@@ -10,6 +10,7 @@ use crate::budget::{Budget, Limits};
 use crate::system::HamiltonianSystem;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use somersault_core::argument::ArgumentError;
 
 /// Settings of the match.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +52,9 @@ impl LeastSquares {
         let held = matching.held();
         if let Some(&found) = self.conserved.iter().find(|c| !held.contains(c)) {
             let allowed = "among the held costates";
-            return Err(MatchingError::Argument { argument: "conserved", allowed, found: found as f64 });
+            return Err(
+                ArgumentError::OutOfRange { argument: "conserved", allowed, found: found as f64 }.into()
+            );
         }
         let m = held.len();
         let shared: Vec<bool> = held.iter().map(|h| self.conserved.contains(h)).collect();

@@ -23,32 +23,16 @@ use crate::placement::{Placement, PlacementStatus};
 use crate::spectrum::TimeDirection;
 use crate::system::HamiltonianSystem;
 use nalgebra::SVector;
+use somersault_core::argument::ArgumentError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Why a search cannot begin.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MatchingError {
-    /// An argument has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries expected.
-        expected: usize,
-        /// Entries found.
-        found: usize,
-    },
-    /// An argument is out of range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    Argument {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A placement is of the wrong direction in time.
     #[error("the first placement must be forward and the second backward")]
     Directions,
@@ -126,16 +110,16 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         for (argument, given) in [("states", states), ("guess", guess)] {
             for part in given {
                 if part.len() != n {
-                    return Err(MatchingError::Length { argument, expected: n, found: part.len() });
+                    return Err(ArgumentError::Length { argument, expected: n, found: part.len() }.into());
                 }
                 if let Some(&found) = part.iter().find(|x| !x.is_finite()) {
-                    return Err(MatchingError::Argument { argument, allowed: "finite", found });
+                    return Err(ArgumentError::OutOfRange { argument, allowed: "finite", found }.into());
                 }
             }
         }
         if !horizon.is_finite() || horizon <= 0.0 {
             let allowed = "positive and finite";
-            return Err(MatchingError::Argument { argument: "horizon", allowed, found: horizon });
+            return Err(ArgumentError::OutOfRange { argument: "horizon", allowed, found: horizon }.into());
         }
         let directions = placements.each_ref().map(Placement::direction);
         if directions != [TimeDirection::Forward, TimeDirection::Backward] {
@@ -143,7 +127,7 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         }
         if placements[0].held() != placements[1].held() {
             let (expected, found) = (placements[0].held().len(), placements[1].held().len());
-            return Err(MatchingError::Length { argument: "held", expected, found });
+            return Err(ArgumentError::Length { argument: "held", expected, found }.into());
         }
         let end = |k: usize| SVector::from_fn(|i, _| if i < n { states[k][i] } else { guess[k][i - n] });
         Ok(Self {
@@ -160,13 +144,15 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
     pub fn try_with_course(self, match_time: f64, corrections: &[f64]) -> Result<Self, MatchingError> {
         if match_time.is_nan() || match_time <= 0.0 || match_time >= self.horizon {
             let allowed = "inside the horizon";
-            return Err(MatchingError::Argument { argument: "match_time", allowed, found: match_time });
+            return Err(
+                ArgumentError::OutOfRange { argument: "match_time", allowed, found: match_time }.into()
+            );
         }
         let mut before = 0.0;
         for &found in corrections {
             if found.is_nan() || found <= before || found >= self.horizon {
                 let allowed = "ascending, inside the horizon";
-                return Err(MatchingError::Argument { argument: "corrections", allowed, found });
+                return Err(ArgumentError::OutOfRange { argument: "corrections", allowed, found }.into());
             }
             before = found;
         }
@@ -193,10 +179,15 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
     fn check_search(tolerance: f64, max_rounds: usize) -> Result<(), MatchingError> {
         if !tolerance.is_finite() || tolerance <= 0.0 {
             let allowed = "positive and finite";
-            return Err(MatchingError::Argument { argument: "tolerance", allowed, found: tolerance });
+            return Err(ArgumentError::OutOfRange { argument: "tolerance", allowed, found: tolerance }.into());
         }
         if max_rounds == 0 {
-            return Err(MatchingError::Argument { argument: "max_rounds", allowed: "positive", found: 0.0 });
+            return Err(ArgumentError::OutOfRange {
+                argument: "max_rounds",
+                allowed: "positive",
+                found: 0.0,
+            }
+            .into());
         }
         Ok(())
     }
@@ -258,7 +249,11 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
             let course = courses[usize::from(late)].iter().rev();
             let reached = course.copied().find(|(from, _)| if late { *from >= t } else { *from <= t });
             let (argument, allowed) = ("times", "within the horizon of a match that has a motion");
-            let (from, p) = reached.ok_or(FlowError::Argument { argument, allowed, found: t })?;
+            let (from, p) = reached.ok_or(FlowError::Argument(ArgumentError::OutOfRange {
+                argument,
+                allowed,
+                found: t,
+            }))?;
             self.flow.state(&p, t - from)
         };
         times.iter().map(at).collect()

@@ -9,6 +9,7 @@ use crate::shooting::Extremal;
 use crate::system::VectorField;
 use nalgebra::SVector;
 use rayon::prelude::*;
+use somersault_core::argument::ArgumentError;
 
 /// What became of one initial error.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,10 +41,12 @@ impl Placement {
         bound: f64,
     ) -> Result<Vec<Following>, FlowError> {
         if bound.is_nan() || bound <= 0.0 {
-            return Err(FlowError::Argument { argument: "bound", allowed: "positive", found: bound });
+            return Err(
+                ArgumentError::OutOfRange { argument: "bound", allowed: "positive", found: bound }.into()
+            );
         }
         if let Some(&found) = sizes.iter().find(|size| !size.is_finite()) {
-            return Err(FlowError::Argument { argument: "sizes", allowed: "finite", found });
+            return Err(ArgumentError::OutOfRange { argument: "sizes", allowed: "finite", found }.into());
         }
         let (first, last) = (optimum.times[0], optimum.times[optimum.times.len() - 1]);
         let step = (last - first) / LOOKS as f64;

@@ -32,21 +32,15 @@ use crate::spectrum::{Diagnosis, Spectrum, SplittingDims, Subspace, TimeDirectio
 use crate::system::VectorField;
 use nalgebra::{DMatrix, SVector};
 use search::Search;
+use somersault_core::argument::ArgumentError;
 
 /// Why a placement cannot begin.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacementError {
-    /// An argument is out of range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    Argument {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// The numbers of held costates and of fast directions do not add up to n.
     #[error("{held} costates held and {fast} fast directions must add up to {expected}")]
     Held {
@@ -82,12 +76,12 @@ impl Schedule {
         let mut before = 0.0;
         for &found in &times {
             if !found.is_finite() || found <= before {
-                return Err(PlacementError::Argument { argument: "times", allowed, found });
+                return Err(ArgumentError::OutOfRange { argument: "times", allowed, found }.into());
             }
             before = found;
         }
         if times.is_empty() {
-            return Err(PlacementError::Argument { argument: "times", allowed, found: 0.0 });
+            return Err(ArgumentError::OutOfRange { argument: "times", allowed, found: 0.0 }.into());
         }
         Ok(Self(times))
     }
@@ -95,23 +89,27 @@ impl Schedule {
     /// `first`, `first` + `step`, … and `last` itself.
     pub fn try_steps(first: f64, step: f64, last: f64) -> Result<Self, PlacementError> {
         if step.is_nan() || step <= 0.0 {
-            return Err(PlacementError::Argument { argument: "step", allowed: "positive", found: step });
+            return Err(
+                ArgumentError::OutOfRange { argument: "step", allowed: "positive", found: step }.into()
+            );
         }
         if last.is_nan() || last < first {
-            return Err(PlacementError::Argument {
+            return Err(ArgumentError::OutOfRange {
                 argument: "last",
                 allowed: "not before the first",
                 found: last,
-            });
+            }
+            .into());
         }
         // a last step of less than a hundredth is one with the step before
         let count = ((last - first) / step - 0.01).ceil().max(0.0) as usize;
         if count > 100_000 {
-            return Err(PlacementError::Argument {
+            return Err(ArgumentError::OutOfRange {
                 argument: "step",
                 allowed: "at least 1e-5 of the range",
                 found: step,
-            });
+            }
+            .into());
         }
         Self::try_times((0..count).map(|k| first + step * k as f64).chain([last]).collect())
     }
@@ -123,7 +121,7 @@ impl Schedule {
         let rate = diagnosis.fast_rates[0].min(diagnosis.fast_rates[1]);
         if rate.is_nan() || rate <= 0.0 {
             let allowed = "positive: there must be fast directions";
-            return Err(PlacementError::Argument { argument: "fast_rates", allowed, found: rate });
+            return Err(ArgumentError::OutOfRange { argument: "fast_rates", allowed, found: rate }.into());
         }
         let last = 8.0 / diagnosis.gaps[0].min(diagnosis.gaps[1]);
         Self::try_steps(0.7 / rate, 0.7 / rate, last.max(0.7 / rate))
@@ -211,7 +209,7 @@ impl Placement {
         for (i, &h) in held.iter().enumerate() {
             if h >= n || held[..i].contains(&h) {
                 let allowed = "different numbers of costates";
-                return Err(PlacementError::Argument { argument: "held", allowed, found: h as f64 });
+                return Err(ArgumentError::OutOfRange { argument: "held", allowed, found: h as f64 }.into());
             }
         }
         let fast = dims.expanding(direction);

@@ -21,32 +21,16 @@ use elimination::Elimination;
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use somersault_core::argument::{ArgumentError, expect_positive};
 use std::fmt;
 
 /// Why a boundary value problem cannot be posed or begun.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShootingError {
-    /// An argument has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries expected.
-        expected: usize,
-        /// Entries found.
-        found: usize,
-    },
-    /// An argument is out of range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    Argument {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A continuation begins at no rest.
     #[error(
         "`stages` must begin with a rest, the same state at both ends at which nothing moves without control, found a \
@@ -78,12 +62,12 @@ impl<const N: usize> End<N> {
     /// All n = N/2 states given.
     pub fn try_state(x: &[f64]) -> Result<Self, ShootingError> {
         if x.len() != N / 2 {
-            return Err(ShootingError::Length { argument: "x", expected: N / 2, found: x.len() });
+            return Err(ArgumentError::Length { argument: "x", expected: N / 2, found: x.len() }.into());
         }
         let mut end = Self { columns: std::array::from_fn(|i| i), values: [0.0; N] };
         for (i, &found) in x.iter().enumerate() {
             if !found.is_finite() {
-                return Err(ShootingError::Argument { argument: "x", allowed: "finite", found });
+                return Err(ArgumentError::OutOfRange { argument: "x", allowed: "finite", found }.into());
             }
             end.values[i] = found;
         }
@@ -100,7 +84,7 @@ impl<const N: usize> End<N> {
     pub fn with_free(mut self, i: usize) -> Result<Self, ShootingError> {
         if i >= N / 2 {
             let allowed = "the number of a state";
-            return Err(ShootingError::Argument { argument: "i", allowed, found: i as f64 });
+            return Err(ArgumentError::OutOfRange { argument: "i", allowed, found: i as f64 }.into());
         }
         (self.columns[i], self.values[i]) = (N / 2 + i, 0.0);
         Ok(self)
@@ -334,16 +318,12 @@ impl Default for Shooting {
 ///
 /// Where a problem has rates μ, segments of 20/μ still carry Newton's method: Φ grows by e²⁰.
 pub fn graded_times(horizon: f64, shortest: f64, longest: f64) -> Result<Vec<f64>, ShootingError> {
-    let argument =
-        |argument, found| Err(ShootingError::Argument { argument, allowed: "positive and finite", found });
-    for (name, value) in [("horizon", horizon), ("shortest", shortest), ("longest", longest)] {
-        if !value.is_finite() || value <= 0.0 {
-            return argument(name, value);
-        }
+    for (argument, found) in [("horizon", horizon), ("shortest", shortest), ("longest", longest)] {
+        expect_positive(argument, found)?;
     }
     if horizon / longest > 1e6 {
         let allowed = "at least a millionth of the horizon";
-        return Err(ShootingError::Argument { argument: "longest", allowed, found: longest });
+        return Err(ArgumentError::OutOfRange { argument: "longest", allowed, found: longest }.into());
     }
     let mut half = vec![0.0];
     let (mut t, mut h) = (0.0, shortest.min(longest));
@@ -358,7 +338,7 @@ pub fn graded_times(horizon: f64, shortest: f64, longest: f64) -> Result<Vec<f64
     times.extend(half.iter().rev().skip(1).map(|t| horizon - t * scale));
     if times.len() < 2 || times.windows(2).any(|pair| pair[0] >= pair[1]) {
         let allowed = "long enough for times that differ";
-        return Err(ShootingError::Argument { argument: "horizon", allowed, found: horizon });
+        return Err(ArgumentError::OutOfRange { argument: "horizon", allowed, found: horizon }.into());
     }
     Ok(times)
 }
@@ -534,14 +514,16 @@ impl Shooting {
             return Ok(());
         }
         let (argument, allowed) = ("tolerance", "in [1e-15, 0.1]");
-        Err(ShootingError::Argument { argument, allowed, found: self.tolerance })
+        Err(ShootingError::Argument(ArgumentError::OutOfRange { argument, allowed, found: self.tolerance }))
     }
 
     fn check<const N: usize>(&self, times: &[f64], nodes: &[SVector<f64, N>]) -> Result<(), ShootingError> {
-        let argument = |argument, allowed, found| Err(ShootingError::Argument { argument, allowed, found });
+        let argument = |argument, allowed, found| {
+            Err(ShootingError::Argument(ArgumentError::OutOfRange { argument, allowed, found }))
+        };
         self.check_tolerance()?;
         if times.len() < 2 {
-            return Err(ShootingError::Length { argument: "times", expected: 2, found: times.len() });
+            return Err(ArgumentError::Length { argument: "times", expected: 2, found: times.len() }.into());
         }
         if let Some(&found) = times.iter().find(|t| !t.is_finite()) {
             return argument("times", "finite", found);
@@ -550,11 +532,12 @@ impl Shooting {
             return argument("times", "ascending", pair[1]);
         }
         if nodes.len() != times.len() {
-            return Err(ShootingError::Length {
+            return Err(ArgumentError::Length {
                 argument: "nodes",
                 expected: times.len(),
                 found: nodes.len(),
-            });
+            }
+            .into());
         }
         match nodes.iter().flat_map(|p| p.iter()).find(|x| !x.is_finite()) {
             Some(&found) => argument("nodes", "finite", found),

@@ -22,6 +22,7 @@ pub use subspace::Subspace;
 use crate::flow::{Chain, FlowError, Transition, VariationalFlow};
 use crate::system::VectorField;
 use nalgebra::{SMatrix, SVector};
+use somersault_core::argument::ArgumentError;
 
 /// The direction in which a motion is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -136,7 +137,7 @@ pub fn spectra<S: VectorField<N>, const N: usize>(
 ) -> Result<Vec<Spectrum<N>>, FlowError> {
     let signed: Vec<f64> = times.iter().map(|t| t * direction.sign()).collect();
     if let Some(&found) = times.iter().find(|t| t.is_nan() || **t <= 0.0) {
-        return Err(FlowError::Argument { argument: "times", allowed: "positive", found });
+        return Err(ArgumentError::OutOfRange { argument: "times", allowed: "positive", found }.into());
     }
     let mut chain = Chain::new();
     flow.chain_into(p, &signed, GROWTH, &mut chain)?;
@@ -159,7 +160,7 @@ pub fn spectrum<S: VectorField<N>, const N: usize>(
     time: f64,
 ) -> Result<Spectrum<N>, FlowError> {
     if time.is_nan() || time <= 0.0 {
-        return Err(FlowError::Argument { argument: "time", allowed: "positive", found: time });
+        return Err(ArgumentError::OutOfRange { argument: "time", allowed: "positive", found: time }.into());
     }
     let mut chain = Chain::new();
     flow.chain_into(p, &[time * direction.sign()], GROWTH, &mut chain)?;

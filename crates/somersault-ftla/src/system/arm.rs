@@ -13,10 +13,10 @@
 use super::piece::{Bounds, expect_limit};
 use super::{
     HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
-    expect_positive,
 };
 use crate::cold_start::{Motion, Torque};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use somersault_core::argument::{ArgumentError, expect_positive};
 use somersault_multibody::models::TwoLinkArm;
 
 /// The state–costate system of the arm, p = (θ₁, θ₂, θ̇₁, θ̇₂, λ₁, …, λ₄).
@@ -62,11 +62,12 @@ impl ArmMinimumTorque {
             expect_positive("weights", weights[i])?;
             if !(arm.damping[i] >= 0.0 && arm.damping[i].is_finite()) {
                 let found = arm.damping[i];
-                return Err(SystemError::Parameter {
+                return Err(ArgumentError::OutOfRange {
                     argument: "damping",
                     allowed: "finite and not negative",
                     found,
-                });
+                }
+                .into());
             }
         }
         Ok(Self::new_unchecked(arm, weights))

@@ -21,32 +21,16 @@ pub use state_costate::{ControlProblem, DifferentiatedProblem, ProblemDerivative
 pub use tree::TreeMinimumTorque;
 
 use nalgebra::{SMatrix, SVector};
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::{DynamicsError, ModelError};
 
 /// Why a system has no value at a point, or cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {
-    /// A parameter is outside of its range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    Parameter {
-        /// Name of the parameter.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
-    /// Dimensions do not add up.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries expected.
-        expected: usize,
-        /// Entries found.
-        found: usize,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// ∂²K/∂u² is not positive definite, so that no control minimises K.
     #[error("the control Hessian must be positive definite, found pivot {pivot:e} for control {control}")]
     SingularControlHessian {
@@ -212,14 +196,6 @@ fn expect_controls(u: &[f64], expected: usize) -> Result<(), SystemError> {
     if u.len() == expected {
         Ok(())
     } else {
-        Err(SystemError::Length { argument: "u", expected, found: u.len() })
-    }
-}
-
-fn expect_positive(argument: &'static str, found: f64) -> Result<(), SystemError> {
-    if found > 0.0 && found.is_finite() {
-        Ok(())
-    } else {
-        Err(SystemError::Parameter { argument, allowed: "positive and finite", found })
+        Err(SystemError::Argument(ArgumentError::Length { argument: "u", expected, found: u.len() }))
     }
 }

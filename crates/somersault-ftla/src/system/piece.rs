@@ -14,6 +14,7 @@
 //! beyond the piece, so that the flow can step across and search for the crossing.
 
 use super::SystemError;
+use somersault_core::argument::ArgumentError;
 
 /// Where a control is with respect to its bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -93,6 +94,10 @@ pub(super) fn expect_limit(found: f64) -> Result<Bounds, SystemError> {
     if found > 0.0 {
         Ok(Bounds { lower: -found, upper: found })
     } else {
-        Err(SystemError::Parameter { argument: "limits", allowed: "positive", found })
+        Err(SystemError::Argument(ArgumentError::OutOfRange {
+            argument: "limits",
+            allowed: "positive",
+            found,
+        }))
     }
 }

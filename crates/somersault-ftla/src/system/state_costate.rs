@@ -21,6 +21,7 @@ use super::{
 };
 use nalgebra::{Cholesky, SMatrix, SVector};
 use num_dual::{Dual64, HyperDual64};
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::Scalar;
 
 /// Dynamics and running cost of an optimal control problem with `NX` states and `NU` controls, written over a scalar
@@ -215,7 +216,9 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
         for i in 0..NU {
             if lower[i].is_nan() || upper[i].is_nan() || lower[i] >= upper[i] {
                 let allowed = "below the upper bound";
-                return Err(SystemError::Parameter { argument: "lower bound", allowed, found: lower[i] });
+                return Err(
+                    ArgumentError::OutOfRange { argument: "lower bound", allowed, found: lower[i] }.into()
+                );
             }
         }
         Ok(Self { problem, lower, upper })

@@ -9,11 +9,11 @@ use super::chart::{Charts, Scratch};
 use super::piece::{Bounds, expect_limit};
 use super::{
     HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
-    expect_positive,
 };
 use crate::cold_start::{Motion, Torque};
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
+use somersault_core::argument::{ArgumentError, expect_positive};
 use somersault_multibody::{DerivativeData, DynamicsError, Model, Scalar};
 use std::sync::{Mutex, PoisonError};
 
@@ -173,12 +173,14 @@ impl<const N: usize> TreeMinimumTorque<N> {
     pub fn try_new(model: &Model, weights: &[f64]) -> Result<Self, SystemError> {
         let n = model.n_velocities();
         if 4 * n != N {
-            return Err(SystemError::Length { argument: "p", expected: 4 * n, found: N });
+            return Err(ArgumentError::Length { argument: "p", expected: 4 * n, found: N }.into());
         }
         if weights.len() != n {
-            return Err(SystemError::Length { argument: "weights", expected: n, found: weights.len() });
+            return Err(
+                ArgumentError::Length { argument: "weights", expected: n, found: weights.len() }.into()
+            );
         }
-        weights.iter().try_for_each(|&w| expect_positive("weights", w))?;
+        weights.iter().try_for_each(|&w| expect_positive("weights", w).map(|_| ()))?;
         let bounds = vec![Bounds { lower: f64::NEG_INFINITY, upper: f64::INFINITY }; n];
         Ok(Self::with_effort(model, Effort { weights: weights.to_vec(), bounds, driven: vec![true; n] }))
     }
@@ -194,7 +196,9 @@ impl<const N: usize> TreeMinimumTorque<N> {
     /// Bounds |uᵢ| by `limits`, N m or N; infinite for none.
     pub fn try_with_torque_limits(mut self, limits: &[f64]) -> Result<Self, SystemError> {
         if limits.len() != N / 4 {
-            return Err(SystemError::Length { argument: "limits", expected: N / 4, found: limits.len() });
+            return Err(
+                ArgumentError::Length { argument: "limits", expected: N / 4, found: limits.len() }.into()
+            );
         }
         self.effort.bounds = limits.iter().map(|&limit| expect_limit(limit)).collect::<Result<_, _>>()?;
         Ok(self)
@@ -205,7 +209,7 @@ impl<const N: usize> TreeMinimumTorque<N> {
         let others = self.effort.driven.iter().enumerate().any(|(i, driven)| *driven && i != joint);
         if joint >= N / 4 || !others {
             let (allowed, found) = ("the number of a joint, another one being driven", joint as f64);
-            return Err(SystemError::Parameter { argument: "joint", allowed, found });
+            return Err(ArgumentError::OutOfRange { argument: "joint", allowed, found }.into());
         }
         self.effort.driven[joint] = false;
         Ok(self)

@@ -30,7 +30,7 @@
 //! # Cost
 //! bodies × steps evaluations times those of the method, on all cores; independent of their number.
 
-use super::{Progress, StudyError, check_not_empty, check_positive, report};
+use super::{Progress, StudyError, check_not_empty, report};
 use crate::body::{BodyError, RigidBody};
 use crate::methods::{Method, Options, StartUp, Visitor};
 use crate::state::{Configuration, Pose, RigidBodyState};
@@ -38,6 +38,7 @@ use crate::stepper::{StepError, Stepper};
 use crate::system::{Decoder, Form, RigidBodySystem, StateOf, System, Unchanged};
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use somersault_core::argument::expect_positive;
 
 /// The prisms 1 × l_y × l_z of mass 6 with l_y, l_z ∈ {1/n, 2/n, …, 1}, l_z running fastest: n² bodies with
 /// I = diag(l_y² + l_z², 1 + l_z², 1 + l_y²)/2, the inverse of thesis (6.2). The thesis has n = 100.
@@ -78,9 +79,9 @@ impl EnergySetup {
 
     fn check(&self, bodies: &[RigidBody]) -> Result<(), StudyError> {
         check_not_empty("bodies", bodies)?;
-        check_positive("dt", self.dt)?;
+        expect_positive("dt", self.dt)?;
         check_not_empty("steps", &self.steps)?;
-        check_positive("angular_velocity", self.angular_velocity.norm())?;
+        expect_positive("angular_velocity", self.angular_velocity.norm())?;
         if self.steps[0] > 0 && self.steps.windows(2).all(|pair| pair[0] < pair[1]) {
             Ok(())
         } else {

@@ -23,6 +23,7 @@ use crate::body::BodyError;
 use crate::driver::{Flow, IntegrateError};
 use crate::exact::FreeBodyError;
 use crate::stepper::StepError;
+use somersault_core::argument::ArgumentError;
 
 /// Called with the parts done and the parts in all; [`Flow::Stop`] ends the study with
 /// [`StudyError::Stopped`].
@@ -37,27 +38,14 @@ pub fn silent(_: usize, _: usize) -> Flow {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A list without entries.
     #[error("`{argument}` must have at least one entry")]
     Empty {
         /// Name of the argument.
         argument: &'static str,
-    },
-    /// A number that is not positive and finite.
-    #[error("`{argument}` must be positive and finite, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: &'static str,
-        /// The number.
-        found: f64,
-    },
-    /// A number that is NaN or infinite.
-    #[error("`{argument}` must be finite, found {found}")]
-    NotFinite {
-        /// Name of the argument.
-        argument: &'static str,
-        /// The number.
-        found: f64,
     },
     /// A list that does not increase.
     #[error("`{argument}` must increase from a positive first entry")]
@@ -100,10 +88,6 @@ pub enum StudyError {
         /// Parts in all.
         total: usize,
     },
-}
-
-fn check_positive(argument: &'static str, found: f64) -> Result<(), StudyError> {
-    if found.is_finite() && found > 0.0 { Ok(()) } else { Err(StudyError::NotPositive { argument, found }) }
 }
 
 fn check_not_empty<T>(argument: &'static str, list: &[T]) -> Result<(), StudyError> {

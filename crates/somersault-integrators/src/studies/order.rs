@@ -11,11 +11,12 @@
 //! translation.
 
 use super::problem::{Errors, Problem};
-use super::{Progress, StudyError, check_not_empty, check_positive, report};
+use super::{Progress, StudyError, check_not_empty, report};
 use crate::driver::{IntegrateError, Outcome, TimeGrid, integrate};
 use crate::methods::{Method, Options};
 use crate::stepper::{StepError, Stepper};
 use crate::system::{RigidSystem, System};
+use somersault_core::argument::expect_positive;
 
 /// Errors with one step size.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,7 +101,7 @@ fn study<S: RigidSystem>(
     run: &dyn Fn(&TimeGrid) -> Integrated<S>,
 ) -> Result<Convergence, StudyError> {
     check_not_empty("dts", dts)?;
-    dts.iter().try_for_each(|dt| check_positive("dts", *dt))?;
+    dts.iter().try_for_each(|dt| expect_positive("dts", *dt).map(|_| ()))?;
     let mut measured = Vec::with_capacity(dts.len());
     for &dt in dts {
         let outcome = run(&TimeGrid::try_new(0.0, problem.t_end(), dt)?);

@@ -1,7 +1,7 @@
 //! Problems with known ends, for the studies of accuracy: the thesis' cases of 7.2.1 and some for the
 //! translation, and a way to make your own.
 
-use super::{StudyError, check_positive};
+use super::StudyError;
 use crate::body::RigidBody;
 use crate::driver::TimeGrid;
 use crate::exact::FreeBody;
@@ -10,6 +10,7 @@ use crate::methods::{Method, Options};
 use crate::state::{Pose, Poses, RigidBodyState, State, Twist};
 use crate::system::{RigidBodySystem, RigidSystem, StateOf};
 use nalgebra::Vector3;
+use somersault_core::argument::{ArgumentError, expect_positive};
 use somersault_core::so3;
 use std::f64::consts::{PI, SQRT_2};
 
@@ -70,10 +71,10 @@ impl<S: RigidSystem> Problem<S> {
         t_end: f64,
         reference: StateOf<S>,
     ) -> Result<Self, StudyError> {
-        check_positive("t_end", t_end)?;
+        expect_positive("t_end", t_end)?;
         for (argument, state) in [("initial", &initial), ("reference", &reference)] {
             if !state.is_finite() {
-                return Err(StudyError::NotFinite { argument, found: f64::NAN });
+                return Err(ArgumentError::NonFinite { argument, found: f64::NAN }.into());
             }
         }
         Ok(Self { system, initial, t_end, reference })
@@ -89,7 +90,7 @@ impl<S: RigidSystem> Problem<S> {
         method: Method,
         dt: f64,
     ) -> Result<Self, StudyError> {
-        check_positive("t_end", t_end)?;
+        expect_positive("t_end", t_end)?;
         let grid = TimeGrid::try_new(0.0, t_end, dt)?;
         let reference = method.integrate(Options::default(), &system, &initial, &grid, &mut ())?.state;
         Self::try_new(system, initial, t_end, reference)

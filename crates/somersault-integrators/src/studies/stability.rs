@@ -47,6 +47,7 @@ use crate::stepper::{StepError, Stepper};
 use crate::system::{Decoder, Form, RigidBodySystem, StateOf, System, Unchanged};
 use nalgebra::{DMatrix, Schur, Vector3};
 use rayon::prelude::*;
+use somersault_core::argument::ArgumentError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A root λ of the test equation, in units of 1/h.
@@ -202,7 +203,7 @@ fn rows(
         for value in row {
             result.push(match value {
                 Err(StudyError::Step(error @ StepError::Torque { .. })) => return Err(error.into()),
-                Err(error @ StudyError::NotFinite { .. }) => return Err(error),
+                Err(error @ StudyError::Argument(ArgumentError::NonFinite { .. })) => return Err(error),
                 other => other.unwrap_or(f64::NAN),
             });
         }
@@ -305,7 +306,7 @@ fn radius(history: u8, lambda: Lambda, sequence: &dyn Sequence) -> Result<f64, S
     const DEFECT: f64 = 1e-6;
     for (argument, found) in [("re", lambda.re), ("im", lambda.im)] {
         if !found.is_finite() {
-            return Err(StudyError::NotFinite { argument, found });
+            return Err(ArgumentError::NonFinite { argument, found }.into());
         }
     }
     // The moments take no part.

@@ -15,13 +15,14 @@
 
 use super::order::{Integrated, forgive};
 use super::problem::{Errors, Problem};
-use super::{Progress, StudyError, check_not_empty, check_positive, report};
+use super::{Progress, StudyError, check_not_empty, report};
 use crate::body::RigidBody;
 use crate::driver::{Adaptive, TimeGrid, integrate, integrate_adaptive};
 use crate::methods::{Method, Options};
 use crate::state::State;
 use crate::stepper::{EmbeddedStepper, Stepper};
 use crate::system::{BodyPoses, BodyRate, RateOf, RigidSystem, StateOf, System};
+use somersault_core::argument::expect_positive;
 use std::cell::Cell;
 use std::time::Instant;
 
@@ -166,9 +167,9 @@ impl<S: RigidSystem> Bench<'_, S> {
         check_not_empty("choices", choices)?;
         for choice in choices {
             match choice {
-                StepChoice::Fixed(dt) => check_positive("dt", *dt)?,
-                StepChoice::Tolerance(tolerance) => check_positive("tolerance", *tolerance)?,
-            }
+                StepChoice::Fixed(dt) => expect_positive("dt", *dt)?,
+                StepChoice::Tolerance(tolerance) => expect_positive("tolerance", *tolerance)?,
+            };
         }
         let mut points = Vec::with_capacity(choices.len());
         for &choice in choices {

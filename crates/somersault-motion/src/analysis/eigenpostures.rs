@@ -5,13 +5,14 @@
 //! have signs and an order of their own**: what is the first eigenweight of one may be minus the second of another, so
 //! that weights must not be compared across motions. It is here to reproduce what was done.
 
-use super::{AnalysisError, Pca, expect_length};
+use super::{AnalysisError, Pca};
 use nalgebra::DMatrix;
+use somersault_core::argument::{ArgumentError, expect_length};
 
 /// One basis for all `motions`, each with a frame in every row.
 pub fn common(motions: &[DMatrix<f64>], n_eigenpostures: usize) -> Result<Pca, AnalysisError> {
     let Some(first) = motions.first() else {
-        return Err(AnalysisError::TooFew { argument: "motions", least: 1, found: 0 });
+        return Err(ArgumentError::TooFew { argument: "motions", least: 1, found: 0 }.into());
     };
     let rows = motions.iter().map(DMatrix::nrows).sum();
     let mut stacked = DMatrix::zeros(rows, first.ncols());

@@ -15,8 +15,9 @@
 //! Source of the last: S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami and E. Burdet, *On the analysis
 //! of movement smoothness*, J. NeuroEng. Rehabil. 12 (2015), 112.
 
-use super::{AnalysisError, expect_length, normalize_frames};
+use super::{AnalysisError, normalize_frames};
 use nalgebra::Vector3;
+use somersault_core::argument::{expect_least, expect_length};
 use somersault_multibody::{Data, DynamicsError, Model};
 use std::f64::consts::PI;
 
@@ -62,9 +63,7 @@ impl DiveFaults {
     /// [`Diver`](somersault_multibody::models::Diver). `positions` has a configuration for each time, one after
     /// the other.
     pub fn of(model: &Model, times: &[f64], positions: &[f64]) -> Result<Self, AnalysisError> {
-        if times.len() < LEAST_FRAMES {
-            return Err(AnalysisError::TooFew { argument: "times", least: LEAST_FRAMES, found: times.len() });
-        }
+        expect_least("times", times.len(), LEAST_FRAMES)?;
         let n_q = model.n_positions();
         expect_length("positions", positions.len(), times.len().saturating_mul(n_q))?;
         if let Some(k) = positions.iter().position(|x| !x.is_finite()) {
@@ -185,6 +184,7 @@ fn log_dimensionless_jerk(angle: &[f64], duration: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use somersault_core::argument::ArgumentError;
     use somersault_multibody::models::{Diver, Posture};
 
     /// Frames from posture A to `posture` and back, w = sin² of π times the share.
@@ -256,9 +256,19 @@ mod tests {
         let model = diver.model().unwrap();
         let (times, positions) = folded(&diver, Posture::H, 11);
         let found = DiveFaults::of(&model, &times[..4], &positions);
-        assert_eq!(found, Err(AnalysisError::TooFew { argument: "times", least: 5, found: 4 }));
+        assert_eq!(
+            found,
+            Err(AnalysisError::Argument(ArgumentError::TooFew { argument: "times", least: 5, found: 4 }))
+        );
         let found = DiveFaults::of(&model, &times[..10], &positions);
-        assert_eq!(found, Err(AnalysisError::Length { argument: "positions", expected: 120, found: 132 }));
+        assert_eq!(
+            found,
+            Err(AnalysisError::Argument(ArgumentError::Length {
+                argument: "positions",
+                expected: 120,
+                found: 132
+            }))
+        );
         let still = diver.configuration(Posture::A).unwrap().repeat(11);
         assert_eq!(DiveFaults::of(&model, &times, &still), Err(AnalysisError::NoVariance));
         let arm = somersault_multibody::models::TwoLinkArm::default().model().unwrap();

@@ -1,9 +1,10 @@
 //! Groups of motions side by side: the four panels of Figure 4.1.
 
-use super::{AnalysisError, expect_finite, expect_length};
+use super::{AnalysisError, expect_finite};
 use crate::fit::MotionFit;
 use crate::recording::{CubicSpline, uniform_times};
 use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector1, Vector3};
+use somersault_core::argument::{ArgumentError, expect_least, expect_length};
 use somersault_multibody::{Joint, Model};
 use somersault_ocp::flight::Counting;
 
@@ -20,9 +21,7 @@ impl Band {
     /// Of `series`, a row for each motion and a column for each frame.
     pub fn of(series: &DMatrix<f64>) -> Result<Self, AnalysisError> {
         let n = series.nrows();
-        if n == 0 {
-            return Err(AnalysisError::TooFew { argument: "series", least: 1, found: 0 });
-        }
+        expect_least("series", n, 1)?;
         expect_finite("series", series)?;
         let mean: Vec<f64> = series.column_iter().map(|c| c.mean()).collect();
         let square = |(c, mean): (nalgebra::DVectorView<f64>, &f64)| c.map(|x| (x - mean).powi(2)).sum();
@@ -36,12 +35,8 @@ impl Band {
 /// comparable.
 pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Result<Vec<f64>, AnalysisError> {
     expect_length("values", values.len(), times.len())?;
-    if n_frames == 0 {
-        return Err(AnalysisError::TooFew { argument: "n_frames", least: 1, found: 0 });
-    }
-    if times.is_empty() {
-        return Err(AnalysisError::TooFew { argument: "times", least: 1, found: 0 });
-    }
+    expect_least("n_frames", n_frames, 1)?;
+    expect_least("times", times.len(), 1)?;
     expect_finite("values", &DMatrix::from_column_slice(values.len(), 1, values))?;
     let points = values.iter().map(|x| Vector1::new(*x)).collect();
     let spline = CubicSpline::try_new(times.to_vec(), points)?;
@@ -137,7 +132,7 @@ impl GroupComparison {
                     let weights = seen().map(|f| f.estimate.weights.get(k).copied());
                     let found = motion.frames.first().map_or(0, |f| f.estimate.weights.len());
                     let least = k + 1;
-                    weights.collect::<Option<_>>().ok_or(AnalysisError::TooFew {
+                    weights.collect::<Option<_>>().ok_or(ArgumentError::TooFew {
                         argument: "weights",
                         least,
                         found,
@@ -160,9 +155,7 @@ impl GroupComparison {
     /// From the series of its groups, a row for each motion and a column for each frame, as [`series`](Self::series) gives them.
     pub fn from_series(series: &[DMatrix<f64>], panel: Panel) -> Result<Self, AnalysisError> {
         let n_frames = series.first().map_or(0, DMatrix::ncols);
-        if n_frames == 0 {
-            return Err(AnalysisError::TooFew { argument: "series", least: 1, found: 0 });
-        }
+        expect_least("series", n_frames, 1)?;
         for group in series {
             expect_length("columns of series", group.ncols(), n_frames)?;
             expect_finite("series", group)?;

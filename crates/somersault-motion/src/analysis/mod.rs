@@ -17,23 +17,16 @@ pub use groups::{Band, GroupComparison, Panel, normalize_frames, turns_about};
 pub use pca::Pca;
 pub use projection::{Projection, WeightBounds, project};
 
-use crate::LARGEST;
 use crate::recording::RecordingError;
+use somersault_core::argument::{ArgumentError, LARGEST};
 
 /// Why numbers cannot be analysed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnalysisError {
-    /// There are too few rows.
-    #[error("`{argument}` must have at least {least} entries, found {found}")]
-    TooFew {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries needed.
-        least: usize,
-        /// Entries given.
-        found: usize,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// More components than the samples can have.
     #[error(
         "`{argument}` must be between 1 and {most} for {samples} samples of {features} numbers, found {found}"
@@ -49,16 +42,6 @@ pub enum AnalysisError {
         samples: usize,
         /// Numbers in a sample.
         features: usize,
-    },
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
     },
     /// A number is NaN or infinite.
     #[error("`{argument}` must be finite, but is not in row {row}")]
@@ -127,14 +110,6 @@ pub enum AnalysisError {
     /// The model lacks a body, or a configuration is not the model's.
     #[error(transparent)]
     Model(#[from] somersault_multibody::DynamicsError),
-}
-
-pub(crate) fn expect_length(
-    argument: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), AnalysisError> {
-    if found == expected { Ok(()) } else { Err(AnalysisError::Length { argument, expected, found }) }
 }
 
 /// Fails unless every number is finite, and its square too.

@@ -10,9 +10,10 @@
 //!
 //! Source: I. T. Jolliffe, *Principal Component Analysis*, Springer 2002.
 
-use super::{AnalysisError, expect_finite, expect_length};
+use super::{AnalysisError, expect_finite};
 use faer::MatRef;
 use nalgebra::{DMatrix, DVector};
+use somersault_core::argument::{expect_least, expect_length};
 
 /// Mean and principal components of samples.
 ///
@@ -43,9 +44,7 @@ impl Pca {
     /// than there are samples. Cost O(n p min(n, p)).
     pub fn fit(samples: &DMatrix<f64>, n_components: usize) -> Result<Self, AnalysisError> {
         let (n, p) = samples.shape();
-        if n < 2 {
-            return Err(AnalysisError::TooFew { argument: "samples", least: 2, found: n });
-        }
+        expect_least("samples", n, 2)?;
         let most = (n - 1).min(p);
         if n_components == 0 || n_components > most {
             return Err(AnalysisError::Components {

@@ -3,6 +3,7 @@
 use super::AnalysisError;
 use crate::fit::quadratic::BoundedQuadratic;
 use nalgebra::{DMatrix, DVector};
+use somersault_core::argument::expect_length;
 use somersault_ocp::motion::EigenpostureBase;
 
 /// What weights may be.
@@ -30,7 +31,7 @@ pub fn project(
     postures: &DMatrix<f64>,
     bounds: WeightBounds,
 ) -> Result<Projection, AnalysisError> {
-    super::expect_length("columns of postures", postures.ncols(), base.n_joints())?;
+    expect_length("columns of postures", postures.ncols(), base.n_joints())?;
     super::expect_finite("postures", postures)?;
     let n = base.n_weights();
     let directions = base.directions();
@@ -68,6 +69,7 @@ pub fn project(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use somersault_core::argument::ArgumentError;
 
     #[test]
     fn projection_finds_weights_and_keeps_them_in_the_simplex() {
@@ -99,6 +101,9 @@ mod tests {
             }
         }
         let wrong = project(&base, &DMatrix::zeros(2, 4), WeightBounds::None);
-        assert!(matches!(wrong, Err(AnalysisError::Length { expected: 3, found: 4, .. })));
+        assert!(matches!(
+            wrong,
+            Err(AnalysisError::Argument(ArgumentError::Length { expected: 3, found: 4, .. }))
+        ));
     }
 }

@@ -1,7 +1,8 @@
 //! Where markers are on a model.
 
-use super::{FitError, expect_positive, expect_small};
+use super::{FitError, expect_positive_squarable};
 use nalgebra::Vector3;
+use somersault_core::argument::expect_squarable;
 use somersault_multibody::{DynamicsError, Model};
 
 /// A point of a body.
@@ -23,11 +24,8 @@ impl Marker {
         if self.body >= n_bodies {
             return Err(DynamicsError::NoSuchBody { found: self.body, n_bodies }.into());
         }
-        if let Some(&found) = self.point.iter().find(|x| !x.is_finite()) {
-            return Err(FitError::NonFinite { argument: "point", found });
-        }
-        expect_small("point", &self.point)?;
-        expect_positive("weight", self.weight)
+        expect_squarable("point", &self.point)?;
+        Ok(expect_positive_squarable("weight", self.weight)?)
     }
 }
 

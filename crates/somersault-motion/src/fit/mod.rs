@@ -39,13 +39,16 @@ pub use markers::{Marker, MarkerSet};
 pub use motion::{MarkerFit, MotionFit};
 pub use options::{FitOptions, Loss, Scale, Shape};
 
-use crate::LARGEST;
+use somersault_core::argument::{ArgumentError, expect_positive, expect_squarable};
 use somersault_multibody::DynamicsError;
 
 /// Why a model cannot be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A body or the size of a configuration is not the model's.
     #[error(transparent)]
     Model(#[from] DynamicsError),
@@ -74,30 +77,6 @@ pub enum FitError {
         /// Names in the recording.
         found: String,
     },
-    /// A number is NaN or infinite.
-    #[error("`{argument}` must be finite, found {found}")]
-    NonFinite {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Its value.
-        found: f64,
-    },
-    /// A number must be positive.
-    #[error("`{argument}` must be positive and finite, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Its value.
-        found: f64,
-    },
-    /// A number is so large that products of it are none.
-    #[error("`{argument}` must be within ±1e100, found {found:e}")]
-    TooLarge {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Its value.
-        found: f64,
-    },
     /// The bounds of the scale cross or are not positive.
     #[error("the bounds of the scale must be positive and grow, found {lower} and {upper}")]
     ScaleBounds {
@@ -105,16 +84,6 @@ pub enum FitError {
         lower: f64,
         /// Upper bound.
         upper: f64,
-    },
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
     },
     /// The caller said that it is not to go on.
     #[error("the fit was interrupted")]
@@ -129,25 +98,6 @@ pub enum FitError {
     },
 }
 
-pub(crate) fn expect_length(argument: &'static str, found: usize, expected: usize) -> Result<(), FitError> {
-    if found == expected { Ok(()) } else { Err(FitError::Length { argument, expected, found }) }
-}
-
-pub(crate) fn expect_positive(argument: &'static str, found: f64) -> Result<(), FitError> {
-    if found > 0.0 && found.is_finite() {
-        expect_small(argument, [&found])
-    } else {
-        Err(FitError::NotPositive { argument, found })
-    }
-}
-
-/// Fails where products of a number may overflow.
-pub(crate) fn expect_small<'a>(
-    argument: &'static str,
-    numbers: impl IntoIterator<Item = &'a f64>,
-) -> Result<(), FitError> {
-    match numbers.into_iter().find(|x| x.abs() > LARGEST) {
-        Some(&found) => Err(FitError::TooLarge { argument, found }),
-        None => Ok(()),
-    }
+fn expect_positive_squarable(argument: &'static str, found: f64) -> Result<(), ArgumentError> {
+    expect_squarable(argument, [&expect_positive(argument, found)?])
 }

@@ -2,12 +2,13 @@
 
 use super::frame::{FitStatus, FrameFit, FrameFitter};
 use super::starts::Starts;
-use super::{FitError, FitOptions, MarkerSet, Scale, expect_small, minima};
+use super::{FitError, FitOptions, MarkerSet, Scale, minima};
 use crate::GoOn;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use somersault_core::argument::expect_squarable;
 use somersault_multibody::Model;
 
 /// A model with markers, to be fitted to recordings.
@@ -190,7 +191,7 @@ impl MarkerFit {
         }
         let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
         let targets: Vec<Targets> = recording.frames().map(frame).collect();
-        expect_small("recording", targets.iter().flatten().flatten().flat_map(|y| y.iter()))?;
+        expect_squarable("recording", targets.iter().flatten().flatten().flat_map(|y| y.iter()))?;
         Ok(targets)
     }
 

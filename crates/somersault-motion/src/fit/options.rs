@@ -1,6 +1,7 @@
 //! What is fitted, and how.
 
-use super::{FitError, expect_length, expect_positive, expect_small};
+use super::{FitError, expect_positive_squarable};
+use somersault_core::argument::{expect_length, expect_squarable};
 use somersault_multibody::Model;
 use somersault_ocp::motion::EigenpostureBase;
 
@@ -118,13 +119,13 @@ impl FitOptions {
         if !(lower > 0.0 && upper >= lower && upper.is_finite()) {
             return Err(FitError::ScaleBounds { lower, upper });
         }
-        expect_small("scale", [&upper])?;
+        expect_squarable("scale", [&upper])?;
         if let Loss::Huber(threshold) | Loss::Cauchy(threshold) = self.loss {
-            expect_positive("threshold", threshold)?;
+            expect_positive_squarable("threshold", threshold)?;
         }
-        expect_positive("step_tol", self.step_tol)?;
+        expect_positive_squarable("step_tol", self.step_tol)?;
         if let Some(noise) = self.noise {
-            expect_positive("noise", noise)?;
+            expect_positive_squarable("noise", noise)?;
         }
         let root = model.positions_of(0).len();
         let mut n_shape = model.n_positions() - root;
@@ -141,10 +142,7 @@ impl FitOptions {
         }
         for start in &self.starts {
             expect_length("starts", start.len(), n_shape)?;
-            if let Some(&found) = start.iter().find(|x| !x.is_finite()) {
-                return Err(FitError::NonFinite { argument: "starts", found });
-            }
-            expect_small("starts", start)?;
+            expect_squarable("starts", start)?;
         }
         Ok(())
     }

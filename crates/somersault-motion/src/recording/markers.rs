@@ -1,7 +1,8 @@
 //! Positions of markers over time.
 
-use super::{CubicSpline, RecordingError, expect_length, expect_times, expect_unique, expect_within};
+use super::{CubicSpline, RecordingError, expect_times, expect_unique, expect_within};
 use nalgebra::Vector3;
+use somersault_core::argument::{ArgumentError, expect_length};
 
 /// Markers by name, frames by time, and where each marker was in each frame: in m, z up, `None` in a gap.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,7 +117,7 @@ impl MarkerRecording {
     /// spline through all the frames that have the marker. Gaps at the start or the end stay.
     pub fn fill_gaps(&self, longest: f64) -> Result<Self, RecordingError> {
         if !(longest > 0.0 && longest.is_finite()) {
-            return Err(RecordingError::NotPositive { argument: "longest", found: longest });
+            return Err(ArgumentError::NotPositive { argument: "longest", found: longest }.into());
         }
         let mut filled = self.clone();
         for k in 0..self.n_markers() {
@@ -229,7 +230,14 @@ mod tests {
         let found = make(one("a"), &[0.0, 0.0], vec![p, p]);
         assert_eq!(found, Err(RecordingError::TimesNotGrowing { frame: 1, found: 0.0, before: 0.0 }));
         let found = make(one("a"), &[0.0, 1.0], vec![p]);
-        assert_eq!(found, Err(RecordingError::Length { argument: "points", expected: 2, found: 1 }));
+        assert_eq!(
+            found,
+            Err(RecordingError::Argument(ArgumentError::Length {
+                argument: "points",
+                expected: 2,
+                found: 1
+            }))
+        );
         let nan = Some(Vector3::new(0.0, f64::NAN, 0.0));
         let found = make(one("a"), &[0.0, 1.0], vec![p, nan]);
         assert_eq!(found, Err(RecordingError::NonFinite { argument: "points", frame: 1 }));
@@ -237,7 +245,10 @@ mod tests {
         assert_eq!(found, Err(RecordingError::DuplicateName { name: "a".into() }));
         let found = gapped().resample(&[0.5, 1.2]);
         assert!(matches!(found, Err(RecordingError::OutsideOfRecording { found: 1.2, .. })));
-        assert!(matches!(gapped().fill_gaps(0.0), Err(RecordingError::NotPositive { .. })));
+        assert!(matches!(
+            gapped().fill_gaps(0.0),
+            Err(RecordingError::Argument(ArgumentError::NotPositive { .. }))
+        ));
         assert!(matches!(gapped().select(&["c"]), Err(RecordingError::UnknownName { .. })));
     }
 }

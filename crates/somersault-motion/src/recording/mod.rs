@@ -16,27 +16,21 @@ pub use rotations::RotationCurve;
 pub use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
 pub use spline::CubicSpline;
 
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::ModelError;
 
 /// Why numbers are not a recording, or what was asked of it cannot be done.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordingError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// Nothing was recorded.
     #[error("a recording needs at least one of `{argument}`, found none")]
     Empty {
         /// Frames, markers or joints.
         argument: &'static str,
-    },
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
     },
     /// A number is NaN or infinite.
     #[error("`{argument}` must be finite, but is not in frame {frame}")]
@@ -92,14 +86,6 @@ pub enum RecordingError {
         /// Time of the last frame.
         last: f64,
     },
-    /// A length of time or a mass must be positive.
-    #[error("`{argument}` must be positive and finite, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Its value.
-        found: f64,
-    },
     /// Two axes of a convention lie on one line.
     #[error("`up` and `forward` must be perpendicular, found {up:?} and {forward:?}")]
     ParallelAxes {
@@ -123,14 +109,6 @@ impl RecordingError {
             _ => None,
         }
     }
-}
-
-pub(crate) fn expect_length(
-    argument: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), RecordingError> {
-    if found == expected { Ok(()) } else { Err(RecordingError::Length { argument, expected, found }) }
 }
 
 /// Fails unless there is a time, all are finite and they grow.

@@ -10,8 +10,9 @@
 //! differentiable, its error O(h³); turning at a constant rate about a fixed axis is reproduced exactly. It is the same curve
 //! in any axes of the world and of the body.
 
-use super::{RecordingError, expect_length, expect_times};
+use super::{RecordingError, expect_times};
 use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::argument::expect_length;
 use somersault_core::so3;
 
 /// The curve through rotations at growing times.

@@ -5,10 +5,10 @@
 
 use super::rotations::expect_rotations;
 use super::{
-    CubicSpline, MarkerRecording, RecordingError, RotationCurve, expect_length, expect_times, expect_unique,
-    expect_within,
+    CubicSpline, MarkerRecording, RecordingError, RotationCurve, expect_times, expect_unique, expect_within,
 };
 use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::argument::{ArgumentError, expect_length};
 use somersault_multibody::{Joint, Link, MassProperties, Model, ModelBuilder};
 
 /// A joint of a skeleton.
@@ -74,7 +74,7 @@ impl Skeleton {
     /// fixed, as points.
     pub fn model(&self, mass: f64) -> Result<Model, RecordingError> {
         if !(mass > 0.0 && mass.is_finite()) {
-            return Err(RecordingError::NotPositive { argument: "mass", found: mass });
+            return Err(ArgumentError::NotPositive { argument: "mass", found: mass }.into());
         }
         let movable = |i: usize| i == 0 || self.joints[i].turns || self.joints[i].moves;
         let share = mass / (0..self.joints.len()).filter(|&i| movable(i)).count() as f64;
@@ -286,8 +286,18 @@ mod tests {
         };
         assert_eq!(two(None), Err(RecordingError::Parent { joint: 1 }));
         assert_eq!(two(Some(1)), Err(RecordingError::Parent { joint: 1 }));
-        assert!(matches!(skeleton().model(-1.0), Err(RecordingError::NotPositive { .. })));
+        assert!(matches!(
+            skeleton().model(-1.0),
+            Err(RecordingError::Argument(ArgumentError::NotPositive { .. }))
+        ));
         let found = SkeletonRecording::try_new(skeleton(), vec![0.0], vec![], vec![Vector3::zeros(); 2]);
-        assert_eq!(found, Err(RecordingError::Length { argument: "rotations", expected: 3, found: 0 }));
+        assert_eq!(
+            found,
+            Err(RecordingError::Argument(ArgumentError::Length {
+                argument: "rotations",
+                expected: 3,
+                found: 0
+            }))
+        );
     }
 }

@@ -6,8 +6,9 @@
 //!
 //! Source: C. de Boor, *A Practical Guide to Splines*, Springer 2001, chapter IV.
 
-use super::{RecordingError, expect_length, expect_times};
+use super::{RecordingError, expect_times};
 use nalgebra::SVector;
+use somersault_core::argument::expect_length;
 
 /// The curve through points at growing times.
 #[derive(Debug, Clone, PartialEq)]

@@ -27,6 +27,7 @@ use super::{FeatureKind, ScoringError, VectorOptions};
 use crate::analysis::{Pca, eigenpostures};
 use nalgebra::{DMatrix, RowDVector};
 use rayon::prelude::*;
+use somersault_core::argument::expect_least;
 
 /// Rounds of the search for a reference, at most. It converges in some; what is learnt depends on its end, but not on how
 /// motions were turned before.
@@ -136,7 +137,7 @@ impl Basis {
     ) -> Result<Self, ScoringError> {
         let learnt: Vec<&Normalized> =
             motions.iter().enumerate().filter(|(i, _)| !left_out(*i)).map(|(_, motion)| motion).collect();
-        super::expect_least("motions", learnt.len(), 1)?;
+        expect_least("motions", learnt.len(), 1)?;
         let heading = Heading::of(kind, &learnt);
         let postures: Vec<DMatrix<f64>> =
             learnt.iter().map(|motion| heading.turned(motion).postures).collect();

@@ -31,58 +31,17 @@ pub use storage::StorageError;
 pub use validation::{Baseline, Validation, ValidationOptions, validate, validate_while};
 pub use vector::{FeatureKind, Features, Performance, VectorOptions};
 
-use crate::LARGEST;
 use crate::analysis::AnalysisError;
 use crate::recording::RecordingError;
+use somersault_core::argument::ArgumentError;
 
 /// Why motions cannot be scored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScoringError {
-    /// Too few motions.
-    #[error("`{argument}` must have at least {least} entries, found {found}")]
-    TooFew {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries needed.
-        least: usize,
-        /// Entries given.
-        found: usize,
-    },
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
-    },
-    /// A number is NaN or infinite.
-    #[error("`{argument}` must be finite")]
-    NonFinite {
-        /// Name of the argument.
-        argument: &'static str,
-    },
-    /// A number is not in the range allowed.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    Range {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
-    /// A number is so large that its square is none.
-    #[error("`{argument}` must be within ±1e100, found {found:e}")]
-    TooLarge {
-        /// Name of the argument.
-        argument: &'static str,
-        /// The number.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A feature of the name of another baseline.
     #[error("`features` must have names of their own, but a baseline named `{name}` is there already")]
     DuplicateBaseline {
@@ -184,32 +143,4 @@ pub enum ScoringError {
     /// The principal components do not exist.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
-}
-
-/// Fails where a number is not finite, or its square is not.
-pub(crate) fn expect_numbers<'a>(
-    argument: &'static str,
-    numbers: impl IntoIterator<Item = &'a f64>,
-) -> Result<(), ScoringError> {
-    for &found in numbers {
-        if !found.is_finite() {
-            return Err(ScoringError::NonFinite { argument });
-        }
-        if found.abs() > LARGEST {
-            return Err(ScoringError::TooLarge { argument, found });
-        }
-    }
-    Ok(())
-}
-
-pub(crate) fn expect_length(
-    argument: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), ScoringError> {
-    if found == expected { Ok(()) } else { Err(ScoringError::Length { argument, expected, found }) }
-}
-
-pub(crate) fn expect_least(argument: &'static str, found: usize, least: usize) -> Result<(), ScoringError> {
-    if found >= least { Ok(()) } else { Err(ScoringError::TooFew { argument, least, found }) }
 }

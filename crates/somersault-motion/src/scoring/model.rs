@@ -3,11 +3,10 @@
 use super::learnt::{self, Basis, Heading};
 use super::regression::ComponentScores;
 use super::vector::Normalized;
-use super::{
-    Features, Performance, ScoringError, VectorOptions, expect_least, expect_length, expect_numbers,
-};
+use super::{Features, Performance, ScoringError, VectorOptions};
 use crate::analysis::Pca;
 use nalgebra::DMatrix;
+use somersault_core::argument::{ArgumentError, expect_least, expect_length, expect_squarable};
 
 /// Choices for a scoring model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,12 +50,12 @@ impl ScoringOptions {
             ("n_eigenweights", self.vector.n_eigenweights),
         ] {
             if found == 0 {
-                return Err(ScoringError::Range { argument, allowed: "at least 1", found: 0.0 });
+                return Err(ArgumentError::OutOfRange { argument, allowed: "at least 1", found: 0.0 }.into());
             }
         }
         expect_least("motions", n_motions, self.most().saturating_add(least))?;
         expect_length("scores", scores.len(), n_motions)?;
-        expect_numbers("scores", scores)?;
+        expect_squarable("scores", scores)?;
         self.expect_scale(scores)
     }
 

@@ -1,11 +1,12 @@
 //! Correlations and their intervals.
 
-use super::{ScoringError, ValidationOptions, expect_least, expect_length};
+use super::{ScoringError, ValidationOptions};
 use crate::GoOn;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use somersault_core::argument::{expect_finite, expect_least, expect_length};
 
 /// A coefficient, how sure it is and what chance would make of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,9 +23,7 @@ fn check(x: &[f64], y: &[f64]) -> Result<(), ScoringError> {
     expect_least("x", x.len(), 2)?;
     expect_length("y", y.len(), x.len())?;
     for (argument, values) in [("x", x), ("y", y)] {
-        if !values.iter().all(|v| v.is_finite()) {
-            return Err(ScoringError::NonFinite { argument });
-        }
+        expect_finite(argument, values)?;
         if values.iter().all(|v| *v == values[0]) {
             return Err(ScoringError::Constant { argument });
         }
@@ -143,6 +142,7 @@ pub(super) fn resampled(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use somersault_core::argument::ArgumentError;
 
     #[test]
     fn coefficients_are_scipys() {
@@ -151,7 +151,7 @@ mod tests {
         assert!((pearson(&x, &y).unwrap() - 0.3638104023173468).abs() < 1e-14);
         assert!((spearman(&x, &y).unwrap() - 0.6617647058823529).abs() < 1e-14);
         assert_eq!(pearson(&x, &[1.0; 6]), Err(ScoringError::Constant { argument: "y" }));
-        assert!(matches!(spearman(&x, &[1.0]), Err(ScoringError::Length { .. })));
+        assert!(matches!(spearman(&x, &[1.0]), Err(ScoringError::Argument(ArgumentError::Length { .. }))));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::analysis::{AnalysisError, Pca};
 use crate::recording::expect_unique;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
+use somersault_core::argument::expect_length;
 
 const FORMAT: &str = "somersault scoring model";
 const VERSION: u32 = 2;
@@ -121,7 +122,7 @@ impl From<&Pca> for StoredPca {
 impl StoredPca {
     fn pca(self) -> Result<Pca, AnalysisError> {
         for component in &self.components {
-            crate::analysis::expect_length("entries of a component", component.len(), self.mean.len())?;
+            expect_length("entries of a component", component.len(), self.mean.len())?;
         }
         let components = DMatrix::from_vec(self.mean.len(), self.components.len(), self.components.concat());
         Pca::from_parts(
@@ -171,7 +172,7 @@ fn matrix(
     rows: &[Vec<f64>],
     shape: (usize, usize),
 ) -> Result<DMatrix<f64>, StorageError> {
-    let expect = crate::analysis::expect_length;
+    let expect = |part, found, expected| expect_length(part, found, expected).map_err(AnalysisError::from);
     expect(part, rows.len(), shape.0)?;
     rows.iter().try_for_each(|row| expect(part, row.len(), shape.1))?;
     let found = DMatrix::from_row_iterator(shape.0, shape.1, rows.iter().flatten().copied());
@@ -223,7 +224,8 @@ impl TryFrom<Stored> for ScoringModel {
         let (vector, coefficients, features) = (stored.vector, stored.coefficients, stored.features);
         expect_unique(features.names.iter().map(String::as_str)).map_err(AnalysisError::from)?;
         let (eigenpostures, eigenmotions) = (stored.eigenpostures.pca()?, stored.eigenmotions.pca()?);
-        let expect = crate::analysis::expect_length;
+        let expect =
+            |part, found, expected| expect_length(part, found, expected).map_err(AnalysisError::from);
         expect("names of features", eigenpostures.mean().len(), features.n_numbers())?;
         expect("eigenpostures", eigenpostures.n_components(), vector.n_eigenweights)?;
         expect("entries of a motion's vector", eigenmotions.mean().len(), vector.length())?;
@@ -268,7 +270,7 @@ impl ScoringModel {
     fn expect_sense(&self) -> Result<(), StorageError> {
         let Learnt { vectors, distances, scores, sizes } = &self.learnt;
         let n = scores.len();
-        crate::analysis::expect_length("distances", distances.len(), n)?;
+        expect_length("distances", distances.len(), n).map_err(AnalysisError::from)?;
         if !distances.iter().all(|d| *d >= 0.0 && d.is_finite()) {
             return sense("distances", "finite and not negative");
         }

@@ -4,10 +4,11 @@ use super::learnt::{self, Basis};
 use super::model::normalize;
 use super::regression::LeftOut;
 use super::statistics::{Coefficients, Correlation, resampled};
-use super::{Performance, ScoringError, ScoringOptions, expect_least, expect_length, expect_numbers};
+use super::{Performance, ScoringError, ScoringOptions};
 use crate::GoOn;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
+use somersault_core::argument::{ArgumentError, expect_least, expect_length, expect_squarable};
 
 /// Choices for a validation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,7 +110,9 @@ pub fn validate_while(
     options.check(motions.len(), scores, 3)?;
     // with four only the resample that has all of them can be validated, and the interval would be a point
     expect_least("motions", motions.len(), 5)?;
-    let range = |argument, allowed, found| Err(ScoringError::Range { argument, allowed, found });
+    let range = |argument, allowed, found| {
+        Err(ScoringError::Argument(ArgumentError::OutOfRange { argument, allowed, found }))
+    };
     // the interval of one would be a point
     if validation.n_resamples < 2 {
         return range("n_resamples", "at least 2", validation.n_resamples as f64);
@@ -156,7 +159,7 @@ pub fn validate_while(
             return Err(ScoringError::DuplicateBaseline { name: (*name).to_owned() });
         }
         expect_length("features", values.len(), scores.len())?;
-        expect_numbers("features", *values)?;
+        expect_squarable("features", *values)?;
         let by_line = |i: usize| line(&without(i, values), &without(i, scores), values[i]);
         baselines.push(baseline(name, (0..scores.len()).map(by_line).collect()));
     }

@@ -1,9 +1,10 @@
 //! What a motion is to a judge that counts: its vector.
 
-use super::{ScoringError, expect_least, expect_length, expect_numbers};
+use super::ScoringError;
 use crate::analysis::{Pca, expect_finite, normalize_frames};
 use crate::recording::{MarkerRecording, expect_times, expect_unique};
 use nalgebra::{DMatrix, RowDVector};
+use somersault_core::argument::{expect_least, expect_length, expect_squarable};
 
 /// What the numbers of a posture are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -90,7 +91,7 @@ impl Performance {
         expect_least("times", n, 2)?;
         let mut values = DMatrix::zeros(n, 3 * m);
         for (i, frame) in recording.frames().enumerate() {
-            expect_numbers("recording", frame.iter().flatten().flat_map(|p| p.iter()))?;
+            expect_squarable("recording", frame.iter().flatten().flat_map(|p| p.iter()))?;
             for (k, point) in frame.iter().enumerate() {
                 let gap = || ScoringError::Gap { marker: recording.names()[k].clone(), frame: i };
                 let point = point.ok_or_else(gap)?;

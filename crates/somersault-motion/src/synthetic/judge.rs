@@ -1,9 +1,10 @@
 //! The **synthetic** judge.
 
+use super::SyntheticError;
 use super::markers::standard_normal;
-use super::{SyntheticError, expect_not_negative};
 use crate::analysis::DiveFaults;
 use rand::Rng;
+use somersault_core::argument::expect_not_negative;
 
 /// A **synthetic** judge. He gives to a dive with faults f
 ///
@@ -67,7 +68,8 @@ impl SyntheticJudge {
             expect_not_negative(argument, found)?;
         }
         self.reference.validate()?;
-        expect_not_negative("noise", self.noise)
+        expect_not_negative("noise", self.noise)?;
+        Ok(())
     }
 
     /// The score without noise and rounding; fails where a fault is not finite.
@@ -92,6 +94,7 @@ mod tests {
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
+    use somersault_core::argument::ArgumentError;
 
     fn faults() -> DiveFaults {
         DiveFaults { entry_angle: 0.1, hip_opening: 0.4, exit_share: 0.8, asymmetry: 0.02, roughness: 12.0 }
@@ -120,7 +123,10 @@ mod tests {
             assert_eq!(found, format!("`{name}` must be finite, found NaN"));
         }
         let negative = SyntheticJudge { noise: -1.0, ..judge };
-        assert!(matches!(negative.validate(), Err(SyntheticError::OutOfRange { argument: "noise", .. })));
+        assert!(matches!(
+            negative.validate(),
+            Err(SyntheticError::Argument(ArgumentError::Negative { argument: "noise", .. }))
+        ));
     }
 
     #[test]

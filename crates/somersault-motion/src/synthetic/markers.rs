@@ -1,11 +1,12 @@
 //! Markers that nobody measured.
 
-use super::{SyntheticError, expect_not_negative};
+use super::SyntheticError;
 use crate::fit::MarkerSet;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use somersault_core::argument::{expect_length, expect_not_negative};
 use somersault_multibody::{Data, Model};
 
 /// **Synthetic** measurements: where `markers` of `model` are at its configurations, one after the other, each
@@ -19,10 +20,7 @@ pub fn synthetic_markers(
     seed: u64,
 ) -> Result<MarkerRecording, SyntheticError> {
     expect_not_negative("noise", noise)?;
-    let expected = times.len().saturating_mul(model.n_positions());
-    if positions.len() != expected {
-        return Err(SyntheticError::Length { argument: "positions", expected, found: positions.len() });
-    }
+    expect_length("positions", positions.len(), times.len().saturating_mul(model.n_positions()))?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut data = Data::new(model);
     let mut points = Vec::with_capacity(times.len() * markers.markers().len());

@@ -43,6 +43,7 @@ use crate::analysis::AnalysisError;
 use crate::fit::FitError;
 use crate::recording::RecordingError;
 use crate::scoring::ScoringError;
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::DynamicsError;
 use somersault_multibody::flight::FlightError;
 use somersault_multibody::motion::MotionError;
@@ -51,39 +52,12 @@ use somersault_multibody::motion::MotionError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SyntheticError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// The caller said that it is not to go on.
     #[error("making synthetic dives was interrupted")]
     Interrupted,
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
-    },
-    /// There are too few of something.
-    #[error("`{argument}` must have at least {least} entries, found {found}")]
-    TooFew {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries needed.
-        least: usize,
-        /// Entries given.
-        found: usize,
-    },
-    /// A number is out of range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    OutOfRange {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// Its value.
-        found: f64,
-    },
     /// The joints do not leave the straight way between their ends: there is nothing to perturb.
     #[error(
         "the joints of `positions` move straight from their first posture to their last: there is no fold to perturb"
@@ -137,17 +111,4 @@ pub enum SyntheticError {
     /// The dives cannot be scored.
     #[error(transparent)]
     Scoring(#[from] ScoringError),
-}
-
-pub(crate) fn expect_range(
-    argument: &'static str,
-    found: f64,
-    allowed: &'static str,
-    inside: impl FnOnce(f64) -> bool,
-) -> Result<(), SyntheticError> {
-    if inside(found) { Ok(()) } else { Err(SyntheticError::OutOfRange { argument, allowed, found }) }
-}
-
-pub(crate) fn expect_not_negative(argument: &'static str, found: f64) -> Result<(), SyntheticError> {
-    expect_range(argument, found, "at least 0 and finite", |x| x >= 0.0 && x.is_finite())
 }

@@ -1,11 +1,12 @@
 //! A flight flown anew with other joints and another momentum.
 
 use super::curve::FoldCurve;
-use super::{SyntheticError, expect_range, synthetic_markers};
+use super::{SyntheticError, synthetic_markers};
 use crate::analysis::DiveFaults;
 use crate::fit::MarkerSet;
 use crate::recording::{MarkerRecording, expect_times, uniform_times};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use somersault_core::argument::{expect_finite, expect_least, expect_length, expect_range};
 use somersault_core::so3;
 use somersault_integrators::driver::{TimeGrid, integrate};
 use somersault_integrators::methods::RungeKuttaMuntheKaas4;
@@ -64,7 +65,7 @@ impl Perturbation {
             ("wobble_frequency", self.wobble_frequency),
             ("wobble_phase", self.wobble_phase),
         ] {
-            expect_range(argument, found, "finite", f64::is_finite)?;
+            expect_finite(argument, [&found])?;
         }
         Ok(())
     }
@@ -111,19 +112,11 @@ impl SyntheticFlight {
     /// joints of one coordinate. At least five frames, less than a half turn apart; the dives have as many.
     pub fn try_new(model: &Model, times: &[f64], positions: &[f64]) -> Result<Self, SyntheticError> {
         const LEAST: usize = 5;
-        if times.len() < LEAST {
-            return Err(SyntheticError::TooFew { argument: "times", least: LEAST, found: times.len() });
-        }
+        expect_least("times", times.len(), LEAST)?;
         expect_times(times)?;
         let (n_q, n_frames) = (model.n_positions(), times.len());
-        let expected = n_frames.saturating_mul(n_q);
-        if positions.len() != expected {
-            let (argument, found) = ("positions", positions.len());
-            return Err(SyntheticError::Length { argument, expected, found });
-        }
-        if let Some(&found) = positions.iter().find(|x| !x.is_finite()) {
-            return Err(SyntheticError::OutOfRange { argument: "positions", allowed: "finite", found });
-        }
+        expect_length("positions", positions.len(), n_frames.saturating_mul(n_q))?;
+        expect_finite("positions", positions)?;
         let turning = match model.joint(0) {
             Some(Joint::Planar) => 2..3,
             _ => 3..model.positions_of(0).len().max(3),

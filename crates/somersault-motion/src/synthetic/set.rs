@@ -1,8 +1,6 @@
 //! A **synthetic** set of judged dives.
 
-use super::{
-    Perturbation, SyntheticDive, SyntheticError, SyntheticFlight, SyntheticJudge, expect_not_negative,
-};
+use super::{Perturbation, SyntheticDive, SyntheticError, SyntheticFlight, SyntheticJudge};
 use crate::GoOn;
 use crate::analysis::DiveFaults;
 use crate::fit::MarkerSet;
@@ -12,6 +10,7 @@ use crate::scoring::Performance;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use somersault_core::argument::{expect_least, expect_not_negative};
 use std::f64::consts::TAU;
 
 /// How a set is made.
@@ -104,9 +103,7 @@ impl SyntheticSet {
     ) -> Result<Self, SyntheticError> {
         judge.validate()?;
         expect_not_negative("marker_noise", options.marker_noise)?;
-        if options.n_dives == 0 {
-            return Err(SyntheticError::TooFew { argument: "n_dives", least: 1, found: 0 });
-        }
+        expect_least("n_dives", options.n_dives, 1)?;
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         let drawn: Vec<(Perturbation, u64)> =
             (0..options.n_dives).map(|_| (options.draw(&mut rng), rng.random())).collect();

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use somersault_core::argument::ArgumentError;
 use somersault_motion::analysis::{AnalysisError, Band, Pca, eigenpostures, normalize_frames};
 
 fn samples() -> DMatrix<f64> {
@@ -115,7 +116,14 @@ fn a_common_basis_has_one_sign_where_single_ones_need_not() {
     let along = |k: usize| single[k].components().column(0).dot(&single[0].components().column(0)).abs();
     assert!(along(1) > 0.999 && along(2) < 0.9);
     let wrong = eigenpostures::common(&[motion(1.0, 0.0), DMatrix::zeros(3, 2)], 2);
-    assert_eq!(wrong, Err(AnalysisError::Length { argument: "columns of motions", expected: 3, found: 2 }));
+    assert_eq!(
+        wrong,
+        Err(AnalysisError::Argument(ArgumentError::Length {
+            argument: "columns of motions",
+            expected: 3,
+            found: 2
+        }))
+    );
 }
 
 #[test]
@@ -139,12 +147,22 @@ fn what_cannot_be_analysed_is_refused() {
     assert_eq!(found, Err(expected));
     assert!(matches!(Pca::fit(&samples(), 0), Err(AnalysisError::Components { .. })));
     let one = Pca::fit(&DMatrix::zeros(1, 4), 1);
-    assert_eq!(one, Err(AnalysisError::TooFew { argument: "samples", least: 2, found: 1 }));
+    assert_eq!(
+        one,
+        Err(AnalysisError::Argument(ArgumentError::TooFew { argument: "samples", least: 2, found: 1 }))
+    );
     assert_eq!(Pca::fit(&DMatrix::from_element(5, 3, 0.1), 1), Err(AnalysisError::NoVariance));
     let mut bad = samples();
     bad[(3, 1)] = f64::NAN;
     assert_eq!(Pca::fit(&bad, 2), Err(AnalysisError::NonFinite { argument: "samples", row: 3 }));
     let pca = Pca::fit(&samples(), 2).unwrap();
     let found = pca.scores(&DMatrix::zeros(2, 5));
-    assert_eq!(found, Err(AnalysisError::Length { argument: "columns of samples", expected: 4, found: 5 }));
+    assert_eq!(
+        found,
+        Err(AnalysisError::Argument(ArgumentError::Length {
+            argument: "columns of samples",
+            expected: 4,
+            found: 5
+        }))
+    );
 }

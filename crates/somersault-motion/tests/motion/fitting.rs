@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use somersault_core::argument::ArgumentError;
 use somersault_motion::fit::{
     FitError, FitOptions, FitStatus, FrameFit, Loss, Marker, MarkerFit, MarkerSet, MotionFit, Scale, Shape,
     UnknownStatus,
@@ -352,12 +353,25 @@ fn what_cannot_be_fitted_is_refused() {
     let found = with(FitOptions { scale, ..options() });
     assert_eq!(found, Err(FitError::ScaleBounds { lower: 2.0, upper: 1.0 }));
     let found = with(FitOptions { loss: Loss::Huber(-1.0), ..options() });
-    assert_eq!(found, Err(FitError::NotPositive { argument: "threshold", found: -1.0 }));
+    assert_eq!(
+        found,
+        Err(FitError::Argument(ArgumentError::NotPositive { argument: "threshold", found: -1.0 }))
+    );
     let found = with(FitOptions { starts: vec![vec![0.0; 3]], ..options() });
-    assert_eq!(found, Err(FitError::Length { argument: "starts", expected: 9, found: 3 }));
+    assert_eq!(
+        found,
+        Err(FitError::Argument(ArgumentError::Length { argument: "starts", expected: 9, found: 3 }))
+    );
     let base = EigenpostureBase::try_new(&[[0.0, 0.0], [1.0, 0.0]]).unwrap();
     let found = with(FitOptions { shape: Shape::Eigenpostures(base), ..options() });
-    assert_eq!(found, Err(FitError::Length { argument: "postures of the base", expected: 9, found: 2 }));
+    assert_eq!(
+        found,
+        Err(FitError::Argument(ArgumentError::Length {
+            argument: "postures of the base",
+            expected: 9,
+            found: 2
+        }))
+    );
     let other = MarkerRecording::try_new(vec!["nose".into()], vec![0.0], vec![None]).unwrap();
     let found = MarkerFit::try_new(&model, set.clone(), options()).unwrap().fit(&other);
     assert!(matches!(found, Err(FitError::NoCommonMarker { .. })));

@@ -2,6 +2,7 @@
 
 use crate::synthetic::{FORWARD_PIKE, flight, judged, planar};
 use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::argument::ArgumentError;
 use somersault_motion::analysis::{AnalysisError, GroupComparison, Panel, turns_about};
 use somersault_motion::fit::{FitOptions, FitStatus, FrameFit, MarkerFit, MarkerSet, MotionFit, Shape};
 use somersault_motion::recording::MarkerRecording;
@@ -38,7 +39,10 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
     q[3..7].fill(0.0);
     let found = turns_about(&model, &[&model.neutral(), &q]);
     assert_eq!(found, Err(AnalysisError::NotARotation { row: 1, found: 0.0 }));
-    assert!(matches!(turns_about(&model, &[&q[1..]]), Err(AnalysisError::Length { .. })));
+    assert!(matches!(
+        turns_about(&model, &[&q[1..]]),
+        Err(AnalysisError::Argument(ArgumentError::Length { .. }))
+    ));
 
     let model = planar();
     let mut configurations = [model.neutral(), model.neutral(), model.neutral()];
@@ -103,12 +107,15 @@ fn the_four_panels_are_mean_and_spread_in_closed_form() {
         }
     }
     let none = GroupComparison::try_new(&model, &[&first], Panel::Eigenweight(1), 60);
-    assert!(matches!(none, Err(AnalysisError::TooFew { argument: "weights", least: 2, found: 1 })));
+    assert!(matches!(
+        none,
+        Err(AnalysisError::Argument(ArgumentError::TooFew { argument: "weights", least: 2, found: 1 }))
+    ));
     let held = somersault_multibody::models::TwoLinkArm::default().model().unwrap();
     let none = GroupComparison::try_new(&held, &[&first], Panel::Rotation, 60);
     assert!(matches!(none, Err(AnalysisError::Held)));
     let empty = GroupComparison::try_new(&model, &[&first, &[]], Panel::Scale, 60).unwrap().bands();
-    assert!(matches!(empty, Err(AnalysisError::TooFew { argument: "series", .. })));
+    assert!(matches!(empty, Err(AnalysisError::Argument(ArgumentError::TooFew { argument: "series", .. }))));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
+use somersault_core::argument::ArgumentError;
 use somersault_motion::analysis::AnalysisError;
 use somersault_motion::recording::{MarkerRecording, RecordingError};
 use somersault_motion::scoring::{
@@ -138,13 +139,19 @@ fn what_cannot_be_scored_is_refused() {
     let (motions, scores) = judged(6, 0.1, 6);
     let options = ScoringOptions::thesis();
     let few = ScoringModel::train(&motions, &scores, &options).map(drop);
-    assert_eq!(few, Err(ScoringError::TooFew { argument: "motions", least: 7, found: 6 }));
+    assert_eq!(
+        few,
+        Err(ScoringError::Argument(ArgumentError::TooFew { argument: "motions", least: 7, found: 6 }))
+    );
     let short = ScoringModel::train(&motions, &scores[..5], &ScoringOptions { max_components: 2, ..options });
-    assert!(matches!(short, Err(ScoringError::Length { argument: "scores", expected: 6, found: 5 })));
+    assert!(matches!(
+        short,
+        Err(ScoringError::Argument(ArgumentError::Length { argument: "scores", expected: 6, found: 5 }))
+    ));
     let mut bad = scores.clone();
     bad[2] = f64::NAN;
     let bad = ScoringModel::train(&motions, &bad, &ScoringOptions { max_components: 2, ..options });
-    assert!(matches!(bad, Err(ScoringError::NonFinite { argument: "scores" })));
+    assert!(matches!(bad, Err(ScoringError::Argument(ArgumentError::NonFinite { argument: "scores", .. }))));
     let (motions, scores) = judged(9, 0.1, 1);
     let with = |options: ScoringOptions| ScoringModel::train(&motions, &scores, &options).map(drop);
     let eigenweights =
@@ -158,7 +165,8 @@ fn what_cannot_be_scored_is_refused() {
         (ScoringOptions { n_components: Some(0), ..options }, "n_components"),
         (ScoringOptions { max_components: 0, ..options }, "max_components"),
     ] {
-        let expected = ScoringError::Range { argument, allowed: "at least 1", found: 0.0 };
+        let expected =
+            ScoringError::Argument(ArgumentError::OutOfRange { argument, allowed: "at least 1", found: 0.0 });
         assert_eq!(with(options), Err(expected));
     }
     let validated = |scores: &[f64], choices: ValidationOptions| {
@@ -167,10 +175,19 @@ fn what_cannot_be_scored_is_refused() {
     let usual = ValidationOptions { n_resamples: 10, ..ValidationOptions::default() };
     for level in [0.0, 1.0, -1.0, f64::NAN] {
         let found = validated(&scores, ValidationOptions { level, ..usual });
-        assert!(matches!(found, Err(ScoringError::Range { argument: "level", .. })), "{found:?}");
+        assert!(
+            matches!(found, Err(ScoringError::Argument(ArgumentError::OutOfRange { argument: "level", .. }))),
+            "{found:?}"
+        );
     }
     let found = validated(&scores, ValidationOptions { n_resamples: 0, ..usual });
-    assert!(matches!(found, Err(ScoringError::Range { argument: "n_resamples", .. })), "{found:?}");
+    assert!(
+        matches!(
+            found,
+            Err(ScoringError::Argument(ArgumentError::OutOfRange { argument: "n_resamples", .. }))
+        ),
+        "{found:?}"
+    );
     assert_eq!(validated(&[7.0; 9], usual), Err(ScoringError::Constant { argument: "scores" }));
 
     let make = |times: &[f64], posture: f64, path: f64| {

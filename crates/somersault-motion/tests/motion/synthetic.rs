@@ -1,6 +1,7 @@
 //! **SYNTHETIC** dives and scores, from the flight to the judge that is found again.
 
 use nalgebra::Vector3;
+use somersault_core::argument::ArgumentError;
 use somersault_motion::analysis::DiveFaults;
 use somersault_motion::fit::MarkerSet;
 use somersault_motion::scoring::{ScoringModel, ScoringOptions, Validation, ValidationOptions, validate};
@@ -178,20 +179,32 @@ fn what_cannot_be_perturbed_is_refused() {
     let late = perturb(Perturbation { exit_delay: 1.0, ..none });
     assert!(matches!(late, SyntheticError::ExitDelay { found: 1.0, .. }), "{late}");
     let loose = perturb(Perturbation { looseness: f64::NAN, ..none });
-    assert!(matches!(loose, SyntheticError::OutOfRange { argument: "looseness", .. }), "{loose}");
+    assert!(
+        matches!(loose, SyntheticError::Argument(ArgumentError::OutOfRange { argument: "looseness", .. })),
+        "{loose}"
+    );
     let over = perturb(Perturbation { over_rotation: f64::INFINITY, ..none });
-    assert!(matches!(over, SyntheticError::OutOfRange { argument: "over_rotation", .. }));
+    assert!(matches!(
+        over,
+        SyntheticError::Argument(ArgumentError::NonFinite { argument: "over_rotation", .. })
+    ));
     let new = |times: &[f64], positions: &[f64]| SyntheticFlight::try_new(&model, times, positions).map(drop);
     let short = new(&motion.times, &motion.positions[1..]).unwrap_err();
-    assert!(matches!(short, SyntheticError::Length { argument: "positions", .. }));
-    assert!(matches!(new(&[0.0; 3], &[]), Err(SyntheticError::TooFew { least: 5, .. })));
+    assert!(matches!(short, SyntheticError::Argument(ArgumentError::Length { argument: "positions", .. })));
+    assert!(matches!(
+        new(&[0.0; 3], &[]),
+        Err(SyntheticError::Argument(ArgumentError::TooFew { least: 5, .. }))
+    ));
     assert!(matches!(new(&[0.0; 5], &[0.0; 60]), Err(SyntheticError::Recording(_))));
     let times: Vec<f64> = (0..5).map(f64::from).collect();
     assert!(matches!(new(&times, &[0.0; 60]), Err(SyntheticError::NoFold)));
     let markers = MarkerSet::joint_centres(&model).unwrap();
     let noise = synthetic_markers(&model, &markers, &motion.times, &motion.positions, -1.0, 0);
-    assert!(matches!(noise, Err(SyntheticError::OutOfRange { argument: "noise", .. })));
+    assert!(matches!(
+        noise,
+        Err(SyntheticError::Argument(ArgumentError::Negative { argument: "noise", .. }))
+    ));
     let (judge, options) = (judged(&SyntheticOptions::of(1)).1, SyntheticOptions::of(0));
     let none = SyntheticSet::generate(&flight, &markers, &judge, &options);
-    assert!(matches!(none, Err(SyntheticError::TooFew { argument: "n_dives", .. })));
+    assert!(matches!(none, Err(SyntheticError::Argument(ArgumentError::TooFew { argument: "n_dives", .. }))));
 }

@@ -11,10 +11,11 @@
 
 use super::{DerivativeData, Partials, Tables};
 use crate::articulated::{AllPassive, Roles, Split};
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::Force;
+use somersault_core::argument::expect_length;
 
 /// out ← out − Σ c x, with each x given by the number of a column of `columns`.
 ///
@@ -92,7 +93,7 @@ impl<T: Scalar> Model<T> {
         known: &[T],
         wrenches: &[Force<T>],
     ) -> Result<Partials<'d, T>, DynamicsError> {
-        expect_length("known", known, self.n_velocities())?;
+        expect_length("known", known.len(), self.n_velocities())?;
         let DerivativeData { data, acceleration, torque, .. } = work;
         if acceleration.len() != known.len() {
             return Err(DynamicsError::ForeignData);

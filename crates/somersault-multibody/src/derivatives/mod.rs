@@ -28,12 +28,13 @@ mod momentum;
 pub use momentum::MomentumPartials;
 
 use crate::data::Data;
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::inertia::{SpatialInertia, hat};
 use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion};
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use somersault_core::argument::expect_length;
 use std::ops::AddAssign;
 
 /// A result of dynamics with its partial derivatives, each [`n_velocities`](Model::n_velocities) squared.
@@ -185,7 +186,7 @@ impl<T: Scalar> Model<T> {
         wrenches: &[Force<T>],
     ) -> Result<Partials<'d, T>, DynamicsError> {
         self.expect_state(&work.data, q, v)?;
-        expect_length("a", a, self.n_velocities())?;
+        expect_length("a", a.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
         self.place(&mut work.data, q);
         self.spread(work, v, a, wrenches);

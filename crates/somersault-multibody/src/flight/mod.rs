@@ -30,13 +30,14 @@ pub use sensitivity::{FlightSensitivities, SensitivityWorkspace, ShapeParameters
 pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
 
 use crate::data::Data;
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
 use crate::joint::{Joint, quaternion};
 use crate::model::Model;
 use crate::scalar::{Scalar, constant};
 use crate::spatial::{Force, Motion, Transform};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_core::argument::expect_length;
 
 /// Why a tree cannot be reduced by its momentum.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -170,7 +171,7 @@ impl<'m, T: Scalar> Flight<'m, T> {
     /// The flight that passes through the positions `q` and velocities `v` at time `t`.
     pub fn from_state(model: &'m Model<T>, t: T, q: &[T], v: &[T]) -> Result<Self, FlightError> {
         let mut data = Data::new(model);
-        expect_length("v", v, model.n_velocities())?;
+        expect_length("v", v.len(), model.n_velocities()).map_err(DynamicsError::from)?;
         let centroidal = model.centroidal(&mut data, q)?;
         let momentum = centroidal.momentum(v)?;
         let take_off = TakeOff {
@@ -254,8 +255,8 @@ impl<'m, T: Scalar> Flight<'m, T> {
 
     fn reduce(&self, data: &mut FlightData<T>, q: &[T], v: &[T]) -> Result<Reduced<T>, DynamicsError> {
         let model = self.model;
-        expect_length("q", q, model.n_positions())?;
-        expect_length("v", v, model.n_velocities())?;
+        expect_length("q", q.len(), model.n_positions())?;
+        expect_length("v", v.len(), model.n_velocities())?;
         if data.nodes.len() != model.n_bodies() || data.by_shape.len() + self.n_root() != v.len() {
             return Err(DynamicsError::ForeignData);
         }

@@ -12,6 +12,7 @@ use crate::coordinates::{Coordinates, Factor, Layout, Rates};
 use crate::error::DynamicsError;
 use crate::motion::{Failure, TreeMotion, TreeState};
 use nalgebra::{DMatrix, DMatrixView, Vector3};
+use somersault_core::argument::expect_length;
 use somersault_integrators::state::State;
 use somersault_integrators::system::System;
 
@@ -89,7 +90,7 @@ impl<'f, S: ShapeParameters + ?Sized> FlightSensitivities<'f, S> {
     fn parts<'x>(&self, x: &'x TreeState) -> Result<(&'x [f64], &'x [f64]), DynamicsError> {
         let numbers = x.configuration.as_slice();
         let n = self.flight.orientation().len();
-        crate::error::expect_length("x", numbers, n + self.dimension() * self.n_columns())?;
+        expect_length("x", numbers.len(), n + self.dimension() * self.n_columns())?;
         Ok(numbers.split_at(n))
     }
 

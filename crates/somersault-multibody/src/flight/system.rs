@@ -2,9 +2,10 @@
 
 use super::{Flight, FlightData};
 use crate::coordinates::{Coordinates, Factor, Layout, Rates};
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::motion::{Failure, TreeMotion, TreeState};
 use nalgebra::Vector3;
+use somersault_core::argument::expect_length;
 use somersault_integrators::state::State;
 use somersault_integrators::system::System;
 
@@ -58,7 +59,7 @@ impl FlightWorkspace {
         orientation: &[f64],
     ) -> Result<(), DynamicsError> {
         let at = flight.orientation();
-        expect_length("orientation", orientation, at.len())?;
+        expect_length("orientation", orientation.len(), at.len())?;
         let (end, n_root) = (at.end, flight.n_root());
         self.q[at].copy_from_slice(orientation);
         shape.evaluate(t, &mut self.q[end..], &mut self.v[n_root..]);
@@ -73,7 +74,7 @@ impl Flight<'_> {
         orientation: &[f64],
     ) -> Result<(Factor, Vec<f64>, usize), DynamicsError> {
         let at = self.orientation();
-        expect_length("orientation", orientation, at.len())?;
+        expect_length("orientation", orientation.len(), at.len())?;
         let mut q = self.model().neutral();
         q[at.clone()].copy_from_slice(orientation);
         self.model().normalize(&mut q)?;

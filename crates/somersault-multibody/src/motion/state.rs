@@ -4,10 +4,11 @@
 //! of the child in the joint frame and ω its angular velocity in child axes, hence u̇ = R(v̇ + ω × v).
 
 use crate::coordinates::{Coordinates, Factor, Layout};
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::joint::{Joint, JointKind, Turning, quaternion};
 use crate::model::{Body, Model};
 use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::argument::expect_length;
 use somersault_integrators::state::State;
 
 /// Positions of a tree and their rates; see [`motion`](crate::motion).
@@ -17,7 +18,7 @@ impl Model {
     /// The state with positions `q` and joint velocities `v`, ready to be integrated. Quaternions are
     /// brought to unit norm.
     pub fn state(&self, q: &[f64], v: &[f64]) -> Result<TreeState, DynamicsError> {
-        expect_length("v", v, self.n_velocities())?;
+        expect_length("v", v.len(), self.n_velocities())?;
         let mut q = q.to_vec();
         self.normalize(&mut q)?;
         let mut rates = v.to_vec();
@@ -30,9 +31,9 @@ impl Model {
     /// out ← v, the joint velocities of a state.
     pub fn joint_velocities(&self, x: &TreeState, out: &mut [f64]) -> Result<(), DynamicsError> {
         let (q, rates) = (x.configuration.as_slice(), x.rate.as_slice());
-        expect_length("positions of x", q, self.n_positions())?;
-        expect_length("rates of x", rates, self.n_velocities())?;
-        expect_length("out", out, self.n_velocities())?;
+        expect_length("positions of x", q.len(), self.n_positions())?;
+        expect_length("rates of x", rates.len(), self.n_velocities())?;
+        expect_length("out", out.len(), self.n_velocities())?;
         out.copy_from_slice(rates);
         self.turn_linear_parts(q, out, |turn, part, _| turn.inverse() * part);
         Ok(())

@@ -3,9 +3,10 @@
 use super::{Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeMotion, TreeState};
 use crate::articulated::Split;
 use crate::data::Data;
-use crate::error::{DynamicsError, expect_length};
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Force;
+use somersault_core::argument::expect_length;
 use somersault_integrators::system::System;
 
 /// A tree under forces, with joints that may be driven.
@@ -51,7 +52,7 @@ impl<'m, F: TreeForces> TreeSystem<'m, F> {
         split: Split,
         motion: P,
     ) -> Result<TreeSystem<'m, F, Driven<P>>, DynamicsError> {
-        expect_length("split", split.active(), self.model.n_velocities())?;
+        expect_length("split", split.active().len(), self.model.n_velocities())?;
         let drive = Driven { split, motion };
         Ok(TreeSystem { model: self.model, forces: self.forces, drive, failure: Failure::default() })
     }

@@ -7,6 +7,7 @@
 
 use super::{Dive, DiveError};
 use nalgebra::Vector3;
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::models::{Dimension, Diver};
 use somersault_multibody::{DynamicsError, Joint, Model};
 
@@ -56,7 +57,7 @@ impl Mirror {
     fn image(&self, angles: &[f64]) -> Result<Vec<f64>, DynamicsError> {
         if angles.len() != self.0.len() {
             let (expected, found) = (self.0.len(), angles.len());
-            return Err(DynamicsError::Length { argument: "postures", expected, found });
+            return Err(ArgumentError::Length { argument: "postures", expected, found }.into());
         }
         Ok(self.0.iter().map(|(partner, sign)| sign * angles[*partner]).collect())
     }

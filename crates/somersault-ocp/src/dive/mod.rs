@@ -53,6 +53,7 @@ pub use program::DiveProgram;
 pub use report::{ALLOWED, DiveJudgementError, DiveReport, Nearest};
 pub use search::{DiveSearch, DiveSearchError};
 use serde::{Deserialize, Serialize};
+use somersault_core::argument::ArgumentError;
 pub use template::KeyFrame;
 
 use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};
@@ -310,7 +311,12 @@ impl Dive {
         if base.n_joints() != model.n_velocities() - n_root {
             let (expected, found) = (model.n_velocities() - n_root, base.n_joints());
             let argument = "postures";
-            return Err(somersault_multibody::DynamicsError::Length { argument, expected, found }.into());
+            return Err(somersault_multibody::DynamicsError::from(ArgumentError::Length {
+                argument,
+                expected,
+                found,
+            })
+            .into());
         }
         for (body, link) in model.links().iter().enumerate().skip(1) {
             let Some([lower, upper]) = model.limits(body) else { continue };

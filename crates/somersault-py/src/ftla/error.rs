@@ -33,7 +33,7 @@ impl From<SystemError> for Error {
         match error {
             SystemError::Model(error) => error.into(),
             SystemError::Dynamics(error) => error.into(),
-            SystemError::Parameter { .. } | SystemError::Length { .. } => own("FtlaInputError", &error),
+            SystemError::Argument(_) => own("FtlaInputError", &error),
             error => own("FieldError", &error),
         }
     }

@@ -10,6 +10,7 @@ use super::Counting;
 use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
 use crate::motion::SplineMotion;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use somersault_core::argument::ArgumentError;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
 use somersault_multibody::{DynamicsError, Joint, Model};
@@ -87,7 +88,7 @@ impl OrientationPath {
             if expected == found {
                 return Ok(());
             }
-            Err(DynamicsError::Length { argument, expected, found })
+            Err(DynamicsError::Argument(ArgumentError::Length { argument, expected, found }))
         };
         expect("joints of motion", n_joints, motion.base().n_joints())?;
         expect("positions of the joints", n_joints, model.n_positions() - model.positions_of(0).len())?;
@@ -190,7 +191,7 @@ impl OrientationPath {
         if orientation.len() != at.len() {
             let (expected, found) = (at.len(), orientation.len());
             let argument = "orientation";
-            return Err(DynamicsError::Length { argument, expected, found }.into());
+            return Err(DynamicsError::from(ArgumentError::Length { argument, expected, found }).into());
         }
         if !orientation.iter().chain(coefficients).all(|x| x.is_finite()) {
             return Err(FlightError::NonFinite { argument: "orientation and coefficients" });
