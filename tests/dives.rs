@@ -7,6 +7,7 @@ use somersault_core::spline::{SplineError, UniformBasis};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::models::{Dimension, Diver, Posture};
 use somersault_multibody::{Data, DynamicsError, Model};
+use somersault_nlp::{Flow, Iteration, Nlp, Report, Sqp, Status};
 use somersault_ocp::OcpError;
 use somersault_ocp::dive::{
     ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, DiveSearchError,
@@ -16,8 +17,6 @@ use somersault_ocp::flight::{
     Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
 };
 use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
-use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::{Flow, Iteration, Report, Sqp, Status};
 use somersault_ocp::transcription::{RolloutGradient, Transcription};
 use std::f64::consts::{PI, TAU};
 

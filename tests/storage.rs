@@ -11,11 +11,11 @@ use somersault::motion::scoring::{Performance, ScoringModel, ScoringOptions};
 use somersault::multibody::models::{CartPendulum, Diver, Posture};
 use somersault::multibody::motion::{Coordinates, TreeMotion, TreeSystem};
 use somersault::multibody::{Data, Model, Scalar};
+use somersault::nlp;
 use somersault::ocp::collocation::{
     Collocation, CollocationReport, Dynamics, Mesh, Phase, Point, Problem, Terms,
 };
 use somersault::ocp::dive::{Dive, DiveSearch, Range};
-use somersault::ocp::solver;
 use somersault::ocp::swing_up::CartPendulumProblem;
 use somersault::prelude::*;
 use somersault::storage::{self, StorageError, Stored, from_bytes, to_bytes};
@@ -100,7 +100,7 @@ fn optimal_motions_come_back_to_the_bit() {
     assert_eq!(comes_back(&dive), dive);
     let program = Dive::forward_pike().unwrap().program().unwrap();
     let z = program.start(&Dive::pike_template()).unwrap();
-    let report = DiveSearch::direct().solve(&program, z, &mut |_| solver::Flow::Continue).unwrap();
+    let report = DiveSearch::direct().solve(&program, z, &mut |_| nlp::Flow::Continue).unwrap();
     assert_eq!(comes_back(&report), report);
     let judged = program.report(&report.z).unwrap();
     assert_eq!(comes_back(&judged), judged);
@@ -108,7 +108,7 @@ fn optimal_motions_come_back_to_the_bit() {
     let phase = Phase::new(Regulator, Regulator).initial_state([1.0]).horizon(0.0, 2.0);
     let mut problem = Problem::try_new(phase).unwrap();
     let mesh = Mesh::try_uniform(3, 4).unwrap();
-    let found = Collocation::default().solve(&mut problem, &[mesh], &mut |_| solver::Flow::Continue).unwrap();
+    let found = Collocation::default().solve(&mut problem, &[mesh], &mut |_| nlp::Flow::Continue).unwrap();
     let again: CollocationReport = comes_back(&found);
     // what is left out is made anew
     assert_eq!(again.phases[0].state(1.3), found.phases[0].state(1.3));

@@ -1,11 +1,11 @@
 //! The two-link arm of thesis 8.4, Table 8.1: ten seconds from one stretched posture to the opposite one.
 
 use somersault_multibody::{Scalar, models::TwoLinkArm};
+use somersault_nlp::{Flow, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Guess, Mesh, Phase, Point, Problem, Terms,
     TreeDynamics,
 };
-use somersault_ocp::solver::{Flow, Status};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// ½ (u₁² + ½ u₂²), (8.7) with γ = (1, 0.5).

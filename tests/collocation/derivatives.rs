@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 use somersault_multibody::{Scalar, models::CartPendulum, models::TwoLinkArm};
+use somersault_nlp::{Nlp, Pattern};
 use somersault_ocp::collocation::{
     Dynamics, Ends, Interval, Linkage, Mesh, Phase, Point, Problem, Terms, Transcription, TreeDynamics,
 };
-use somersault_ocp::nlp::{Nlp, Pattern};
 
 /// Equations in which everything depends on everything, the time and two parameters too.
 struct Tangle;

@@ -3,12 +3,11 @@
 use nalgebra::{DMatrix, Vector3};
 use somersault_multibody::models::CartPendulum;
 use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder, Scalar};
+use somersault_nlp::{EvaluationError, Flow, SolverError, Sqp, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh,
     Phase, Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
 };
-use somersault_ocp::nlp::EvaluationError;
-use somersault_ocp::solver::{Flow, SolverError, Sqp, Status};
 
 /// ẋ = u, cost ∫ u² dt.
 struct Line;

@@ -2,11 +2,11 @@
 
 use crate::known;
 use somersault_multibody::{Scalar, models::CartPendulum};
+use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Dynamics, Ends, Guess, Interval, Linkage, Mesh, Phase,
     Point, Problem, Terms, TreeDynamics,
 };
-use somersault_ocp::solver::Flow;
 
 fn solve(phase: Phase, mesh: Mesh, tolerance: f64) -> CollocationReport {
     solve_phases(Problem::try_new(phase).unwrap(), &[mesh], tolerance)

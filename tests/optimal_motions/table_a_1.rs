@@ -1,9 +1,8 @@
 //! Thesis Table A.1 from the library's own starts.
 
 use somersault_multibody::models::CartPendulum;
-use somersault_ocp::nlp::Nlp;
+use somersault_nlp::{Flow, MultiStart, MultiStartReport, Nlp, NlpSolver, Sqp};
 use somersault_ocp::shooting::Scheme;
-use somersault_ocp::solver::{Flow, MultiStart, MultiStartReport, NlpSolver, Sqp};
 use somersault_ocp::swing_up::CartPendulumProblem;
 use somersault_ocp::verification::verify;
 use std::time::Instant;

@@ -5,13 +5,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::models::{CartPendulum, TwoLinkArm};
 use somersault_multibody::{Model, ModelError};
+use somersault_nlp::{Flow, Nlp, NlpSolver, Report, SolverError, Sqp, Status};
 use somersault_ocp::OcpError;
 use somersault_ocp::dynamics::{CartPendulumDynamics, Tree};
 use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
-use somersault_ocp::nlp::Nlp;
 use somersault_ocp::problem::{At, Loss, MotionProblem};
 use somersault_ocp::shooting::{Phase, Shooting, ShootingOptions, Start};
-use somersault_ocp::solver::{Flow, NlpSolver, Report, SolverError, Sqp, Status};
 use somersault_ocp::swing_up::CartPendulumProblem;
 use somersault_ocp::term::{
     AxisDirection, BodyOrientation, Entries, Function, Node, NodeGradient, Part, Term,

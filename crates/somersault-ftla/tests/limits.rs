@@ -13,10 +13,10 @@ use somersault_ftla::system::{
     VectorField,
 };
 use somersault_multibody::{Scalar, models::TwoLinkArm};
+use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
     Collocation, CollocationStatus, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics,
 };
-use somersault_ocp::solver::Flow;
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
 const TIGHT: Tolerances = Tolerances { relative: 1e-13, absolute: 1e-15 };

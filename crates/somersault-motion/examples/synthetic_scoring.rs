@@ -9,8 +9,8 @@ use somersault_motion::scoring::{ScoringOptions, ValidationOptions, validate};
 use somersault_motion::synthetic::{
     Perturbation, SyntheticFlight, SyntheticJudge, SyntheticOptions, SyntheticSet,
 };
+use somersault_nlp::Flow;
 use somersault_ocp::dive::{Dive, DiveSearch};
-use somersault_ocp::solver::Flow;
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {

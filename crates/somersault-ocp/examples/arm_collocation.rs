@@ -5,10 +5,10 @@
 //! included, from a folded guess, or from a straight one, and prints the cost.
 
 use somersault_multibody::{Scalar, models::TwoLinkArm};
+use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics,
 };
-use somersault_ocp::solver::Flow;
 use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::hint::black_box;

@@ -6,8 +6,8 @@
 #[path = "../../../tests/collocation/known.rs"]
 mod known;
 
+use somersault_nlp::Flow;
 use somersault_ocp::collocation::{Collocation, CollocationStatus};
-use somersault_ocp::solver::Flow;
 use std::error::Error;
 use std::time::Instant;
 

@@ -15,8 +15,8 @@ use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::solution::Recorder;
 use somersault_multibody::motion::{TreeMotion, TreeState, TreeSystem};
 use somersault_multibody::{Data, Split};
+use somersault_nlp::{Flow, Sqp};
 use somersault_ocp::dive::{ALLOWED, Body, Dive, DiveProgram, DiveSearch, Range};
-use somersault_ocp::solver::{Flow, Sqp};
 use std::error::Error;
 use std::f64::consts::TAU;
 

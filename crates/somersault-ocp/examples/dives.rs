@@ -5,8 +5,8 @@
 //! ```
 
 use somersault_multibody::models::Posture;
+use somersault_nlp::{Flow, Report};
 use somersault_ocp::dive::{Channels, Dive, DiveProgram, DiveSearch, KeyFrame, LiteralDive, Nearest, Range};
-use somersault_ocp::solver::{Flow, Report};
 use std::error::Error;
 use std::f64::consts::TAU;
 use std::time::Instant;

@@ -4,8 +4,7 @@
 //! computes cost and gradient 20000 times with 50 parameters at the start, `-- 50 solve 20` solves 20 times, set-up
 //! included; both print the cost, and the least wall time in seconds of one run.
 
-use somersault_ocp::nlp::Nlp;
-use somersault_ocp::solver::{Flow, NlpSolver, Report, Sqp};
+use somersault_nlp::{Flow, Nlp, NlpSolver, Report, Sqp};
 use somersault_ocp::swing_up::CartPendulumProblem;
 use std::error::Error;
 use std::hint::black_box;

@@ -185,7 +185,7 @@ pub(crate) fn expect_not_negative(argument: &str, values: &[f64]) -> Result<(), 
 }
 
 /// Each lower bound at most its upper one, and neither infinite on the side that excludes everything.
-pub(crate) fn expect_bounds(argument: &str, bounds: &crate::nlp::Bounds) -> Result<(), OcpError> {
+pub(crate) fn expect_bounds(argument: &str, bounds: &somersault_nlp::Bounds) -> Result<(), OcpError> {
     expect_length(&format!("{argument}.upper"), bounds.upper.len(), bounds.lower.len())?;
     for (index, (&lower, &upper)) in bounds.lower.iter().zip(&bounds.upper).enumerate() {
         let possible = lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY;

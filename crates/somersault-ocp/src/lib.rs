@@ -3,7 +3,7 @@
 //! A motion is sought that makes a cost small and keeps to constraints. What is unknown about it, the decision
 //! vector z, is a start and the parameters of the joint motion; a [`transcription`] makes nodes of it, a
 //! [`term`] makes numbers of a node, a [`problem`] costs and constraints of these, and the result is a nonlinear
-//! program ([`nlp`]) for a solver.
+//! program ([`somersault_nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
 mod attention;
@@ -13,10 +13,8 @@ pub mod dynamics;
 mod error;
 pub mod flight;
 pub mod motion;
-pub mod nlp;
 pub mod problem;
 pub mod shooting;
-pub mod solver;
 pub mod swing_up;
 pub mod term;
 pub mod transcription;

@@ -12,9 +12,9 @@
 //! sweep gives the gradient of one number. Forwards, [`Transcription::push_forward`] hands out the tangents of each node
 //! in turn: one sweep gives all derivatives, at the cost of as many columns as there are variables.
 
-use crate::nlp::{Bounds, EvaluationError, Pattern};
 use crate::term::{Node, NodeGradient};
 use nalgebra::{DMatrix, DVectorView};
+use somersault_nlp::{Bounds, EvaluationError, Pattern};
 use std::ops::Range;
 
 /// How many numbers the parts of a node have; a part that a transcription leaves out has none.

@@ -9,16 +9,15 @@
 use crate::attention::{Attention, GoOn};
 use crate::dynamics::{HybridDynamics, Tree};
 use crate::error::{OcpError, expect_length};
-use crate::nlp::EvaluationError;
 use crate::problem::MotionProblem;
 use crate::shooting::{Drive, Shooting};
-use crate::solver::{Flow, Iteration, NlpSolver, Report, SolverError, Start};
 use crate::transcription::Transcription;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
 use somersault_multibody::motion::{MotionError as TreeMotionError, TreeMotion, TreeSystem};
 use somersault_multibody::{Data, DynamicsError, Model, Split};
+use somersault_nlp::{EvaluationError, Flow, Iteration, NlpSolver, Report, SolverError, Start};
 
 /// Tolerances of the integration, relative and absolute.
 const TOLERANCE: f64 = 1e-12;

@@ -30,11 +30,11 @@ use somersault::multibody::models::PostureError;
 use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
+use somersault::nlp::SolverError;
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
 use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::ocp::motion::MotionError as JointMotionError;
-use somersault::ocp::solver::SolverError;
 
 /// What a function of this module fails with.
 pub(crate) enum Error {

@@ -20,6 +20,7 @@ pub use somersault_ftla as ftla;
 pub use somersault_integrators as integrators;
 pub use somersault_motion as motion;
 pub use somersault_multibody as multibody;
+pub use somersault_nlp as nlp;
 pub use somersault_ocp as ocp;
 
 pub mod storage;

@@ -11,8 +11,8 @@ use somersault_motion::synthetic::{
 };
 use somersault_multibody::models::Diver;
 use somersault_multibody::{Data, Model};
+use somersault_nlp::Flow;
 use somersault_ocp::dive::{Dive, DiveMotion, DiveReport, DiveSearch};
-use somersault_ocp::solver::Flow;
 use std::sync::LazyLock;
 
 /// The optimal 107B of thesis 3.1, found once.

@@ -11,11 +11,11 @@ use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
 use crate::attention::{Attention, GoOn};
-use crate::nlp::EvaluationError;
 use serde::{Deserialize, Serialize};
 use somersault_integrators::driver::{Adaptive, integrate_adaptive};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::state::State;
+use somersault_nlp::EvaluationError;
 
 /// Relative and absolute tolerance of each step of the integration.
 const TOLERANCE: f64 = 1e-12;

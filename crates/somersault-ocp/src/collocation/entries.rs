@@ -1,6 +1,6 @@
 //! Sparse matrices filled by running the same loops twice: once for the pattern, then for the values.
 
-use crate::nlp::Pattern;
+use somersault_nlp::Pattern;
 
 /// What a loop over entries writes to.
 pub(super) trait Sink {

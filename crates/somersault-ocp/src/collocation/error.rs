@@ -1,8 +1,7 @@
 //! What can be wrong with a problem or a mesh.
 
 use super::interval::Interval;
-use crate::nlp::EvaluationError;
-use crate::solver::SolverError;
+use somersault_nlp::{EvaluationError, SolverError};
 use std::fmt;
 
 /// An entry of a state or of the controls, and what that is where it has a name.

@@ -4,10 +4,10 @@
 //! numbers: exactly, in n evaluations for a Jacobian and n (n + 1)/2 for a Hessian. Derivatives that are at
 //! hand otherwise come in as a [`VectorFunction`].
 
-use crate::nlp::EvaluationError;
 use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
 use somersault_multibody::Scalar;
+use somersault_nlp::EvaluationError;
 use std::sync::Arc;
 
 /// Where the equations of motion, the running cost and the path constraints are asked for.

@@ -5,7 +5,7 @@ use super::interval::Interval;
 use super::linkage::{End, Place, Quantity};
 use super::mesh::Grid;
 use super::problem::{Phase, Problem};
-use crate::nlp::Bounds;
+use somersault_nlp::Bounds;
 
 /// Place of the quantities of one phase among all variables: x and u of each point, x at the end, t₀, t_f, p.
 #[derive(Debug, Clone, Copy)]

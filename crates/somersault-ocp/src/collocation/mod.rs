@@ -46,7 +46,7 @@
 //! ```
 //!
 //! Where the program is not convex a step needs a convex model: the Hessian is handed on as it is, and
-//! [`Sqp`](crate::solver::Sqp) shifts it as far as the null space of the active constraints needs. Next to a solution that
+//! [`Sqp`](somersault_nlp::Sqp) shifts it as far as the null space of the active constraints needs. Next to a solution that
 //! is not at all, and convergence is quadratic.
 //!
 //! Bounds and path constraints hold at the collocation points. Between them states and path constraints that do not depend on

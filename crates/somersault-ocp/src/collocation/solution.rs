@@ -10,8 +10,8 @@ use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
 use super::problem::{PhaseBounds, expect_length};
 use super::transcription::Transcription;
-use crate::nlp::Nlp;
 use serde::{Deserialize, Serialize};
+use somersault_nlp::Nlp;
 use std::ops::Deref;
 
 /// Distance of a time to its bound, relative to its size, at which that holds it.

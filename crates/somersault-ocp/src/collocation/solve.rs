@@ -10,8 +10,8 @@ use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use crate::attention::GoOn;
-use crate::solver::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use serde::{Deserialize, Serialize};
+use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.

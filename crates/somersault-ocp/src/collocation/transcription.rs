@@ -18,7 +18,7 @@ use super::layout::Variables;
 use super::mesh::{Grid, Mesh};
 use super::problem::Problem;
 use super::view::{PhaseWork, View};
-use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
+use somersault_nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
 
 /// A problem on meshes, as a nonlinear program.
 pub struct Transcription<'p> {

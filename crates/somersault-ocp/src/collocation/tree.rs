@@ -11,10 +11,10 @@
 
 use super::error::CollocationError;
 use super::function::VectorFunction;
-use crate::nlp::EvaluationError;
 use nalgebra::DMatrix;
 use num_dual::Dual64;
 use somersault_multibody::{Data, DerivativeData, Joint, Model, Partials, Scalar};
+use somersault_nlp::EvaluationError;
 
 /// Forward dynamics of a tree whose joints are revolute, prismatic or fixed.
 #[derive(Debug, Clone)]

@@ -2,11 +2,11 @@
 
 use super::problem::Phase;
 use super::solution::{PhaseSolution, combine};
-use crate::nlp::EvaluationError;
 use somersault_integrators::nalgebra::Vector3;
 use somersault_integrators::scratch::Storage;
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, State, Tolerances};
 use somersault_integrators::system::System;
+use somersault_nlp::EvaluationError;
 use std::cell::RefCell;
 
 /// A point of ℝⁿ, or its rate. Each number is weighed by itself.

@@ -117,8 +117,8 @@ pub enum DiveError {
     },
 }
 
-impl From<crate::nlp::EvaluationError> for DiveError {
-    fn from(error: crate::nlp::EvaluationError) -> Self {
+impl From<somersault_nlp::EvaluationError> for DiveError {
+    fn from(error: somersault_nlp::EvaluationError) -> Self {
         Self::Undefined(error.to_string())
     }
 }

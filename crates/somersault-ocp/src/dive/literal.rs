@@ -8,15 +8,14 @@ use super::{Channels, DiveError, DiveProgram, DiveSearchError, MOST_STEPS};
 use crate::dynamics::Tree;
 use crate::error::OcpError;
 use crate::flight::joints_active;
-use crate::nlp::Bounds;
 use crate::problem::{At, Loss, MotionProblem};
 use crate::shooting::{Phase, Scheme, Shooting, ShootingOptions, Start};
-use crate::solver::{Flow, HessianSource, Iteration, NlpSolver, Report, Sqp};
 use crate::term::{Displacement, Entries, Momentum, MomentumPart, Part};
 use crate::transcription::Transcription;
 use nalgebra::{Rotation2, Vector2, Vector3};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
+use somersault_nlp::{Bounds, Flow, HessianSource, Iteration, NlpSolver, Report, Sqp};
 
 /// A planar dive stepped by explicit Euler: states at its nodes, rows one after the other.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! A dive with the quadratic models of a coarser one.
 
 use super::DiveProgram;
-use crate::nlp::{Curvature, EvaluationError, Nlp, Structure};
+use somersault_nlp::{Curvature, EvaluationError, Nlp, Structure};
 
 /// The program of a dive, but for its Hessian: that of the same dive with fewer steps of the orientation, at the same
 /// point, with the same multipliers and gradients of the constraints.

@@ -12,12 +12,12 @@
 
 use super::modelled::Modelled;
 use super::{ALLOWED, Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame, Penalties};
-use crate::nlp::{Nlp, Structure};
-use crate::solver::{
-    Flow, Globalisation, HessianSource, Iteration, NlpSolver, Report, SolverError, Sqp, Start, Status,
-};
 use crate::verification::Verified;
 use rayon::prelude::*;
+use somersault_nlp::{
+    Flow, Globalisation, HessianSource, Iteration, Nlp, NlpSolver, Report, SolverError, Sqp, Start, Status,
+    Structure,
+};
 use std::cell::Cell;
 
 /// Times at which a search asks for a clearance beside those of the dive, at most.

@@ -8,9 +8,9 @@
 
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::{OcpError, expect_finite, expect_positive};
-use crate::nlp::EvaluationError;
 use nalgebra::Matrix6;
 use somersault_multibody::{Scalar, models::CartPendulum, nalgebra};
+use somersault_nlp::EvaluationError;
 
 /// The pendulum, passive, on the cart, active: q = (r, θ) as in the tree of [`CartPendulum`].
 #[derive(Debug, Clone, PartialEq)]

@@ -16,8 +16,8 @@ pub(crate) use group::Carry;
 pub use tree::Tree;
 pub(crate) use tree::undefined;
 
-use crate::nlp::EvaluationError;
 use nalgebra::Matrix6;
+use somersault_nlp::EvaluationError;
 use std::ops::Range;
 
 /// The degrees of freedom of a system.

@@ -2,10 +2,10 @@
 
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::{OcpError, expect_length};
-use crate::nlp::EvaluationError;
 use nalgebra::Matrix6;
 use num_dual::Dual64;
 use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Split};
+use somersault_nlp::EvaluationError;
 
 /// A tree as [`HybridDynamics`]; joint forces of passive degrees of freedom, viscous friction and gravity are its own.
 #[derive(Debug, Clone)]

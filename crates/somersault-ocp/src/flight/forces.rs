@@ -7,11 +7,11 @@
 //! ```
 
 use crate::motion::EigenpostureBase;
-use crate::nlp::EvaluationError;
 use crate::term::NodeGradient;
 use crate::transcription::NodeTangent;
 use nalgebra::{DMatrix, DVector};
 use somersault_multibody::{Data, DerivativeData, DynamicsError, Model, Split};
+use somersault_nlp::EvaluationError;
 
 /// The root passive, all other degrees of freedom active.
 pub(crate) fn joints_active(model: &Model) -> Split {

@@ -1,9 +1,9 @@
 //! How the whole state of a node answers to what determines it.
 
 use super::OrientationPath;
-use crate::nlp::EvaluationError;
 use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3, Vector6};
 use somersault_multibody::DerivativeData;
+use somersault_nlp::EvaluationError;
 
 /// Inputs of a node before its channels and their rates: displacement of the orientation, centre of mass, its velocity,
 /// angular momentum.

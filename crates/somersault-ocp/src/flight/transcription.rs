@@ -13,7 +13,6 @@ use super::response::{INPUTS, respond};
 use super::{NodeDerivatives, OrientationPath, PathGradient};
 use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect_positive, expect_room};
 use crate::motion::SplineMotion;
-use crate::nlp::{Bounds, EvaluationError};
 use crate::term::{Node, NodeGradient};
 use crate::transcription::{
     NodeSizes, NodeTangent, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription, Visit,
@@ -24,6 +23,7 @@ use somersault_core::so3;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{DerivativeData, Model};
+use somersault_nlp::{Bounds, EvaluationError};
 
 /// Where a flight begins; what its [`FlightVariables`] free is displaced from here.
 #[derive(Debug, Clone, PartialEq)]

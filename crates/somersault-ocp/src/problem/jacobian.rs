@@ -1,8 +1,8 @@
 //! Where the rows of the constraints have their entries, and the two ways to compute them.
 
 use super::{Constraint, Cost, LinearConstraint, MotionProblem};
-use crate::nlp::{EvaluationError, Pattern};
 use crate::transcription::{NodeTangent, Transcription};
+use somersault_nlp::{EvaluationError, Pattern};
 
 /// How the Jacobian of the constraints is made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

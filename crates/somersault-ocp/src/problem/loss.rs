@@ -3,8 +3,8 @@
 use crate::error::{
     OcpError, expect_below, expect_bounds, expect_finite, expect_length, expect_not_negative,
 };
-use crate::nlp::Bounds;
 use crate::transcription::Outline;
+use somersault_nlp::Bounds;
 
 /// The nodes at which a term is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -5,7 +5,7 @@
 //! subject to  l ≤ r(x_k) ≤ u,   l ≤ ∫ r dt ≤ u,   l ≤ A z ≤ u,   defects and bounds of the transcription
 //! ```
 //! Each r is a [`Term`] and Φ, L are a [`Loss`]. A constraint at every node is a path constraint (thesis 2.23). The
-//! problem is an [`Nlp`](crate::nlp::Nlp): its gradient is one adjoint sweep, its Jacobian one sweep for each row or one
+//! problem is an [`Nlp`](somersault_nlp::Nlp): its gradient is one adjoint sweep, its Jacobian one sweep for each row or one
 //! forward sweep for all variables, whichever is less, and its Hessian that of Gauss and Newton, which drops the
 //! curvature of the terms and of the constraints, unless the exact one is asked for.
 
@@ -17,9 +17,9 @@ pub use jacobian::Sweep;
 pub use loss::{At, Loss};
 
 use crate::error::{OcpError, expect_below, expect_bounds, expect_finite, expect_length, expect_positive};
-use crate::nlp::{Bounds, Pattern, Structure};
 use crate::term::{NodeGradient, Term};
 use crate::transcription::{Outline, RolloutGradient, Transcription};
+use somersault_nlp::{Bounds, Pattern, Structure};
 
 /// A term, and the nodes at which it is taken.
 struct Taken {
@@ -61,7 +61,7 @@ pub struct MotionProblemBuilder<T> {
     exact: bool,
 }
 
-/// Costs and constraints over a transcription; an [`Nlp`](crate::nlp::Nlp).
+/// Costs and constraints over a transcription; an [`Nlp`](somersault_nlp::Nlp).
 pub struct MotionProblem<T> {
     transcription: T,
     costs: Vec<Cost>,

@@ -1,9 +1,9 @@
 //! The problem as a nonlinear program.
 
 use super::{Constraint, Cost, MotionProblem, Taken};
-use crate::nlp::{Curvature, EvaluationError, Nlp, NoHessian, Structure};
 use crate::term::{Node, Term};
 use crate::transcription::Transcription;
+use somersault_nlp::{Curvature, EvaluationError, Nlp, NoHessian, Structure};
 
 /// The rows of a term at a node; numbers that are not finite are an error.
 fn evaluate(term: &mut dyn Term, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {

@@ -4,9 +4,9 @@ use super::step::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Shooting};
 use crate::dynamics::{Carry, HybridDynamics};
-use crate::nlp::EvaluationError;
 use crate::term::NodeGradient;
 use crate::transcription::{NodeSizes, RolloutGradient};
+use somersault_nlp::EvaluationError;
 
 /// Room for one step in either direction. Vectors are those of the whole system.
 #[derive(Debug, Default)]

@@ -10,9 +10,9 @@
 use super::Shooting;
 use super::forward::Stage;
 use crate::dynamics::HybridDynamics;
-use crate::nlp::{EvaluationError, Pattern};
 use crate::transcription::RolloutGradient;
 use nalgebra::{DMatrix, DMatrixView};
+use somersault_nlp::{EvaluationError, Pattern};
 
 /// Room that is made when second derivatives are first asked for.
 #[derive(Debug, Default)]

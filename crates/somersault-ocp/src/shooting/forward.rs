@@ -6,9 +6,9 @@ use super::table::push_forward;
 use super::trajectory::moves_per_step;
 use super::{Drive, Segment, Shooting};
 use crate::dynamics::{Carry, HybridDynamics};
-use crate::nlp::EvaluationError;
 use crate::transcription::{NodeSizes, NodeTangent, Visit};
 use nalgebra::DMatrix;
+use somersault_nlp::EvaluationError;
 
 /// Tangents of a segment: one row for each of its variables, one column for each degree of freedom.
 #[derive(Debug)]

@@ -28,9 +28,9 @@ pub use phase::{Drive, Duration, Phase, Scheme, Start};
 use crate::dynamics::{Carry, HybridDynamics};
 use crate::error::{OcpError, expect_below, expect_length, expect_room};
 use crate::motion::{EigenpostureBase, SplineMotion};
-use crate::nlp::{Bounds, EvaluationError, Pattern};
 use crate::term::Node;
 use crate::transcription::{NodeSizes, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription};
+use somersault_nlp::{Bounds, EvaluationError, Pattern};
 use table::Table;
 use trajectory::Stages;
 

@@ -2,9 +2,9 @@
 
 use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
 use crate::motion::SplineMotion;
-use crate::nlp::Bounds;
 use serde::{Deserialize, Serialize};
 use somersault_core::quadrature::{gregory, left_rectangles};
+use somersault_nlp::Bounds;
 
 /// How a step in time is made, and integrals with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]

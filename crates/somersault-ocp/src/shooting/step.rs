@@ -8,7 +8,7 @@ use super::phase::Scheme;
 use super::trajectory::moves_per_step;
 use super::{Drive, Prepared, Shooting};
 use crate::dynamics::HybridDynamics;
-use crate::nlp::EvaluationError;
+use somersault_nlp::EvaluationError;
 
 /// Factors of the stages.
 pub(super) type Factors = [f64; 4];

@@ -4,7 +4,7 @@ use super::CartPendulumProblem;
 use super::curvature::Tangents;
 use super::passes::{Passes, finite};
 use crate::error::OcpError;
-use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
+use somersault_nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
 use std::ops::Range;
 
 /// The problem of a [`CartPendulumProblem`] for a solver, lifted: its variables are the parameters p of the cart, then

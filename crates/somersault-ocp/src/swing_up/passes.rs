@@ -5,9 +5,9 @@ use super::sine::Quadrant;
 use super::tables::Tables;
 use crate::error::{OcpError, expect_finite, expect_not_negative, expect_positive};
 use crate::motion::MotionError;
-use crate::nlp::EvaluationError;
 use crate::shooting::Scheme;
 use somersault_multibody::models::CartPendulum;
+use somersault_nlp::EvaluationError;
 use std::ops::Range;
 
 /// What both forms of the problem share: the numbers of the problem, the cart's coefficients, and all stages.

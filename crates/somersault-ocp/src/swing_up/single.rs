@@ -4,7 +4,7 @@ use super::CartPendulumProblem;
 use super::curvature::Tangents;
 use super::passes::{Passes, finite, half_squares};
 use crate::error::OcpError;
-use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
+use somersault_nlp::{Bounds, Curvature, EvaluationError, Nlp, Pattern, Structure};
 
 /// The problem of a [`CartPendulumProblem`] by single shooting: the parameters of the cart are its variables, and it has
 /// neither bounds nor constraints. Its Hessian is exact.

@@ -3,8 +3,7 @@
 use super::SwingUp;
 use super::lifted::ERROR;
 use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
-use crate::nlp::Bounds;
-use crate::solver::{Start, samples};
+use somersault_nlp::{Bounds, Start, samples};
 use std::f64::consts::PI;
 
 /// Half waves over the straight line of the cart.

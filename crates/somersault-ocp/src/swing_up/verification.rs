@@ -2,9 +2,8 @@
 
 use super::{CartPendulumProblem, SwingUp};
 use crate::attention::GoOn;
-use crate::nlp::Nlp;
-use crate::solver::{Flow, Iteration, NlpSolver, SolverError, Start};
 use crate::verification::{Verification, VerificationError, Verified, verify_while};
+use somersault_nlp::{Flow, Iteration, Nlp, NlpSolver, SolverError, Start};
 
 /// Steps of the integration of the cost: no fewer than ten for each of the thesis'.
 const STEPS: usize = 2000;

@@ -3,10 +3,10 @@
 use super::{Node, NodeGradient, Term};
 use crate::dynamics::undefined;
 use crate::error::{OcpError, expect_finite};
-use crate::nlp::EvaluationError;
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
 use somersault_core::so3;
 use somersault_multibody::{Axes, Data, Model, Transform};
+use somersault_nlp::EvaluationError;
 
 /// A frame in a body, with room for its Jacobian.
 #[derive(Debug, Clone)]

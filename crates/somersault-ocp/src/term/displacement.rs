@@ -3,7 +3,7 @@
 use super::{Node, NodeGradient, Term};
 use crate::dynamics::{Carry, HybridDynamics};
 use crate::error::{OcpError, expect_below, expect_finite, expect_length};
-use crate::nlp::EvaluationError;
+use somersault_nlp::EvaluationError;
 
 /// The displacement d with reference ⊕ d = q, of some degrees of freedom. For hinges and sliders it is the difference;
 /// for rotations the rotation vector of least length, unique below a half turn.

@@ -2,8 +2,8 @@
 
 use super::{Node, NodeGradient, Term};
 use crate::error::OcpError;
-use crate::nlp::EvaluationError;
 use crate::transcription::NodeSizes;
+use somersault_nlp::EvaluationError;
 
 /// A part of a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

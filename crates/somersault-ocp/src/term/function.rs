@@ -2,7 +2,7 @@
 
 use super::{Node, NodeGradient, Part, Term};
 use crate::dynamics::HybridDynamics;
-use crate::nlp::EvaluationError;
+use somersault_nlp::EvaluationError;
 use std::error::Error;
 
 /// What a user's function may fail with; the solver stops and hands it on.

@@ -20,7 +20,7 @@ pub use entries::{Entries, Part};
 pub use function::{Function, UserError};
 pub use momentum::{Momentum, MomentumPart};
 
-use crate::nlp::EvaluationError;
+use somersault_nlp::EvaluationError;
 
 /// A motion at one time, all of it, as a transcription leaves it.
 #[derive(Debug, Clone, Copy)]

@@ -2,8 +2,8 @@
 
 use super::{Node, NodeGradient, Term};
 use crate::dynamics::undefined;
-use crate::nlp::EvaluationError;
 use somersault_multibody::{DerivativeData, Model};
+use somersault_nlp::EvaluationError;
 
 /// What of it; three numbers each, world axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

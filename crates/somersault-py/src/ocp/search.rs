@@ -8,9 +8,8 @@ use crate::waiting::{Stop, attend};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::ocp::nlp::Nlp;
-use somersault::ocp::solver::{
-    self, FailureCause, MultiStart, MultiStartReport, NlpSolver, SolverError, Start, Status,
+use somersault::nlp::{
+    self, FailureCause, MultiStart, MultiStartReport, Nlp, NlpSolver, SolverError, Start, Status,
 };
 use std::sync::Arc;
 use std::time::Instant;
@@ -32,8 +31,8 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
         py: Python<'_>,
         starts: &[Start],
         make: impl Fn() -> Result<N, Error> + Sync,
-        reported: impl Fn(solver::Report) -> solver::Report,
-        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
+        reported: impl Fn(nlp::Report) -> nlp::Report,
+        verifier: impl Fn(&nlp::Report) -> Option<Arc<Verifier>>,
     ) -> Result<SearchResult, Error> {
         tolerance("distance_tol", Some(self.distance_tol))?;
         let many = MultiStart { distance_tol: self.distance_tol, ..MultiStart::new(self.solver) };
@@ -66,8 +65,8 @@ impl SearchResult {
         py: Python<'_>,
         found: MultiStartReport,
         is_late: bool,
-        reported: impl Fn(solver::Report) -> solver::Report,
-        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
+        reported: impl Fn(nlp::Report) -> nlp::Report,
+        verifier: impl Fn(&nlp::Report) -> Option<Arc<Verifier>>,
     ) -> Result<Self, Error> {
         let status = match (found.is_interrupted(), is_late, found.minima.is_empty()) {
             (true, true, _) => "time_limit",
@@ -75,7 +74,7 @@ impl SearchResult {
             (false, _, false) => "converged",
             (false, _, true) => "no_minimum",
         };
-        let report = |report: solver::Report| {
+        let report = |report: nlp::Report| {
             let mut report = reported(report);
             if is_late && report.status == Status::Interrupted {
                 report.status = Status::TimeLimit;
@@ -83,7 +82,7 @@ impl SearchResult {
             let verifier = verifier(&report);
             Py::new(py, Report { report, verifier })
         };
-        let unfinished: Vec<solver::Report> = found.unfinished().into_iter().cloned().collect();
+        let unfinished: Vec<nlp::Report> = found.unfinished().into_iter().cloned().collect();
         let mut search = Self {
             minima: Vec::new(),
             starts: Vec::new(),

@@ -8,12 +8,11 @@ use crate::waiting::{Stop, attend};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::ocp::GoOn;
-use somersault::ocp::nlp::Nlp;
-use somersault::ocp::solver::{
-    self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, NlpSolver,
+use somersault::nlp::{
+    self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, Nlp, NlpSolver,
     SolverError, Sqp, Start, Status,
 };
+use somersault::ocp::GoOn;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -26,7 +25,7 @@ const ATTENTION: Duration = Duration::from_millis(50);
 /// Ctrl-C ends that with a KeyboardInterrupt; the report stays, and integrates again when it is asked again.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Report {
-    pub(crate) report: solver::Report,
+    pub(crate) report: nlp::Report,
     /// None where the program is no motion of its own.
     pub(crate) verifier: Option<Arc<Verifier>>,
 }
@@ -130,7 +129,7 @@ impl Report {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let solver::Report { cost, iterations, residuals, .. } = &self.report;
+        let nlp::Report { cost, iterations, residuals, .. } = &self.report;
         let confirmed = match &self.verifier {
             Some(verifier) => format!(", {}", judgement(py, verifier)?),
             None => String::new(),
@@ -189,15 +188,15 @@ impl Report {
             let (n, found) = (z.len(), bound_multipliers.len());
             return Err(Error::input(format!("`bound_multipliers` must have {n} numbers, found {found}")));
         }
-        let report = solver::Report {
+        let report = nlp::Report {
             status: status_of(status)?,
             z,
             constraint_multipliers,
             bound_multipliers,
             cost,
-            residuals: solver::KktResiduals { stationarity, feasibility, complementarity },
+            residuals: nlp::KktResiduals { stationarity, feasibility, complementarity },
             iterations,
-            counts: solver::Counts { evaluations, gradients, hessians, factorisations, quadratic_programs },
+            counts: nlp::Counts { evaluations, gradients, hessians, factorisations, quadratic_programs },
             hessian,
         };
         let verifier = verification.map(|found| Verifier::of(cls.py(), found));
@@ -302,7 +301,7 @@ impl SolverArguments<'_, '_> {
         nlp: &mut (dyn Nlp + Send),
         start: &Start,
         calls_python: bool,
-        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
+        verifier: impl Fn(&nlp::Report) -> Option<Arc<Verifier>>,
     ) -> Result<Report, Error> {
         self.solve_by(py, calls_python, |solver, watch| solver.solve(nlp, start, watch), verifier)
     }
@@ -312,8 +311,8 @@ impl SolverArguments<'_, '_> {
         &self,
         py: Python<'_>,
         calls_python: bool,
-        solve: impl FnOnce(&dyn NlpSolver, Watch<'_>) -> Result<solver::Report, SolverError> + Send,
-        verifier: impl Fn(&solver::Report) -> Option<Arc<Verifier>>,
+        solve: impl FnOnce(&dyn NlpSolver, Watch<'_>) -> Result<nlp::Report, SolverError> + Send,
+        verifier: impl Fn(&nlp::Report) -> Option<Arc<Verifier>>,
     ) -> Result<Report, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let solver = self.solver()?;
@@ -324,7 +323,7 @@ impl SolverArguments<'_, '_> {
         } else {
             py.detach(|| solve(&*solver, &mut watch))
         };
-        let verified = |report: solver::Report| Report { verifier: verifier(&report), report };
+        let verified = |report: nlp::Report| Report { verifier: verifier(&report), report };
         let report = match found {
             Ok(report) if watcher.is_interrupted(py) => verified(report.interrupted()),
             Ok(report) => verified(report),

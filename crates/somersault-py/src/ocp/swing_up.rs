@@ -12,9 +12,8 @@ use crate::plan::returns_interrupted;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::multibody::models::CartPendulum;
-use somersault::ocp::nlp::Nlp;
+use somersault::nlp::{self, Iteration, Nlp, Sqp, Start};
 use somersault::ocp::shooting::Scheme;
-use somersault::ocp::solver::{self, Iteration, Sqp, Start};
 use somersault::ocp::swing_up::{self, SingleShooting, SwingUp};
 use somersault::ocp::transcription::Transcription;
 use std::sync::Arc;
@@ -93,7 +92,7 @@ impl CartPendulumProblem {
     }
 
     /// What integrates the motion of a report anew.
-    fn verifier(&self, report: &solver::Report) -> Option<Arc<Verifier>> {
+    fn verifier(&self, report: &nlp::Report) -> Option<Arc<Verifier>> {
         let (problem, cost) = (self.problem.clone(), report.cost);
         let z = report.z[..self.n_variables()].to_vec();
         Some(Verifier::new(move |py| {
@@ -111,7 +110,7 @@ impl CartPendulumProblem {
     fn start_from(&self, z: Option<&Bound<'_, PyAny>>) -> Result<Start, Error> {
         let Some(z) = z else { return Ok(self.lifted.start(&self.lifted.straight_line())?) };
         let Ok(report) = z.cast::<Report>() else { return self.start_at(z) };
-        let solver::Report { z, constraint_multipliers, hessian, .. } = &report.get().report;
+        let nlp::Report { z, constraint_multipliers, hessian, .. } = &report.get().report;
         Ok(Start {
             constraint_multipliers: constraint_multipliers.clone(),
             hessian: hessian.clone(),
@@ -149,7 +148,7 @@ fn weights(argument: &str, value: Option<&Bound<'_, PyAny>>, default: [f64; 4]) 
 }
 
 /// A report in the variables of the cart alone.
-fn of_cart(mut report: solver::Report, n_variables: usize) -> solver::Report {
+fn of_cart(mut report: nlp::Report, n_variables: usize) -> nlp::Report {
     report.z.truncate(n_variables);
     report.bound_multipliers.truncate(n_variables);
     report
@@ -342,7 +341,7 @@ impl CartPendulumProblem {
             return arguments.solve(py, &mut nlp, &start.z.into(), false, |report| self.verifier(report));
         }
         let mut nlp = self.lifted.clone();
-        let solve = |solver: &dyn solver::NlpSolver, watch: super::solver::Watch<'_>| {
+        let solve = |solver: &dyn nlp::NlpSolver, watch: super::solver::Watch<'_>| {
             let mut watch_cart =
                 |iteration: &Iteration<'_>| watch(&Iteration { z: &iteration.z[..n], ..*iteration });
             Ok(of_cart(solver.solve(&mut nlp, &start, &mut watch_cart)?, n))

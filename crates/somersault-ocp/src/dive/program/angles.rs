@@ -3,10 +3,10 @@
 use super::{DiveProgram, entry};
 use crate::dive::{Dive, DiveError};
 use crate::flight::{BodyAngles, COEFFICIENTS, MOMENTUM, NodeExpansion, PathGradient, START};
-use crate::nlp::Bounds;
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use somersault_multibody::models::Dimension;
 use somersault_multibody::{Data, DynamicsError, Model};
+use somersault_nlp::Bounds;
 use std::f64::consts::TAU;
 
 impl DiveProgram {

@@ -3,8 +3,8 @@
 use crate::dive::bounds::bezier_points;
 use crate::dive::{Channels, Dive, DiveError, Range};
 use crate::motion::{MotionError, SplineMotion};
-use crate::nlp::Bounds;
 use somersault_multibody::Model;
+use somersault_nlp::Bounds;
 
 /// Σ factors z, without the constant that its bounds have taken in.
 #[derive(Debug, Clone, PartialEq)]

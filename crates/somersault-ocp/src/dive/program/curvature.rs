@@ -137,7 +137,7 @@ pub(in crate::dive) fn entry(i: usize, j: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use crate::dive::{Dive, DiveProgram, Penalties, Range};
-    use crate::nlp::Nlp;
+    use somersault_nlp::Nlp;
 
     fn gradient(program: &mut DiveProgram, z: &[f64], y: &[f64]) -> Vec<f64> {
         let structure = program.structure().clone();

@@ -11,7 +11,6 @@ use super::cost::Quadratic;
 use super::error::expect_positive;
 use super::{Channels, Dive, DiveError, Range};
 use crate::flight::{Counting, OrientationPath, PathGradient};
-use crate::nlp::{Bounds, Pattern, Structure};
 pub(in crate::dive) use angles::requested;
 use angles::{long_axis, targets};
 use channels::{LinearRow, channel_rows, free_parameters};
@@ -19,8 +18,9 @@ pub(in crate::dive) use curvature::entry;
 use nalgebra::{DVector, Vector3};
 use soft::Soft;
 use somersault_multibody::models::Dimension;
+use somersault_nlp::{Bounds, Pattern, Structure};
 
-/// A [`Dive`] as a program for the [solvers](crate::nlp).
+/// A [`Dive`] as a program for the [solvers](somersault_nlp).
 ///
 /// z holds the free spline parameters, then L/L₀, lean and duration, where these are no fixed numbers. Constraints are
 /// the bounds of the channels (linear), the angles at the entry, and clearances.

@@ -3,7 +3,7 @@
 use super::DiveProgram;
 use super::channels::LinearRow;
 use crate::dive::DiveError;
-use crate::nlp::{Curvature, EvaluationError, Nlp, Structure};
+use somersault_nlp::{Curvature, EvaluationError, Nlp, Structure};
 
 impl DiveProgram {
     fn cost(&self, z: &[f64], mut gradient: Option<&mut [f64]>) -> f64 {

@@ -1,6 +1,6 @@
 //! Constraints as costs.
 
-use crate::nlp::{Bounds, Pattern};
+use somersault_nlp::{Bounds, Pattern};
 
 /// Entry and clearances as costs ½ μ Σ violation² instead of constraints.
 #[derive(Debug, Clone)]

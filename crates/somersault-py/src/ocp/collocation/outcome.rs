@@ -5,8 +5,8 @@ use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verification, Verifier};
 use pyo3::prelude::*;
 use somersault::multibody;
+use somersault::nlp::Status;
 use somersault::ocp::collocation::{CollocationReport, CollocationStatus};
-use somersault::ocp::solver::Status;
 use somersault::ocp::verification::{self, momentum_drift};
 use std::sync::Arc;
 

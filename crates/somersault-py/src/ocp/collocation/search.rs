@@ -8,8 +8,8 @@ use crate::plan::returns_interrupted;
 use crate::waiting::{Stop, attend_or_leave};
 use pyo3::PyClass;
 use pyo3::prelude::*;
+use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
-use somersault::ocp::solver::{Flow, Iteration, Sqp, Status};
 use std::time::Duration;
 
 /// Collocation points of a first mesh, at most.

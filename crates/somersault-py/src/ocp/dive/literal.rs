@@ -7,8 +7,8 @@ use crate::plan::returns_interrupted;
 use crate::waiting::{Stop, attend, together};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::nlp::{self, Flow, Iteration};
 use somersault::ocp::dive::{self, DiveProgram};
-use somersault::ocp::solver::{self, Flow, Iteration};
 use std::f64::consts::TAU;
 
 /// A planar dive as thesis 3.1 poses it, stepped by explicit Euler. The centre of mass starts at the origin.
@@ -35,7 +35,7 @@ impl LiteralDive {
         let found = attend(py, |raised| stop.raise(raised), solve)??;
         watcher.hears(stop.raised().map(|raised| raised.clone_ref(py)));
         let interrupted = watcher.is_interrupted(py);
-        let reported = |report: solver::Report| if interrupted { report.interrupted() } else { report };
+        let reported = |report: nlp::Report| if interrupted { report.interrupted() } else { report };
         let found = dive::LiteralDive { report: found.report.map(reported), ..found };
         match watcher.into_raised(py, returned) {
             Some(error) => Err(error.into()),

@@ -23,9 +23,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
 use somersault::multibody::models::Dimension;
+use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
-use somersault::ocp::nlp::Nlp;
-use somersault::ocp::solver::{Flow, Iteration, Report, Status};
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///

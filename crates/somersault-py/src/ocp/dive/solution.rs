@@ -8,8 +8,8 @@ use crate::ocp::solver::{Report, attended, status_name};
 use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
+use somersault::nlp;
 use somersault::ocp::dive::{Channels, DiveMotion, DiveReport, PeakTorque};
-use somersault::ocp::solver;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct DiveSolution {
     dive: Py<Dive>,
-    pub(super) report: solver::Report,
+    pub(super) report: nlp::Report,
     verifier: Arc<Verifier>,
     motion: DiveMotion,
     momentum: f64,
@@ -31,7 +31,7 @@ pub(crate) struct DiveSolution {
 }
 
 impl DiveSolution {
-    pub(super) fn of(dive: &Bound<'_, Dive>, report: solver::Report) -> Result<Self, Error> {
+    pub(super) fn of(dive: &Bound<'_, Dive>, report: nlp::Report) -> Result<Self, Error> {
         let (judged, z) = (dive.get().program.clone(), report.z.clone());
         let verifier = Verifier::new(move |py| {
             Ok(Py::new(py, DiveVerification(attended(py, |go_on| judged.report_while(&z, go_on))?))?
@@ -43,7 +43,7 @@ impl DiveSolution {
     /// With what integrations have already made of it.
     pub(super) fn judged(
         dive: &Bound<'_, Dive>,
-        report: solver::Report,
+        report: nlp::Report,
         found: DiveReport,
     ) -> Result<Self, Error> {
         let verification = Py::new(dive.py(), DiveVerification(found))?.into_any();
@@ -52,7 +52,7 @@ impl DiveSolution {
 
     fn with_verifier(
         dive: &Bound<'_, Dive>,
-        report: solver::Report,
+        report: nlp::Report,
         verifier: Arc<Verifier>,
     ) -> Result<Self, Error> {
         let program = &dive.get().program;
@@ -117,7 +117,7 @@ impl DiveSolution {
     fn message(&self, py: Python<'_>) -> PyResult<String> {
         let (confirmed, judged) = self.verifier.judge(py)?;
         let status = match self.report.status {
-            solver::Status::Converged if !confirmed => {
+            nlp::Status::Converged if !confirmed => {
                 "false convergence: the program is solved, and not the dive"
             }
             status => status.message(),

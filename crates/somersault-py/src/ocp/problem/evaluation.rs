@@ -5,7 +5,7 @@ use super::recipe::Program;
 use crate::convert::{finite, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
-use somersault::ocp::nlp::{EvaluationError, Nlp};
+use somersault::nlp::{EvaluationError, Nlp};
 
 impl MotionProblem {
     /// A decision vector, and room for the constraints at it.

@@ -15,9 +15,8 @@ use crate::ocp::verification::Verification;
 use crate::plan::returns_interrupted;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice, PyTuple, PyType};
-use somersault::ocp::nlp::Nlp;
+use somersault::nlp::{self, Nlp, samples};
 use somersault::ocp::shooting::{self, Start};
-use somersault::ocp::solver::{self, samples};
 use somersault::ocp::transcription::Transcription;
 
 /// A motion problem: passive joints follow the equations of motion, driven ones splines.
@@ -341,7 +340,7 @@ impl MotionProblem {
         let from = |z: &Bound<'_, PyAny>| {
             self.room(z).map(|(z, _)| z.into()).map_err(|error| error.with_names(&[("z", "starts")]))
         };
-        let mut all = given.iter().map(from).collect::<Result<Vec<solver::Start>, Error>>()?;
+        let mut all = given.iter().map(from).collect::<Result<Vec<nlp::Start>, Error>>()?;
         let (centre, range) = self.range(py, z, reach)?;
         if n_starts > 0 {
             all.push(centre.into());

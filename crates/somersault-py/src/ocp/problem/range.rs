@@ -4,7 +4,7 @@ use super::MotionProblem;
 use crate::convert::numbers_or_one;
 use crate::error::Error;
 use pyo3::prelude::*;
-use somersault::ocp::nlp::{Bounds, Nlp};
+use somersault::nlp::{Bounds, Nlp};
 
 impl MotionProblem {
     /// The middle of a search and the range about it.

@@ -9,11 +9,10 @@ use crate::ocp::term::sizes_of;
 use crate::ocp::verification::{Unverified, Verification, Verifier};
 use pyo3::prelude::*;
 use somersault::multibody::Split;
+use somersault::nlp::{self, Bounds};
 use somersault::ocp::dynamics::Tree;
-use somersault::ocp::nlp::Bounds;
 use somersault::ocp::problem::{At, MotionProblem};
 use somersault::ocp::shooting::{self, Drive, Shooting, ShootingOptions, Start};
-use somersault::ocp::solver;
 use somersault::ocp::transcription::Transcription;
 use somersault::ocp::verification::verify_while;
 use std::sync::Arc;
@@ -132,7 +131,7 @@ impl PosedMotion {
         Ok(Verification::of(found))
     }
 
-    pub(super) fn verifier(&self, report: &solver::Report) -> Arc<Verifier> {
+    pub(super) fn verifier(&self, report: &nlp::Report) -> Arc<Verifier> {
         let (motion, z) = (self.clone(), report.z.clone());
         Verifier::new(move |py| Ok(Py::new(py, motion.verify(py, &z)?)?.into_any()))
     }

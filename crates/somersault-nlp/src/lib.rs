@@ -1,0 +1,117 @@
+//! Nonlinear programs and their solvers.
+//!
+//! ```text
+//! minimise f(z)  subject to  l ≤ z ≤ u  and  l_c ≤ c(z) ≤ u_c
+//! ```
+//! A program is a type that implements [`Nlp`]: its sizes and sparsity, values and derivatives. An equality is a constraint
+//! whose bounds are equal; a bound that does not hold is infinite. The Lagrangian is L = f + yᵀ c + yᵀ_z z, with
+//! multipliers positive at upper bounds and negative at lower ones.
+//!
+//! | Program | Solver | Cost of a step beside evaluations |
+//! |---|---|---|
+//! | any, to some thousand variables if sparse | [`Sqp`] | one sparse factorisation, sometimes a quadratic program |
+//! | bounds only, many variables, no Hessian | [`Lbfgs`] | 4 n × memory |
+//! | bounds only, for comparison | [`GradientDescent`] | n |
+//! | several minima | [`MultiStart`] with any of them | |
+//!
+//! **Step.** [`Sqp`] takes Newton's step on its working set, a quadratic program with equalities, by one sparse
+//! LDLᵀ factorisation (QDLDL), exchanging rows while bounds or signs of multipliers are violated. Where that does not
+//! end, clarabel solves the program with inequalities and tells the working set (Morales, Nocedal & Wu 2012), from which
+//! the primal active-set method exchanges rows one by one if need be. Where
+//! the linearised constraints contradict each other, or want multipliers beyond 10⁴ max(1, ‖∇f‖∞), the violations
+//! are penalised instead (elastic mode; Gill, Murray & Saunders 2005), with a weight that is raised until they fall.
+//!
+//! **Convexity.** clarabel takes convex programs, and a step of Newton is one of descent only where the Hessian is
+//! positive definite along the constraints. A multiple σ of the unit matrix is added, the least of a geometric
+//! sequence (Wächter & Biegler 2006, algorithm IC) that makes the number of positive pivots right: for Newton's step
+//! that of the KKT matrix, so that σ = 0 where the reduced Hessian is positive definite and convergence is quadratic;
+//! for clarabel that of the Hessian itself. The pattern stays what it is. A Gauss–Newton Hessian gets a term of
+//! Levenberg and Marquardt that grows with short steps and vanishes with full ones. Without a Hessian there is a
+//! quasi-Newton approximation: damped BFGS for one block of coupled variables, the symmetric rank-one formula by
+//! blocks for several, shifted in the same way.
+//!
+//! **Globalisation.** A line search, either on the merit function f + ρ Σ violations (Nocedal & Wright 2006,
+//! section 18.3) or with a filter (Fletcher & Leyffer 2002; switching condition and margins of Wächter & Biegler 2006),
+//! both with second-order corrections: see [`Globalisation`]. Where the violation cannot be reduced along a step, or,
+//! with the filter, the linearised constraints contradict each other, and before a solve gives up where it is not feasible,
+//! feasibility is restored: Levenberg and Marquardt's method makes the sum of squared violations less within the bounds of
+//! z, until a tenth of the violation is left, the second time until none is.
+//! [`Status::Infeasible`] means that this sum is locally least though it is not zero. Iterates keep the bounds of z. Points
+//! without a value are stepped back from. Where values differ by rounding only, residuals decide.
+//!
+//! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
+//! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same
+//! minimum then takes a fraction of the steps (7 instead of 171 for case A of the thesis' Table A.1, 9 for case G).
+//!
+//! ```
+//! use somersault_nlp::{Bounds, Curvature, EvaluationError, Nlp, NoHessian, Pattern, Structure};
+//! use somersault_nlp::{Flow, NlpSolver, Sqp, Start};
+//!
+//! /// The largest x + y in the unit disc.
+//! struct Disc(Structure);
+//!
+//! impl Nlp for Disc {
+//!     fn structure(&self) -> &Structure {
+//!         &self.0
+//!     }
+//!     fn evaluate(&mut self, z: &[f64], c: &mut [f64]) -> Result<f64, EvaluationError> {
+//!         c[0] = z[0] * z[0] + z[1] * z[1];
+//!         Ok(-z[0] - z[1])
+//!     }
+//!     fn differentiate(&mut self, z: &[f64], g: &mut [f64], j: &mut [f64]) -> Result<(), EvaluationError> {
+//!         g.fill(-1.0);
+//!         j.copy_from_slice(&[2.0 * z[0], 2.0 * z[1]]);
+//!         Ok(())
+//!     }
+//!     fn curvature(&self) -> Curvature {
+//!         Curvature::None
+//!     }
+//!     fn hessian(&mut self, _: &[f64], _: f64, _: &[f64], _: &mut [f64]) -> Result<(), EvaluationError> {
+//!         Err(NoHessian.into())
+//!     }
+//! }
+//!
+//! let mut disc = Disc(Structure {
+//!     variables: Bounds::free(2),
+//!     constraints: Bounds { lower: vec![f64::NEG_INFINITY], upper: vec![1.0] },
+//!     jacobian: Pattern::dense(1, 2),
+//!     hessian: Pattern::from_entries(2, 2, []),
+//! });
+//! let report = Sqp::default().solve(&mut disc, &Start::from(vec![1.0, 0.0]), &mut |_| Flow::Continue)?;
+//! assert!(report.status.is_converged());
+//! assert!((report.cost + 2f64.sqrt()).abs() < 1e-9);
+//! # Ok::<(), somersault_nlp::SolverError>(())
+//! ```
+//!
+//! References: J. Nocedal & S. Wright, Numerical Optimization (2006). A. Wächter & L. Biegler, Math. Program. 106
+//! (2006) 25–57. R. Fletcher & S. Leyffer, Math. Program. 91 (2002) 239–269. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &
+//! M. Saunders, SIAM Review 47 (2005) 99–131. M. Hintermüller, K. Ito & K. Kunisch, SIAM J. Optim. 13 (2002) 865–888.
+//! P. Goulart & Y. Chen, Clarabel, arXiv:2405.12762 (2024). D. Janka, C. Kirches, S. Sager & A. Wächter, Math.
+//! Program. Comput. 8 (2016) 435–459. D. Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246.
+#![forbid(unsafe_code)]
+
+mod best;
+mod error;
+mod first_order;
+mod gradient_descent;
+mod hessian;
+mod interior_point;
+mod kkt;
+mod lbfgs;
+mod multi_start;
+mod nlp;
+mod program;
+mod report;
+mod solver;
+mod sqp;
+mod subproblem;
+
+pub use error::SolverError;
+pub use first_order::Limits;
+pub use gradient_descent::GradientDescent;
+pub use lbfgs::Lbfgs;
+pub use multi_start::{Failure, FailureCause, Minimum, MultiStart, MultiStartReport, samples};
+pub use nlp::{Bounds, Curvature, EvaluationError, Nlp, NoEntry, NoHessian, Pattern, Structure};
+pub use report::{Counts, Flow, Iteration, KktResiduals, Report, Start, Status};
+pub use solver::NlpSolver;
+pub use sqp::{Globalisation, HessianSource, Sqp};

@@ -1,0 +1,190 @@
+//! Many starts, in parallel, and the distinct minima they lead to.
+
+use crate::error::SolverError;
+use crate::nlp::{Bounds, Nlp};
+use crate::program::{check_bounds, check_positive, check_vector};
+use crate::report::{Flow, Report, Start, Status};
+use crate::solver::NlpSolver;
+use rayon::prelude::*;
+use somersault_core::random::SplitMix64;
+use std::cmp::Ordering;
+
+/// Violation up to which unfinished solves are compared by their costs.
+const FEASIBLE: f64 = 1e-6;
+
+/// Solves from many starts.
+///
+/// Each start gets a program of its own, so that nothing carries over and the answer is the same for any number of
+/// threads. They are those of the current rayon pool.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MultiStart<S> {
+    /// What solves from one start.
+    pub solver: S,
+    /// Two minima are the same if max |zᵢ − z′ᵢ| / max(1, |zᵢ|, |z′ᵢ|) is at most this.
+    pub distance_tol: f64,
+}
+
+/// A minimum, with all starts that led to it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Minimum {
+    /// The solve of least cost.
+    pub report: Report,
+    /// Indices of the starts, ascending.
+    pub starts: Vec<usize>,
+}
+
+/// A start that led to no minimum.
+#[derive(Debug)]
+pub struct Failure {
+    /// Index of the start.
+    pub start: usize,
+    /// What came of it.
+    pub cause: FailureCause,
+}
+
+/// Why a start led to no minimum.
+#[derive(Debug)]
+pub enum FailureCause {
+    /// The status is another than converged; [`Status::Interrupted`] where all were asked to stop.
+    Ended(Report),
+    /// A function of the user failed, or the start is no start of this program.
+    Error(SolverError),
+    /// The solve had not begun when all were asked to stop.
+    Skipped,
+}
+
+/// What became of all starts.
+#[derive(Debug)]
+pub struct MultiStartReport {
+    /// Distinct minima, least cost first.
+    pub minima: Vec<Minimum>,
+    /// All other starts, by index.
+    pub failures: Vec<Failure>,
+}
+
+impl MultiStartReport {
+    /// Whether all starts were asked to stop before each had ended.
+    pub fn is_interrupted(&self) -> bool {
+        self.failures.iter().any(|failure| match &failure.cause {
+            FailureCause::Ended(report) => report.status == Status::Interrupted,
+            FailureCause::Error(_) => false,
+            FailureCause::Skipped => true,
+        })
+    }
+
+    /// Solves that ended without a minimum, best first: feasible ones by their costs, then others by their violations.
+    pub fn unfinished(&self) -> Vec<&Report> {
+        let ended = self.failures.iter().filter_map(|failure| match &failure.cause {
+            FailureCause::Ended(report) => Some(report),
+            FailureCause::Error(_) | FailureCause::Skipped => None,
+        });
+        let mut ended: Vec<&Report> = ended.collect();
+        ended.sort_by(|a, b| better(a, b));
+        ended
+    }
+}
+
+/// The order of unfinished solves. NaN comes last.
+fn better(a: &Report, b: &Report) -> Ordering {
+    let (by_cost, by_violation) =
+        (a.cost.total_cmp(&b.cost), a.residuals.feasibility.total_cmp(&b.residuals.feasibility));
+    match [a, b].map(|report| report.residuals.feasibility <= FEASIBLE) {
+        [true, true] => by_cost,
+        [true, false] => Ordering::Less,
+        [false, true] => Ordering::Greater,
+        [false, false] => by_violation,
+    }
+}
+
+impl<S> MultiStart<S> {
+    /// With minima apart by 10⁻⁴.
+    pub fn new(solver: S) -> Self {
+        Self { solver, distance_tol: 1e-4 }
+    }
+}
+
+impl<S: NlpSolver + Sync> MultiStart<S> {
+    /// Solves from all starts. `make` makes the program; `stop` is asked before each start and after each step of
+    /// every solve, from any thread.
+    pub fn solve<N: Nlp>(
+        &self,
+        make: impl Fn() -> N + Sync,
+        starts: &[Start],
+        stop: impl Fn() -> bool + Sync,
+    ) -> Result<MultiStartReport, SolverError> {
+        self.try_solve(|| Ok(make()), starts, stop)
+    }
+
+    /// The same with programs that need not come into being: an error of `make` ends the search.
+    pub fn try_solve<N: Nlp, E: From<SolverError> + Send>(
+        &self,
+        make: impl Fn() -> Result<N, E> + Sync,
+        starts: &[Start],
+        stop: impl Fn() -> bool + Sync,
+    ) -> Result<MultiStartReport, E> {
+        check_positive("distance_tol", self.distance_tol)?;
+        let solve = |start: &Start| {
+            if stop() {
+                return Ok(None);
+            }
+            let outcome = self.solver.solve(&mut make()?, start, &mut |_| {
+                if stop() { Flow::Stop } else { Flow::Continue }
+            });
+            Ok::<_, E>(Some(outcome.map(Report::interrupted)))
+        };
+        // One start to a job: some take a hundred times as long as others.
+        let outcomes = starts.par_iter().with_max_len(1).map(solve).collect::<Result<Vec<_>, E>>()?;
+
+        let mut converged = Vec::new();
+        let mut failures = Vec::new();
+        for (start, outcome) in outcomes.into_iter().enumerate() {
+            let cause = match outcome {
+                Some(Ok(report)) if report.status.is_converged() => {
+                    converged.push((start, report));
+                    continue;
+                }
+                Some(Ok(report)) => FailureCause::Ended(report),
+                Some(Err(error)) => FailureCause::Error(error),
+                None => FailureCause::Skipped,
+            };
+            failures.push(Failure { start, cause });
+        }
+        converged.sort_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost));
+        let mut minima: Vec<Minimum> = Vec::new();
+        for (start, report) in converged {
+            match minima.iter_mut().find(|m| distance(&m.report.z, &report.z) <= self.distance_tol) {
+                Some(minimum) => minimum.starts.push(start),
+                None => minima.push(Minimum { report, starts: vec![start] }),
+            }
+        }
+        for minimum in &mut minima {
+            minimum.starts.sort_unstable();
+        }
+        Ok(MultiStartReport { minima, failures })
+    }
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |d: f64, (a, b)| d.max((a - b).abs() / a.abs().max(b.abs()).max(1.0)))
+}
+
+/// A Latin hypercube: `count` starts of which each coordinate visits each of `count` equal parts of its range once,
+/// the same for the same seed.
+pub fn samples(range: &Bounds, count: usize, seed: u64) -> Result<Vec<Start>, SolverError> {
+    check_bounds("range", range)?;
+    check_vector("range.lower", &range.lower, range.len())?;
+    check_vector("range.upper", &range.upper, range.len())?;
+    let mut random = SplitMix64::new(seed);
+    let mut starts = vec![Start::from(vec![0.0; range.len()]); count];
+    let mut parts: Vec<usize> = (0..count).collect();
+    for i in 0..range.len() {
+        for last in (1..count).rev() {
+            parts.swap(last, (random.unit() * (last + 1) as f64) as usize);
+        }
+        let width = (range.upper[i] - range.lower[i]) / count as f64;
+        for (start, &part) in starts.iter_mut().zip(&parts) {
+            start.z[i] = (range.lower[i] + (part as f64 + random.unit()) * width).min(range.upper[i]);
+        }
+    }
+    Ok(starts)
+}
