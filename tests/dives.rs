@@ -4,7 +4,9 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
 use somersault_core::argument::ArgumentError;
 use somersault_core::spline::{SplineError, UniformBasis};
+use somersault_multibody::counting::Counting;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
+use somersault_multibody::joint_motion::{EigenpostureBase, JointMotionError, SplineMotion};
 use somersault_multibody::models::{Dimension, Diver, Posture};
 use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_nlp::{Flow, Iteration, Nlp, Report, Sqp, Status};
@@ -14,9 +16,8 @@ use somersault_ocp::dive::{
     KeyFrame, LiteralDive, Penalties, Range, nearest_points,
 };
 use somersault_ocp::flight::{
-    Counting, FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
+    FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
 };
-use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::transcription::{RolloutGradient, Transcription};
 use std::f64::consts::{PI, TAU};
 
@@ -931,11 +932,11 @@ fn bad_dives_are_refused() {
         change(&mut dive);
         dive.program().map(|_| ()).unwrap_err()
     };
-    let too_few = MotionError::Spline(SplineError::TooFewCoefficients { degree: 5, found: 5 });
+    let too_few = JointMotionError::Spline(SplineError::TooFewCoefficients { degree: 5, found: 5 });
     assert_eq!(of(&|d| d.n_par = 5), DiveError::Motion(too_few));
     assert_eq!(
         of(&|d| d.postures[1] = d.postures[0].clone()),
-        DiveError::Motion(MotionError::DependentPostures { rank: 0, expected: 1 })
+        DiveError::Motion(JointMotionError::DependentPostures { rank: 0, expected: 1 })
     );
     assert!(matches!(
         of(&|d| d.momentum = Range::new(2.0, 1.0)),
@@ -963,7 +964,7 @@ fn bad_dives_are_refused() {
     ));
     assert!(matches!(
         of(&|d| d.n_par = 1_000_000_000),
-        DiveError::Motion(MotionError::TooManyCoefficients { .. })
+        DiveError::Motion(JointMotionError::TooManyCoefficients { .. })
     ));
     // in the plane there is neither twist nor clearance
     assert!(matches!(of(&|d| d.twists = 1.0), DiveError::OutOfRange { argument: "twists", .. }));
@@ -989,7 +990,10 @@ fn bad_dives_are_refused() {
         of(&|d| d.last = 2),
         DiveError::NoSuchPosture { argument: "last", n_postures: 2, found: 2 }
     ));
-    assert!(matches!(of(&|d| d.postures[1][1] = f64::NAN), DiveError::Motion(MotionError::NonFinite { .. })));
+    assert!(matches!(
+        of(&|d| d.postures[1][1] = f64::NAN),
+        DiveError::Motion(JointMotionError::NonFinite { .. })
+    ));
     assert!(matches!(of(&|d| d.postures[1][2] = -0.5), DiveError::JointLimit { posture: 1, .. }));
     assert!(matches!(of(&|d| d.diver.mass = -1.0), DiveError::Model(_)));
     assert!(matches!(

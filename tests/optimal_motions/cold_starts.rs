@@ -6,11 +6,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::spline::UniformBasis;
+use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_multibody::models::CartPendulum;
 use somersault_multibody::{Joint, Link, MassProperties, Model, Split};
 use somersault_nlp::{Bounds, Flow, Globalisation, NlpSolver, Report, Sqp};
 use somersault_ocp::dynamics::{CartPendulumDynamics, HybridDynamics, Tree};
-use somersault_ocp::motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_ocp::problem::{At, Loss, MotionProblem};
 use somersault_ocp::shooting::{Duration, Phase, Shooting, ShootingOptions, Start};
 use somersault_ocp::term::{Displacement, Entries, Part};

@@ -3,9 +3,9 @@
 use crate::systems::{chain, floating, scattered, weights};
 use nalgebra::Vector3;
 use somersault_multibody::Split;
+use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 use somersault_nlp::{Bounds, Curvature, Nlp};
 use somersault_ocp::dynamics::Tree;
-use somersault_ocp::motion::{EigenpostureBase, SplineMotion};
 use somersault_ocp::problem::{At, Loss, MotionProblem, MotionProblemBuilder};
 use somersault_ocp::shooting::{Drive, Duration, Phase, Scheme, Shooting, ShootingOptions, Start};
 use somersault_ocp::term::{Displacement, Entries, Part, PointPosition};

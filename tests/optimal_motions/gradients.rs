@@ -3,10 +3,10 @@
 use crate::systems::{chain, floating, scattered, weights};
 use nalgebra::DVector;
 use num_dual::Dual64;
+use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 use somersault_multibody::{Data, Model, Scalar, Split};
 use somersault_nlp::{Bounds, Nlp};
 use somersault_ocp::dynamics::{CartPendulumDynamics, HybridDynamics, Tree};
-use somersault_ocp::motion::{EigenpostureBase, SplineMotion};
 use somersault_ocp::problem::{At, Loss, MotionProblem, Sweep};
 use somersault_ocp::shooting::{Drive, Duration, Phase, Scheme, Shooting, ShootingOptions, Start};
 use somersault_ocp::term::{Displacement, Entries, Momentum, MomentumPart, Part, PointPosition};

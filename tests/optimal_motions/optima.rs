@@ -6,11 +6,11 @@
 
 use nalgebra::Vector3;
 use somersault_core::spline::UniformBasis;
+use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_multibody::{Joint, Link, MassProperties, Model, Split};
 use somersault_nlp::{Bounds, Flow, Globalisation, NlpSolver, Report, Sqp};
 use somersault_ocp::OcpError;
 use somersault_ocp::dynamics::Tree;
-use somersault_ocp::motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_ocp::problem::{At, Loss, MotionProblem, MotionProblemBuilder};
 use somersault_ocp::shooting::{Drive, Duration, Phase, Scheme, Shooting, ShootingOptions, Start};
 use somersault_ocp::term::{Displacement, Entries, Function, Part};

@@ -3,8 +3,8 @@
 use crate::systems::{chain, floating, scattered, weights};
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::Split;
+use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_ocp::dynamics::Tree;
-use somersault_ocp::motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_ocp::shooting::{Drive, Phase, Scheme, Shooting, ShootingOptions, Start};
 use somersault_ocp::transcription::Transcription;
 use somersault_ocp::verification::{Verification, verify};

@@ -3,10 +3,10 @@
 use crate::systems::scattered;
 use num_dual::HyperDual64;
 use somersault_multibody::Scalar;
+use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::models::CartPendulum;
 use somersault_nlp::{Flow, Nlp, NlpSolver, Pattern, Sqp, Status};
 use somersault_ocp::OcpError;
-use somersault_ocp::motion::MotionError;
 use somersault_ocp::shooting::Scheme;
 use somersault_ocp::swing_up::CartPendulumProblem;
 use std::f64::consts::PI;
@@ -303,7 +303,7 @@ fn bad_numbers_are_named() {
         (problem.swing_up().map(|_| ()), problem.motion_problem().map(|_| ()))
     };
     let (fast, composed) = with(|p| p.n_coefficients = 5);
-    assert!(matches!(fast, Err(OcpError::Motion(MotionError::Spline(_)))), "{fast:?}");
+    assert!(matches!(fast, Err(OcpError::Motion(JointMotionError::Spline(_)))), "{fast:?}");
     assert_eq!(fast, composed);
     type Change = fn(&mut CartPendulumProblem);
     let cases: [(Change, &str); 6] = [

@@ -3,8 +3,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::spline::UniformBasis;
+use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_multibody::{Joint, Link, MassProperties, Model, Split};
-use somersault_ocp::motion::{Condition, EigenpostureBase, End, SplineMotion};
 
 fn rod(mass: f64, center: Vector3<f64>, inertia: [f64; 3]) -> MassProperties {
     MassProperties { mass, center, inertia: Matrix3::from_diagonal(&Vector3::from(inertia)) }

@@ -3,12 +3,12 @@
 use crate::systems::{chain, floating, scattered, weights};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::spline::UniformBasis;
+use somersault_multibody::joint_motion::{EigenpostureBase, JointMotionError, SplineMotion};
 use somersault_multibody::models::{CartPendulum, TwoLinkArm};
 use somersault_multibody::{Model, ModelError};
 use somersault_nlp::{Flow, Nlp, NlpSolver, Report, SolverError, Sqp, Status};
 use somersault_ocp::OcpError;
 use somersault_ocp::dynamics::{CartPendulumDynamics, Tree};
-use somersault_ocp::motion::{EigenpostureBase, MotionError, SplineMotion};
 use somersault_ocp::problem::{At, Loss, MotionProblem};
 use somersault_ocp::shooting::{Phase, Shooting, ShootingOptions, Start};
 use somersault_ocp::swing_up::CartPendulumProblem;
@@ -39,7 +39,7 @@ fn sizes_beyond_all_memory_are_refused() {
         .unwrap_err();
     assert!(matches!(refused, OcpError::TooLarge { ref argument, .. } if argument == "n_steps"), "{refused}");
     let refused = CartPendulumProblem::with_parameters(1_000_000_000).swing_up().map(|_| ()).unwrap_err();
-    assert!(matches!(refused, OcpError::Motion(MotionError::TooManyCoefficients { .. })), "{refused}");
+    assert!(matches!(refused, OcpError::Motion(JointMotionError::TooManyCoefficients { .. })), "{refused}");
     let basis = UniformBasis::try_new(5, 9).unwrap();
     let motion = SplineMotion::try_new(basis, EigenpostureBase::joints(1), &[]).unwrap();
     for (n_steps, n_segments, argument) in

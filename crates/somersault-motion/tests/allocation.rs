@@ -3,9 +3,9 @@
 use somersault_motion::fit::{FitOptions, Loss, MarkerFit, MarkerSet, Shape};
 use somersault_motion::recording::MarkerRecording;
 use somersault_motion::synthetic::synthetic_markers;
+use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::models::{Diver, Posture};
 use somersault_multibody::{Model, ModelBuilder};
-use somersault_ocp::motion::EigenpostureBase;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

@@ -32,7 +32,8 @@
 //! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`), or have a name in the
 //! literature ([`models`]).
 //! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
-//! short way for a tree in the air whose joints move as prescribed.
+//! short way for a tree in the air whose joints move as prescribed. [`joint_motion`] has motions of joints with
+//! parameters, splines and eigenpostures; [`counting`] reads somersaults, tilt and twists from the orientation of a root.
 //!
 //! Not meant for closed loops of joints, and not for contact.
 //!
@@ -44,6 +45,7 @@ mod builder;
 mod centroidal;
 mod configuration;
 mod coordinates;
+pub mod counting;
 mod crba;
 mod data;
 mod derivatives;
@@ -51,6 +53,7 @@ mod error;
 pub mod flight;
 mod inertia;
 pub mod joint;
+pub mod joint_motion;
 mod kinematics;
 mod lie;
 mod model;

@@ -1,7 +1,7 @@
 //! What can be wrong with a problem.
 
-use crate::motion::MotionError;
 use somersault_multibody::flight::FlightError;
+use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::{DynamicsError, ModelError};
 
 /// Why a problem cannot be posed.
@@ -10,7 +10,7 @@ use somersault_multibody::{DynamicsError, ModelError};
 pub enum OcpError {
     /// The joint motion.
     #[error(transparent)]
-    Motion(#[from] MotionError),
+    Motion(#[from] JointMotionError),
     /// The model, or what was asked of it.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),

@@ -12,7 +12,6 @@ pub mod dive;
 pub mod dynamics;
 mod error;
 pub mod flight;
-pub mod motion;
 pub mod problem;
 pub mod shooting;
 pub mod swing_up;

@@ -15,7 +15,7 @@ use crate::transcription::Transcription;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
-use somersault_multibody::motion::{MotionError as TreeMotionError, TreeMotion, TreeSystem};
+use somersault_multibody::motion::{MotionError, TreeMotion, TreeSystem};
 use somersault_multibody::{Data, DynamicsError, Model, Split};
 use somersault_nlp::{EvaluationError, Flow, Iteration, NlpSolver, Report, SolverError, Start};
 
@@ -48,7 +48,7 @@ pub enum VerificationError {
     Evaluation(#[from] EvaluationError),
     /// The accurate integration.
     #[error(transparent)]
-    Integration(#[from] TreeMotionError),
+    Integration(#[from] MotionError),
     /// The model.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
@@ -178,7 +178,7 @@ struct Leg<'a> {
     model: &'a Model,
     split: Split,
     drive: Drive,
-    motion: crate::motion::SplineMotion,
+    motion: somersault_multibody::joint_motion::SplineMotion,
     coefficients: Vec<f64>,
     driven: Vec<usize>,
     start: f64,

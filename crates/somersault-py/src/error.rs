@@ -26,6 +26,7 @@ use somersault::motion::scoring::{ScoringError, StorageError};
 use somersault::motion::synthetic::SyntheticError;
 use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
+use somersault::multibody::joint_motion::JointMotionError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
@@ -34,7 +35,6 @@ use somersault::nlp::SolverError;
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
 use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
-use somersault::ocp::motion::MotionError as JointMotionError;
 
 /// What a function of this module fails with.
 pub(crate) enum Error {

@@ -5,8 +5,8 @@ use crate::fit::MotionFit;
 use crate::recording::{CubicSpline, uniform_times};
 use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector1, Vector3};
 use somersault_core::argument::{ArgumentError, expect_least, expect_length};
+use somersault_multibody::counting::Counting;
 use somersault_multibody::{Joint, Model};
-use somersault_ocp::flight::Counting;
 
 /// Mean and spread of a group at each frame.
 #[derive(Debug, Clone, PartialEq)]

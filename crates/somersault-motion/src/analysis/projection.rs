@@ -4,7 +4,7 @@ use super::AnalysisError;
 use crate::fit::quadratic::BoundedQuadratic;
 use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::expect_length;
-use somersault_ocp::motion::EigenpostureBase;
+use somersault_multibody::joint_motion::EigenpostureBase;
 
 /// What weights may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use super::{FitOptions, Shape};
 use serde::{Deserialize, Serialize};
+use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::{DynamicsError, Model};
-use somersault_ocp::motion::EigenpostureBase;
 
 /// Scale, pose and shape of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

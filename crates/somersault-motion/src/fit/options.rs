@@ -3,7 +3,7 @@
 use super::{FitError, expect_positive_squarable};
 use somersault_core::argument::{expect_length, expect_squarable};
 use somersault_multibody::Model;
-use somersault_ocp::motion::EigenpostureBase;
+use somersault_multibody::joint_motion::EigenpostureBase;
 
 /// What describes the posture of a model.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,9 +9,9 @@ use somersault_motion::fit::{
     UnknownStatus,
 };
 use somersault_motion::recording::MarkerRecording;
+use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::models::{Diver, Posture};
 use somersault_multibody::{Data, Model, ModelBuilder};
-use somersault_ocp::motion::EigenpostureBase;
 
 /// Two markers on each body with an extent, off the axis so that every joint is seen.
 fn markers(model: &Model) -> MarkerSet {

@@ -8,8 +8,8 @@ use somersault_motion::fit::{FitOptions, FitStatus, FrameFit, MarkerFit, MarkerS
 use somersault_motion::recording::MarkerRecording;
 use somersault_motion::scoring::{Performance, ScoringModel, ScoringOptions};
 use somersault_motion::synthetic::{Perturbation, SyntheticOptions, synthetic_markers};
+use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::models::{Diver, Posture};
-use somersault_ocp::motion::EigenpostureBase;
 use std::f64::consts::{PI, TAU};
 
 #[test]

@@ -6,8 +6,8 @@ use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet, MotionFit, Scale,
 use somersault_motion::readers::{joint_motion, load, text};
 use somersault_motion::recording::{MarkerRecording, SkeletonRecording};
 use somersault_multibody::Model;
+use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::models::{Diver, Posture};
-use somersault_ocp::motion::EigenpostureBase;
 
 /// A motion of DeepMimic by its name, unless the folder is not there: then that is said.
 pub(crate) fn motion(name: &str) -> Option<SkeletonRecording> {

@@ -12,7 +12,7 @@
 use super::capsule::PREFERENCE;
 use super::program::entry;
 use super::{Body, Clearance, Dive};
-use crate::motion::SplineMotion;
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{Data, DynamicsError, Model};
 use std::f64::consts::SQRT_2;
 

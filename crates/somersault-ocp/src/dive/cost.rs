@@ -1,8 +1,8 @@
 //! The cost of rates: integrals of squared derivatives of splines, exact.
 
-use crate::motion::SplineMotion;
 use nalgebra::{DMatrix, DVector};
 use somersault_core::quadrature::GAUSS_5;
+use somersault_multibody::joint_motion::SplineMotion;
 
 /// ½ ∫₀¹ Σ (d^r c_i/dx^r)² dx as ½ pᵀ Q p + gᵀ p + k in the free parameters.
 #[derive(Debug, Clone)]

@@ -1,8 +1,8 @@
 //! What can be wrong with a dive.
 
-use crate::motion::MotionError;
 use somersault_core::spline::SplineError;
 use somersault_multibody::flight::FlightError;
+use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::models::PostureError;
 use somersault_multibody::{DynamicsError, ModelError};
 
@@ -12,7 +12,7 @@ use somersault_multibody::{DynamicsError, ModelError};
 pub enum DiveError {
     /// The spline or the base of eigenpostures does not exist.
     #[error(transparent)]
-    Motion(#[from] MotionError),
+    Motion(#[from] JointMotionError),
     /// The diver has a size that none has.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -125,7 +125,7 @@ impl From<somersault_nlp::EvaluationError> for DiveError {
 
 impl From<SplineError> for DiveError {
     fn from(error: SplineError) -> Self {
-        MotionError::from(error).into()
+        JointMotionError::from(error).into()
     }
 }
 

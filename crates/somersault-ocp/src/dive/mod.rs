@@ -24,7 +24,7 @@
 //! Lagrangian is made convex without a change of the steps that constraints allow.
 //!
 //! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,
-//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`](crate::flight::Counting)).
+//! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`](somersault_multibody::counting::Counting)).
 
 mod body;
 mod bounds;
@@ -56,10 +56,10 @@ use serde::{Deserialize, Serialize};
 use somersault_core::argument::ArgumentError;
 pub use template::KeyFrame;
 
-use crate::motion::{Condition, EigenpostureBase, End, SplineMotion};
 use error::{expect_angle, expect_finite, expect_not_negative, expect_positive};
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::Model;
+use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, SplineMotion};
 use somersault_multibody::models::{Dimension, Diver};
 
 /// What a number may be: a variable of the dive, or fixed where both are equal.

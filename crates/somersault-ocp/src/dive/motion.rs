@@ -1,9 +1,10 @@
 //! What a dive looks like: its states at the nodes of its path.
 
 use super::{DiveError, DiveProgram};
-use crate::flight::{BodyAngles, joints_active};
+use crate::flight::joints_active;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use somersault_multibody::counting::BodyAngles;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
 

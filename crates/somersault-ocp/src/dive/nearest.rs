@@ -10,7 +10,7 @@
 //! whose second derivatives between two knots stay within the second differences of its coefficients.
 
 use super::Body;
-use crate::motion::SplineMotion;
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{Data, DynamicsError, Model};
 
 /// How far above the least distance the one that is found may be, m.

@@ -9,8 +9,7 @@ use super::nearest::{Approach, Approaches};
 use super::program::requested;
 use super::{DiveError, DiveProgram, PeakTorque};
 use crate::attention::{Attention, GoOn};
-use crate::flight::{BodyAngles, joints_active};
-use crate::motion::SplineMotion;
+use crate::flight::joints_active;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use somersault_core::so3::angle_between;
@@ -18,7 +17,9 @@ use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::solution::{Recorder, Solution};
 use somersault_multibody::Data;
+use somersault_multibody::counting::BodyAngles;
 use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
 
 /// A dive that was found.

@@ -6,10 +6,10 @@
 //! (a_root, τ_s) = h(q, v, a_s),   δ(a_root, τ_s) = ∂h/∂q δq + ∂h/∂v δv + ∂h/∂a_s δa_s
 //! ```
 
-use crate::motion::EigenpostureBase;
 use crate::term::NodeGradient;
 use crate::transcription::NodeTangent;
 use nalgebra::{DMatrix, DVector};
+use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::{Data, DerivativeData, DynamicsError, Model, Split};
 use somersault_nlp::EvaluationError;
 

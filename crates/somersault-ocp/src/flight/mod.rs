@@ -4,7 +4,6 @@
 //! the angular momentum to its value ([`somersault_multibody::flight`]). So of the passive states one rotation is
 //! left to integrate ([`OrientationPath`], and [`FlightShooting`] for whole states), and momentum is exact at every node whatever the step.
 
-mod counting;
 mod forces;
 mod path;
 mod response;
@@ -13,7 +12,6 @@ mod transcription;
 
 pub(crate) use forces::joints_active;
 
-pub use counting::{BodyAngles, Counting};
 pub(crate) use path::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use path::{NodeDerivatives, OrientationPath, PathGradient};
 pub use transcription::{FlightShooting, FlightStart, FlightVariables};

@@ -12,7 +12,6 @@ use super::forces::Forces;
 use super::response::{INPUTS, respond};
 use super::{NodeDerivatives, OrientationPath, PathGradient};
 use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect_positive, expect_room};
-use crate::motion::SplineMotion;
 use crate::term::{Node, NodeGradient};
 use crate::transcription::{
     NodeSizes, NodeTangent, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription, Visit,
@@ -22,6 +21,7 @@ use somersault_core::quadrature::simpson;
 use somersault_core::so3;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{DerivativeData, Model};
 use somersault_nlp::{Bounds, EvaluationError};
 

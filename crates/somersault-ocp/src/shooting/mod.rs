@@ -27,9 +27,9 @@ pub use phase::{Drive, Duration, Phase, Scheme, Start};
 
 use crate::dynamics::{Carry, HybridDynamics};
 use crate::error::{OcpError, expect_below, expect_length, expect_room};
-use crate::motion::{EigenpostureBase, SplineMotion};
 use crate::term::Node;
 use crate::transcription::{NodeSizes, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription};
+use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 use somersault_nlp::{Bounds, EvaluationError, Pattern};
 use table::Table;
 use trajectory::Stages;

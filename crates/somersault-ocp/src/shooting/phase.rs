@@ -1,9 +1,9 @@
 //! What a shooting is made of.
 
 use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
-use crate::motion::SplineMotion;
 use serde::{Deserialize, Serialize};
 use somersault_core::quadrature::{gregory, left_rectangles};
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_nlp::Bounds;
 
 /// How a step in time is made, and integrals with it.

@@ -1,7 +1,7 @@
 //! The splines of a joint motion at fixed shares of its duration, by their parameters.
 
-use crate::motion::{EigenpostureBase, SplineMotion};
 use somersault_core::spline::MAX_DEGREE;
+use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 
 /// For each share and channel the parameters that act there, with the basis functions and their first two derivatives by
 /// the share; conditions at the ends are part of them.

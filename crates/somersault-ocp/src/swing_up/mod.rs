@@ -43,12 +43,12 @@ use crate::dynamics::CartPendulumDynamics;
 use crate::error::{
     OcpError, expect_finite, expect_length, expect_not_negative, expect_positive, expect_room,
 };
-use crate::motion::{Condition, EigenpostureBase, End, MotionError, SplineMotion};
 use crate::problem::{At, Loss, MotionProblem};
 use crate::shooting::{Drive, Phase, Scheme, Shooting, ShootingOptions, Start};
 use crate::term::{Displacement, Entries, Part};
 use crate::transcription::Transcription;
 use somersault_core::spline::UniformBasis;
+use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, JointMotionError, SplineMotion};
 use somersault_multibody::models::CartPendulum;
 
 /// Segments of a [`SwingUp`], where it has as many steps.
@@ -108,7 +108,7 @@ impl CartPendulumProblem {
 
     /// The motion of the cart.
     pub fn motion(&self) -> Result<SplineMotion, OcpError> {
-        let basis = UniformBasis::try_new(5, self.n_coefficients).map_err(MotionError::from)?;
+        let basis = UniformBasis::try_new(5, self.n_coefficients).map_err(JointMotionError::from)?;
         let [_, r, _, rate] = self.start;
         let conditions = [
             Condition { end: End::Start, derivative: 0, value: r },

@@ -4,8 +4,8 @@ use super::CartPendulumProblem;
 use super::sine::Quadrant;
 use super::tables::Tables;
 use crate::error::{OcpError, expect_finite, expect_not_negative, expect_positive};
-use crate::motion::MotionError;
 use crate::shooting::Scheme;
+use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::models::CartPendulum;
 use somersault_nlp::EvaluationError;
 use std::ops::Range;
@@ -85,7 +85,8 @@ impl Passes {
             differences: vec![0.0; n_coefficients - 2],
             by_coefficients: vec![0.0; n_coefficients],
             stages: vec![Stage::default(); scheme.n_stages() * n_steps + 1],
-            tables: Tables::try_new(motion, scheme, n_steps, problem.duration).map_err(MotionError::from)?,
+            tables: Tables::try_new(motion, scheme, n_steps, problem.duration)
+                .map_err(JointMotionError::from)?,
         })
     }
 

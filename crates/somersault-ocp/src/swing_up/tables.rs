@@ -1,8 +1,8 @@
 //! The basis of the cart's spline at all places where it is needed.
 
-use crate::motion::SplineMotion;
 use crate::shooting::Scheme;
 use somersault_core::spline::{SplineError, UniformBasis};
+use somersault_multibody::joint_motion::SplineMotion;
 use std::ops::Range;
 
 /// Basis functions that act at one place: the splines are quintic.

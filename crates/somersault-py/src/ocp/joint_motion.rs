@@ -7,7 +7,7 @@ use crate::memory::{bytes_of_numbers, expect_room};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::core::spline::UniformBasis;
-use somersault::ocp::motion::{self, Condition, End};
+use somersault::multibody::joint_motion::{self, Condition, End};
 
 /// A fundamental posture and the directions from it to others (thesis 2.11).
 ///
@@ -32,14 +32,14 @@ use somersault::ocp::motion::{self, Condition, End};
 /// array([0.5, 1. ])
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct EigenpostureBase {
-    pub(crate) base: motion::EigenpostureBase,
+    pub(crate) base: joint_motion::EigenpostureBase,
 }
 
 #[pymethods]
 impl EigenpostureBase {
     #[new]
     fn new(#[pyo3(from_py_with = entries)] postures: Vec<Vec<f64>>) -> Result<Self, Error> {
-        Ok(Self { base: motion::EigenpostureBase::try_new(&postures)? })
+        Ok(Self { base: joint_motion::EigenpostureBase::try_new(&postures)? })
     }
 
     /// int: Number of joints.
@@ -111,7 +111,7 @@ impl EigenpostureBase {
         fundamental: Vec<f64>,
         directions: Vec<Vec<f64>>,
     ) -> Result<Self, Error> {
-        Ok(Self { base: motion::EigenpostureBase::of_directions(fundamental, &directions)? })
+        Ok(Self { base: joint_motion::EigenpostureBase::of_directions(fundamental, &directions)? })
     }
 
     fn __repr__(&self) -> String {
@@ -143,7 +143,7 @@ impl EigenpostureBase {
 /// 8
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SplineMotion {
-    pub(crate) motion: motion::SplineMotion,
+    pub(crate) motion: joint_motion::SplineMotion,
     conditions: Vec<Condition>,
     /// None for joints.
     base: Option<Py<EigenpostureBase>>,
@@ -153,7 +153,7 @@ pub(crate) struct SplineMotion {
 fn base_of(
     value: &Bound<'_, PyAny>,
     n_coefficients: usize,
-) -> Result<(motion::EigenpostureBase, Option<Py<EigenpostureBase>>), Error> {
+) -> Result<(joint_motion::EigenpostureBase, Option<Py<EigenpostureBase>>), Error> {
     if let Ok(base) = value.cast::<EigenpostureBase>() {
         return Ok((base.get().base.clone(), Some(base.clone().unbind())));
     }
@@ -162,9 +162,9 @@ fn base_of(
         Error::input(format!("`base` must be an EigenpostureBase or a number of joints, found {found}"))
     };
     let n_joints = count("base", integer(value).map_err(refused)?, 1)?;
-    motion::SplineMotion::expect_coefficients(n_joints, n_coefficients)?;
+    joint_motion::SplineMotion::expect_coefficients(n_joints, n_coefficients)?;
     expect_room(&format!("the directions of {n_joints} joints"), bytes_of_numbers(&[n_joints, n_joints]))?;
-    Ok((motion::EigenpostureBase::joints(n_joints), None))
+    Ok((joint_motion::EigenpostureBase::joints(n_joints), None))
 }
 
 /// `(end, derivative, value)` of each.
@@ -206,9 +206,13 @@ impl SplineMotion {
     ) -> Result<Self, Error> {
         let (degree, n) = (count("degree", degree, 0)?, count("n_coefficients", n_coefficients, 1)?);
         let (library, base) = base_of(base, n)?;
-        let basis = UniformBasis::try_new(degree, n).map_err(motion::MotionError::from)?;
+        let basis = UniformBasis::try_new(degree, n).map_err(joint_motion::JointMotionError::from)?;
         let conditions = conditions_of(conditions)?;
-        Ok(Self { motion: motion::SplineMotion::try_new(basis, library, &conditions)?, conditions, base })
+        Ok(Self {
+            motion: joint_motion::SplineMotion::try_new(basis, library, &conditions)?,
+            conditions,
+            base,
+        })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

@@ -2,8 +2,9 @@
 
 use super::{DiveProgram, entry};
 use crate::dive::{Dive, DiveError};
-use crate::flight::{BodyAngles, COEFFICIENTS, MOMENTUM, NodeExpansion, PathGradient, START};
+use crate::flight::{COEFFICIENTS, MOMENTUM, NodeExpansion, PathGradient, START};
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
+use somersault_multibody::counting::BodyAngles;
 use somersault_multibody::models::Dimension;
 use somersault_multibody::{Data, DynamicsError, Model};
 use somersault_nlp::Bounds;

@@ -2,8 +2,8 @@
 
 use crate::dive::bounds::bezier_points;
 use crate::dive::{Channels, Dive, DiveError, Range};
-use crate::motion::{MotionError, SplineMotion};
 use somersault_multibody::Model;
+use somersault_multibody::joint_motion::{JointMotionError, SplineMotion};
 use somersault_nlp::Bounds;
 
 /// Σ factors z, without the constant that its bounds have taken in.
@@ -19,7 +19,7 @@ const NO_DEPENDENCE: f64 = 1e-12;
 pub(super) fn free_parameters(dive: &Dive, motion: &SplineMotion) -> Result<Vec<usize>, DiveError> {
     if !dive.windows.is_empty() && dive.windows.len() != motion.n_channels() {
         let (expected, found) = (motion.n_channels(), dive.windows.len());
-        return Err(MotionError::Length { argument: "windows", expected, found }.into());
+        return Err(JointMotionError::Length { argument: "windows", expected, found }.into());
     }
     let (n, degree) = (motion.basis().n_coefficients(), motion.basis().degree());
     let n_intervals = motion.basis().n_intervals() as f64;

@@ -10,13 +10,14 @@ use super::clearance::ClearanceRows;
 use super::cost::Quadratic;
 use super::error::expect_positive;
 use super::{Channels, Dive, DiveError, Range};
-use crate::flight::{Counting, OrientationPath, PathGradient};
+use crate::flight::{OrientationPath, PathGradient};
 pub(in crate::dive) use angles::requested;
 use angles::{long_axis, targets};
 use channels::{LinearRow, channel_rows, free_parameters};
 pub(in crate::dive) use curvature::entry;
 use nalgebra::{DVector, Vector3};
 use soft::Soft;
+use somersault_multibody::counting::Counting;
 use somersault_multibody::models::Dimension;
 use somersault_nlp::{Bounds, Pattern, Structure};
 

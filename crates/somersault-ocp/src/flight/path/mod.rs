@@ -6,13 +6,13 @@ mod derivatives;
 pub(crate) use curvature::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use derivatives::{NodeDerivatives, PathGradient};
 
-use super::Counting;
 use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
-use crate::motion::SplineMotion;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use somersault_core::argument::ArgumentError;
 use somersault_core::spline::MAX_DEGREE;
+use somersault_multibody::counting::Counting;
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{DynamicsError, Joint, Model};
 
 /// Orientations of the root at the nodes of a flight whose joints follow a [`SplineMotion`].

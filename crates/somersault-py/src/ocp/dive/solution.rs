@@ -265,7 +265,7 @@ impl DiveSolution {
     /// float: Angle of the body's long axis to the vertical at the entry, rad.
     #[getter]
     fn entry_angle(&self) -> f64 {
-        let level = |angles: &somersault::ocp::flight::BodyAngles| {
+        let level = |angles: &somersault::multibody::counting::BodyAngles| {
             (angles.somersault.cos() * angles.tilt.cos()).abs().min(1.0).acos()
         };
         self.motion.angles.last().map_or(f64::NAN, level)

@@ -1,6 +1,6 @@
 //! Eigenpostures: a few postures that span the motion of many joints.
 
-use super::{MotionError, expect_finite, expect_length};
+use super::{JointMotionError, expect_finite, expect_length};
 use nalgebra::{DMatrix, DMatrixView, DVector};
 
 /// A fundamental posture φ₀ and the directions φ_i − φ₀ to others (thesis 2.11).
@@ -21,13 +21,13 @@ impl EigenpostureBase {
     ///
     /// Refuses postures whose differences to the first are linearly dependent, to 1e-10 of the largest: weights would not
     /// be unique.
-    pub fn try_new<P: AsRef<[f64]>>(postures: &[P]) -> Result<Self, MotionError> {
+    pub fn try_new<P: AsRef<[f64]>>(postures: &[P]) -> Result<Self, JointMotionError> {
         let [fundamental, others @ ..] = postures else {
-            return Err(MotionError::TooFewPostures { found: 0 });
+            return Err(JointMotionError::TooFewPostures { found: 0 });
         };
         let fundamental = DVector::from_column_slice(fundamental.as_ref());
         if others.is_empty() {
-            return Err(MotionError::TooFewPostures { found: 1 });
+            return Err(JointMotionError::TooFewPostures { found: 1 });
         }
         for posture in postures {
             expect_length("postures", posture.as_ref().len(), fundamental.len())?;
@@ -42,9 +42,9 @@ impl EigenpostureBase {
     pub fn of_directions<P: AsRef<[f64]>>(
         fundamental: Vec<f64>,
         directions: &[P],
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, JointMotionError> {
         if directions.is_empty() {
-            return Err(MotionError::TooFewPostures { found: 1 });
+            return Err(JointMotionError::TooFewPostures { found: 1 });
         }
         expect_finite("fundamental", &fundamental)?;
         for direction in directions {
@@ -55,16 +55,16 @@ impl EigenpostureBase {
         Self::of_columns(DVector::from_vec(fundamental), &columns)
     }
 
-    fn of_columns(fundamental: DVector<f64>, columns: &[DVector<f64>]) -> Result<Self, MotionError> {
+    fn of_columns(fundamental: DVector<f64>, columns: &[DVector<f64>]) -> Result<Self, JointMotionError> {
         let directions = DMatrix::from_columns(columns);
         if directions.is_empty() {
-            return Err(MotionError::DependentPostures { rank: 0, expected: columns.len() });
+            return Err(JointMotionError::DependentPostures { rank: 0, expected: columns.len() });
         }
         let singular = directions.singular_values();
         let largest = singular.max();
         let rank = singular.iter().filter(|s| **s > RANK_TOLERANCE * largest).count();
         if rank < columns.len() {
-            return Err(MotionError::DependentPostures { rank, expected: columns.len() });
+            return Err(JointMotionError::DependentPostures { rank, expected: columns.len() });
         }
         Ok(Self { fundamental, directions })
     }
@@ -122,7 +122,7 @@ impl EigenpostureBase {
 
     /// The weights whose posture is nearest to joint `positions`, in the sense of least squares, and the
     /// distance that remains.
-    pub fn project(&self, positions: &[f64]) -> Result<(DVector<f64>, f64), MotionError> {
+    pub fn project(&self, positions: &[f64]) -> Result<(DVector<f64>, f64), JointMotionError> {
         expect_length("positions", positions.len(), self.n_joints())?;
         expect_finite("positions", positions)?;
         let difference = DVector::from_column_slice(positions) - &self.fundamental;
@@ -177,9 +177,9 @@ mod tests {
     #[test]
     fn dependent_postures_are_refused() {
         let found = EigenpostureBase::try_new(&[[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]]);
-        assert_eq!(found, Err(MotionError::DependentPostures { rank: 1, expected: 2 }));
+        assert_eq!(found, Err(JointMotionError::DependentPostures { rank: 1, expected: 2 }));
         let same = EigenpostureBase::try_new(&[[1.0, 2.0], [1.0, 2.0]]);
-        assert_eq!(same, Err(MotionError::DependentPostures { rank: 0, expected: 1 }));
-        assert_eq!(EigenpostureBase::try_new(&[[1.0]]), Err(MotionError::TooFewPostures { found: 1 }));
+        assert_eq!(same, Err(JointMotionError::DependentPostures { rank: 0, expected: 1 }));
+        assert_eq!(EigenpostureBase::try_new(&[[1.0]]), Err(JointMotionError::TooFewPostures { found: 1 }));
     }
 }

@@ -99,7 +99,7 @@ impl Counting {
     }
 
     /// The second derivatives of Σ wᵢ angleᵢ by a displacement log(R₀ᵀ R) of the orientation, for weights of ψ, τ and φ.
-    pub(crate) fn curvature(&self, orientation: &UnitQuaternion<f64>, weights: [f64; 3]) -> Matrix3<f64> {
+    pub fn curvature(&self, orientation: &UnitQuaternion<f64>, weights: [f64; 3]) -> Matrix3<f64> {
         let long = self.axes * Vector3::z();
         let lateral = orientation.inverse_transform_vector(&Vector3::y());
         // what a displacement makes of the gradients; its antisymmetric part is that of the group
@@ -123,7 +123,7 @@ impl Counting {
     }
 
     /// The world's lateral axis in axes of the root, where there is no tilt and the given twist, rad.
-    pub(crate) fn lateral(&self, twist: f64) -> Vector3<f64> {
+    pub fn lateral(&self, twist: f64) -> Vector3<f64> {
         self.axes * (UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -twist) * Vector3::y())
     }
 

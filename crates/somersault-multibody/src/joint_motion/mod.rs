@@ -25,7 +25,7 @@ use somersault_core::spline::SplineError;
 /// Why there is no such joint motion.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum MotionError {
+pub enum JointMotionError {
     /// The basis of splines does not exist.
     #[error(transparent)]
     Spline(#[from] SplineError),
@@ -93,18 +93,18 @@ pub(crate) fn expect_length(
     argument: &'static str,
     found: usize,
     expected: usize,
-) -> Result<(), MotionError> {
-    if found == expected { Ok(()) } else { Err(MotionError::Length { argument, expected, found }) }
+) -> Result<(), JointMotionError> {
+    if found == expected { Ok(()) } else { Err(JointMotionError::Length { argument, expected, found }) }
 }
 
 /// Each from 0 to 1.
-fn expect_shares(argument: &'static str, shares: &[f64]) -> Result<(), MotionError> {
+fn expect_shares(argument: &'static str, shares: &[f64]) -> Result<(), JointMotionError> {
     match shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
         None => Ok(()),
-        Some(index) => Err(MotionError::Share { argument, index, found: shares[index] }),
+        Some(index) => Err(JointMotionError::Share { argument, index, found: shares[index] }),
     }
 }
 
-pub(crate) fn expect_finite(argument: &'static str, values: &[f64]) -> Result<(), MotionError> {
-    if values.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(MotionError::NonFinite { argument }) }
+pub(crate) fn expect_finite(argument: &'static str, values: &[f64]) -> Result<(), JointMotionError> {
+    if values.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(JointMotionError::NonFinite { argument }) }
 }

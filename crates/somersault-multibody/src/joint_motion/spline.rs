@@ -1,7 +1,7 @@
 //! Channels that are uniform splines.
 
 use super::elimination::{Solved, solve};
-use super::{Condition, EigenpostureBase, MotionError, expect_finite, expect_length, expect_shares};
+use super::{Condition, EigenpostureBase, JointMotionError, expect_finite, expect_length, expect_shares};
 use nalgebra::{DMatrix, DVector};
 use somersault_core::spline::UniformBasis;
 
@@ -36,7 +36,7 @@ impl SplineMotion {
         basis: UniformBasis,
         base: EigenpostureBase,
         conditions: &[Condition],
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, JointMotionError> {
         let each = vec![conditions; base.n_weights()];
         Self::with_conditions(basis, base, &each)
     }
@@ -46,7 +46,7 @@ impl SplineMotion {
         basis: UniformBasis,
         base: EigenpostureBase,
         conditions: &[C],
-    ) -> Result<Self, MotionError> {
+    ) -> Result<Self, JointMotionError> {
         expect_length("conditions", conditions.len(), base.n_weights())?;
         let n = basis.n_coefficients();
         Self::expect_coefficients(conditions.len(), n)?;
@@ -64,15 +64,15 @@ impl SplineMotion {
     }
 
     /// Refuses splines that have too many coefficients together.
-    pub fn expect_coefficients(n_channels: usize, of_each: usize) -> Result<(), MotionError> {
+    pub fn expect_coefficients(n_channels: usize, of_each: usize) -> Result<(), JointMotionError> {
         let found = of_each.saturating_mul(n_channels);
         if found > MAX_COEFFICIENTS {
-            return Err(MotionError::TooManyCoefficients { found, limit: MAX_COEFFICIENTS });
+            return Err(JointMotionError::TooManyCoefficients { found, limit: MAX_COEFFICIENTS });
         }
         Ok(())
     }
 
-    fn eliminate(&mut self, channel: usize, conditions: &[Condition]) -> Result<(), MotionError> {
+    fn eliminate(&mut self, channel: usize, conditions: &[Condition]) -> Result<(), JointMotionError> {
         let n = self.basis.n_coefficients();
         let mut matrix = DMatrix::zeros(conditions.len(), n);
         let mut values = vec![0.0; self.basis.n_active()];
@@ -85,7 +85,7 @@ impl SplineMotion {
         }
         let constant = conditions.iter().map(|c| c.value).collect();
         let Solved { row_of, matrix, constant } = solve(matrix, constant)
-            .map_err(|condition| MotionError::DependentConditions { channel, condition })?;
+            .map_err(|condition| JointMotionError::DependentConditions { channel, condition })?;
         let first_parameter = self.parameters.len();
         let free: Vec<usize> = (0..n).filter(|j| row_of[*j].is_none()).collect();
         self.parameters.extend(free.iter().map(|j| channel * n + j));
@@ -185,7 +185,7 @@ impl SplineMotion {
     /// squares: a sample is one value for each channel. A start for a solver.
     ///
     /// Where the samples leave coefficients undetermined, the smallest that fit are taken.
-    pub fn fit<S: AsRef<[f64]>>(&self, shares: &[f64], samples: &[S]) -> Result<Vec<f64>, MotionError> {
+    pub fn fit<S: AsRef<[f64]>>(&self, shares: &[f64], samples: &[S]) -> Result<Vec<f64>, JointMotionError> {
         expect_length("samples", samples.len(), shares.len())?;
         expect_shares("shares", shares)?;
         for sample in samples {
@@ -296,7 +296,7 @@ mod tests {
         for found in [-1e-9, 1.5, f64::NAN] {
             let refused = motion().fit(&[0.0, found], &[[0.0; 2]; 2]);
             assert!(
-                matches!(refused, Err(MotionError::Share { argument: "shares", index: 1, .. })),
+                matches!(refused, Err(JointMotionError::Share { argument: "shares", index: 1, .. })),
                 "{found} {refused:?}"
             );
         }
@@ -307,7 +307,7 @@ mod tests {
         let basis = UniformBasis::try_new(5, 1_000_000_000).unwrap();
         let refused = SplineMotion::try_new(basis, EigenpostureBase::joints(2), &[]);
         let (found, limit) = (2_000_000_000, MAX_COEFFICIENTS);
-        assert_eq!(refused, Err(MotionError::TooManyCoefficients { found, limit }));
+        assert_eq!(refused, Err(JointMotionError::TooManyCoefficients { found, limit }));
     }
 
     #[test]
@@ -315,6 +315,6 @@ mod tests {
         let basis = UniformBasis::try_new(5, 9).unwrap();
         let same = Condition { end: End::Start, derivative: 0, value: 1.0 };
         let found = SplineMotion::try_new(basis, EigenpostureBase::joints(1), &[same, same]);
-        assert_eq!(found, Err(MotionError::DependentConditions { channel: 0, condition: 1 }));
+        assert_eq!(found, Err(JointMotionError::DependentConditions { channel: 0, condition: 1 }));
     }
 }
