@@ -26,7 +26,6 @@ lint: $(VENV)/.extension-dev
 	cargo clippy --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check docs python tour tests/python benches/peers
 	$(BIN)/mypy
-	$(BIN)/python -m mypy.stubtest --mypy-config-file pyproject.toml somersault._somersault
 
 # Benchmarks hold none, and without them the tests and the extension share one build of what they depend on; examples hold
 # none either, and clippy compiles them.
