@@ -82,7 +82,9 @@ pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Result<Option<Ve
             let first = angles.first().map_or(0.0, |a| a.somersault);
             Some(angles.iter().map(|a| (a.somersault - first) / TURN).collect())
         }
-        _ => None,
+        Some(Joint::Fixed | Joint::Revolute { .. } | Joint::Prismatic { .. } | Joint::Spherical) | None => {
+            None
+        }
     })
 }
 

@@ -9,7 +9,7 @@
 
 use super::Estimate;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use somersault_multibody::{Joint, Model};
+use somersault_multibody::{Joint, Model, Turning};
 
 /// Moves the root of `estimate`, and its scale within `bounds`. `pairs` are d, from the root in the axes of the world, and y;
 /// `root` is where the root's origin is now. Roots that neither float nor move in a plane stay.
@@ -38,18 +38,20 @@ pub(super) fn align(
     }
     let covariance: Matrix3<f64> = centred().map(|(d, y)| y * d.transpose()).sum();
     let axes = placement.rotation;
-    let turn = match joint {
-        Joint::Planar => {
+    let kind = joint.kind();
+    let turn = match kind.turning {
+        Turning::None => return,
+        Turning::Angle => {
             // in the axes of the plane
             let flat = axes.transpose() * covariance * axes;
             let angle = (flat[(1, 0)] - flat[(0, 1)]).atan2(flat[(0, 0)] + flat[(1, 1)]);
-            estimate.q[2] += angle;
+            estimate.q[kind.n_linear] += angle;
             Rotation3::from_axis_angle(&nalgebra::Unit::new_unchecked(axes.column(2).into_owned()), angle)
         }
-        _ => {
+        Turning::Rotation => {
             let Some(turn) = nearest_rotation(&covariance) else { return };
             let relative = Rotation3::from_matrix_unchecked(axes.transpose() * turn.matrix() * axes);
-            let q = &mut estimate.q[3..7];
+            let q = &mut estimate.q[kind.orientation()];
             let old = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(q[3], q[0], q[1], q[2]));
             let new = UnitQuaternion::from_rotation_matrix(&relative) * old;
             q.copy_from_slice(new.coords.as_slice());
@@ -58,8 +60,7 @@ pub(super) fn align(
     };
     let target = mean.1 - turn * mean.0 * estimate.scale;
     let moved = axes.transpose() * (target - root);
-    let linear = if *joint == Joint::Planar { 2 } else { 3 };
-    for k in 0..linear {
+    for k in 0..kind.n_linear {
         estimate.q[k] += moved[k];
     }
 }

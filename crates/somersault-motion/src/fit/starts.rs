@@ -15,7 +15,7 @@ use super::estimate::{Estimate, Unknowns};
 use super::frame::{FrameFitter, Until};
 use super::{FitError, FitOptions, Shape};
 use nalgebra::Vector3;
-use somersault_multibody::{Joint, Model};
+use somersault_multibody::{Model, Turning};
 use std::f64::consts::PI;
 
 /// Points in the ranges of the joints.
@@ -94,10 +94,12 @@ impl Starts {
 /// Coordinates of the joints beside the root's.
 fn joint_points(model: &Model) -> Vec<Vec<f64>> {
     let root = model.positions_of(0).len();
-    let range = |i: usize| match (model.joint(i), model.limits(i)) {
-        (_, Some(limits)) if limits.iter().all(|x| x.is_finite()) => Some(limits),
-        (Some(Joint::Revolute { .. }), _) => Some([-PI, PI]),
-        _ => None,
+    let range = |i: usize| {
+        let limits = model.limits(i).filter(|limits| limits.iter().all(|x| x.is_finite()));
+        limits.or_else(|| match model.joint(i)?.kind().turning {
+            Turning::Angle => Some([-PI, PI]),
+            Turning::None | Turning::Rotation => None,
+        })
     };
     let ranges: Vec<(usize, [f64; 2])> = (1..model.n_bodies())
         .filter(|&i| model.positions_of(i).len() == 1)

@@ -117,10 +117,7 @@ impl SyntheticFlight {
         let (n_q, n_frames) = (model.n_positions(), times.len());
         expect_length("positions", positions.len(), n_frames.saturating_mul(n_q))?;
         expect_finite("positions", positions)?;
-        let turning = match model.joint(0) {
-            Some(Joint::Planar) => 2..3,
-            _ => 3..model.positions_of(0).len().max(3),
-        };
+        let turning = model.joint(0).map_or(0..0, |joint| joint.kind().orientation());
         let mut data = Data::new(model);
         let mut v = vec![0.0; model.n_velocities()];
         let frames: Vec<&[f64]> = positions.chunks_exact(n_q).collect();

@@ -20,7 +20,7 @@
 //! ```
 //! use somersault_multibody::Scalar;
 //! use somersault_ocp::collocation::{Collocation, Dynamics, Mesh, Phase, Point, Problem, Terms};
-//! use somersault_ocp::solver::Flow;
+//! use somersault_nlp::Flow;
 //!
 //! /// ẋ = −x + u, cost ∫ x² + u² dt.
 //! struct Decay;
