@@ -125,7 +125,7 @@ class TestSyntheticDives:
         ("options", "message"),
         [
             ({"n_dives": 0}, "`n_dives` must have at least 1"),
-            ({"marker_noise": -1.0}, "`marker_noise` must be at least 0"),
+            ({"marker_noise": -1.0}, "`marker_noise` must be finite and not negative"),
             ({"greatest": motion.Perturbation(exit_delay=9.0)}, "`exit_delay` must lie between"),
         ],
     )
@@ -147,7 +147,7 @@ class TestSyntheticDives:
             motion.SyntheticFlight(model, np.arange(6.0), np.zeros((6, 11)))
         with pytest.raises(errors.SyntheticError, match="no fold"):
             motion.SyntheticFlight(model, np.arange(6.0), np.zeros((6, 12)))
-        with pytest.raises(errors.SyntheticError, match="`noise` must be at least 0"):
+        with pytest.raises(errors.SyntheticError, match="`noise` must be finite and not negative"):
             motion.SyntheticJudge(motion.DiveFaults(0, 0, 0, 0, 0), noise=-1.0)
 
 
