@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint studies docs pictures public-names bench bench-peers fuzz mutate wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures public-names features deny bench bench-peers fuzz mutate wheel package clean
 
 # This list.
 help:
@@ -55,13 +55,23 @@ pictures: $(VENV)/.extension
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/crate_graph.py
 
-# The list of public names of the package, written anew; a test shows what a change adds or removes.
+# The lists of public names of the package and of the crates, written anew; tests show what a change adds or removes.
 public-names: $(VENV)/.extension-dev
 	$(BIN)/python tests/python/public_names.py
+	$(BIN)/python tests/python/rust_names.py
+
+# Licences, sources and known faults of the dependencies; needs cargo-deny.
+deny:
+	cargo deny check
 
 # The benchmarks of the crates.
 bench:
 	cargo bench --workspace
+
+# The facade with each of its features alone, and with none.
+features:
+	for feature in "" contact ftla motion multibody nlp ocp rayon serde storage urdf; do \
+		cargo check --package somersault --no-default-features --features "$$feature" || exit 1; done
 
 # The same problems solved by other packages, side by side.
 bench-peers: $(VENV)/.peers

@@ -1,7 +1,6 @@
 //! Inertia of a rigid body about its centre of mass.
 
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// Why a tensor or a shape is not the inertia of a rigid body.
@@ -59,8 +58,12 @@ pub enum InertiaError {
 ///
 /// Symmetric, positive definite, and no principal moment exceeds the sum of the other two (a lamina
 /// attains it; the comparison allows a relative rounding of 1e-12).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Matrix3<f64>", into = "Matrix3<f64>")]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "Matrix3<f64>", into = "Matrix3<f64>")
+)]
 pub struct Inertia {
     tensor: Matrix3<f64>,
     inverse: Matrix3<f64>,

@@ -2,7 +2,6 @@
 
 use crate::state::RigidBodyState;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 use somersault_core::{Inertia, InertiaError};
 
 /// Why a rigid body cannot be made.
@@ -21,20 +20,22 @@ pub enum BodyError {
 }
 
 /// A rigid body: mass (kg) and inertia about its centre of mass, in the body frame (kg m²).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts")]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
 pub struct RigidBody {
     mass: f64,
     inertia: Inertia,
 }
 
 /// A body as files hold it.
-#[derive(Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
 struct Parts {
     mass: f64,
     inertia: Inertia,
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Parts> for RigidBody {
     type Error = BodyError;
 

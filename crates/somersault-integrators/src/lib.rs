@@ -5,6 +5,7 @@ pub use nalgebra;
 
 mod adams;
 pub mod augmented;
+#[cfg(feature = "rayon")]
 pub mod batch;
 pub mod body;
 pub mod dense;

@@ -3,15 +3,17 @@
 use crate::dense::Interpolant;
 use crate::driver::{Flow, Observer, Step};
 use crate::state::{Configuration, State};
-use serde::{Deserialize, Serialize};
 
 /// Times, states and, if asked for, the curves between them. The curves are not written to files.
-#[derive(Serialize, Deserialize)]
-#[serde(
-    try_from = "Parts<Q>",
-    bound(
-        serialize = "Q: Serialize, Q::Rate: Serialize",
-        deserialize = "Q: Deserialize<'de>, Q::Rate: Deserialize<'de>"
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(
+        try_from = "Parts<Q>",
+        bound(
+            serialize = "Q: serde::Serialize, Q::Rate: serde::Serialize",
+            deserialize = "Q: serde::Deserialize<'de>, Q::Rate: serde::Deserialize<'de>"
+        )
     )
 )]
 pub struct Solution<Q: Configuration> {
@@ -20,18 +22,20 @@ pub struct Solution<Q: Configuration> {
     /// States at those times.
     pub states: Vec<State<Q>>,
     /// The end of each step and its curve, where dense output was asked for.
-    #[serde(skip)]
+    #[cfg_attr(feature = "serde", serde(skip))]
     pub segments: Vec<(f64, Box<dyn Interpolant<Q>>)>,
 }
 
 /// A solution as files hold it.
-#[derive(Deserialize)]
-#[serde(bound = "Q: Deserialize<'de>, Q::Rate: Deserialize<'de>")]
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(bound = "Q: serde::Deserialize<'de>, Q::Rate: serde::Deserialize<'de>")]
 struct Parts<Q: Configuration> {
     times: Vec<f64>,
     states: Vec<State<Q>>,
 }
 
+#[cfg(feature = "serde")]
 impl<Q: Configuration> TryFrom<Parts<Q>> for Solution<Q> {
     type Error = &'static str;
 

@@ -6,7 +6,6 @@
 
 use crate::scratch::Storage;
 use nalgebra::{UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use somersault_core::so3;
 
 /// Tolerances of an adaptive step, weighed as `absolute + relative · size`.
@@ -112,11 +111,15 @@ pub trait Configuration: Clone + std::fmt::Debug + Storage + Send + Sync + 'stat
 }
 
 /// A configuration and its rate. What `rate` stands for (velocity, or momentum) is the system's to say.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "Q: Serialize, Q::Rate: Serialize",
-    deserialize = "Q: Deserialize<'de>, Q::Rate: Deserialize<'de>"
-))]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(bound(
+        serialize = "Q: serde::Serialize, Q::Rate: serde::Serialize",
+        deserialize = "Q: serde::Deserialize<'de>, Q::Rate: serde::Deserialize<'de>"
+    ))
+)]
 pub struct State<Q: Configuration> {
     /// Where.
     pub configuration: Q,
@@ -156,7 +159,8 @@ impl<Q: Configuration> Storage for State<Q> {
 }
 
 /// Linear and angular part of a velocity, an acceleration or a momentum, world frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Twist {
     /// Linear part.
     pub linear: Vector3<f64>,
@@ -165,8 +169,8 @@ pub struct Twist {
 }
 
 /// Position of the centre of mass and orientation (body frame → world frame).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(try_from = "PoseParts")]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "PoseParts"))]
 pub struct Pose {
     /// Position of the centre of mass, m.
     pub position: Vector3<f64>,
@@ -175,12 +179,14 @@ pub struct Pose {
 }
 
 /// A pose as files hold it.
-#[derive(Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
 struct PoseParts {
     position: Vector3<f64>,
     orientation: UnitQuaternion<f64>,
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<PoseParts> for Pose {
     type Error = &'static str;
 

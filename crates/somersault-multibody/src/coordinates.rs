@@ -7,14 +7,14 @@
 //! −x × y. A rotation is four numbers x, y, z, w here and three in its rate.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use somersault_core::so3;
 use somersault_integrators::scratch::Storage;
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, Tolerances};
 use std::sync::Arc;
 
 /// One factor of the group.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Factor {
     /// A vector of up to three numbers, weighed by its length.
     Linear(usize),
@@ -33,8 +33,12 @@ struct Block {
 }
 
 /// The factors of a product, in their order.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "Vec<Factor>", into = "Vec<Factor>")]
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(from = "Vec<Factor>", into = "Vec<Factor>")
+)]
 pub(crate) struct Layout(Arc<[Block]>);
 
 impl From<Vec<Factor>> for Layout {
@@ -84,28 +88,30 @@ impl Layout {
 }
 
 /// A point of ℝᵐ × SO(3)ᵏ: the positions q of a tree, say.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts")]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
 pub struct Coordinates {
     numbers: Vec<f64>,
     layout: Layout,
 }
 
 /// A rate of [`Coordinates`], with angular velocities in body axes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts")]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
 pub struct Rates {
     numbers: Vec<f64>,
     layout: Layout,
 }
 
 /// A point or a rate as files hold it.
-#[derive(Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
 struct Parts {
     numbers: Vec<f64>,
     layout: Vec<Factor>,
 }
 
+#[cfg(feature = "serde")]
 impl Parts {
     /// The numbers, where `length` of the factors adds up to as many.
     fn checked(self, length: fn((usize, usize)) -> usize) -> Result<(Vec<f64>, Layout), &'static str> {
@@ -119,6 +125,7 @@ impl Parts {
     }
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Parts> for Coordinates {
     type Error = &'static str;
 
@@ -135,6 +142,7 @@ impl TryFrom<Parts> for Coordinates {
     }
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Parts> for Rates {
     type Error = &'static str;
 

@@ -17,11 +17,11 @@
 use crate::scalar::Scalar;
 use crate::spatial::{Direction, Force, Motion, Transform};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// The kinds of joints between a body and its parent.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Joint {
     /// No motion.
     Fixed,

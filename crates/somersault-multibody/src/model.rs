@@ -1,6 +1,5 @@
 //! The immutable description of a tree.
 
-use crate::builder::ModelError;
 use crate::builder::{Link, ModelBuilder};
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
@@ -8,7 +7,6 @@ use crate::joint::{Joint, Mechanism};
 use crate::scalar::Scalar;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -56,14 +54,16 @@ impl Model {
 }
 
 /// A model as files hold it.
-#[derive(Serialize, Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
 struct Parts {
     gravity: Vector3<f64>,
     links: Vec<Link>,
 }
 
+#[cfg(feature = "serde")]
 impl Parts {
-    fn build(self) -> Result<Model, ModelError> {
+    fn build(self) -> Result<Model, crate::builder::ModelError> {
         let mut builder = Model::builder().with_gravity(self.gravity);
         for link in self.links {
             builder.add(link)?;
@@ -72,14 +72,16 @@ impl Parts {
     }
 }
 
-impl Serialize for Model {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+#[cfg(feature = "serde")]
+impl serde::Serialize for Model {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         Parts { gravity: self.standard_gravity, links: self.links.to_vec() }.serialize(serializer)
     }
 }
 
-impl<'de> Deserialize<'de> for Model {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for Model {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Parts::deserialize(deserializer)?.build().map_err(serde::de::Error::custom)
     }
 }

@@ -1,10 +1,10 @@
 //! What a solver says: status, iterate, residuals and counts.
 
-use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// How a solve ended. Whatever it is, the report has the best iterate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Status {
     /// All residuals are within their tolerances.
@@ -68,7 +68,8 @@ impl fmt::Display for Status {
 /// ```
 /// z₀ is the start. The scale s is that of IPOPT (Wächter & Biegler 2006, equation 6, and its scaling of
 /// costs with large gradients).
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct KktResiduals {
     /// Of the gradient of the Lagrangian.
     pub stationarity: f64,
@@ -90,7 +91,8 @@ impl KktResiduals {
 }
 
 /// What a solve cost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Counts {
     /// Of cost and constraints.
     pub evaluations: usize,
@@ -128,7 +130,8 @@ impl From<&[f64]> for Start {
 }
 
 /// What a solver found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Report {
     /// How it ended.
     pub status: Status,

@@ -12,17 +12,42 @@
 //! assert_eq!(end.t, 10.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # Features
+//!
+//! All but `serde` alone are on by default. Without them (`default-features = false`) there are core and integrators, which is all that
+//! the example above needs.
+//!
+//! | Feature | What it adds |
+//! |---|---|
+//! | `rayon` | batches of bodies, studies of energy and stability, on all processors |
+//! | `multibody` | trees of bodies |
+//! | `urdf` | reading and writing trees in URDF, with `multibody` |
+//! | `contact` | compliant contact with located events |
+//! | `nlp` | nonlinear programs and their solvers |
+//! | `ocp` | optimal motions; brings `multibody` and `nlp` |
+//! | `motion` | recorded motions; brings `multibody` |
+//! | `ftla` | finite-time Lyapunov analysis; brings `multibody` |
+//! | `serde` | serde's traits for bodies, states, models and results |
+//! | `storage` | versioned files, with `serde` |
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "contact")]
 pub use somersault_contact as contact;
 pub use somersault_core as core;
+#[cfg(feature = "ftla")]
 pub use somersault_ftla as ftla;
 pub use somersault_integrators as integrators;
+#[cfg(feature = "motion")]
 pub use somersault_motion as motion;
+#[cfg(feature = "multibody")]
 pub use somersault_multibody as multibody;
+#[cfg(feature = "nlp")]
 pub use somersault_nlp as nlp;
+#[cfg(feature = "ocp")]
 pub use somersault_ocp as ocp;
 
+#[cfg(feature = "storage")]
 pub mod storage;
 
 /// What most programs need.

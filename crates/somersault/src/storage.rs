@@ -19,19 +19,6 @@
 
 use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
-use somersault_ftla::shooting::Extremal;
-use somersault_integrators::body::RigidBody;
-use somersault_integrators::solution::Solution;
-use somersault_integrators::state::{Pose, State};
-use somersault_motion::fit::MotionFit;
-use somersault_motion::scoring::ScoringModel;
-use somersault_multibody::Model;
-use somersault_multibody::models::{CartPendulum, Diver};
-use somersault_multibody::motion::Coordinates;
-use somersault_nlp::Report;
-use somersault_ocp::collocation::CollocationReport;
-use somersault_ocp::dive::{Dive, DiveReport};
-use somersault_ocp::swing_up::CartPendulumProblem;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -47,32 +34,41 @@ pub trait Stored: Serialize + DeserializeOwned {
 }
 
 macro_rules! kinds {
-    ($($thing:ty: $kind:literal,)*) => {
-        $(impl Stored for $thing {
-            const KIND: &'static str = $kind;
-        })*
+    ($($feature:literal: $($thing:ty: $kind:literal,)*)*) => {
+        $($(
+            #[cfg(feature = $feature)]
+            impl Stored for $thing {
+                const KIND: &'static str = $kind;
+            }
+        )*)*
     };
 }
 
 kinds! {
-    RigidBody: "rigid body",
-    State<Pose>: "state of a rigid body",
-    Solution<Pose>: "motion of a rigid body",
-    Model: "tree of bodies",
-    State<Coordinates>: "state of a tree",
-    Solution<Coordinates>: "motion of a tree",
-    CartPendulum: "cart-pendulum",
-    Diver: "diver",
-    CartPendulumProblem: "swing-up",
-    Report: "solver's report",
-    CollocationReport: "collocation",
-    Dive: "dive",
-    DiveReport: "judgement of a dive",
-    MotionFit: "fitted motion",
-    ScoringModel: "scoring model",
+    "storage":
+    somersault_integrators::body::RigidBody: "rigid body",
+    somersault_integrators::state::RigidBodyState: "state of a rigid body",
+    somersault_integrators::solution::Solution<somersault_integrators::state::Pose>: "motion of a rigid body",
+    "multibody":
+    somersault_multibody::Model: "tree of bodies",
+    somersault_integrators::state::State<somersault_multibody::motion::Coordinates>: "state of a tree",
+    somersault_integrators::solution::Solution<somersault_multibody::motion::Coordinates>: "motion of a tree",
+    somersault_multibody::models::CartPendulum: "cart-pendulum",
+    somersault_multibody::models::Diver: "diver",
+    "nlp":
+    somersault_nlp::Report: "solver's report",
+    "ocp":
+    somersault_ocp::swing_up::CartPendulumProblem: "swing-up",
+    somersault_ocp::collocation::CollocationReport: "collocation",
+    somersault_ocp::dive::Dive: "dive",
+    somersault_ocp::dive::DiveReport: "judgement of a dive",
+    "motion":
+    somersault_motion::fit::MotionFit: "fitted motion",
+    somersault_motion::scoring::ScoringModel: "scoring model",
 }
 
-impl<const N: usize> Stored for Extremal<N> {
+#[cfg(feature = "ftla")]
+impl<const N: usize> Stored for somersault_ftla::shooting::Extremal<N> {
     const KIND: &'static str = "extremal";
 }
 

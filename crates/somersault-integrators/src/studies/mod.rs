@@ -13,9 +13,11 @@
 //! A function that takes a [`Method`](crate::methods::Method) looks it up in the table; its twin that ends
 //! in `_of` takes a stepper. Long studies report to a [`Progress`] and stop when it says so.
 
+#[cfg(feature = "rayon")]
 pub mod energy;
 pub mod order;
 pub mod problem;
+#[cfg(feature = "rayon")]
 pub mod stability;
 pub mod work_precision;
 

@@ -9,10 +9,10 @@ use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
 use crate::joint::Joint;
 use crate::model::Model;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 
 /// Parameters of the cart with its pendulum: a point mass on a massless rod.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CartPendulum {
     /// m_c, kg.
     pub cart_mass: f64,

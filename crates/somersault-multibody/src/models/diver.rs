@@ -42,11 +42,11 @@ use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
 use crate::joint::Joint;
 use crate::model::Model;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 
 /// Where a diver can move.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Dimension {
     /// In the vertical plane through x, limbs in pairs: 12 degrees of freedom.
     Planar,
@@ -71,7 +71,8 @@ pub enum Dimension {
 /// assert!(inertia(Posture::A)? > 3.0 * inertia(Posture::H)?);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Diver {
     /// In the plane or in space.
     pub dimension: Dimension,

@@ -11,7 +11,6 @@ use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
 use crate::attention::{Attention, GoOn};
-use serde::{Deserialize, Serialize};
 use somersault_integrators::driver::{Adaptive, integrate_adaptive};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::state::State;
@@ -25,7 +24,8 @@ const MAX_STEPS: usize = 20_000;
 const SAMPLES: usize = 8;
 
 /// One phase integrated anew. Errors are relative: |Δx|/(1 + max |x|), the largest of all states.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseConfirmation {
     /// At the end of each interval, integrated from its start. Infinite where the integration broke off.
     pub defects: Vec<f64>,
@@ -44,7 +44,8 @@ pub struct PhaseConfirmation {
 }
 
 /// All phases integrated anew.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Confirmation {
     /// One for each phase.
     pub phases: Vec<PhaseConfirmation>,

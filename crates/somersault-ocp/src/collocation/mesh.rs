@@ -2,13 +2,12 @@
 
 use super::error::CollocationError;
 use super::radau::{MAX_POINTS, Radau};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Intervals of a phase, as fractions of its duration.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts")]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
 pub struct Mesh {
     /// From 0 to 1, increasing: one more than intervals.
     bounds: Vec<f64>,
@@ -17,12 +16,14 @@ pub struct Mesh {
 }
 
 /// A mesh as files hold it.
-#[derive(Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
 struct Parts {
     bounds: Vec<f64>,
     points: Vec<usize>,
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Parts> for Mesh {
     type Error = CollocationError;
 

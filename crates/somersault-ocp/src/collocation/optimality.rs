@@ -23,7 +23,6 @@ use super::problem::Phase;
 use super::radau::Radau;
 use super::solution::{PhaseSolution, combine};
 use nalgebra::DMatrix;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Points of the quadrature beside those of the collocation.
@@ -37,7 +36,8 @@ const AT_BOUND: f64 = 1e-6;
 const NO_PUSH: f64 = 1e-8;
 
 /// Errors of a solution, estimated: relative to one and the largest value of what they are errors of.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Accuracy {
     /// Of the states, the largest of an interval.
     pub equations: f64,

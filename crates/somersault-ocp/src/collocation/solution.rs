@@ -10,7 +10,6 @@ use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
 use super::problem::{PhaseBounds, expect_length};
 use super::transcription::Transcription;
-use serde::{Deserialize, Serialize};
 use somersault_nlp::Nlp;
 use std::ops::Deref;
 
@@ -23,8 +22,12 @@ const POWER: f64 = 1e3;
 
 /// One phase of a solution. Rows belong to the collocation points in the order of time; states, costates and
 /// times have the end of the phase as a last row.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(try_from = "Parts", into = "Parts")]
+#[derive(Debug, Clone)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "Parts", into = "Parts")
+)]
 pub struct PhaseSolution {
     pub(super) grid: Grid,
     pub(super) horizon: (f64, f64),
@@ -42,7 +45,8 @@ impl Deref for PhaseSolution {
 }
 
 /// Rows of a [`PhaseSolution`], or those to be put on a mesh.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseRows {
     /// x.
     pub states: Vec<Vec<f64>>,
@@ -59,19 +63,22 @@ pub struct PhaseRows {
 }
 
 /// A solution as files hold it.
-#[derive(Serialize, Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
 struct Parts {
     mesh: Mesh,
     horizon: (f64, f64),
     rows: PhaseRows,
 }
 
+#[cfg(feature = "serde")]
 impl From<PhaseSolution> for Parts {
     fn from(PhaseSolution { grid, horizon, rows, .. }: PhaseSolution) -> Self {
         Self { mesh: grid.mesh, horizon, rows }
     }
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Parts> for PhaseSolution {
     type Error = CollocationError;
 

@@ -10,7 +10,6 @@ use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use crate::attention::GoOn;
-use serde::{Deserialize, Serialize};
 use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
@@ -53,7 +52,8 @@ impl Default for Collocation {
 }
 
 /// How a search ended. Whatever it is, the report has the best motion found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum CollocationStatus {
     /// The program converged on a mesh where all estimated errors meet the tolerance ([`Accuracy::meets`]), and the motion
@@ -73,7 +73,8 @@ pub enum CollocationStatus {
 }
 
 /// One mesh of a search.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MeshRecord {
     /// One for each phase.
     pub meshes: Vec<Mesh>,
@@ -90,7 +91,8 @@ pub struct MeshRecord {
 }
 
 /// What a search found.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CollocationReport {
     /// How it ended.
     pub status: CollocationStatus,

@@ -52,7 +52,6 @@ pub use motion::{DiveMotion, PeakTorque};
 pub use program::DiveProgram;
 pub use report::{ALLOWED, DiveJudgementError, DiveReport, Nearest};
 pub use search::{DiveSearch, DiveSearchError};
-use serde::{Deserialize, Serialize};
 use somersault_core::argument::ArgumentError;
 pub use template::KeyFrame;
 
@@ -63,7 +62,8 @@ use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, Splin
 use somersault_multibody::models::{Dimension, Diver};
 
 /// What a number may be: a variable of the dive, or fixed where both are equal.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Range {
     /// Least value.
     pub lower: f64,
@@ -89,7 +89,8 @@ impl Range {
 }
 
 /// What the channels of the joint motion are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Channels {
     /// Weights of eigenpostures, not negative and with a sum of at most one.
     Weights,
@@ -98,7 +99,8 @@ pub enum Channels {
 }
 
 /// What a dive costs.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Penalties {
     /// a, of the squared angular momentum over L₀ = m h²/(1 s).
     pub momentum: f64,
@@ -112,7 +114,8 @@ pub struct Penalties {
 const MOST_STEPS: usize = 100_000;
 
 /// How far apart capsules must be, at all times.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Clearance {
     /// Least distance of surfaces, m.
     pub distance: f64,
@@ -124,7 +127,8 @@ pub struct Clearance {
 /// A dive to be found.
 ///
 /// All fields are open; [`Dive::forward_pike`] and [`Dive::forward_twisting`] are those of the thesis.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Dive {
     /// Who dives, in the plane or in space.
     pub diver: Diver,

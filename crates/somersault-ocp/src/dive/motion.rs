@@ -3,7 +3,6 @@
 use super::{DiveError, DiveProgram};
 use crate::flight::joints_active;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 use somersault_multibody::counting::BodyAngles;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
@@ -34,7 +33,8 @@ pub struct DiveMotion {
 }
 
 /// The largest force of a joint in a dive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PeakTorque {
     /// The body that the joint carries.
     pub joint: String,

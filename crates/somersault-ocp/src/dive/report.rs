@@ -11,7 +11,6 @@ use super::{DiveError, DiveProgram, PeakTorque};
 use crate::attention::{Attention, GoOn};
 use crate::flight::joints_active;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use somersault_core::so3::angle_between;
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
@@ -23,7 +22,8 @@ use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
 
 /// A dive that was found.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DiveReport {
     /// L about the lateral axis, forward, kg m²/s.
     pub momentum: f64,
@@ -66,7 +66,8 @@ pub struct DiveReport {
 }
 
 /// Limbs that come nearest to each other.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Nearest {
     /// No distance of surfaces is smaller at any time, and one is at most 10 μm greater, m. Found with bounds on the rate of
     /// the distances between samples.

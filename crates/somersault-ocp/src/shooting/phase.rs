@@ -1,13 +1,13 @@
 //! What a shooting is made of.
 
 use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
-use serde::{Deserialize, Serialize};
 use somersault_core::quadrature::{gregory, left_rectangles};
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_nlp::Bounds;
 
 /// How a step in time is made, and integrals with it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Scheme {
     /// Explicit Euler with rectangles on the left (thesis 2.6, 2.8): order 1.
     ExplicitEuler,

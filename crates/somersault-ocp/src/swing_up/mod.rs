@@ -35,7 +35,6 @@ mod tables;
 mod verification;
 
 pub use lifted::SwingUp;
-use serde::{Deserialize, Serialize};
 pub use single::SingleShooting;
 pub use verification::SwingUpVerification;
 
@@ -55,7 +54,8 @@ use somersault_multibody::models::CartPendulum;
 const LEAST_SEGMENTS: usize = 4;
 
 /// The problem in numbers. States are (θ, r, θ̇, ṙ), θ from the upright.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CartPendulumProblem {
     /// Masses, length and gravity.
     pub system: CartPendulum,
