@@ -336,7 +336,7 @@ fn recording(
         "trc" => load(path, |bytes| trc::read(text(bytes)?, &markers)),
         "c3d" => load(path, |bytes| {
             contradictions = c3d::contradictions(bytes)?;
-            c3d::read(bytes, &c3d::Options { convention, nan_is_gap })
+            c3d::read(bytes, &c3d::C3dOptions { convention, nan_is_gap })
         }),
         "bvh" => {
             let found = centres(load(path, |bytes| bvh::read(text(bytes)?, &convention)))?;

@@ -31,7 +31,7 @@ const BLOCK: usize = 512;
 
 /// What a file does not say.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
+pub struct C3dOptions {
     /// Axes; the unit is used where POINT:UNITS is missing.
     pub convention: Convention,
     /// Whether a point with all three coordinates NaN is missing rather than an error. Those with a negative
@@ -39,7 +39,7 @@ pub struct Options {
     pub nan_is_gap: bool,
 }
 
-impl Default for Options {
+impl Default for C3dOptions {
     /// z up and x forward; mm where the file has no unit; NaN is an error.
     fn default() -> Self {
         Self { convention: Convention::z_up(LengthUnit::Millimetre), nan_is_gap: false }
@@ -110,7 +110,7 @@ fn opened(file: &[u8]) -> Result<(Parameters<'_>, Layout, Vec<Contradiction>), R
 }
 
 /// The recording in the bytes of a C3D `file`.
-pub fn read(file: &[u8], options: &Options) -> Result<MarkerRecording, ReadError> {
+pub fn read(file: &[u8], options: &C3dOptions) -> Result<MarkerRecording, ReadError> {
     let (parameters, layout, _) = opened(file)?;
     let processor = parameters.processor;
     let unit = match parameters.text("POINT", "UNITS") {

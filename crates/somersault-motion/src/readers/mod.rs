@@ -170,7 +170,7 @@ pub enum LoadError {
 /// ```no_run
 /// use somersault_motion::readers::{load, c3d, text, trc, MarkerOptions};
 ///
-/// let gait = load("gait.c3d", |bytes| c3d::read(bytes, &c3d::Options::default()))?;
+/// let gait = load("gait.c3d", |bytes| c3d::read(bytes, &c3d::C3dOptions::default()))?;
 /// let jump = load("jump.trc", |bytes| trc::read(text(bytes)?, &MarkerOptions::default()))?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

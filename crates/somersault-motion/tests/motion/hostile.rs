@@ -132,7 +132,7 @@ fn changed_c3d_files_are_read_or_refused() {
     for (seed, bytes) in [(5, Bytes::Intel), (6, Bytes::Dec), (7, Bytes::Mips)] {
         for float in [true, false] {
             let file = C3d { bytes, float, n_frames: 3 }.write();
-            survives(seed, 4000, &file, &words, |bytes| c3d::read(bytes, &c3d::Options::default()));
+            survives(seed, 4000, &file, &words, |bytes| c3d::read(bytes, &c3d::C3dOptions::default()));
         }
     }
 }
@@ -148,7 +148,7 @@ fn declared_numbers_cost_nothing() {
     let used = file.windows(4).position(|w| w == b"USED").unwrap() + 8;
     file[used..used + 2].copy_from_slice(&[0xff, 0xff]);
     file[2..4].copy_from_slice(&[0xff, 0xfe]);
-    let found = c3d::read(&file, &c3d::Options::default());
+    let found = c3d::read(&file, &c3d::C3dOptions::default());
     assert!(matches!(found, Err(ReadError::Misdeclared { found: 0, .. })), "{found:?}");
 }
 

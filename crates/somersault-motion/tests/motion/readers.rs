@@ -89,7 +89,7 @@ fn a_c3d_of_every_processor_is_read_to_the_last_digit() {
     for bytes in [Bytes::Intel, Bytes::Dec, Bytes::Mips] {
         for float in [true, false] {
             let file = C3d { bytes, float, n_frames: 5 }.write();
-            let recording = c3d::read(&file, &c3d::Options::default()).unwrap();
+            let recording = c3d::read(&file, &c3d::C3dOptions::default()).unwrap();
             assert_eq!(recording.names(), C3d::LABELS);
             assert_eq!(recording.times(), [0.0, 1.0, 2.0, 3.0, 4.0].map(|i| i / 200.0));
             for (i, frame) in recording.frames().enumerate() {
@@ -243,7 +243,7 @@ fn points_of_a_c3d_have_names_of_their_own() {
     let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 1 }.write();
     let labels = file.windows(6).position(|w| w == b"LHIP  ").unwrap();
     file[labels..labels + 18].copy_from_slice(b"pointspointspoints");
-    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+    let read = |file: &[u8]| c3d::read(file, &c3d::C3dOptions::default()).unwrap();
     assert_eq!(read(&file).names(), ["points", "point 2", "point 3"]);
     // seven characters for each label: the first is what the second would be called
     let dimensions = labels - 2;
@@ -256,7 +256,7 @@ fn points_of_a_c3d_have_names_of_their_own() {
 fn nan_in_a_c3d_is_a_gap_if_asked_for() {
     let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 2 }.write();
     let nan = |file: &mut [u8], k: usize| file[1536 + 4 * k..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
-    let lenient = c3d::Options { nan_is_gap: true, ..c3d::Options::default() };
+    let lenient = c3d::C3dOptions { nan_is_gap: true, ..c3d::C3dOptions::default() };
     nan(&mut file, 0);
     // a single coordinate is a fault
     let found = c3d::read(&file, &lenient);
@@ -265,13 +265,13 @@ fn nan_in_a_c3d_is_a_gap_if_asked_for() {
     nan(&mut file, 2);
     let found = c3d::read(&file, &lenient).unwrap();
     assert_eq!(found.frame(0).iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true]);
-    assert!(c3d::read(&file, &c3d::Options::default()).is_err());
+    assert!(c3d::read(&file, &c3d::C3dOptions::default()).is_err());
 }
 
 #[test]
 fn a_wrong_c3d_is_named_with_its_byte() {
     let whole = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
-    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default());
+    let read = |file: &[u8]| c3d::read(file, &c3d::C3dOptions::default());
     let change = |at: usize, to: &[u8]| {
         let mut file = whole.clone();
         file[at..at + to.len()].copy_from_slice(to);
@@ -305,7 +305,7 @@ fn a_wrong_c3d_is_named_with_its_byte() {
 fn where_header_and_parameters_of_a_c3d_differ_the_length_of_the_file_decides() {
     for (bytes, float) in [(Bytes::Intel, true), (Bytes::Mips, false), (Bytes::Dec, true)] {
         let whole = C3d { bytes, float, n_frames: 40 }.write();
-        let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+        let read = |file: &[u8]| c3d::read(file, &c3d::C3dOptions::default()).unwrap();
         let expected = read(&whole);
         assert_eq!(c3d::contradictions(&whole).unwrap(), []);
         let word = |x: u16| if bytes == Bytes::Mips { x.to_be_bytes() } else { x.to_le_bytes() };
@@ -347,7 +347,7 @@ fn where_header_and_parameters_of_a_c3d_differ_the_length_of_the_file_decides() 
 fn blanks_in_the_last_block_of_a_c3d_are_no_points() {
     let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
     file.resize(file.len().next_multiple_of(512), 0);
-    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+    let read = |file: &[u8]| c3d::read(file, &c3d::C3dOptions::default()).unwrap();
     let expected = read(&file);
     // four frames of four points would end nearer to the end of the file
     file[2] = 4;
@@ -359,7 +359,7 @@ fn blanks_in_the_last_block_of_a_c3d_are_no_points() {
 #[test]
 fn a_c3d_whose_parameters_end_nowhere_or_whose_unit_is_cut_is_read() {
     let whole = C3d { bytes: Bytes::Mips, float: false, n_frames: 4 }.write();
-    let read = |file: &[u8]| c3d::read(file, &c3d::Options::default()).unwrap();
+    let read = |file: &[u8]| c3d::read(file, &c3d::C3dOptions::default()).unwrap();
     let mut file = whole.clone();
     // the distance from the last parameter, in the order of bytes of another processor
     let last = whole.windows(4).rposition(|w| w == b"RATE").unwrap();
@@ -374,7 +374,7 @@ fn a_c3d_whose_parameters_end_nowhere_or_whose_unit_is_cut_is_read() {
 fn the_first_frame_of_a_c3d_is_at_the_time_of_its_number() {
     let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 4 }.write();
     (file[6], file[8]) = (101, 104);
-    let found = c3d::read(&file, &c3d::Options::default()).unwrap();
+    let found = c3d::read(&file, &c3d::C3dOptions::default()).unwrap();
     assert_eq!(found.times(), [0.5, 0.505, 0.51, 0.515]);
     assert_eq!(c3d::contradictions(&file).unwrap(), []);
 }

@@ -67,7 +67,7 @@ fn conventions_come_back_to_rounding() {
 
 #[test]
 fn c3d_comes_back_in_single_precision() {
-    let read = |file: &[u8]| readers::c3d::read(file, &readers::c3d::Options::default()).unwrap();
+    let read = |file: &[u8]| readers::c3d::read(file, &readers::c3d::C3dOptions::default()).unwrap();
     let markers = markers();
     let names: Vec<String> = ["left knee", "b", "c"].map(String::from).to_vec();
     let points: Vec<_> = markers.frames().flatten().copied().collect();
@@ -231,7 +231,7 @@ fn markers_keep_the_time_of_their_first_frame() {
             MarkerRecording::try_new(vec!["a".into()], times, vec![Some(Vector3::zeros()); 3]).unwrap();
         let c3d = writers::c3d::write(&shifted, &metres).unwrap();
         assert_eq!(readers::c3d::contradictions(&c3d).unwrap(), [], "{first} s");
-        let again = readers::c3d::read(&c3d, &readers::c3d::Options::default()).unwrap();
+        let again = readers::c3d::read(&c3d, &readers::c3d::C3dOptions::default()).unwrap();
         assert_eq!(again.times(), shifted.times(), "{first} s");
         let trc = writers::trc::write(&shifted, "a", &metres).unwrap();
         assert_eq!(readers::trc::read(&trc, &MarkerOptions::default()).unwrap().times(), shifted.times());

@@ -133,7 +133,7 @@ pub(crate) fn read_c3d(
     forward: &str,
     nan_is_gap: bool,
 ) -> Result<MarkerRecording, Error> {
-    let options = c3d::Options { convention: convention(unit, up, forward)?, nan_is_gap };
+    let options = c3d::C3dOptions { convention: convention(unit, up, forward)?, nan_is_gap };
     let (recording, contradictions) =
         read(source, move |bytes| Ok((c3d::read(bytes, &options)?, c3d::contradictions(bytes)?)))?;
     for contradiction in contradictions {
