@@ -39,8 +39,9 @@ test-python: $(VENV)/.extension-dev $(VENV)/.tour
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 # Long versions of tests, which take minutes.
-studies:
+studies: $(VENV)/.extension-dev
 	cargo test --workspace --exclude somersault-benches --tests -- --ignored
+	$(BIN)/python -m pytest -m study
 
 # The book with the documentation of the crates in it, in out/book; links are followed.
 docs: $(VENV)/.extension

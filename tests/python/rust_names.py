@@ -1,6 +1,7 @@
-"""The public names of the crates, read from their sources: `python tests/python/rust_names.py` rewrites `rust_names.txt`.
+"""The public names of the crates, read from their sources.
 
-Listed are items and re-exports in public modules, and public functions of their types. What a macro makes is not seen.
+`python tests/python/rust_names.py` rewrites `rust_names.txt`. Listed are items and re-exports in public modules, and
+public functions of their types. What a macro makes is not seen.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ CRATES = Path(__file__).parents[2] / "crates"
 NOT_PUBLISHED = {"somersault-py", "somersault-testkit"}
 
 _NOT_CODE = re.compile(
-    r"""//[^\n]* | /\*.*?\*/ | b?r(?P<hashes>\#*)".*?"(?P=hashes) | b?"(?:\\.|[^"\\])*" | b?'(?:\\.[^']*|[^'\\])'""",
+    r"""//[^\n]* | /\*.*?\*/ | b?r(?P<hashes>\#*)".*?"(?P=hashes)
+    | b?"(?:\\.|[^"\\])*" | b?'(?:\\.[^']*|[^'\\])'""",
     re.VERBOSE | re.DOTALL,
 )
 _ITEM = re.compile(

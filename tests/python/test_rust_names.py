@@ -12,6 +12,6 @@ def test_the_list_of_public_names_is_up_to_date() -> None:
 
 
 def test_no_two_public_types_have_one_name() -> None:
-    found = {name: paths for name, paths in rust_names.items().items() if name[0].isupper() and len(paths) > 1}
-    found = {name: paths for name, paths in found.items() if not name.isupper()}
+    types = {name: paths for name, paths in rust_names.items().items() if name[0].isupper()}
+    found = {name: paths for name, paths in types.items() if len(paths) > 1 and not name.isupper()}
     assert not found, f"a name stands for different things: {found}"
