@@ -1,7 +1,7 @@
 """The public names of the crates, read from their sources.
 
-`python tests/python/rust_names.py` rewrites `rust_names.txt`. Listed are items and re-exports in public modules, and
-public functions of their types. What a macro makes is not seen.
+`python tests/python/rust_names.py` rewrites `rust_names.txt`. Listed are items and re-exports in public
+modules, and public functions of their types. What a macro makes is not seen.
 """
 
 from __future__ import annotations
