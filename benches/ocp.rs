@@ -4,7 +4,7 @@
 //! solution, set-up included; the dives from their templates; the arm from a folded guess, set-up included.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use somersault::multibody::Scalar;
+use somersault::core::Scalar;
 use somersault::multibody::models::TwoLinkArm;
 use somersault::nlp::{Flow, Nlp, NlpSolver, Sqp};
 use somersault::ocp::collocation::{Collocation, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics};

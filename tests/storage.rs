@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use serde::Serialize;
+use somersault::core::Scalar;
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
 use somersault::ftla::shooting::Extremal;
@@ -10,7 +11,7 @@ use somersault::motion::recording::MarkerRecording;
 use somersault::motion::scoring::{Performance, ScoringModel, ScoringOptions};
 use somersault::multibody::models::{CartPendulum, Diver, Posture};
 use somersault::multibody::motion::{Coordinates, TreeMotion, TreeSystem};
-use somersault::multibody::{Data, Model, Scalar};
+use somersault::multibody::{Data, Model};
 use somersault::nlp;
 use somersault::ocp::collocation::{
     Collocation, CollocationReport, Dynamics, Mesh, Phase, Point, Problem, Terms,

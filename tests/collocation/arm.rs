@@ -1,6 +1,7 @@
 //! The two-link arm of thesis 8.4, Table 8.1: ten seconds from one stretched posture to the opposite one.
 
-use somersault_multibody::{Scalar, models::TwoLinkArm};
+use somersault_core::Scalar;
+use somersault_multibody::models::TwoLinkArm;
 use somersault_nlp::{Flow, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Guess, Mesh, Phase, Point, Problem, Terms,

@@ -1,7 +1,8 @@
 //! Jacobian and Hessian of the nonlinear program against central differences.
 
 use nalgebra::{DMatrix, DVector};
-use somersault_multibody::{Scalar, models::CartPendulum, models::TwoLinkArm};
+use somersault_core::Scalar;
+use somersault_multibody::{models::CartPendulum, models::TwoLinkArm};
 use somersault_nlp::{Nlp, Pattern};
 use somersault_ocp::collocation::{
     Dynamics, Ends, Interval, Linkage, Mesh, Phase, Point, Problem, Terms, Transcription, TreeDynamics,

@@ -1,8 +1,9 @@
 //! Bad input gives an error that names it; trouble in a search gives a status and the best motion.
 
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::Scalar;
 use somersault_multibody::models::CartPendulum;
-use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder, Scalar};
+use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder};
 use somersault_nlp::{EvaluationError, Flow, SolverError, Sqp, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh,

@@ -4,7 +4,7 @@
 //! digits given. A mesh of seven or nine intervals has no node where one of these solutions is not smooth, but for the
 //! middle of the symmetric ones, which an odd number of intervals avoids.
 
-use somersault_multibody::Scalar;
+use somersault_core::Scalar;
 use somersault_ocp::collocation::{Dynamics, Ends, Guess, Interval, Mesh, Phase, Point, Problem, Terms};
 
 /// Equations and costs of one of the problems.

@@ -1,7 +1,8 @@
 //! Optima with closed forms: states, controls, costates, free horizons, bounds that act, several phases.
 
 use crate::known;
-use somersault_multibody::{Scalar, models::CartPendulum};
+use somersault_core::Scalar;
+use somersault_multibody::models::CartPendulum;
 use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Dynamics, Ends, Guess, Interval, Linkage, Mesh, Phase,

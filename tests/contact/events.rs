@@ -10,7 +10,7 @@ use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Surface, SurfaceFault};
 use somersault_contact::sweep::Sweep;
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, Step, TimeGrid};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};

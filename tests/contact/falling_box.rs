@@ -11,7 +11,7 @@ use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::FallingBox;
 use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid, integrate};

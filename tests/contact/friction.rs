@@ -252,7 +252,7 @@ fn thrown_ball() -> (BodyInContact<Gravity>, RigidBodyState) {
 
 fn distance(x: &Stretched, y: &Stretched) -> f64 {
     let (a, b) = (x.base(), y.base());
-    let turned = somersault_core::so3::angle_between(a.orientation(), b.orientation());
+    let turned = somersault_core::lie::so3::angle_between(a.orientation(), b.orientation());
     let parts = (a.position() - b.position()).norm_squared()
         + turned * turned
         + (a.velocity() - b.velocity()).norm_squared()

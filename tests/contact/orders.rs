@@ -10,7 +10,7 @@ use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::studies::{self, Stepping};
 use somersault_contact::surface::{Cylinder, HalfSpace, Solid, Sphere, Surface};
 use somersault_core::argument::ArgumentError;
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, TimeGrid};
 use somersault_integrators::force::{ForceModel, Gravity};

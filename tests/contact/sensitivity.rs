@@ -14,7 +14,7 @@ use somersault_contact::sensitivity::{
     differentiate_hybrid_adaptive, differentiate_located, differentiate_located_adaptive,
 };
 use somersault_contact::surface::{Cylinder, HalfSpace, SignedDistance, Solid, Sphere, Surface};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, TimeGrid};
 use somersault_integrators::force::{Drag, Gravity, Spring, Wrench};

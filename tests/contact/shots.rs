@@ -14,7 +14,7 @@ use somersault_contact::event::{EventKind, Location};
 use somersault_contact::hybrid::{Frozen, Hybrid};
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, Sphere, Surface};
-use somersault_core::{Inertia, so3};
+use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{
     Adaptive, Flow, Observer, Step, TimeGrid, integrate, integrate_adaptive,

@@ -11,7 +11,7 @@ use somersault_contact::interface::ContactLaw;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::FallingBox;
 use somersault_contact::surface::HalfSpace;
-use somersault_core::{Inertia, so3};
+use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::force::Gravity;

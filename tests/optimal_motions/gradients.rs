@@ -3,8 +3,9 @@
 use crate::systems::{chain, floating, scattered, weights};
 use nalgebra::DVector;
 use num_dual::Dual64;
+use somersault_core::Scalar;
 use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
-use somersault_multibody::{Data, Model, Scalar, Split};
+use somersault_multibody::{Data, Model, Split};
 use somersault_nlp::{Bounds, Nlp};
 use somersault_ocp::dynamics::{CartPendulumDynamics, HybridDynamics, Tree};
 use somersault_ocp::problem::{At, Loss, MotionProblem, Sweep};

@@ -2,7 +2,7 @@
 
 use crate::systems::scattered;
 use num_dual::HyperDual64;
-use somersault_multibody::Scalar;
+use somersault_core::Scalar;
 use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::models::CartPendulum;
 use somersault_nlp::{Flow, Nlp, NlpSolver, Pattern, Sqp, Status};

@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
-use somersault_core::{Inertia, so3};
+use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::batch::{self, BatchError, FreeBodyBatch, InstructionSet};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{IntegrateError, TimeGrid};

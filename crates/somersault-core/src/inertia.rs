@@ -282,7 +282,7 @@ fn check_moments(moments: &Vector3<f64>) -> Result<(), InertiaError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::so3;
+    use crate::lie::so3;
 
     #[test]
     fn refuses_what_no_body_has() {

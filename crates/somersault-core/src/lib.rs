@@ -1,4 +1,5 @@
-//! Shared mathematics of the somersault crates: rotations, inertia, splines, bracketed roots, quadrature, seeded numbers.
+//! Shared mathematics of the somersault crates: rotations and rigid motions, inertia, splines, bracketed roots, quadrature,
+//! seeded numbers.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -9,7 +10,7 @@
 //!
 //! ```
 //! use nalgebra::Vector3;
-//! use somersault_core::so3;
+//! use somersault_core::lie::so3;
 //!
 //! let quarter_turn = Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
 //! let q = so3::exp(&quarter_turn);
@@ -22,10 +23,12 @@ pub mod argument;
 pub mod double_double;
 pub mod elliptic;
 mod inertia;
+pub mod lie;
 pub mod quadrature;
 pub mod random;
 pub mod roots;
-pub mod so3;
+pub mod scalar;
 pub mod spline;
 
 pub use inertia::{Inertia, InertiaError};
+pub use scalar::Scalar;

@@ -5,6 +5,7 @@ mod common;
 
 use common::{ArmProblem, arm_motion, arm_nodes};
 use nalgebra::{Matrix2, SVector, Vector1, Vector2};
+use somersault_core::Scalar;
 use somersault_ftla::continuation::{Continuation, Member};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, Extremal, Status};
@@ -12,7 +13,7 @@ use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, HamiltonianSystem, OptimalControlSystem, Piece, Side, StateCostate,
     VectorField,
 };
-use somersault_multibody::{Scalar, models::TwoLinkArm};
+use somersault_multibody::models::TwoLinkArm;
 use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
     Collocation, CollocationStatus, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics,

@@ -4,6 +4,7 @@ mod common;
 
 use common::{ArmProblem, arm_nodes};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::{Limit, Limits};
 use somersault_ftla::cold_start::{ArmTravel, cold_start};
@@ -14,7 +15,6 @@ use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, CubicRegulator, DifferentiatedProblem, HamiltonianSystem,
     ProblemDerivatives, StateCostate, VectorField,
 };
-use somersault_multibody::Scalar;
 use std::time::Duration;
 
 fn k<T: Scalar>(x: f64) -> T {

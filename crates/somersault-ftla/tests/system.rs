@@ -4,13 +4,14 @@ mod common;
 
 use common::{ArmProblem, Random, arm_problem, matrix_gap};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, CubicRegulator, HamiltonianSystem, LinearRegulator,
     OptimalControlSystem, Piece, StateCostate, SystemError, TreeMinimumTorque, VectorField,
 };
 use somersault_multibody::models::TwoLinkArm;
-use somersault_multibody::{Data, Joint, Link, Model, ModelBuilder, Scalar};
+use somersault_multibody::{Data, Joint, Link, Model, ModelBuilder};
 use somersault_testkit::trees as testkit;
 
 /// The Jacobian by central differences of fourth order.

@@ -6,7 +6,7 @@
 
 use crate::scratch::Storage;
 use nalgebra::{UnitQuaternion, Vector3};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 
 /// Tolerances of an adaptive step, weighed as `absolute + relative · size`.
 ///

@@ -23,7 +23,7 @@ use crate::force::Wrench;
 use crate::scratch::Storage;
 use crate::state::{Configuration, ErrorSum, Pose, Rate, RigidBodyState, State, Tolerances, Twist};
 use nalgebra::{Matrix3, SVector};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 
 /// A tangent to a state: displacement (δq) and change of the rate (δp).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -21,9 +21,9 @@ use crate::data::{Data, Node, Pivot};
 use crate::error::DynamicsError;
 use crate::inertia::ArticulatedInertia;
 use crate::model::Model;
-use crate::scalar::{Scalar, constant};
 use crate::spatial::{Force, Motion};
 use somersault_core::argument::expect_length;
+use somersault_core::scalar::{Scalar, constant};
 
 /// Which degrees of freedom have a prescribed acceleration.
 pub(crate) trait Roles {

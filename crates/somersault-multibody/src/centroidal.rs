@@ -6,9 +6,9 @@
 use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::Force;
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
 
 /// The momentum matrix at one configuration, with the centre of mass.

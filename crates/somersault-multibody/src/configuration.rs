@@ -5,15 +5,24 @@
 //! q(t + h) = q(t) ⊕ (h v + ½ h² v̇) + O(h³).
 
 use crate::error::DynamicsError;
-use crate::joint::{Joint, quaternion};
-use crate::lie;
+use crate::joint::Group;
 use crate::model::Model;
-use crate::scalar::Scalar;
-use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector2, Vector3};
+use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
+use somersault_core::lie::{se2, se3, so2, so3};
 
-fn store<T: Scalar>(q: &Quaternion<T>, out: &mut [T]) {
-    out.copy_from_slice(q.coords.as_slice());
+fn store<T: Scalar>(rotation: &UnitQuaternion<T>, out: &mut [T]) {
+    out.copy_from_slice(rotation.coords.as_slice());
+}
+
+fn triple<T: Scalar>(numbers: &[T]) -> Vector3<T> {
+    Vector3::new(numbers[0], numbers[1], numbers[2])
+}
+
+/// The pose stored in a position and a quaternion.
+fn pose<T: Scalar>(q: &[T]) -> Isometry3<T> {
+    Isometry3::from_parts(Translation3::from(triple(q)), so3::from_xyzw(&q[3..7]))
 }
 
 impl<T: Scalar> Model<T> {
@@ -37,27 +46,19 @@ impl<T: Scalar> Model<T> {
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let at = body.q..body.q + link.joint.n_positions();
             let (q, v, out) = (&q[at.clone()], &v[body.dofs.clone()], &mut out[at]);
-            match link.joint {
-                Joint::Fixed => {}
-                Joint::Revolute { .. } | Joint::Prismatic { .. } => out[0] = q[0] + v[0],
-                Joint::Spherical => {
-                    store(&(quaternion(q) * lie::exp_so3(&Vector3::new(v[0], v[1], v[2]))), out);
+            match link.joint.kind().group() {
+                Group::Vector => {
+                    out.iter_mut().zip(q.iter().zip(v)).for_each(|(out, (q, v))| *out = *q + *v);
                 }
-                Joint::Planar => {
-                    let (s, c) = q[2].sin_cos();
-                    let p = lie::exp_se2_translation(&Vector2::new(v[0], v[1]), v[2]);
-                    out[0] = q[0] + c * p.x - s * p.y;
-                    out[1] = q[1] + s * p.x + c * p.y;
-                    out[2] = q[2] + v[2];
+                Group::Rotations => store(&(so3::from_xyzw(q) * so3::exp(&triple(v))), out),
+                Group::PlanarMotions => {
+                    let moved = so2::exp(q[2]) * se2::translation(&Vector2::new(v[0], v[1]), v[2]);
+                    (out[0], out[1], out[2]) = (q[0] + moved.x, q[1] + moved.y, q[2] + v[2]);
                 }
-                Joint::Free => {
-                    let (rho, u) = (Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]));
-                    let r = quaternion(&q[3..7]);
-                    let moved = UnitQuaternion::new_unchecked(r) * lie::exp_se3_translation(&rho, &u);
-                    for k in 0..3 {
-                        out[k] = q[k] + moved[k];
-                    }
-                    store(&(r * lie::exp_so3(&u)), &mut out[3..7]);
+                Group::Motions => {
+                    let end = pose(q) * se3::exp(&triple(v), &triple(&v[3..]));
+                    out[..3].copy_from_slice(end.translation.vector.as_slice());
+                    store(&end.rotation, &mut out[3..]);
                 }
             }
         }
@@ -75,26 +76,23 @@ impl<T: Scalar> Model<T> {
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let at = body.q..body.q + link.joint.n_positions();
             let (from, to, out) = (&from[at.clone()], &to[at], &mut out[body.dofs.clone()]);
-            match link.joint {
-                Joint::Fixed => {}
-                Joint::Revolute { .. } | Joint::Prismatic { .. } => out[0] = to[0] - from[0],
-                Joint::Spherical => {
-                    let relative = quaternion(from).conjugate() * quaternion(to);
-                    out.copy_from_slice(lie::log_so3(&relative).as_slice());
+            match link.joint.kind().group() {
+                Group::Vector => {
+                    out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = *to - *from);
                 }
-                Joint::Planar => {
-                    let (s, c) = from[2].sin_cos();
-                    let (x, y, angle) = (to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-                    let p = Vector2::new(c * x + s * y, c * y - s * x);
-                    let rho = lie::log_se2_translation(&p, angle);
+                Group::Rotations => {
+                    let relative = so3::from_xyzw(from).inverse() * so3::from_xyzw(to);
+                    out.copy_from_slice(so3::log(&relative).as_slice());
+                }
+                Group::PlanarMotions => {
+                    let moved = Vector2::new(to[0] - from[0], to[1] - from[1]);
+                    let angle = to[2] - from[2];
+                    let rho = se2::linear_part(&(so2::exp(-from[2]) * moved), angle);
                     (out[0], out[1], out[2]) = (rho.x, rho.y, angle);
                 }
-                Joint::Free => {
-                    let start = quaternion(&from[3..7]);
-                    let u = lie::log_so3(&(start.conjugate() * quaternion(&to[3..7])));
-                    let moved = Vector3::new(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-                    let p = UnitQuaternion::new_unchecked(start.conjugate()) * moved;
-                    out[..3].copy_from_slice(lie::log_se3_translation(&p, &u).as_slice());
+                Group::Motions => {
+                    let [rho, u] = se3::log(&pose(from).inv_mul(&pose(to)));
+                    out[..3].copy_from_slice(rho.as_slice());
                     out[3..].copy_from_slice(u.as_slice());
                 }
             }
@@ -108,7 +106,7 @@ impl<T: Scalar> Model<T> {
         for (i, link) in self.links().iter().enumerate() {
             if let Some(quaternion) = self.quaternion_of(i) {
                 let coordinates = &mut q[quaternion];
-                let norm = self::quaternion(coordinates).norm();
+                let norm = so3::from_xyzw(coordinates).coords.norm();
                 if !(norm > T::zero() && norm.is_finite()) {
                     return Err(DynamicsError::NoRotation { joint: link.name.clone() });
                 }

@@ -6,8 +6,8 @@
 //! Rates act from the right: angular velocities are in the axes of the body that turns, and brackets are
 //! −x × y. A rotation is four numbers x, y, z, w here and three in its rate.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use somersault_core::so3;
+use nalgebra::Vector3;
+use somersault_core::lie::so3;
 use somersault_integrators::scratch::Storage;
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, Tolerances};
 use std::sync::Arc;
@@ -134,7 +134,7 @@ impl TryFrom<Parts> for Coordinates {
         // a NaN is not within
         if !layout
             .rotations()
-            .all(|block| (quaternion(&numbers[block.at..]).coords.norm() - 1.0).abs() <= 1e-9)
+            .all(|block| (so3::from_xyzw(&numbers[block.at..]).coords.norm() - 1.0).abs() <= 1e-9)
         {
             return Err("rotations must be of unit norm");
         }
@@ -168,10 +168,6 @@ impl Rates {
     pub(crate) fn as_mut_slice(&mut self) -> &mut [f64] {
         &mut self.numbers
     }
-}
-
-fn quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
-    UnitQuaternion::new_unchecked(Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
 }
 
 fn triple(numbers: &[f64]) -> Vector3<f64> {
@@ -263,7 +259,8 @@ impl Configuration for Coordinates {
                 Factor::Angle => add(1),
                 Factor::Rotation => {
                     let numbers = &mut numbers[block.at..block.at + 4];
-                    let moved = quaternion(numbers) * so3::exp(&(triple(&rate.numbers[block.rate_at..]) * h));
+                    let moved =
+                        so3::from_xyzw(numbers) * so3::exp(&(triple(&rate.numbers[block.rate_at..]) * h));
                     assign(numbers, moved.coords.as_slice());
                 }
             }
@@ -275,8 +272,10 @@ impl Configuration for Coordinates {
                 Factor::Linear(n) => n,
                 Factor::Angle => 1,
                 Factor::Rotation => {
-                    let (start, end) =
-                        (quaternion(&from.numbers[block.at..]), quaternion(&self.numbers[block.at..]));
+                    let (start, end) = (
+                        so3::from_xyzw(&from.numbers[block.at..]),
+                        so3::from_xyzw(&self.numbers[block.at..]),
+                    );
                     let turn = so3::log(&(start.inverse() * end));
                     assign(&mut out.numbers[block.rate_at..], turn.as_slice());
                     continue;
@@ -290,7 +289,7 @@ impl Configuration for Coordinates {
     fn renormalize(&mut self) {
         let Self { numbers, layout } = self;
         for Block { at, .. } in layout.rotations() {
-            let unit = so3::renormalize(&quaternion(&numbers[*at..]));
+            let unit = so3::renormalize(&so3::from_xyzw(&numbers[*at..]));
             assign(&mut numbers[*at..], unit.coords.as_slice());
         }
     }

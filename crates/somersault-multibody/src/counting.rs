@@ -14,7 +14,7 @@
 //! Source: M. R. Yeadon, J. Biomech. 23 (1990) 59–66, whose angles these are.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use somersault_core::so3::hat;
+use somersault_core::lie::so3::hat;
 use std::f64::consts::TAU;
 
 /// ψ, τ and φ, rad.

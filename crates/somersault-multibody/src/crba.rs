@@ -8,9 +8,9 @@
 use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::Transform;
 use nalgebra::DMatrix;
+use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
 
 impl<T: Scalar> Model<T> {

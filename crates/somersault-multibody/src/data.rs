@@ -3,9 +3,9 @@
 use crate::error::DynamicsError;
 use crate::inertia::{ArticulatedInertia, SpatialInertia};
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion, Transform};
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::Scalar;
 
 /// Room for intermediate results and results, made once for a model and used again and again.
 ///

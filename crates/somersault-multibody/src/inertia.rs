@@ -7,9 +7,10 @@
 //! where m is the mass, h = m c the first moment of mass and I the rotational inertia about the origin
 //! of the frame (not about the centre of mass c).
 
-use crate::scalar::Scalar;
 use crate::spatial::{Direction, Force, Motion, Transform};
 use nalgebra::{Matrix3, Vector3};
+use somersault_core::lie::so3::hat;
+use somersault_core::scalar::{Scalar, constant};
 use std::ops::AddAssign;
 
 /// A symmetric 3 × 3 matrix.
@@ -97,13 +98,6 @@ fn hat_times<T: Scalar>(u: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
     Matrix3::from_columns(&[column(0), column(1), column(2)])
 }
 
-/// The matrix û of the cross product with `u`.
-#[inline(always)]
-pub(crate) fn hat<T: Scalar>(u: &Vector3<T>) -> Matrix3<T> {
-    let o = T::zero();
-    Matrix3::new(o, -u.z, u.y, u.z, o, -u.x, -u.y, u.x, o)
-}
-
 /// Spatial inertia of a rigid body about the origin of a frame: 10 numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialInertia<T> {
@@ -157,7 +151,7 @@ impl<T: Scalar> SpatialInertia<T> {
         let h = pose.rotation * self.first_moment;
         let mut rotational = self.rotational.rotated(&pose.rotation);
         // with g = h + m p / 2 the shift is 2 (p·g) 1 − p gᵀ − g pᵀ
-        let g = h + p * (self.mass * crate::scalar::constant(0.5));
+        let g = h + p * (self.mass * constant(0.5));
         let (x, y, z) = (p.x * g.x, p.y * g.y, p.z * g.z);
         let two = |a: T| a + a;
         rotational += Symmetric3 {

@@ -14,9 +14,11 @@
 //! constant: v_child = v_parent + S v and no joint adds a velocity product of its own. The order is
 //! linear before angular throughout.
 
-use crate::scalar::Scalar;
 use crate::spatial::{Direction, Force, Motion, Transform};
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use somersault_core::Scalar;
+use somersault_core::lie::se3;
+use somersault_core::lie::so3::{from_xyzw, hat};
 use std::ops::Range;
 
 /// The kinds of joints between a body and its parent.
@@ -54,10 +56,22 @@ pub enum Turning {
     Rotation,
 }
 
+/// The group that the displacements of a kind of joint are of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Group {
+    /// ℝⁿ: displacements are added.
+    Vector,
+    /// SO(3).
+    Rotations,
+    /// SE(2), the angle counting whole turns.
+    PlanarMotions,
+    /// SE(3).
+    Motions,
+}
+
 /// A kind of joint as data: what depends on the kind is asked of this row.
 ///
-/// A new kind is a row here, its exponential and logarithm in [`Model::integrate`](crate::Model::integrate) and
-/// [`Model::difference`](crate::Model::difference), its pose, and its name in URDF and in Python; the compiler asks for each.
+/// A new kind is a row here, its pose, and its name in URDF and in Python; the compiler asks for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct JointKind {
     /// The name, in lower case.
@@ -106,9 +120,15 @@ impl JointKind {
         }
     }
 
-    /// Whether the linear part of v is in axes that turn with the joint, and so is no rate of q.
-    pub const fn turns_linear_part(&self) -> bool {
-        self.n_linear > 0 && !matches!(self.turning, Turning::None)
+    /// The group of its displacements. An angle turns two linear numbers, which are across its axis, but not a single one, which is
+    /// along it.
+    pub const fn group(&self) -> Group {
+        match (self.turning, self.n_linear) {
+            (Turning::None, _) | (Turning::Angle, 0 | 1) => Group::Vector,
+            (Turning::Angle, _) => Group::PlanarMotions,
+            (Turning::Rotation, 0) => Group::Rotations,
+            (Turning::Rotation, _) => Group::Motions,
+        }
     }
 }
 
@@ -173,6 +193,32 @@ impl Joint {
         motion
     }
 
+    /// A and J of a displacement with numbers `d` of this joint, which displacements ε obey,
+    ///
+    /// ```text
+    /// (q ⊕ ε) ⊕ d = (q ⊕ d) ⊕ A ε,        A = Ad(exp d)⁻¹
+    /// q ⊕ (d + ε) = (q ⊕ d) ⊕ J ε + O(ε²), J = J_r(d)
+    /// ```
+    /// with ones on the diagonal beyond the joint's degrees of freedom.
+    pub fn displacement_maps(&self, d: &[f64]) -> [Matrix6<f64>; 2] {
+        let Motion { linear, angular } = self.motion(d);
+        let of_motions =
+            [se3::adjoint(&se3::exp(&-linear, &-angular)), se3::right_jacobian(&linear, &angular)];
+        let n = self.n_velocities();
+        of_motions.map(|matrix| {
+            let mut own = Matrix6::identity();
+            for k in 0..n {
+                let mut unit = [0.0; 6];
+                unit[k] = 1.0;
+                let Motion { linear, angular } = self.motion(&unit[..n]);
+                let moved = matrix * Vector6::from_iterator(linear.iter().chain(&angular).copied());
+                let moved = Motion::new(moved.fixed_rows::<3>(0).into(), moved.fixed_rows::<3>(3).into());
+                self.numbers(&moved, &mut own.column_mut(k).as_mut_slice()[..n]);
+            }
+            own
+        })
+    }
+
     /// out ← Sᵀ m: the numbers of this joint of a motion `m` in the axes of the child.
     pub fn numbers(&self, m: &Motion<f64>, out: &mut [f64]) {
         let m = Force { linear: m.linear, angular: m.angular };
@@ -201,15 +247,9 @@ pub(crate) enum Mechanism<T> {
     Free(Transform<T>),
 }
 
-/// The quaternion stored in four numbers (x, y, z, w).
-#[inline(always)]
-pub(crate) fn quaternion<T: Scalar>(q: &[T]) -> Quaternion<T> {
-    Quaternion::new(q[3], q[0], q[1], q[2])
-}
-
 #[inline(always)]
 fn rotation<T: Scalar>(q: &[T]) -> Matrix3<T> {
-    UnitQuaternion::new_unchecked(quaternion(q)).to_rotation_matrix().into_inner()
+    from_xyzw(q).to_rotation_matrix().into_inner()
 }
 
 impl<T: Scalar> Mechanism<T> {
@@ -224,7 +264,7 @@ impl<T: Scalar> Mechanism<T> {
                 Self::Revolute {
                     constant: r * along,
                     cosine: r * (Matrix3::identity() - along),
-                    sine: r * crate::inertia::hat(&axis),
+                    sine: r * hat(&axis),
                     origin,
                 }
             }

@@ -6,10 +6,10 @@
 use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::{Motion, Transform};
 use nalgebra::{DMatrix, Vector3};
 use somersault_core::argument::{ArgumentError, expect_length};
+use somersault_core::scalar::{Scalar, constant};
 
 /// The axes in which the velocity of a frame's origin is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -200,7 +200,7 @@ impl<'a, T: Scalar> Velocities<'a, T> {
         for (body, node) in self.model.bodies.iter().zip(&self.data.nodes) {
             twice += node.velocity.dot(&body.inertia.times(&node.velocity));
         }
-        twice * crate::scalar::constant(0.5)
+        twice * constant(0.5)
     }
 }
 

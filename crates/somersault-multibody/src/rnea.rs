@@ -6,8 +6,8 @@
 use crate::data::{Data, Node};
 use crate::error::DynamicsError;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion};
+use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
 
 impl<T: Scalar> Model<T> {

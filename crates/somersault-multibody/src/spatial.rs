@@ -8,8 +8,8 @@
 //!
 //! A [`Transform`] (R, p) is the pose of a frame B in a frame A: x_A = R x_B + p.
 
-use crate::scalar::Scalar;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_core::Scalar;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
 /// Spatial velocity (m/s, rad/s) or acceleration (m/s², rad/s²).

@@ -4,7 +4,8 @@
 //! to the same final arm with θ₂ as it is and less by a turn. `-- 1e-6 20 folded` solves 20 times to that tolerance, set-up
 //! included, from a folded guess, or from a straight one, and prints the cost.
 
-use somersault_multibody::{Scalar, models::TwoLinkArm};
+use somersault_core::Scalar;
+use somersault_multibody::models::TwoLinkArm;
 use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics,

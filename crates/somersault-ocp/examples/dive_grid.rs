@@ -9,7 +9,7 @@
 //! in place of counting turns, compares it with the nodes of the program, and samples the distances of limbs at 20 000 times.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use somersault_core::so3::angle_between;
+use somersault_core::lie::so3::angle_between;
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::solution::Recorder;

@@ -1,7 +1,7 @@
 //! Motions of one body with what is known at their end.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
 use somersault_integrators::exact::FreeBody;

@@ -52,7 +52,7 @@ pub mod storage;
 
 /// What most programs need.
 pub mod prelude {
-    pub use somersault_core::{Inertia, so3};
+    pub use somersault_core::{Inertia, lie::so3};
     pub use somersault_integrators::body::RigidBody;
     pub use somersault_integrators::driver::{
         Adaptive, Flow, Observer, Outcome, Status, Step, TimeGrid, integrate, integrate_adaptive,

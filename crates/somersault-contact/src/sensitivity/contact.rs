@@ -154,7 +154,7 @@ mod tests {
     use crate::interface::ContactLaw;
     use crate::law::CompliantLaw;
     use crate::surface::{Cylinder, HalfSpace, Solid, Sphere};
-    use somersault_core::so3;
+    use somersault_core::lie::so3;
     use std::sync::Arc;
 
     #[test]

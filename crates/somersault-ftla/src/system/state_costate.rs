@@ -21,8 +21,8 @@ use super::{
 };
 use nalgebra::{Cholesky, SMatrix, SVector};
 use num_dual::{Dual64, HyperDual64};
+use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
-use somersault_multibody::Scalar;
 
 /// Dynamics and running cost of an optimal control problem with `NX` states and `NU` controls, written over a scalar
 /// so that derivatives follow.

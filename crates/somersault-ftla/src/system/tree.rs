@@ -13,8 +13,9 @@ use super::{
 use crate::cold_start::{Motion, Torque};
 use nalgebra::{SMatrix, SVector};
 use num_dual::Dual64;
+use somersault_core::Scalar;
 use somersault_core::argument::{ArgumentError, expect_positive};
-use somersault_multibody::{DerivativeData, DynamicsError, Model, Scalar};
+use somersault_multibody::{DerivativeData, DynamicsError, Model};
 use std::sync::{Mutex, PoisonError};
 
 /// The state–costate system of a tree of n degrees of freedom, `N` = 4n.

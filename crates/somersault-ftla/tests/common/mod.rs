@@ -2,11 +2,11 @@
 #![allow(dead_code)] // each test file is a crate of its own and uses a part
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
+use somersault_core::Scalar;
 use somersault_core::random::SplitMix64;
 use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::{Continuation, Continued};
 use somersault_ftla::system::{ControlProblem, StateCostate, VectorField};
-use somersault_multibody::Scalar;
 use somersault_multibody::models::TwoLinkArm;
 
 /// Numbers in [−1, 1) from a fixed seed.

@@ -15,7 +15,7 @@ use crate::augmented::advance;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 
 register! {
     90 thesis => Aso: AugmentedSecondOrder, world;

@@ -13,7 +13,7 @@ use crate::augmented::advance;
 use crate::state::{Configuration, Poses, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
 use crate::system::{RateOf, RigidSystem, StateOf};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 
 register! {
     210 => Sieg: SemiImplicitEulerGyroscopic, world;

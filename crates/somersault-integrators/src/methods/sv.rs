@@ -94,7 +94,7 @@ impl<S: RigidSystem> VerletMemory<S> {
                     let mut next = pose;
                     next.position = 2.0 * pose.position - pose_before.position + slope.linear * (h * h);
                     let half = 0.5 * (twist.angular + twist_before.angular) + slope.angular * h;
-                    next.orientation = somersault_core::so3::exp(&(half * h)) * pose.orientation;
+                    next.orientation = somersault_core::lie::so3::exp(&(half * h)) * pose.orientation;
                     let force = wrench.linear * newest + wrench_before.linear * (1.0 - newest);
                     let torque = wrench.angular * newest + wrench_before.angular * (1.0 - newest);
                     let momentum = angular_momentum(body, &pose, &twist.angular) + torque * h;

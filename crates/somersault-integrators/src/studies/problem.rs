@@ -11,7 +11,7 @@ use crate::state::{Pose, Poses, RigidBodyState, State, Twist};
 use crate::system::{RigidBodySystem, RigidSystem, StateOf};
 use nalgebra::Vector3;
 use somersault_core::argument::{ArgumentError, expect_positive};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use std::f64::consts::{PI, SQRT_2};
 
 /// A motion from t = 0 whose state at the end is known.

@@ -3,8 +3,9 @@
 use super::{AnalysisError, expect_finite};
 use crate::fit::MotionFit;
 use crate::recording::{CubicSpline, uniform_times};
-use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector1, Vector3};
+use nalgebra::{DMatrix, UnitQuaternion, Vector1, Vector3};
 use somersault_core::argument::{ArgumentError, expect_least, expect_length};
+use somersault_core::lie::so3;
 use somersault_multibody::counting::Counting;
 use somersault_multibody::{Joint, Model};
 
@@ -66,7 +67,7 @@ pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Result<Option<Ve
             }
         }
     }
-    let rotation = |q: &&[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
+    let rotation = |q: &&[f64]| so3::from_xyzw(&q[3..7]);
     Ok(match model.joint(0) {
         // the planar diver's angle is positive backwards
         Some(Joint::Planar) => {

@@ -9,6 +9,7 @@
 
 use super::Estimate;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use somersault_core::lie::so3;
 use somersault_multibody::{Joint, Model, Turning};
 
 /// Moves the root of `estimate`, and its scale within `bounds`. `pairs` are d, from the root in the axes of the world, and y;
@@ -52,7 +53,7 @@ pub(super) fn align(
             let Some(turn) = nearest_rotation(&covariance) else { return };
             let relative = Rotation3::from_matrix_unchecked(axes.transpose() * turn.matrix() * axes);
             let q = &mut estimate.q[kind.orientation()];
-            let old = UnitQuaternion::new_unchecked(nalgebra::Quaternion::new(q[3], q[0], q[1], q[2]));
+            let old = so3::from_xyzw(q);
             let new = UnitQuaternion::from_rotation_matrix(&relative) * old;
             q.copy_from_slice(new.coords.as_slice());
             turn

@@ -13,7 +13,7 @@
 use super::{RecordingError, expect_times};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
-use somersault_core::so3;
+use somersault_core::lie::so3;
 
 /// The curve through rotations at growing times.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,9 +5,9 @@ use super::{SyntheticError, synthetic_markers};
 use crate::analysis::DiveFaults;
 use crate::fit::MarkerSet;
 use crate::recording::{MarkerRecording, expect_times, uniform_times};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use somersault_core::argument::{expect_finite, expect_least, expect_length, expect_range};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_integrators::driver::{TimeGrid, integrate};
 use somersault_integrators::methods::RungeKuttaMuntheKaas4;
 use somersault_integrators::solution::Recorder;
@@ -243,6 +243,6 @@ fn turned(model: &Model, positions: &[f64], momentum: &Vector3<f64>) -> f64 {
         return frames[frames.len() - 1][2] - frames[0][2];
     }
     let axis = momentum.normalize();
-    let rotation = |q: &[f64]| UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
+    let rotation = |q: &[f64]| so3::from_xyzw(&q[3..7]);
     frames.windows(2).map(|w| so3::log(&(rotation(w[1]) * rotation(w[0]).inverse())).dot(&axis)).sum()
 }

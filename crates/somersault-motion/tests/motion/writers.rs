@@ -2,7 +2,7 @@
 
 use crate::files::{BVH, CSV, TRC, joint_motion};
 use nalgebra::{UnitQuaternion, Vector3};
-use somersault_core::so3::angle_between;
+use somersault_core::lie::so3::angle_between;
 use somersault_motion::readers::{self, MarkerOptions};
 use somersault_motion::recording::{
     Axis, Convention, LengthUnit, MarkerRecording, Skeleton, SkeletonJoint, SkeletonRecording,

@@ -13,8 +13,8 @@ use super::{DerivativeData, Partials, Tables};
 use crate::articulated::{AllPassive, Roles, Split};
 use crate::error::DynamicsError;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::Force;
+use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
 
 /// out ← out − Σ c x, with each x given by the number of a column of `columns`.

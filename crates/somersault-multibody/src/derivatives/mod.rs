@@ -29,12 +29,13 @@ pub use momentum::MomentumPartials;
 
 use crate::data::Data;
 use crate::error::DynamicsError;
-use crate::inertia::{SpatialInertia, hat};
+use crate::inertia::SpatialInertia;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion};
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
+use somersault_core::lie::so3::hat;
 use std::ops::AddAssign;
 
 /// A result of dynamics with its partial derivatives, each [`n_velocities`](Model::n_velocities) squared.

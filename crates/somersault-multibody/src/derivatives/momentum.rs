@@ -7,9 +7,9 @@
 use super::DerivativeData;
 use crate::error::DynamicsError;
 use crate::model::Model;
-use crate::scalar::Scalar;
 use crate::spatial::{Force, Motion};
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::Scalar;
 
 /// Centre of mass and centroidal momentum with their partials, world axes.
 #[derive(Debug, Clone, Copy)]

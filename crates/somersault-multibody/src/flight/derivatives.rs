@@ -11,10 +11,10 @@
 
 use super::{Flight, FlightData, Reduced};
 use crate::error::DynamicsError;
-use crate::inertia::hat;
-use crate::scalar::Scalar;
 use crate::spatial::Force;
 use nalgebra::{Matrix3, Vector3};
+use somersault_core::Scalar;
+use somersault_core::lie::so3::hat;
 
 /// ω and its derivatives, in axes of the root.
 ///

@@ -32,12 +32,13 @@ pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
 use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
-use crate::joint::{Joint, quaternion};
+use crate::joint::{Group, Joint};
 use crate::model::Model;
-use crate::scalar::{Scalar, constant};
 use crate::spatial::{Force, Motion, Transform};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
+use somersault_core::lie::so3::from_xyzw;
+use somersault_core::scalar::{Scalar, constant};
 
 /// Why a tree cannot be reduced by its momentum.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -143,10 +144,12 @@ impl<'m, T: Scalar> Flight<'m, T> {
     pub fn try_new(model: &'m Model<T>, take_off: TakeOff<T>) -> Result<Self, FlightError> {
         let link = &model.links()[0];
         let root = || link.name.clone();
-        let is_planar = match link.joint {
-            Joint::Free => false,
-            Joint::Planar => true,
-            found => return Err(FlightError::Held { root: root(), found }),
+        let is_planar = match link.joint.kind().group() {
+            Group::Motions => false,
+            Group::PlanarMotions => true,
+            Group::Vector | Group::Rotations => {
+                return Err(FlightError::Held { root: root(), found: link.joint });
+            }
         };
         if model.damping[model.velocities_of(0)].iter().any(|d| *d != T::zero()) {
             return Err(FlightError::Damped { root: root() });
@@ -279,7 +282,7 @@ impl<'m, T: Scalar> Flight<'m, T> {
         let rotation = if self.is_planar {
             UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[2])
         } else {
-            UnitQuaternion::new_unchecked(quaternion(&q[3..7]))
+            from_xyzw(&q[3..7])
         };
         rotation.to_rotation_matrix().into_inner()
     }

@@ -5,10 +5,11 @@
 
 use crate::coordinates::{Coordinates, Factor, Layout};
 use crate::error::DynamicsError;
-use crate::joint::{Joint, JointKind, Turning, quaternion};
+use crate::joint::{Group, Joint, JointKind, Turning};
 use crate::model::{Body, Model};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
+use somersault_core::lie::so3::from_xyzw;
 use somersault_integrators::state::State;
 
 /// Positions of a tree and their rates; see [`motion`](crate::motion).
@@ -57,14 +58,11 @@ impl Model {
     ) {
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let kind = link.joint.kind();
-            if !kind.turns_linear_part() {
-                continue;
-            }
             let (n_linear, q) = (kind.n_linear, &q[body.q + kind.n_linear..]);
-            let turn = match kind.turning {
-                Turning::None => continue,
-                Turning::Angle => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[0]),
-                Turning::Rotation => UnitQuaternion::new_unchecked(quaternion(q)),
+            let turn = match kind.group() {
+                Group::Vector | Group::Rotations => continue,
+                Group::PlanarMotions => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[0]),
+                Group::Motions => from_xyzw(q),
             };
             let part = self.relative(body, numbers).linear;
             let mapped = map(&turn, part, body);

@@ -6,7 +6,7 @@
 
 use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
-use somersault_multibody::Scalar;
+use somersault_core::Scalar;
 use somersault_nlp::EvaluationError;
 use std::sync::Arc;
 

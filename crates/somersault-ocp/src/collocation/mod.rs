@@ -18,7 +18,7 @@
 //! trees of bodies are [`TreeDynamics`]; functions that bring their derivatives are [`VectorFunction`]s.
 //!
 //! ```
-//! use somersault_multibody::Scalar;
+//! use somersault_core::Scalar;
 //! use somersault_ocp::collocation::{Collocation, Dynamics, Mesh, Phase, Point, Problem, Terms};
 //! use somersault_nlp::Flow;
 //!

@@ -13,7 +13,8 @@ use super::error::CollocationError;
 use super::function::VectorFunction;
 use nalgebra::DMatrix;
 use num_dual::Dual64;
-use somersault_multibody::{Data, DerivativeData, Joint, Model, Partials, Scalar};
+use somersault_core::Scalar;
+use somersault_multibody::{Data, DerivativeData, Joint, Model, Partials};
 use somersault_nlp::EvaluationError;
 
 /// Forward dynamics of a tree whose joints are revolute, prismatic or fixed.

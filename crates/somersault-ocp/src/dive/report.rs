@@ -10,8 +10,8 @@ use super::program::requested;
 use super::{DiveError, DiveProgram, PeakTorque};
 use crate::attention::{Attention, GoOn};
 use crate::flight::joints_active;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use somersault_core::so3::angle_between;
+use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::lie::so3::{angle_between, normalized_xyzw};
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::solution::{Recorder, Solution};
@@ -464,7 +464,11 @@ impl Flown {
             None => self.end.clone(),
         };
         let numbers = &state.configuration.as_slice()[self.first..];
-        Ok(if self.is_planar { Attitude::Angle(numbers[0]) } else { Attitude::Rotation(quaternion(numbers)) })
+        Ok(if self.is_planar {
+            Attitude::Angle(numbers[0])
+        } else {
+            Attitude::Rotation(normalized_xyzw(numbers))
+        })
     }
 }
 
@@ -488,10 +492,6 @@ impl Channels<'_> {
             self.motion.base().rates_into(&channels, out);
         }
     }
-}
-
-fn quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
-    UnitQuaternion::new_normalize(Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
 }
 
 /// Why a dive could not be judged.

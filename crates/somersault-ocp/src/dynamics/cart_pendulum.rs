@@ -9,7 +9,8 @@
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::{OcpError, expect_finite, expect_positive};
 use nalgebra::Matrix6;
-use somersault_multibody::{Scalar, models::CartPendulum, nalgebra};
+use somersault_core::Scalar;
+use somersault_multibody::{models::CartPendulum, nalgebra};
 use somersault_nlp::EvaluationError;
 
 /// The pendulum, passive, on the cart, active: q = (r, θ) as in the tree of [`CartPendulum`].
@@ -120,7 +121,7 @@ impl HybridDynamics for CartPendulumDynamics {
         Ok(())
     }
 
-    fn bracket(&self, _group: usize, _d: &[f64]) -> Matrix6<f64> {
-        Matrix6::zeros()
+    fn displacement_maps(&self, _group: usize, _d: &[f64]) -> [Matrix6<f64>; 2] {
+        [Matrix6::identity(); 2]
     }
 }

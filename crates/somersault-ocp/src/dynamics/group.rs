@@ -1,11 +1,10 @@
 //! Displacements of joints that do not commute.
 //!
 //! ```text
-//! (q ⊕ ε) ⊕ d = (q ⊕ d) ⊕ A ε,        A = exp(−ad_d) = Σ (−ad_d)ᵏ / k!
-//! q ⊕ (d + ε) = (q ⊕ d) ⊕ J ε + O(ε²), J = Σ (−ad_d)ᵏ / (k + 1)!
+//! (q ⊕ ε) ⊕ d = (q ⊕ d) ⊕ A ε
+//! q ⊕ (d + ε) = (q ⊕ d) ⊕ J ε + O(ε²)
 //! ```
-//! The series serve SO(3), SE(2) and SE(3) alike; rotations in a step are below a turn, where they need at most some
-//! forty terms and lose nothing. Source: A. Iserles et al., Acta Numerica 9 (2000), 2.1 and appendix B.
+//! Both matrices are those of [`HybridDynamics::displacement_maps`].
 
 use super::{Dofs, HybridDynamics};
 use nalgebra::Matrix6;
@@ -24,9 +23,6 @@ struct Block {
     jacobian: Matrix6<f64>,
 }
 
-/// Terms after which the series of a displacement of norm 2π is exact to rounding.
-const MAX_TERMS: u32 = 60;
-
 impl Carry {
     pub(crate) fn new(dofs: &Dofs) -> Self {
         let identity = Matrix6::identity();
@@ -42,18 +38,7 @@ impl Carry {
     /// Those of `d`.
     pub(crate) fn set<D: HybridDynamics>(&mut self, dynamics: &D, d: &[f64]) {
         for (i, block) in self.blocks.iter_mut().enumerate() {
-            let ad = dynamics.bracket(i, d);
-            block.jacobian = Matrix6::identity();
-            let mut term = Matrix6::identity();
-            for k in 1..MAX_TERMS {
-                term = term * ad * (-1.0 / f64::from(k + 1));
-                block.jacobian += term;
-                if term.amax() < 1e-18 {
-                    break;
-                }
-            }
-            // exp(−ad) = 1 − ad J
-            block.along = Matrix6::identity() - ad * block.jacobian;
+            [block.along, block.jacobian] = dynamics.displacement_maps(i, d);
         }
     }
 

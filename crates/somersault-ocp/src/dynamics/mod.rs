@@ -80,9 +80,10 @@ pub trait HybridDynamics: Send {
     /// out ← the d of least rotation with `from` ⊕ d = `to`; where displacements commute, the difference.
     fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError>;
 
-    /// The matrix of the bracket of a displacement `d` of all degrees of freedom with others, in group number `group` of
-    /// [`Dofs::groups`]; rows and columns beyond the degrees of freedom of the group are zero.
-    fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64>;
+    /// A and J of a displacement `d` of all degrees of freedom, in group number `group` of [`Dofs::groups`]:
+    /// (q ⊕ ε) ⊕ d = (q ⊕ d) ⊕ A ε and q ⊕ (d + ε) = (q ⊕ d) ⊕ J ε + O(ε²); both have ones on the diagonal beyond the degrees of
+    /// freedom of the group.
+    fn displacement_maps(&self, group: usize, d: &[f64]) -> [Matrix6<f64>; 2];
 }
 
 /// Second derivatives of [`HybridDynamics`] whose displacements commute.

@@ -140,16 +140,8 @@ impl HybridDynamics for Tree {
         self.model.difference(from, to, out).map_err(undefined)
     }
 
-    fn bracket(&self, group: usize, d: &[f64]) -> Matrix6<f64> {
-        let (joint, at) = (&self.joints[group], self.dofs.groups[group].clone());
-        let d = joint.motion(&d[at.clone()]);
-        let mut matrix = Matrix6::zeros();
-        for j in 0..at.len() {
-            let mut unit = [0.0; 6];
-            unit[j] = 1.0;
-            joint.numbers(&d.cross(&joint.motion(&unit)), matrix.column_mut(j).as_mut_slice());
-        }
-        matrix
+    fn displacement_maps(&self, group: usize, d: &[f64]) -> [Matrix6<f64>; 2] {
+        self.joints[group].displacement_maps(&d[self.dofs.groups[group].clone()])
     }
 }
 

@@ -11,7 +11,7 @@
 //! Source: H. Munthe-Kaas, BIT 38 (1998) 92; the series of the inverse differential may end there for order 4.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use somersault_core::so3::{self, hat};
+use somersault_core::lie::so3::{self, hat, right_jacobian};
 
 /// Stages of a step.
 pub(super) const STAGES: usize = 4;
@@ -63,11 +63,6 @@ pub(super) fn omega_by_rate(u: &Vector3<f64>) -> Matrix3<f64> {
     let (u_hat, square) = (hat(u), u.norm_squared());
     let n = 1.0 + square / 12.0 + square * square / 144.0;
     Matrix3::identity() - u_hat * (0.5 / n) + u_hat * u_hat * ((1.0 / 6.0 + square / 144.0) / n)
-}
-
-/// What a displacement of u turns exp(u) by, in the axes it leads to.
-pub(super) fn right_jacobian(u: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|e| so3::dexp(&-u, &e)))
 }
 
 /// Second derivatives of κ · u̇: by u twice, and by ω and u.

@@ -16,9 +16,9 @@ use crate::term::{Node, NodeGradient};
 use crate::transcription::{
     NodeSizes, NodeTangent, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription, Visit,
 };
-use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use somersault_core::lie::so3;
 use somersault_core::quadrature::simpson;
-use somersault_core::so3;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::joint_motion::SplineMotion;
@@ -229,7 +229,7 @@ impl FlightShooting {
             if path.is_planar() {
                 now.orientation[0] += z[first];
             } else {
-                let turned = quaternion(&start.orientation) * so3::exp(&three(first));
+                let turned = so3::normalized_xyzw(&start.orientation) * so3::exp(&three(first));
                 now.orientation.copy_from_slice(turned.coords.as_slice());
             }
         }
@@ -270,8 +270,7 @@ impl FlightShooting {
     fn start_jacobian(&self) -> Matrix3<f64> {
         match self.at[0] {
             Some(first) if !self.path.is_planar() => {
-                let u = Vector3::from_column_slice(&self.z[first..first + 3]);
-                Matrix3::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|e| so3::dexp(&-u, &e)))
+                so3::right_jacobian(&Vector3::from_column_slice(&self.z[first..first + 3]))
             }
             _ => Matrix3::identity(),
         }
@@ -562,10 +561,6 @@ impl FlightShooting {
         }
         Ok(())
     }
-}
-
-fn quaternion(numbers: &[f64]) -> UnitQuaternion<f64> {
-    UnitQuaternion::new_normalize(nalgebra::Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
 }
 
 fn undefined(error: impl std::error::Error) -> EvaluationError {

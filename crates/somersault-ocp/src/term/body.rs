@@ -4,7 +4,7 @@ use super::{Node, NodeGradient, Term};
 use crate::dynamics::undefined;
 use crate::error::{OcpError, expect_finite};
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
-use somersault_core::so3;
+use somersault_core::lie::so3;
 use somersault_multibody::{Axes, Data, Model, Transform};
 use somersault_nlp::EvaluationError;
 

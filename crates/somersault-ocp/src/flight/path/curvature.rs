@@ -13,12 +13,12 @@
 use super::{NodeDerivatives, OrientationPath, SAMPLE_OF, SAMPLES};
 use crate::flight::step::{
     NODES, STAGES, StageRate, WEIGHTS, displacement_curvature, omega_by_rate, rate, rate_curvature,
-    rate_derivatives, right_jacobian,
+    rate_derivatives,
 };
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use num_dual::Dual64;
 use rayon::prelude::*;
-use somersault_core::so3::{self, hat};
+use somersault_core::lie::so3::{self, hat, right_jacobian};
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
 use somersault_multibody::{DynamicsError, Model};
 

@@ -7,8 +7,9 @@ pub(crate) use curvature::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use derivatives::{NodeDerivatives, PathGradient};
 
 use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::argument::ArgumentError;
+use somersault_core::lie::so3::normalized_xyzw;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::counting::Counting;
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
@@ -196,10 +197,7 @@ impl OrientationPath {
         if !orientation.iter().chain(coefficients).all(|x| x.is_finite()) {
             return Err(FlightError::NonFinite { argument: "orientation and coefficients" });
         }
-        let start = match *orientation {
-            [x, y, z, w] => UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)),
-            _ => UnitQuaternion::identity(),
-        };
+        let start = if self.is_planar { UnitQuaternion::identity() } else { normalized_xyzw(orientation) };
         let angle = if self.is_planar { orientation[0] } else { 0.0 };
         let is_known = self.is_derived
             && self.coefficients == coefficients

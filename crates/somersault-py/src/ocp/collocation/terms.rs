@@ -1,6 +1,6 @@
 //! Costs and path constraints of a problem.
 
-use somersault::multibody::Scalar;
+use somersault::core::Scalar;
 use somersault::ocp::collocation::{Ends, Point, Terms};
 use somersault::ocp::nalgebra::convert;
 
