@@ -1,6 +1,6 @@
 //! Contacts of several bodies, with surfaces and with each other.
 
-use crate::contacts::{Contact, about_centre, event_kind, is_free, without_stretch};
+use crate::contacts::{Contact, about_centre, is_free, without_stretch};
 use crate::error::{ContactError, finite};
 use crate::event::EventKind;
 use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
@@ -318,7 +318,7 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
         after: &Guard,
         _: (&Vec<ContactMode>, &Vec<ContactMode>),
     ) -> EventKind {
-        event_kind(self.interaction().len(), guard, before, after)
+        EventKind::of_guard(self.interaction().len(), guard, before, after)
     }
 
     fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &State<Vec<Pose>>, out: &mut Vec<Guard>) {

@@ -359,18 +359,6 @@ impl ForceModel for Contacts {
 /// A rigid body under forces `F`, smooth along a trajectory, and contacts.
 pub type BodyInContact<F> = RigidBodySystem<(F, Contacts)>;
 
-/// What the change of a guard is called, where the guards of `contacts` contacts are followed by those of
-/// their friction.
-pub(crate) fn event_kind(contacts: usize, guard: usize, before: &Guard, after: &Guard) -> EventKind {
-    if guard < contacts {
-        EventKind::of_contact(before, after)
-    } else if before.is_inside() {
-        EventKind::Stick
-    } else {
-        EventKind::Slip
-    }
-}
-
 /// Refuses friction with a stretch, for which a state of poses and rates alone has no place.
 pub(crate) fn without_stretch<'a>(
     laws: impl IntoIterator<Item = &'a ContactLaw>,
@@ -425,7 +413,7 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
         after: &Guard,
         _: (&Vec<ContactMode>, &Vec<ContactMode>),
     ) -> EventKind {
-        event_kind(self.forces.1.len(), guard, before, after)
+        EventKind::of_guard(self.forces.1.len(), guard, before, after)
     }
 
     #[inline]

@@ -44,6 +44,18 @@ impl EventKind {
             Self::TouchDown
         }
     }
+
+    /// What the change of a guard is called, where the guards of `contacts` contacts are followed by those of
+    /// their friction.
+    pub(crate) fn of_guard(contacts: usize, guard: usize, before: &Guard, after: &Guard) -> Self {
+        if guard < contacts {
+            Self::of_contact(before, after)
+        } else if before.is_inside() {
+            Self::Stick
+        } else {
+            Self::Slip
+        }
+    }
 }
 
 /// A change of sign of a guard.

@@ -1,19 +1,12 @@
 //! The choice of a normal law.
 
+mod stiffest;
+
+pub use stiffest::Stiffest;
+
 use crate::hunt_crossley::HuntCrossley;
 use crate::hybrid::Guard;
 use crate::law::CompliantLaw;
-
-/// The force of a normal law at its greatest in a contact, and its derivatives there.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stiffest {
-    /// Force, N.
-    pub force: f64,
-    /// Its derivative by the penetration, N/m.
-    pub stiffness: f64,
-    /// Its derivative by the rate of penetration, N s/m.
-    pub damping: f64,
-}
 
 /// A force along the normal as a function of the gap and its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,7 +11,6 @@
 //!
 //! ξ is zero where a contact is open, and as it begins.
 
-use crate::contacts::event_kind;
 use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::friction::Friction;
@@ -327,7 +326,7 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         after: &Guard,
         modes: (&Vec<ContactMode>, &Vec<ContactMode>),
     ) -> EventKind {
-        event_kind(modes.0.len(), guard, before, after)
+        EventKind::of_guard(modes.0.len(), guard, before, after)
     }
 
     #[inline]

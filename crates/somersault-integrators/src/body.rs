@@ -1,6 +1,6 @@
 //! The rigid body: mass and inertia.
 
-use crate::state::RigidBodyState;
+use crate::state::{Pose, RigidBodyState};
 use nalgebra::Vector3;
 use somersault_core::{Inertia, InertiaError};
 
@@ -83,7 +83,7 @@ impl RigidBody {
 
     /// Angular momentum about the centre of mass, R I Rᵀ ω, world frame, kg m²/s.
     pub fn angular_momentum(&self, x: &RigidBodyState) -> Vector3<f64> {
-        crate::system::angular_momentum(self, &x.configuration, x.angular_velocity())
+        angular_momentum(self, &x.configuration, x.angular_velocity())
     }
 
     /// Kinetic energy of the rotation, ω · L/2, J.
@@ -95,4 +95,11 @@ impl RigidBody {
     pub fn kinetic_energy(&self, x: &RigidBodyState) -> f64 {
         0.5 * self.mass * x.velocity().norm_squared() + self.rotational_energy(x)
     }
+}
+
+/// I ω in the world frame.
+#[inline(always)]
+pub(crate) fn angular_momentum(body: &RigidBody, pose: &Pose, omega: &Vector3<f64>) -> Vector3<f64> {
+    let r = pose.orientation.to_rotation_matrix().into_inner();
+    r * body.inertia().momentum(&r.tr_mul(omega))
 }

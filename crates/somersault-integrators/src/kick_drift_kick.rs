@@ -1,9 +1,10 @@
 //! Half kick of the momenta, free drift, half kick: the frame of the splitting methods for rigid bodies.
 
 use crate::augmented::advance;
+use crate::body::angular_momentum;
 use crate::state::{Pose, Poses, Twist};
 use crate::stepper::StepError;
-use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity};
+use crate::system::{RateOf, RigidSystem, StateOf, angular_velocity};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// World angular momenta of the bodies and the wrenches at the start of the next step.

@@ -1,9 +1,10 @@
 //! Splitting of a rigid body's motion into kicks by its wrench and exact free drifts.
 
 use crate::augmented::advance;
+use crate::body::angular_momentum;
 use crate::exact::FreeRotation;
 use crate::state::{Poses, Rate, Twist};
-use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity};
+use crate::system::{RateOf, RigidSystem, StateOf, angular_velocity};
 
 /// How a kick is solved where the wrench depends on the rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,7 +10,7 @@
 //! | [`MomentumForm`] | L, world frame | L̇ = M, ω = I⁻¹L (thesis 6.2.1) |
 //! | [`BodyForm`] | ω, body frame | ω̇ = I⁻¹(M − ω × Iω), Ṙ = Rω̂ |
 
-use crate::body::RigidBody;
+use crate::body::{RigidBody, angular_momentum};
 use crate::force::ForceModel;
 use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
 use nalgebra::Vector3;
@@ -437,13 +437,6 @@ pub struct MomentumForm<'a, S>(pub &'a S);
 pub(crate) fn angular_velocity(body: &RigidBody, pose: &Pose, momentum: &Vector3<f64>) -> Vector3<f64> {
     let r = pose.orientation.to_rotation_matrix().into_inner();
     r * body.inertia().velocity(&r.tr_mul(momentum))
-}
-
-/// I ω in the world frame.
-#[inline(always)]
-pub(crate) fn angular_momentum(body: &RigidBody, pose: &Pose, omega: &Vector3<f64>) -> Vector3<f64> {
-    let r = pose.orientation.to_rotation_matrix().into_inner();
-    r * body.inertia().momentum(&r.tr_mul(omega))
 }
 
 impl<S: RigidSystem> MomentumForm<'_, S> {

@@ -1,6 +1,119 @@
-//! What can be wrong with the arguments of an algorithm.
+//! What can be wrong with a model, and with the arguments of an algorithm.
 
 use somersault_core::argument::ArgumentError;
+
+/// Why a body cannot be part of a model. Every variant names the body.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// A model needs a body.
+    #[error("the model has no body")]
+    Empty,
+    /// Two bodies of one name.
+    #[error("a body named `{name}` was added before")]
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// The parent is not among the bodies added before.
+    #[error("the parent `{parent}` of `{name}` is not among the bodies added before it")]
+    UnknownParent {
+        /// The body.
+        name: String,
+        /// The parent asked for.
+        parent: String,
+    },
+    /// A tree has one root.
+    #[error("`{name}` has no parent, but `{root}` is the root already")]
+    SecondRoot {
+        /// The body.
+        name: String,
+        /// The root.
+        root: String,
+    },
+    /// A number is NaN or infinite.
+    #[error("`{argument}` of `{name}` must be finite")]
+    NonFinite {
+        /// The body.
+        name: String,
+        /// Name of the quantity.
+        argument: &'static str,
+    },
+    /// A mass or a damping coefficient is negative.
+    #[error("`{argument}` of `{name}` must not be negative, found {found}")]
+    Negative {
+        /// The body.
+        name: String,
+        /// Name of the quantity.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The size of a named model is zero or negative.
+    #[error("`{argument}` of `{name}` must be positive and finite, found {found}")]
+    NotPositive {
+        /// The model.
+        name: String,
+        /// Name of the quantity.
+        argument: &'static str,
+        /// Its value.
+        found: f64,
+    },
+    /// The inertia tensor is not symmetric.
+    #[error("the inertia of `{name}` is not symmetric")]
+    AsymmetricInertia {
+        /// The body.
+        name: String,
+    },
+    /// No distribution of mass has these principal moments: one is negative, or exceeds the sum of the
+    /// other two, or the body has no mass.
+    #[error("`{name}` of mass {mass} cannot have the principal moments {moments:?}")]
+    NonPhysicalInertia {
+        /// The body.
+        name: String,
+        /// Its mass.
+        mass: f64,
+        /// Its principal moments.
+        moments: [f64; 3],
+    },
+    /// The joint of the body moves no mass at all, neither its own nor further out.
+    #[error("the joint of `{name}` carries no mass")]
+    CarriesNoMass {
+        /// The body.
+        name: String,
+    },
+    /// The axis of a joint is zero.
+    #[error("the joint axis of `{name}` is zero")]
+    ZeroAxis {
+        /// The body.
+        name: String,
+    },
+    /// The rotation of a placement is not of unit norm.
+    #[error("the placement of `{name}` is not a unit quaternion, its norm is {found}")]
+    NotARotation {
+        /// The body.
+        name: String,
+        /// Norm of the quaternion.
+        found: f64,
+    },
+    /// The lower limit exceeds the upper one.
+    #[error("the limits of `{name}` cross: lower {lower}, upper {upper}")]
+    LimitsCrossed {
+        /// The body.
+        name: String,
+        /// Lower limit.
+        lower: f64,
+        /// Upper limit.
+        upper: f64,
+    },
+    /// Only revolute and prismatic joints have limits.
+    #[error("the joint of `{name}` has no single coordinate to limit")]
+    LimitsNotApplicable {
+        /// The body.
+        name: String,
+    },
+}
+
 /// Why an algorithm has no result.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -1,9 +1,9 @@
 //! The immutable description of a tree.
 
-use crate::builder::{Link, ModelBuilder};
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
 use crate::joint::{Joint, Mechanism};
+use crate::link::Link;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
 use somersault_core::Scalar;
@@ -30,7 +30,7 @@ pub(crate) struct Body<T> {
 #[derive(Debug, Clone)]
 pub struct Model<T = f64> {
     links: Arc<[Link]>,
-    standard_gravity: Vector3<f64>,
+    pub(crate) standard_gravity: Vector3<f64>,
     pub(crate) gravity: Vector3<T>,
     pub(crate) bodies: Vec<Body<T>>,
     /// The columns of all motion subspaces, in body axes.
@@ -43,46 +43,8 @@ pub struct Model<T = f64> {
 }
 
 impl Model {
-    /// Starts an empty model with gravity (0, 0, −9.81) m/s².
-    pub fn builder() -> ModelBuilder {
-        ModelBuilder::new()
-    }
-
     pub(crate) fn from_links(links: Vec<Link>, gravity: Vector3<f64>) -> Self {
         Self::compile(links.into(), gravity)
-    }
-}
-
-/// A model as files hold it.
-#[cfg(feature = "serde")]
-#[derive(serde::Serialize, serde::Deserialize)]
-struct Parts {
-    gravity: Vector3<f64>,
-    links: Vec<Link>,
-}
-
-#[cfg(feature = "serde")]
-impl Parts {
-    fn build(self) -> Result<Model, crate::builder::ModelError> {
-        let mut builder = Model::builder().with_gravity(self.gravity);
-        for link in self.links {
-            builder.add(link)?;
-        }
-        builder.build()
-    }
-}
-
-#[cfg(feature = "serde")]
-impl serde::Serialize for Model {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Parts { gravity: self.standard_gravity, links: self.links.to_vec() }.serialize(serializer)
-    }
-}
-
-#[cfg(feature = "serde")]
-impl<'de> serde::Deserialize<'de> for Model {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Parts::deserialize(deserializer)?.build().map_err(serde::de::Error::custom)
     }
 }
 

@@ -42,8 +42,10 @@ mod error;
 mod writer;
 mod xml;
 
-use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
+use crate::builder::ModelBuilder;
+use crate::error::ModelError;
 use crate::joint::Joint;
+use crate::link::{Link, MassProperties};
 use crate::model::Model;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use roxmltree::Node;

@@ -50,16 +50,18 @@
 //! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
 
 mod contact;
+mod grazing;
 mod law;
 mod outcome;
 mod parameter;
 mod run;
 mod system;
 
-pub use outcome::{Grazing, Sensitivities, SensitivityError, Side, Undifferentiated};
+pub use grazing::{Grazing, Side};
+pub use outcome::{Sensitivities, SensitivityError, Undifferentiated};
 pub use parameter::{Differentiation, Parameter, WrenchDerivative};
 pub use run::{
-    FrozenVariational, SensitivityResult, differentiate_hybrid, differentiate_hybrid_adaptive,
-    differentiate_located, differentiate_located_adaptive,
+    SensitivityResult, differentiate_hybrid, differentiate_hybrid_adaptive, differentiate_located,
+    differentiate_located_adaptive,
 };
-pub use system::{Variational, VariedPose, VariedState};
+pub use system::{FrozenVariational, Variational, VariedPose, VariedState};

@@ -1,11 +1,11 @@
 //! What a differentiated run leaves, and why it may not.
 
+use super::grazing::Grazing;
 use super::system::{EventTime, VariedPose};
 use crate::error::ContactError;
 use crate::event::{Event, Interruption, Located};
 use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
 use somersault_integrators::state::Pose;
-use std::fmt;
 
 /// A motion and its derivative.
 ///
@@ -26,39 +26,6 @@ pub struct Sensitivities {
     pub event_times: DMatrix<f64>,
     /// Stretches of the contacts' friction in the state reached, m.
     pub stretches: Vec<Vector3<f64>>,
-}
-
-/// The motions next to one that grazes along which derivatives are taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
-    /// Those that touch.
-    Touching,
-    /// Those that miss.
-    Missing,
-}
-
-impl fmt::Display for Side {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Touching => "touch",
-            Self::Missing => "miss",
-        })
-    }
-}
-
-/// A surface touched, or missed, so lightly that there is no derivative.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grazing {
-    /// When.
-    pub t: f64,
-    /// Which contact.
-    pub guard: usize,
-    /// The least gap that the motion has, or would have without the force of the contact, m.
-    pub gap: f64,
-    /// Size of the least gap up to which there is no derivative, m.
-    pub bound: f64,
-    /// On which side the motion is: the derivatives kept are the one-sided derivatives on it.
-    pub side: Side,
 }
 
 /// Why a derivative cannot be had.

@@ -2,7 +2,9 @@
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
 use super::parameter::{Differentiation, Parameter};
-use super::system::{FromBodyAxes, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes};
+use super::system::{
+    FromBodyAxes, FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes,
+};
 use crate::contacts::BodyInContact;
 use crate::driver::{
     LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
@@ -21,9 +23,6 @@ use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
 use somersault_integrators::variation::Tangent;
-
-/// A body in contact with columns, frozen in a mode: what steppers see.
-pub type FrozenVariational<'a, F> = Frozen<Variational<'a, F>>;
 
 /// The outcome of a run with sensitivities.
 pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;

@@ -2,13 +2,12 @@
 //! columns at events.
 
 use super::contact::Linearization;
+use super::grazing::{Grazing, Side};
 use super::law::{Changes, LawChange, is_open};
-use super::outcome::{Grazing, Side};
 use super::parameter::{Differentiation, Parameter};
-use super::run::FrozenVariational;
 use crate::contacts::{BodyInContact, Contacts};
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Guard, Hybrid};
+use crate::hybrid::{Energy, Frozen, Guard, Hybrid};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
 use crate::step_curve::StepCurve;
 use crate::stretches::{Touching, WithStretches, reset};
@@ -58,6 +57,9 @@ pub struct Variational<'a, F> {
     keep_events: bool,
     pub(super) log: RefCell<Log>,
 }
+
+/// A body in contact with columns, frozen in a mode: what steppers see.
+pub type FrozenVariational<'a, F> = Frozen<Variational<'a, F>>;
 
 impl<'a, F: ForceModel> Variational<'a, F> {
     pub(super) fn new(

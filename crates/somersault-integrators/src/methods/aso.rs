@@ -12,9 +12,10 @@
 
 use super::rkmk::RungeKuttaMuntheKaas4;
 use crate::augmented::advance;
+use crate::body::angular_momentum;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Scheme, Scope, StepError, Stepper};
-use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
+use crate::system::{RateOf, RigidSystem, StateOf, angular_velocity, world_acceleration};
 use somersault_core::lie::so3;
 
 register! {

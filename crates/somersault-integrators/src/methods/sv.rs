@@ -14,9 +14,10 @@
 
 use super::rkmk::RungeKuttaMuntheKaas4;
 use crate::augmented::advance;
+use crate::body::angular_momentum;
 use crate::state::{Poses, State, Twist};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};
-use crate::system::{RateOf, RigidSystem, StateOf, angular_momentum, angular_velocity, world_acceleration};
+use crate::system::{RateOf, RigidSystem, StateOf, angular_velocity, world_acceleration};
 
 register! {
     30 thesis => Sv: StormerVerlet, world;

@@ -7,7 +7,7 @@
 //! as long as any gets lower. What is lower by rounding only is left.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter, Until};
-use super::motion::{Targets, expect};
+use super::problem::{Targets, expect};
 use super::starts::{Starts, is_better};
 use super::{Estimate, FitError, MarkerFit};
 use crate::GoOn;

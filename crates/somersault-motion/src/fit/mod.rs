@@ -30,14 +30,16 @@ mod markers;
 mod minima;
 mod motion;
 mod options;
+mod problem;
 pub mod quadratic;
 mod starts;
 
 pub use estimate::Estimate;
 pub use frame::{FitStatus, FrameFit, UnknownStatus};
 pub use markers::{Marker, MarkerSet};
-pub use motion::{MarkerFit, MotionFit};
+pub use motion::MotionFit;
 pub use options::{FitOptions, Loss, Scale, Shape};
+pub use problem::MarkerFit;
 
 use somersault_core::argument::{ArgumentError, expect_positive, expect_squarable};
 use somersault_multibody::DynamicsError;

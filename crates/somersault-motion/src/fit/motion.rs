@@ -1,45 +1,13 @@
 //! A whole motion: frame after frame, or with one scale for all.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter};
+use super::problem::{Targets, expect};
 use super::starts::Starts;
-use super::{FitError, FitOptions, MarkerSet, Scale, minima};
+use super::{FitError, MarkerFit, Scale, minima};
 use crate::GoOn;
 use crate::recording::MarkerRecording;
-use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use somersault_core::argument::expect_squarable;
-use somersault_multibody::Model;
-
-/// A model with markers, to be fitted to recordings.
-///
-/// ```
-/// use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet};
-/// use somersault_motion::recording::MarkerRecording;
-/// use somersault_multibody::{Data, models::{Diver, Posture}};
-///
-/// let diver = Diver::planar();
-/// let model = diver.model()?;
-/// let markers = MarkerSet::joint_centres(&model)?;
-/// // a recording of one frame: the joint centres of posture A
-/// let mut data = Data::new(&model);
-/// let q = diver.configuration(Posture::A)?;
-/// let positions = model.positions(&mut data, &q)?;
-/// let names = model.links().iter().map(|link| link.name().to_owned()).collect();
-/// let points = (0..model.n_bodies()).map(|i| Ok(Some(positions.pose(i)?.translation)));
-/// let points = points.collect::<Result<_, Box<dyn std::error::Error>>>()?;
-/// let recording = MarkerRecording::try_new(names, vec![0.0], points)?;
-///
-/// let fit = MarkerFit::try_new(&model, markers, FitOptions::default())?.fit(&recording)?;
-/// assert!(fit.frames[0].rms.unwrap() < 1e-9);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Debug, Clone)]
-pub struct MarkerFit {
-    model: Model,
-    markers: MarkerSet,
-    options: FitOptions,
-}
 
 /// A fitted motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -112,35 +80,7 @@ impl MotionFit {
 /// Rounds of the search for a common scale, at most.
 const MAX_ROUNDS: usize = 50;
 
-/// Fails where the caller says that it is not to go on.
-pub(super) fn expect(go_on: GoOn) -> Result<(), FitError> {
-    if go_on() { Ok(()) } else { Err(FitError::Interrupted) }
-}
-
-pub(super) type Targets = Vec<Option<Vector3<f64>>>;
-
 impl MarkerFit {
-    /// Fits `markers` of `model` as `options` say.
-    pub fn try_new(model: &Model, markers: MarkerSet, options: FitOptions) -> Result<Self, FitError> {
-        options.validate(model)?;
-        Ok(Self { model: model.clone(), markers, options })
-    }
-
-    /// Its choices.
-    pub fn options(&self) -> &FitOptions {
-        &self.options
-    }
-
-    /// The model.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
-
-    /// Its markers.
-    pub fn markers(&self) -> &MarkerSet {
-        &self.markers
-    }
-
     /// Fits all frames. Markers of the recording that the model has not are left aside, those that the recording
     /// has not are missing.
     pub fn fit(&self, recording: &MarkerRecording) -> Result<MotionFit, FitError> {
@@ -178,21 +118,6 @@ impl MarkerFit {
             self.share_scale(&targets, &mut motion, [lower, upper], go_on)?;
         }
         Ok(motion)
-    }
-
-    /// For each frame a target for each marker of the model.
-    fn targets(&self, recording: &MarkerRecording) -> Result<Vec<Targets>, FitError> {
-        let numbers: Vec<Option<usize>> =
-            self.markers.markers().iter().map(|m| recording.marker(&m.name).ok()).collect();
-        if numbers.iter().all(Option::is_none) {
-            let names: Vec<&str> = self.markers.markers().iter().map(|m| m.name.as_str()).collect();
-            let (expected, found) = (names.join(", "), recording.names().join(", "));
-            return Err(FitError::NoCommonMarker { expected, found });
-        }
-        let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
-        let targets: Vec<Targets> = recording.frames().map(frame).collect();
-        expect_squarable("recording", targets.iter().flatten().flatten().flat_map(|y| y.iter()))?;
-        Ok(targets)
     }
 
     /// Makes the scale of all frames one: Newton's method on the sum of the frames' minima, a function of the scale

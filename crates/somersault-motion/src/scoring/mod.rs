@@ -26,9 +26,9 @@ mod validation;
 mod vector;
 
 pub use model::{Score, ScoringModel, ScoringOptions};
-pub use statistics::{Correlation, pearson, spearman};
+pub use statistics::{Correlation, ValidationOptions, pearson, spearman};
 pub use storage::StorageError;
-pub use validation::{Baseline, Validation, ValidationOptions, validate, validate_while};
+pub use validation::{Baseline, Validation, validate, validate_while};
 pub use vector::{FeatureKind, Features, Performance, VectorOptions};
 
 use crate::analysis::AnalysisError;

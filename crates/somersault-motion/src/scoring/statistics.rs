@@ -1,12 +1,30 @@
 //! Correlations and their intervals.
 
-use super::{ScoringError, ValidationOptions};
+use super::ScoringError;
 use crate::GoOn;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use somersault_core::argument::{expect_finite, expect_least, expect_length};
+
+/// Choices for a validation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ValidationOptions {
+    /// Resamples of the bootstrap, and shuffles of the scores.
+    pub n_resamples: usize,
+    /// Level of the intervals, between 0 and 1.
+    pub level: f64,
+    /// Seed of the generator that draws them.
+    pub seed: u64,
+}
+
+impl Default for ValidationOptions {
+    /// 1000 resamples, 95 %, seed 0.
+    fn default() -> Self {
+        Self { n_resamples: 1000, level: 0.95, seed: 0 }
+    }
+}
 
 /// A coefficient, how sure it is and what chance would make of it.
 #[derive(Debug, Clone, Copy, PartialEq)]

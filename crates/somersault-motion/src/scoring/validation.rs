@@ -3,30 +3,12 @@
 use super::learnt::{self, Basis};
 use super::model::normalize;
 use super::regression::LeftOut;
-use super::statistics::{Coefficients, Correlation, resampled};
+use super::statistics::{Coefficients, Correlation, ValidationOptions, resampled};
 use super::{Performance, ScoringError, ScoringOptions};
 use crate::GoOn;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use somersault_core::argument::{ArgumentError, expect_least, expect_length, expect_squarable};
-
-/// Choices for a validation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ValidationOptions {
-    /// Resamples of the bootstrap, and shuffles of the scores.
-    pub n_resamples: usize,
-    /// Level of the intervals, between 0 and 1.
-    pub level: f64,
-    /// Seed of the generator that draws them.
-    pub seed: u64,
-}
-
-impl Default for ValidationOptions {
-    /// 1000 resamples, 95 %, seed 0.
-    fn default() -> Self {
-        Self { n_resamples: 1000, level: 0.95, seed: 0 }
-    }
-}
 
 /// A simple predictor, validated in the same way.
 #[derive(Debug, Clone, PartialEq)]

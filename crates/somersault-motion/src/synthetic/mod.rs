@@ -31,12 +31,14 @@
 mod curve;
 mod judge;
 mod markers;
+mod perturbation;
 mod perturbed;
 mod set;
 
 pub use judge::SyntheticJudge;
 pub use markers::synthetic_markers;
-pub use perturbed::{Perturbation, SyntheticDive, SyntheticFlight};
+pub use perturbation::Perturbation;
+pub use perturbed::{SyntheticDive, SyntheticFlight};
 pub use set::{SyntheticOptions, SyntheticSet};
 
 use crate::analysis::AnalysisError;

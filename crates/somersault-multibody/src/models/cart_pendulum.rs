@@ -5,8 +5,10 @@
 //! (m_c + m) r̈ − m ℓ θ̈ cos θ + m ℓ θ̇² sin θ = F,
 //! m ℓ² θ̈ − m ℓ r̈ cos θ − m g ℓ sin θ = τ.
 
-use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
+use crate::builder::ModelBuilder;
+use crate::error::ModelError;
 use crate::joint::Joint;
+use crate::link::{Link, MassProperties};
 use crate::model::Model;
 use nalgebra::Vector3;
 

@@ -38,8 +38,10 @@
 //! inertias with m h².
 
 use super::posture::{Posture, PostureError};
-use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
+use crate::builder::ModelBuilder;
+use crate::error::ModelError;
 use crate::joint::Joint;
+use crate::link::{Link, MassProperties};
 use crate::model::Model;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_PI_2;

@@ -4,8 +4,10 @@
 //! M₂₂ = m₂L₂²/4 + I₂, I = mL²/12 each;
 //! C = (−½ L₁L₂m₂ θ̇₂(2θ̇₁ + θ̇₂) sin θ₂ + c₁θ̇₁, ½ L₁L₂m₂ θ̇₁² sin θ₂ + c₂θ̇₂).
 
-use crate::builder::{Link, MassProperties, ModelBuilder, ModelError};
+use crate::builder::ModelBuilder;
+use crate::error::ModelError;
 use crate::joint::Joint;
+use crate::link::{Link, MassProperties};
 use crate::model::Model;
 use nalgebra::Vector3;
 

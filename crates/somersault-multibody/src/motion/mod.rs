@@ -31,11 +31,13 @@
 mod forces;
 mod state;
 mod system;
+mod workspace;
 
 pub use crate::coordinates::{Coordinates, Rates};
 pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
 pub use state::TreeState;
-pub use system::{TreeDynamics, TreeSystem, TreeWorkspace};
+pub use system::{TreeDynamics, TreeSystem};
+pub use workspace::TreeWorkspace;
 
 use crate::error::DynamicsError;
 use somersault_integrators::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid};

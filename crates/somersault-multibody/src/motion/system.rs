@@ -1,8 +1,9 @@
 //! The equations of motion of a tree as a system for the integrators.
 
-use super::{Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeMotion, TreeState};
+use super::{
+    Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeMotion, TreeState, TreeWorkspace,
+};
 use crate::articulated::Split;
-use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Force;
@@ -16,17 +17,6 @@ pub struct TreeSystem<'m, F = (), D = ()> {
     forces: F,
     drive: D,
     failure: Failure,
-}
-
-/// Room for one evaluation, and its results.
-#[derive(Debug, Clone)]
-pub struct TreeWorkspace {
-    pub(crate) data: Data,
-    pub(crate) v: Vec<f64>,
-    pub(crate) acceleration: Vec<f64>,
-    pub(crate) torque: Vec<f64>,
-    /// Empty where the forces have none.
-    pub(crate) wrenches: Vec<Force<f64>>,
 }
 
 /// Velocities, accelerations and forces of the joints in one state.
@@ -90,15 +80,7 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
     type Workspace = TreeWorkspace;
 
     fn workspace(&self) -> TreeWorkspace {
-        let n = self.model.n_velocities();
-        let n_wrenches = if self.forces.wrenches().is_some() { self.model.n_bodies() } else { 0 };
-        TreeWorkspace {
-            data: Data::new(self.model),
-            v: vec![0.0; n],
-            acceleration: vec![0.0; n],
-            torque: vec![0.0; n],
-            wrenches: vec![Force::zero(); n_wrenches],
-        }
+        TreeWorkspace::new(self.model, self.forces.wrenches().is_some())
     }
 
     fn acceleration(&self, w: &mut TreeWorkspace, t: f64, x: &TreeState, out: &mut Rates) {

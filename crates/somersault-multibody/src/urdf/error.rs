@@ -1,6 +1,6 @@
 //! What can be wrong with a document.
 
-use crate::builder::ModelError;
+use crate::error::ModelError;
 
 /// Why a document is not a tree. `element` is the tag with its name, as in "joint `elbow`".
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! A tree as URDF.
 
 use super::UrdfError;
-use crate::builder::Link;
 use crate::joint::Joint;
+use crate::link::Link;
 use crate::model::Model;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::fmt::Write;

@@ -1,7 +1,7 @@
 //! Elements of a document, with errors that name them.
 
 use super::UrdfError;
-use crate::builder::ModelError;
+use crate::error::ModelError;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fmt;

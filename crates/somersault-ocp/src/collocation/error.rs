@@ -163,3 +163,16 @@ pub enum CollocationError {
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
 }
+
+pub(super) fn expect_length(
+    phase: Option<usize>,
+    argument: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), CollocationError> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(CollocationError::Length { phase, argument, expected, found })
+    }
+}

@@ -1,9 +1,9 @@
 //! Where a search starts.
 
-use super::error::CollocationError;
+use super::bounds::PhaseBounds;
+use super::error::{CollocationError, expect_length};
 use super::function::Sizes;
 use super::interval::Interval;
-use super::problem::{PhaseBounds, expect_length};
 
 /// States and controls at times, straight lines between them.
 #[derive(Debug, Clone, PartialEq, Default)]

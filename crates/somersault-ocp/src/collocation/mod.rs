@@ -62,6 +62,7 @@
 //! finite element methods*, Acta Numerica 10 (2001); F. Liu, W. W. Hager and A. V. Rao, *Adaptive mesh refinement method for optimal control
 //! using decay rates of Legendre polynomial coefficients*, IEEE Trans. Control Syst. Technol. 26 (2018).
 
+mod bounds;
 mod confirmation;
 mod entries;
 mod error;

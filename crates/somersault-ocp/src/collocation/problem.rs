@@ -5,7 +5,8 @@
 //! subject to ẋ = f(x, u, p, t),  path constraints g, end constraints b, bounds, linkages between phases
 //! ```
 
-use super::error::{CollocationError, Entry};
+use super::bounds::PhaseBounds;
+use super::error::{CollocationError, Entry, expect_length};
 use super::function::{
     ByDuals, Dynamics, DynamicsFormula, EndFormula, PathFormula, Sizes, Terms, VectorFunction,
 };
@@ -47,19 +48,6 @@ impl Names {
         };
         Entry { index, name: names.get(index).cloned() }
     }
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct PhaseBounds {
-    pub(super) state: Vec<Interval>,
-    pub(super) control: Vec<Interval>,
-    pub(super) parameters: Vec<Interval>,
-    pub(super) initial_state: Vec<Interval>,
-    pub(super) final_state: Vec<Interval>,
-    pub(super) initial_time: Interval,
-    pub(super) final_time: Interval,
-    pub(super) path: Vec<Interval>,
-    pub(super) end: Vec<Interval>,
 }
 
 /// Sizes by which variables and rows are divided; zero where the size is to be found.
@@ -368,18 +356,5 @@ impl Problem {
     /// Number of phases.
     pub fn n_phases(&self) -> usize {
         self.phases.len()
-    }
-}
-
-pub(super) fn expect_length(
-    phase: Option<usize>,
-    argument: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), CollocationError> {
-    if found == expected {
-        Ok(())
-    } else {
-        Err(CollocationError::Length { phase, argument, expected, found })
     }
 }

@@ -4,11 +4,11 @@
 //! points and λ = −Σ_l D_{l,N+1} y_l at the last node of an interval. With H = L + λᵀf the costates obey
 //! λ̇ = −∂H/∂x, and the cost is least along the motion where H is, over the controls.
 
-use super::error::CollocationError;
+use super::bounds::PhaseBounds;
+use super::error::{CollocationError, expect_length};
 use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
-use super::problem::{PhaseBounds, expect_length};
 use super::transcription::Transcription;
 use somersault_nlp::Nlp;
 use std::ops::Deref;

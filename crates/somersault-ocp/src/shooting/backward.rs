@@ -1,6 +1,6 @@
 //! The adjoint of a rollout: segments, steps and stages in reverse.
 
-use super::step::Factors;
+use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Shooting};
 use crate::dynamics::{Carry, HybridDynamics};

@@ -8,7 +8,6 @@
 //! ```
 
 use super::Shooting;
-use super::forward::Stage;
 use crate::dynamics::HybridDynamics;
 use crate::transcription::RolloutGradient;
 use nalgebra::{DMatrix, DMatrixView};
@@ -34,10 +33,10 @@ pub(super) struct Sum<'a> {
 }
 
 impl Sum<'_> {
-    /// Adds those that stage number `i` has.
-    pub(super) fn add(&mut self, i: usize, stage: &Stage) {
-        let (n_variables, n) = stage.position.shape();
-        for (part, tangents) in [&stage.position, &stage.velocity, &stage.known].into_iter().enumerate() {
+    /// Adds those that stage number `i` has, with the tangents X of its (q, v, known).
+    pub(super) fn add(&mut self, i: usize, tangents: [&DMatrix<f64>; 3]) {
+        let (n_variables, n) = tangents[0].shape();
+        for (part, tangents) in tangents.into_iter().enumerate() {
             tangents.transpose_to(&mut self.tangents.view_mut((part * n, 0), (n, n_variables)));
         }
         let size = 9 * n * n;

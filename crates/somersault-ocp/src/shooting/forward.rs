@@ -1,8 +1,8 @@
 //! Tangents of a rollout along all variables on which a segment depends.
 
 use super::curvature::Sum;
-use super::step::Factors;
 use super::table::push_forward;
+use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Segment, Shooting};
 use crate::dynamics::{Carry, HybridDynamics};
@@ -24,11 +24,18 @@ pub(super) struct Work {
 }
 
 #[derive(Debug)]
-pub(super) struct Stage {
-    pub(super) position: DMatrix<f64>,
-    pub(super) velocity: DMatrix<f64>,
-    pub(super) known: DMatrix<f64>,
+struct Stage {
+    position: DMatrix<f64>,
+    velocity: DMatrix<f64>,
+    known: DMatrix<f64>,
     found: DMatrix<f64>,
+}
+
+impl Stage {
+    /// Of what the dynamics take.
+    fn inputs(&self) -> [&DMatrix<f64>; 3] {
+        [&self.position, &self.velocity, &self.known]
+    }
 }
 
 impl Work {
@@ -185,11 +192,11 @@ impl<D: HybridDynamics> Shooting<D> {
                 .iter()
                 .take(self.scheme.n_stages())
                 .enumerate()
-                .for_each(|(s, stage)| sum.add(first + s, stage));
+                .for_each(|(s, stage)| sum.add(first + s, stage.inputs()));
         }
         if segment.steps.end == prepared.n_steps {
             self.push_node(segment, prepared.n_steps, work);
-            sum.add(self.stages.number(prepared.first_node + prepared.n_steps, 0), &work.stages[0]);
+            sum.add(self.stages.number(prepared.first_node + prepared.n_steps, 0), work.stages[0].inputs());
         }
     }
 

@@ -20,6 +20,7 @@ mod layout;
 mod phase;
 mod step;
 mod table;
+mod tableau;
 mod trajectory;
 
 pub use layout::Layout;

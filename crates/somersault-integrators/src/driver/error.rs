@@ -1,0 +1,80 @@
+//! What can end an integration.
+
+use crate::stepper::StepError;
+use somersault_core::argument::ArgumentError;
+
+/// Why an integration could not start or could not go on.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IntegrateError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
+    /// An interval that is empty, reversed or not finite.
+    #[error("`interval` must run forward between finite times, found ({start}, {end})")]
+    Interval {
+        /// Start given.
+        start: f64,
+        /// End given.
+        end: f64,
+    },
+    /// More steps than an integration can count, or a step too small to change the time.
+    #[error("`dt` = {dt} is too small for the interval ({start}, {end}): times would not advance")]
+    TooManySteps {
+        /// Step given.
+        dt: f64,
+        /// Start of the interval.
+        start: f64,
+        /// End of the interval.
+        end: f64,
+    },
+    /// The initial state is not finite.
+    #[error("`state` must be finite, found {found}")]
+    InitialState {
+        /// Which part was not.
+        found: &'static str,
+    },
+    /// The state stopped being finite: the motion, or the method, is unstable at this step size.
+    #[error("the state stopped being finite in the step that ends at t = {t}")]
+    NonFinite {
+        /// End of the step.
+        t: f64,
+    },
+    /// The method has no error estimate to adapt its step by.
+    #[error("method `{method}` has no error estimate: give it a fixed step")]
+    NoErrorEstimate {
+        /// The method.
+        method: &'static str,
+    },
+    /// The method needs inertia and torque, which the system does not give.
+    #[error("method `{method}` is for rigid bodies only: take one whose scope is any system")]
+    RigidBodiesOnly {
+        /// The method.
+        method: &'static str,
+    },
+    /// Forces have a state of their own, for which the state of the system has no place.
+    #[error("the forces have variables that the state does not hold: {remedy}")]
+    Variables {
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A step failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The step size control fell below what the time can resolve.
+    #[error("the step size fell to {h:e} at t = {t}; the tolerances cannot be met")]
+    StepSize {
+        /// Time reached.
+        t: f64,
+        /// Step tried.
+        h: f64,
+    },
+    /// The step budget was spent.
+    #[error("`max_steps` = {max_steps} steps were spent at t = {t}")]
+    Budget {
+        /// Steps allowed.
+        max_steps: usize,
+        /// Time reached.
+        t: f64,
+    },
+}
