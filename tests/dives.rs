@@ -829,7 +829,13 @@ fn explicit_euler_loses_the_momentum_with_order_one() {
     assert!(matches!(program.literal_motion(&z, 0), Err(DiveError::Problem(_))));
     for n_steps in [0, 1_000_000_000] {
         let refused = program.momentum_in_coordinates(&z, n_steps);
-        assert!(matches!(refused, Err(DiveError::OutOfRange { argument: "n_steps", .. })), "{refused:?}");
+        assert!(
+            matches!(
+                refused,
+                Err(DiveError::Argument(ArgumentError::OutOfRange { argument: "n_steps", .. }))
+            ),
+            "{refused:?}"
+        );
     }
 }
 
@@ -876,10 +882,19 @@ fn bad_flights_are_refused() {
         change(&mut start, &mut variables);
         FlightShooting::try_new(model, motion, start, variables, 10).map(|_| ()).unwrap_err()
     };
-    assert!(matches!(build(&|s, _| s.duration = 0.0), OcpError::NotPositive { .. }));
-    assert!(matches!(build(&|s, _| s.orientation = vec![0.0]), OcpError::Length { .. }));
-    assert!(matches!(build(&|s, _| s.orientation = vec![0.0; 4]), OcpError::NotPositive { .. }));
-    assert!(matches!(build(&|s, _| s.orientation[0] = f64::NAN), OcpError::NonFinite { .. }));
+    assert!(matches!(build(&|s, _| s.duration = 0.0), OcpError::Argument(ArgumentError::NotPositive { .. })));
+    assert!(matches!(
+        build(&|s, _| s.orientation = vec![0.0]),
+        OcpError::Argument(ArgumentError::Length { .. })
+    ));
+    assert!(matches!(
+        build(&|s, _| s.orientation = vec![0.0; 4]),
+        OcpError::Argument(ArgumentError::NotPositive { .. })
+    ));
+    assert!(matches!(
+        build(&|s, _| s.orientation[0] = f64::NAN),
+        OcpError::Argument(ArgumentError::NonFinite { .. })
+    ));
     assert!(matches!(build(&|s, _| s.take_off.velocity.x = f64::NAN), OcpError::Flight(_)));
     assert!(matches!(build(&|_, v| v.duration = Some([2.0, 1.0])), OcpError::ContradictoryBounds { .. }));
 }
@@ -944,32 +959,41 @@ fn bad_dives_are_refused() {
     ));
     assert!(matches!(
         of(&|d| d.duration = Range::fixed(0.0)),
-        DiveError::OutOfRange { argument: "duration", .. }
+        DiveError::Argument(ArgumentError::NotPositive { argument: "duration", .. })
     ));
     assert!(matches!(of(&|d| d.lean = Range::fixed(f64::NAN)), DiveError::Range { argument: "lean", .. }));
     assert!(matches!(
         of(&|d| d.somersaults = f64::NAN),
-        DiveError::OutOfRange { argument: "somersaults", .. }
+        DiveError::Argument(ArgumentError::NonFinite { argument: "somersaults", .. })
     ));
     assert!(matches!(
         of(&|d| d.penalties.rate = -1.0),
-        DiveError::OutOfRange { argument: "penalties.rate", .. }
+        DiveError::Argument(ArgumentError::Negative { argument: "penalties.rate", .. })
     ));
     for n_steps in [0, 1_000_000_000] {
-        assert!(matches!(of(&|d| d.n_steps = n_steps), DiveError::OutOfRange { argument: "n_steps", .. }));
+        assert!(matches!(
+            of(&|d| d.n_steps = n_steps),
+            DiveError::Argument(ArgumentError::OutOfRange { argument: "n_steps", .. })
+        ));
     }
     assert!(matches!(
         of(&|d| d.n_pieces = 1_000_000_000),
-        DiveError::OutOfRange { argument: "n_pieces", .. }
+        DiveError::Argument(ArgumentError::OutOfRange { argument: "n_pieces", .. })
     ));
     assert!(matches!(
         of(&|d| d.n_par = 1_000_000_000),
         DiveError::Motion(JointMotionError::TooManyCoefficients { .. })
     ));
     // in the plane there is neither twist nor clearance
-    assert!(matches!(of(&|d| d.twists = 1.0), DiveError::OutOfRange { argument: "twists", .. }));
+    assert!(matches!(
+        of(&|d| d.twists = 1.0),
+        DiveError::Argument(ArgumentError::OutOfRange { argument: "twists", .. })
+    ));
     let clearance = Some(Clearance { distance: 0.005, n_times: 35 });
-    assert!(matches!(of(&|d| d.clearance = clearance), DiveError::OutOfRange { argument: "clearance", .. }));
+    assert!(matches!(
+        of(&|d| d.clearance = clearance),
+        DiveError::Argument(ArgumentError::OutOfRange { argument: "clearance", .. })
+    ));
     assert!(matches!(
         of(&|d| d.windows = vec![Range::new(0.4, 0.5)]),
         DiveError::EmptyWindow { channel: 0, lower: 0.4, upper: 0.5 }
@@ -982,17 +1006,29 @@ fn bad_dives_are_refused() {
     assert!(matches!(of(&|d| d.momentum = Range::fixed(0.0)), DiveError::Opposed { .. }));
     let backwards = Dive { somersaults: -3.5, momentum: Range::new(-500.0, 0.0), ..good.clone() };
     assert!(backwards.program().is_ok());
-    assert!(matches!(of(&|d| d.platform = -5.0), DiveError::OutOfRange { argument: "platform", .. }));
-    assert!(matches!(of(&|d| d.lean = Range::fixed(10.0)), DiveError::OutOfRange { argument: "lean", .. }));
-    assert!(matches!(of(&|d| d.entry_lean = 90.0), DiveError::OutOfRange { argument: "entry_lean", .. }));
-    assert!(matches!(of(&|d| d.square_out = 1.5), DiveError::OutOfRange { argument: "square_out", .. }));
+    assert!(matches!(
+        of(&|d| d.platform = -5.0),
+        DiveError::Argument(ArgumentError::Negative { argument: "platform", .. })
+    ));
+    assert!(matches!(
+        of(&|d| d.lean = Range::fixed(10.0)),
+        DiveError::Argument(ArgumentError::OutOfRange { argument: "lean", .. })
+    ));
+    assert!(matches!(
+        of(&|d| d.entry_lean = 90.0),
+        DiveError::Argument(ArgumentError::OutOfRange { argument: "entry_lean", .. })
+    ));
+    assert!(matches!(
+        of(&|d| d.square_out = 1.5),
+        DiveError::Argument(ArgumentError::OutOfRange { argument: "square_out", .. })
+    ));
     assert!(matches!(
         of(&|d| d.last = 2),
         DiveError::NoSuchPosture { argument: "last", n_postures: 2, found: 2 }
     ));
     assert!(matches!(
         of(&|d| d.postures[1][1] = f64::NAN),
-        DiveError::Motion(JointMotionError::NonFinite { .. })
+        DiveError::Motion(JointMotionError::Argument(ArgumentError::NonFinite { .. }))
     ));
     assert!(matches!(of(&|d| d.postures[1][2] = -0.5), DiveError::JointLimit { posture: 1, .. }));
     assert!(matches!(of(&|d| d.diver.mass = -1.0), DiveError::Model(_)));
@@ -1002,7 +1038,10 @@ fn bad_dives_are_refused() {
     ));
     // a quarter of a twist leaves the plane of the somersaults; at the entry it may
     let mut quarter = Dive { twists: 0.25, ..Dive::forward_twisting() };
-    assert!(matches!(quarter.program(), Err(DiveError::OutOfRange { argument: "twists", found: 0.25, .. })));
+    assert!(matches!(
+        quarter.program(),
+        Err(DiveError::Argument(ArgumentError::OutOfRange { argument: "twists", found: 0.25, .. }))
+    ));
     quarter.square_out = 1.0;
     assert!(quarter.program().is_ok());
     let program = good.program().unwrap();
@@ -1016,5 +1055,8 @@ fn bad_dives_are_refused() {
         assert!(matches!(program.start(&frames), Err(DiveError::KeyFrames { .. })), "{frames:?}");
     }
     assert!(matches!(program.start(&[frame(0.0, 0), frame(1.0, 7)]), Err(DiveError::NoSuchPosture { .. })));
-    assert!(matches!(program.softened(0.0), Err(DiveError::OutOfRange { argument: "weight", .. })));
+    assert!(matches!(
+        program.softened(0.0),
+        Err(DiveError::Argument(ArgumentError::NotPositive { argument: "weight", .. }))
+    ));
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, Vector3};
 use somersault_core::Scalar;
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::models::CartPendulum;
 use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder};
 use somersault_nlp::{EvaluationError, Flow, SolverError, Sqp, Status};
@@ -65,7 +66,10 @@ fn bad_bounds_are_refused_by_name() {
         E::BoundaryOutside { argument: "final_state", entry: Entry { index: 0, .. }, .. }
     ));
     assert!(matches!(refused(line().horizon(1.0, 0.5)), E::Horizon { .. }));
-    assert!(matches!(refused(line().scales([0.0], [1.0])), E::NotPositive { argument: "scales", .. }));
+    assert!(matches!(
+        refused(line().scales([0.0], [1.0])),
+        E::Argument(ArgumentError::NotPositive { argument: "scales", .. })
+    ));
     assert!(matches!(Problem::try_of_phases(Vec::new(), Vec::new()), Err(E::NoPhase)));
     let place = |quantity| Place { phase: 0, end: End::Start, quantity };
     let link = Linkage {

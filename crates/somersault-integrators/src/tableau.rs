@@ -14,22 +14,16 @@
 
 mod dop853;
 
+use somersault_core::argument::{ArgumentError, expect_least, expect_length};
 use std::sync::LazyLock;
 
 /// Why a set of numbers is not the tableau of an explicit Runge–Kutta method.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableauError {
-    /// An argument has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries expected.
-        expected: usize,
-        /// Entries found.
-        found: usize,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A coefficient is NaN or infinite.
     #[error("`{argument}` must be finite, found {found} in row {row}")]
     NonFinite {
@@ -81,10 +75,6 @@ fn check_finite(argument: &'static str, row: usize, values: &[f64]) -> Result<()
     }
 }
 
-fn check_length(argument: &'static str, expected: usize, found: usize) -> Result<(), TableauError> {
-    if found == expected { Ok(()) } else { Err(TableauError::Length { argument, expected, found }) }
-}
-
 fn check_sum(argument: &'static str, row: usize, values: &[f64], expected: f64) -> Result<(), TableauError> {
     let found: f64 = values.iter().sum();
     let scale: f64 = expected.abs() + values.iter().map(|a| a.abs()).sum::<f64>();
@@ -112,11 +102,9 @@ impl Tableau {
     /// `b` sums to one; the order is the user's to know.
     pub fn try_new<R: AsRef<[f64]>>(a: &[R], b: &[f64], c: &[f64]) -> Result<Self, TableauError> {
         let stages = b.len();
-        if stages == 0 {
-            return Err(TableauError::Length { argument: "b", expected: 1, found: 0 });
-        }
-        check_length("a", stages, a.len())?;
-        check_length("c", stages, c.len())?;
+        expect_least("b", stages, 1)?;
+        expect_length("a", a.len(), stages)?;
+        expect_length("c", c.len(), stages)?;
         check_finite("b", 0, b)?;
         check_finite("c", 0, c)?;
         check_sum("b", 0, b, 1.0)?;
@@ -179,7 +167,7 @@ pub struct ErrorWeights {
 impl ErrorWeights {
     /// The difference between the step and a second one with weights `embedded`, of another order.
     pub fn try_new(tableau: &Tableau, embedded: &[f64]) -> Result<Self, TableauError> {
-        check_length("embedded", tableau.stages(), embedded.len())?;
+        expect_length("embedded", embedded.len(), tableau.stages())?;
         check_finite("embedded", 0, embedded)?;
         check_sum("embedded", 0, embedded, 1.0)?;
         let mut difference: Vec<f64> = embedded.iter().map(|b| -b).collect();
@@ -216,15 +204,13 @@ impl DenseWeights {
     /// A curve through the slopes the step has anyway: `powers[k][i]` is the coefficient of θᵏ⁺¹ in
     /// b_i(θ), for each stage i.
     pub fn try_new<R: AsRef<[f64]>>(tableau: &Tableau, powers: &[R]) -> Result<Self, TableauError> {
-        if powers.is_empty() {
-            return Err(TableauError::Length { argument: "powers", expected: 1, found: 0 });
-        }
+        expect_least("powers", powers.len(), 1)?;
         let mut at_end = vec![0.0; tableau.stages()];
         for &(j, b) in tableau.weights() {
             at_end[j] = b;
         }
         for (k, row) in powers.iter().map(AsRef::as_ref).enumerate() {
-            check_length("powers", tableau.stages(), row.len())?;
+            expect_length("powers", row.len(), tableau.stages())?;
             check_finite("powers", k, row)?;
         }
         // At θ = 1 the curve must meet the step.

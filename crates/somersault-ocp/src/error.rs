@@ -1,5 +1,6 @@
 //! What can be wrong with a problem.
 
+use somersault_core::argument::{ArgumentError, expect_length, expect_not_negative};
 use somersault_multibody::flight::FlightError;
 use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::{DynamicsError, ModelError};
@@ -20,45 +21,14 @@ pub enum OcpError {
     /// A flight, or what was asked of it.
     #[error(transparent)]
     Flight(#[from] FlightError),
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: String,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// Something has no second derivatives.
     #[error("{what} has no second derivatives, which an exact Hessian needs")]
     NoCurvature {
         /// What has none.
         what: String,
-    },
-    /// A number is NaN or infinite where it must not be.
-    #[error("`{argument}` must be finite, found {found}")]
-    NonFinite {
-        /// Name of the argument.
-        argument: String,
-        /// The number.
-        found: f64,
-    },
-    /// A number has to be positive.
-    #[error("`{argument}` must be positive, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: String,
-        /// The number.
-        found: f64,
-    },
-    /// A number must not be negative.
-    #[error("`{argument}` must not be negative, found {found}")]
-    Negative {
-        /// Name of the argument.
-        argument: String,
-        /// The number.
-        found: f64,
     },
     /// A lower bound lies above its upper one, or a bound is NaN or infinite on the wrong side.
     #[error("entry {index} of `{argument}` has bounds {lower} to {upper}, which nothing can meet")]
@@ -129,14 +99,6 @@ pub enum OcpError {
     },
 }
 
-pub(crate) fn expect_length(argument: &str, found: usize, expected: usize) -> Result<(), OcpError> {
-    if found == expected {
-        Ok(())
-    } else {
-        Err(OcpError::Length { argument: argument.to_owned(), expected, found })
-    }
-}
-
 pub(crate) fn expect_below(argument: &str, found: usize, limit: usize) -> Result<(), OcpError> {
     if found < limit {
         Ok(())
@@ -158,35 +120,14 @@ pub(crate) fn expect_room(argument: &str, found: usize, bytes: usize) -> Result<
     }
 }
 
-pub(crate) fn expect_finite(argument: &str, values: &[f64]) -> Result<(), OcpError> {
-    match values.iter().find(|x| !x.is_finite()) {
-        None => Ok(()),
-        Some(&found) => Err(OcpError::NonFinite { argument: argument.to_owned(), found }),
-    }
-}
-
-/// Finite and above zero.
-pub(crate) fn expect_positive(argument: &str, value: f64) -> Result<(), OcpError> {
-    expect_finite(argument, &[value])?;
-    if value > 0.0 {
-        Ok(())
-    } else {
-        Err(OcpError::NotPositive { argument: argument.to_owned(), found: value })
-    }
-}
-
 /// Finite and not below zero, each of them.
-pub(crate) fn expect_not_negative(argument: &str, values: &[f64]) -> Result<(), OcpError> {
-    expect_finite(argument, values)?;
-    match values.iter().find(|x| **x < 0.0) {
-        None => Ok(()),
-        Some(&found) => Err(OcpError::Negative { argument: argument.to_owned(), found }),
-    }
+pub(crate) fn expect_none_negative(argument: &'static str, values: &[f64]) -> Result<(), ArgumentError> {
+    values.iter().try_for_each(|value| expect_not_negative(argument, *value).map(|_| ()))
 }
 
 /// Each lower bound at most its upper one, and neither infinite on the side that excludes everything.
 pub(crate) fn expect_bounds(argument: &str, bounds: &somersault_nlp::Bounds) -> Result<(), OcpError> {
-    expect_length(&format!("{argument}.upper"), bounds.upper.len(), bounds.lower.len())?;
+    expect_length("bounds.upper", bounds.upper.len(), bounds.lower.len())?;
     for (index, (&lower, &upper)) in bounds.lower.iter().zip(&bounds.upper).enumerate() {
         let possible = lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY;
         if !possible {

@@ -8,10 +8,11 @@
 
 use crate::attention::{Attention, GoOn};
 use crate::dynamics::{HybridDynamics, Tree};
-use crate::error::{OcpError, expect_length};
+use crate::error::OcpError;
 use crate::problem::MotionProblem;
 use crate::shooting::{Drive, Shooting};
 use crate::transcription::Transcription;
+use somersault_core::argument::expect_length;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
@@ -122,10 +123,10 @@ pub fn verify_while<D: HybridDynamics>(
     go_on: GoOn<'_>,
 ) -> Result<Verification, VerificationError> {
     let mut attention = Attention::new(go_on);
-    expect_length("z", z.len(), shooting.outline().n_variables())?;
+    expect_length("z", z.len(), shooting.outline().n_variables()).map_err(OcpError::from)?;
     let dofs = shooting.dynamics().dofs().clone();
-    expect_length("model", model.n_velocities(), dofs.n_velocities())?;
-    expect_length("model", model.n_positions(), dofs.n_positions)?;
+    expect_length("model", model.n_velocities(), dofs.n_velocities()).map_err(OcpError::from)?;
+    expect_length("model", model.n_positions(), dofs.n_positions).map_err(OcpError::from)?;
     shooting.rollout(z)?;
     let phases = shooting.outline().phases.clone();
     let mut defects = Vec::new();

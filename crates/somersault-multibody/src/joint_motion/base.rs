@@ -1,7 +1,8 @@
 //! Eigenpostures: a few postures that span the motion of many joints.
 
-use super::{JointMotionError, expect_finite, expect_length};
+use super::JointMotionError;
 use nalgebra::{DMatrix, DMatrixView, DVector};
+use somersault_core::argument::{expect_finite, expect_least, expect_length};
 
 /// A fundamental posture φ₀ and the directions φ_i − φ₀ to others (thesis 2.11).
 ///
@@ -22,13 +23,8 @@ impl EigenpostureBase {
     /// Refuses postures whose differences to the first are linearly dependent, to 1e-10 of the largest: weights would not
     /// be unique.
     pub fn try_new<P: AsRef<[f64]>>(postures: &[P]) -> Result<Self, JointMotionError> {
-        let [fundamental, others @ ..] = postures else {
-            return Err(JointMotionError::TooFewPostures { found: 0 });
-        };
-        let fundamental = DVector::from_column_slice(fundamental.as_ref());
-        if others.is_empty() {
-            return Err(JointMotionError::TooFewPostures { found: 1 });
-        }
+        expect_least("postures", postures.len(), 2)?;
+        let (fundamental, others) = (DVector::from_column_slice(postures[0].as_ref()), &postures[1..]);
         for posture in postures {
             expect_length("postures", posture.as_ref().len(), fundamental.len())?;
             expect_finite("postures", posture.as_ref())?;
@@ -43,9 +39,7 @@ impl EigenpostureBase {
         fundamental: Vec<f64>,
         directions: &[P],
     ) -> Result<Self, JointMotionError> {
-        if directions.is_empty() {
-            return Err(JointMotionError::TooFewPostures { found: 1 });
-        }
+        expect_least("directions", directions.len(), 1)?;
         expect_finite("fundamental", &fundamental)?;
         for direction in directions {
             expect_length("directions", direction.as_ref().len(), fundamental.len())?;
@@ -152,6 +146,7 @@ impl EigenpostureBase {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use somersault_core::argument::ArgumentError;
 
     fn base() -> EigenpostureBase {
         EigenpostureBase::try_new(&[[0.1, 0.2, 0.3], [1.0, 0.0, 0.5], [0.0, 2.0, 0.3]]).unwrap()
@@ -180,6 +175,7 @@ mod tests {
         assert_eq!(found, Err(JointMotionError::DependentPostures { rank: 1, expected: 2 }));
         let same = EigenpostureBase::try_new(&[[1.0, 2.0], [1.0, 2.0]]);
         assert_eq!(same, Err(JointMotionError::DependentPostures { rank: 0, expected: 1 }));
-        assert_eq!(EigenpostureBase::try_new(&[[1.0]]), Err(JointMotionError::TooFewPostures { found: 1 }));
+        let few = ArgumentError::TooFew { argument: "postures", least: 2, found: 1 };
+        assert_eq!(EigenpostureBase::try_new(&[[1.0]]), Err(few.into()));
     }
 }

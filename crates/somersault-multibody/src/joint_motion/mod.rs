@@ -20,6 +20,7 @@ pub use base::EigenpostureBase;
 pub use elimination::{Condition, End};
 pub use spline::SplineMotion;
 
+use somersault_core::argument::ArgumentError;
 use somersault_core::spline::SplineError;
 
 /// Why there is no such joint motion.
@@ -29,22 +30,9 @@ pub enum JointMotionError {
     /// The basis of splines does not exist.
     #[error(transparent)]
     Spline(#[from] SplineError),
-    /// Something has the wrong number of entries.
-    #[error("`{argument}` must have {expected} entries, found {found}")]
-    Length {
-        /// Name of the argument.
-        argument: &'static str,
-        /// Entries it should have.
-        expected: usize,
-        /// Entries it has.
-        found: usize,
-    },
-    /// A number is NaN or infinite.
-    #[error("`{argument}` must be finite")]
-    NonFinite {
-        /// Name of the argument.
-        argument: &'static str,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A time outside of the motion.
     #[error("`{argument}[{index}]` must be a share of the duration, from 0 to 1, found {found}")]
     Share {
@@ -62,12 +50,6 @@ pub enum JointMotionError {
         found: usize,
         /// Coefficients allowed.
         limit: usize,
-    },
-    /// A base of eigenpostures needs a fundamental posture and one more.
-    #[error("`postures` must have at least 2 entries, found {found}")]
-    TooFewPostures {
-        /// Postures given.
-        found: usize,
     },
     /// Some weights would describe the same posture.
     #[error("the differences of `postures` to the first have rank {rank}, not {expected}")]
@@ -89,22 +71,10 @@ pub enum JointMotionError {
     },
 }
 
-pub(crate) fn expect_length(
-    argument: &'static str,
-    found: usize,
-    expected: usize,
-) -> Result<(), JointMotionError> {
-    if found == expected { Ok(()) } else { Err(JointMotionError::Length { argument, expected, found }) }
-}
-
 /// Each from 0 to 1.
 fn expect_shares(argument: &'static str, shares: &[f64]) -> Result<(), JointMotionError> {
     match shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
         None => Ok(()),
         Some(index) => Err(JointMotionError::Share { argument, index, found: shares[index] }),
     }
-}
-
-pub(crate) fn expect_finite(argument: &'static str, values: &[f64]) -> Result<(), JointMotionError> {
-    if values.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(JointMotionError::NonFinite { argument }) }
 }

@@ -1,8 +1,9 @@
 //! Channels that are uniform splines.
 
 use super::elimination::{Solved, solve};
-use super::{Condition, EigenpostureBase, JointMotionError, expect_finite, expect_length, expect_shares};
+use super::{Condition, EigenpostureBase, JointMotionError, expect_shares};
 use nalgebra::{DMatrix, DVector};
+use somersault_core::argument::{expect_finite, expect_length};
 use somersault_core::spline::UniformBasis;
 
 /// A joint motion whose channels are splines, after elimination of the conditions at its ends.

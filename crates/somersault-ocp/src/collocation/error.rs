@@ -1,6 +1,7 @@
 //! What can be wrong with a problem or a mesh.
 
 use super::interval::Interval;
+use somersault_core::argument::ArgumentError;
 use somersault_nlp::{EvaluationError, SolverError};
 use std::fmt;
 
@@ -92,14 +93,9 @@ pub enum CollocationError {
         /// End.
         end: f64,
     },
-    /// Something that must be positive is not.
-    #[error("`{argument}` must be positive and finite, found {found}")]
-    NotPositive {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What was found.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A mesh has no interval, an interval no point or too many, or its bounds do not increase from 0 to 1.
     #[error("the mesh{} is none: {reason}", of(*phase))]
     Mesh {

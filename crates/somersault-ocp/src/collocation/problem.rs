@@ -14,6 +14,7 @@ use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
 use super::linkage::{Linkage, Quantity};
 use super::tree::TreeDynamics;
+use somersault_core::argument::expect_positive;
 use std::sync::Arc;
 
 /// A stretch of time with its equations, costs, constraints and bounds.
@@ -297,10 +298,10 @@ impl Scales {
         }
         expect_length(phase, "scales of states", self.state.len(), bounds.state.len())?;
         expect_length(phase, "scales of controls", self.control.len(), bounds.control.len())?;
-        match self.state.iter().chain(&self.control).find(|s| !(**s > 0.0 && s.is_finite())) {
-            Some(&found) => Err(CollocationError::NotPositive { argument: "scales", found }),
-            None => Ok(()),
+        for scale in self.state.iter().chain(&self.control) {
+            expect_positive("scales", *scale)?;
         }
+        Ok(())
     }
 }
 

@@ -10,6 +10,7 @@ use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use crate::attention::GoOn;
+use somersault_core::argument::expect_positive;
 use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
@@ -255,9 +256,7 @@ impl<S: NlpSolver> Collocation<S> {
             ("max_meshes", self.max_meshes as f64),
             ("min_points", self.min_points as f64),
         ] {
-            if !(found > 0.0 && found.is_finite()) {
-                return Err(CollocationError::NotPositive { argument, found });
-            }
+            expect_positive(argument, found)?;
         }
         if self.min_points <= self.max_points && self.max_points <= MAX_POINTS {
             Ok(())

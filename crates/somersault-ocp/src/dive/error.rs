@@ -1,5 +1,6 @@
 //! What can be wrong with a dive.
 
+use somersault_core::argument::{ArgumentError, expect_range};
 use somersault_core::spline::SplineError;
 use somersault_multibody::flight::FlightError;
 use somersault_multibody::joint_motion::JointMotionError;
@@ -34,16 +35,9 @@ pub enum DiveError {
     /// The literal form is that of thesis 3.1 alone.
     #[error("the literal form needs a planar dive by weights with fixed lean and duration")]
     NotLiteral,
-    /// A number is out of its range.
-    #[error("`{argument}` must be {allowed}, found {found}")]
-    OutOfRange {
-        /// Name of the argument.
-        argument: &'static str,
-        /// What it may be.
-        allowed: &'static str,
-        /// What was given.
-        found: f64,
-    },
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// The joints have but one motion.
     #[error("`windows` and the postures at both ends leave none of the `n_par` coefficients free")]
     NothingFree,
@@ -129,28 +123,7 @@ impl From<SplineError> for DiveError {
     }
 }
 
-pub(super) fn expect_finite(argument: &'static str, found: f64) -> Result<(), DiveError> {
-    if found.is_finite() { Ok(()) } else { Err(DiveError::OutOfRange { argument, allowed: "finite", found }) }
-}
-
 /// An angle of at most a turn: more was meant in degrees.
-pub(super) fn expect_angle(argument: &'static str, found: f64) -> Result<(), DiveError> {
-    if found.abs() <= std::f64::consts::TAU {
-        return Ok(());
-    }
-    Err(DiveError::OutOfRange { argument, allowed: "from −2π to 2π rad", found })
-}
-
-pub(super) fn expect_positive(argument: &'static str, found: f64) -> Result<(), DiveError> {
-    if found > 0.0 && found.is_finite() {
-        return Ok(());
-    }
-    Err(DiveError::OutOfRange { argument, allowed: "positive and finite", found })
-}
-
-pub(super) fn expect_not_negative(argument: &'static str, found: f64) -> Result<(), DiveError> {
-    if found >= 0.0 && found.is_finite() {
-        return Ok(());
-    }
-    Err(DiveError::OutOfRange { argument, allowed: "finite and not negative", found })
+pub(super) fn expect_angle(argument: &'static str, found: f64) -> Result<f64, ArgumentError> {
+    expect_range(argument, found, "from −2π to 2π rad", |angle| angle.abs() <= std::f64::consts::TAU)
 }

@@ -13,6 +13,7 @@ use crate::shooting::{Phase, Scheme, Shooting, ShootingOptions, Start};
 use crate::term::{Displacement, Entries, Momentum, MomentumPart, Part};
 use crate::transcription::Transcription;
 use nalgebra::{Rotation2, Vector2, Vector3};
+use somersault_core::argument::ArgumentError;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
 use somersault_nlp::{Bounds, Flow, HessianSource, Iteration, NlpSolver, Report, Sqp};
@@ -156,7 +157,7 @@ impl DiveProgram {
         }
         if !(1..=MOST_STEPS).contains(&n_steps) {
             let (argument, allowed) = ("n_steps", "from 1 to 100000");
-            return Err(DiveError::OutOfRange { argument, allowed, found: n_steps as f64 });
+            return Err(ArgumentError::OutOfRange { argument, allowed, found: n_steps as f64 }.into());
         }
         let (model, motion) = (self.path().model(), self.path().motion());
         let (mut q, mut v) = self.state_at_take_off(z)?;

@@ -52,10 +52,10 @@ pub use motion::{DiveMotion, PeakTorque};
 pub use program::DiveProgram;
 pub use report::{ALLOWED, DiveJudgementError, DiveReport, Nearest};
 pub use search::{DiveSearch, DiveSearchError};
-use somersault_core::argument::ArgumentError;
+use somersault_core::argument::{ArgumentError, expect_finite, expect_not_negative, expect_positive};
 pub use template::KeyFrame;
 
-use error::{expect_angle, expect_finite, expect_not_negative, expect_positive};
+use error::expect_angle;
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::Model;
 use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, SplineMotion};
@@ -201,34 +201,36 @@ impl Dive {
             if !(0.0 <= lower && lower < upper && upper <= 1.0) {
                 let found = if (0.0..1.0).contains(&lower) { upper } else { lower };
                 let allowed = "shares with 0 ≤ lower < upper ≤ 1";
-                return Err(DiveError::OutOfRange { argument: "windows", allowed, found });
+                return Err(ArgumentError::OutOfRange { argument: "windows", allowed, found }.into());
             }
         }
         if self.diver.dimension == Dimension::Planar && self.twists != 0.0 {
             let allowed = "0 in the plane";
-            return Err(DiveError::OutOfRange { argument: "twists", allowed, found: self.twists });
+            return Err(ArgumentError::OutOfRange { argument: "twists", allowed, found: self.twists }.into());
         }
         if self.diver.dimension == Dimension::Planar
             && let Some(Clearance { distance, .. }) = self.clearance
         {
             let allowed = "none in the plane, where limbs pass each other";
-            return Err(DiveError::OutOfRange { argument: "clearance", allowed, found: distance });
+            return Err(ArgumentError::OutOfRange { argument: "clearance", allowed, found: distance }.into());
         }
         if self.square_out < 1.0 && self.twists.is_finite() && (2.0 * self.twists).fract() != 0.0 {
             // where the body is symmetric, its plane is that of the somersaults only then
             let allowed = "a multiple of ½ where `square_out` is before the entry";
-            return Err(DiveError::OutOfRange { argument: "twists", allowed, found: self.twists });
+            return Err(ArgumentError::OutOfRange { argument: "twists", allowed, found: self.twists }.into());
         }
         if !(self.square_out > 0.0 && self.square_out <= 1.0) {
             let (argument, found) = ("square_out", self.square_out);
-            return Err(DiveError::OutOfRange { argument, allowed: "above 0 and at most 1", found });
+            return Err(
+                ArgumentError::OutOfRange { argument, allowed: "above 0 and at most 1", found }.into()
+            );
         }
         for (argument, found) in [
             ("somersaults", self.somersaults),
             ("twists", self.twists),
             ("entry_distance", self.entry_distance),
         ] {
-            expect_finite(argument, found)?;
+            expect_finite(argument, [&found])?;
         }
         let leans = [("lean", self.lean.lower), ("lean", self.lean.upper), ("entry_lean", self.entry_lean)];
         for (argument, found) in leans {
@@ -245,7 +247,7 @@ impl Dive {
         }
         for (argument, found) in [("n_steps", self.n_steps), ("n_pieces", self.n_pieces)] {
             if found == 0 {
-                return Err(DiveError::OutOfRange { argument, allowed: "at least 1", found: 0.0 });
+                return Err(ArgumentError::OutOfRange { argument, allowed: "at least 1", found: 0.0 }.into());
             }
         }
         let n_times = self.clearance.map_or(0, |clearance| clearance.n_times);
@@ -255,7 +257,7 @@ impl Dive {
             ("clearance.n_times", "at most 10000", n_times, 10_000),
         ] {
             if found > limit {
-                return Err(DiveError::OutOfRange { argument, allowed, found: found as f64 });
+                return Err(ArgumentError::OutOfRange { argument, allowed, found: found as f64 }.into());
             }
         }
         if let Some(clearance) = self.clearance {

@@ -7,9 +7,10 @@
 //! (A.2) as printed lacks the ℓ under τ, and (A.3) has the wrong sign of its entry (1, 2).
 
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
-use crate::error::{OcpError, expect_finite, expect_positive};
+use crate::error::OcpError;
 use nalgebra::Matrix6;
 use somersault_core::Scalar;
+use somersault_core::argument::{expect_finite, expect_not_negative, expect_positive};
 use somersault_multibody::{models::CartPendulum, nalgebra};
 use somersault_nlp::EvaluationError;
 
@@ -25,7 +26,7 @@ impl CartPendulumDynamics {
     pub fn try_new(parameters: CartPendulum) -> Result<Self, OcpError> {
         expect_positive("mass", parameters.mass)?;
         expect_positive("length", parameters.length)?;
-        crate::error::expect_not_negative("cart_mass", &[parameters.cart_mass])?;
+        expect_not_negative("cart_mass", parameters.cart_mass)?;
         expect_finite("gravity", &[parameters.gravity])?;
         let dofs = Dofs {
             n_positions: 2,

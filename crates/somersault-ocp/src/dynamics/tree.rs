@@ -1,9 +1,10 @@
 //! Any tree, with any division into passive and active degrees of freedom.
 
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
-use crate::error::{OcpError, expect_length};
+use crate::error::OcpError;
 use nalgebra::Matrix6;
 use num_dual::Dual64;
+use somersault_core::argument::expect_length;
 use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Split};
 use somersault_nlp::EvaluationError;
 

@@ -11,12 +11,13 @@
 use super::forces::Forces;
 use super::response::{INPUTS, respond};
 use super::{NodeDerivatives, OrientationPath, PathGradient};
-use crate::error::{OcpError, expect_bounds, expect_finite, expect_length, expect_positive, expect_room};
+use crate::error::{OcpError, expect_bounds, expect_room};
 use crate::term::{Node, NodeGradient};
 use crate::transcription::{
     NodeSizes, NodeTangent, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription, Visit,
 };
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_core::lie::so3;
 use somersault_core::quadrature::simpson;
 use somersault_core::spline::MAX_DEGREE;

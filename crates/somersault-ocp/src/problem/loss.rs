@@ -1,9 +1,8 @@
 //! What a cost makes of the rows of a term, and where it looks at them.
 
-use crate::error::{
-    OcpError, expect_below, expect_bounds, expect_finite, expect_length, expect_not_negative,
-};
+use crate::error::{OcpError, expect_below, expect_bounds, expect_none_negative};
 use crate::transcription::Outline;
+use somersault_core::argument::{expect_finite, expect_length};
 use somersault_nlp::Bounds;
 
 /// The nodes at which a term is taken.
@@ -88,17 +87,17 @@ impl Loss {
             Self::HalfSquares { weights, target } => {
                 expect_length("target", target.len(), n)?;
                 expect_finite("target", target)?;
-                expect_not_negative("weights", weights)?;
+                expect_none_negative("weights", weights)?;
                 weights
             }
             Self::Outside { weights, bounds } => {
                 expect_length("bounds", bounds.len(), n)?;
                 expect_bounds("bounds", bounds)?;
-                expect_not_negative("weights", weights)?;
+                expect_none_negative("weights", weights)?;
                 weights
             }
         };
-        expect_length("weights", weights.len(), n)
+        Ok(expect_length("weights", weights.len(), n)?)
     }
 
     /// The value at `rows`.

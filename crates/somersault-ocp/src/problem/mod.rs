@@ -16,9 +16,10 @@ mod program;
 pub use jacobian::Sweep;
 pub use loss::{At, Loss};
 
-use crate::error::{OcpError, expect_below, expect_bounds, expect_finite, expect_length, expect_positive};
+use crate::error::{OcpError, expect_below, expect_bounds};
 use crate::term::{NodeGradient, Term};
 use crate::transcription::{Outline, RolloutGradient, Transcription};
+use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_nlp::{Bounds, Pattern, Structure};
 
 /// A term, and the nodes at which it is taken.
@@ -189,7 +190,7 @@ impl<T: Transcription> MotionProblemBuilder<T> {
     ) -> Result<Self, OcpError> {
         for (variable, factor) in factors {
             expect_below(name, *variable, self.variables.len())?;
-            expect_finite(name, &[*factor])?;
+            expect_finite("factors", [factor])?;
         }
         self.linear_bounds.push(lower, upper);
         expect_bounds(name, &self.linear_bounds)?;

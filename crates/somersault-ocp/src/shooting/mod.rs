@@ -27,9 +27,10 @@ pub use layout::Layout;
 pub use phase::{Drive, Duration, Phase, Scheme, Start};
 
 use crate::dynamics::{Carry, HybridDynamics};
-use crate::error::{OcpError, expect_below, expect_length, expect_room};
+use crate::error::{OcpError, expect_below, expect_room};
 use crate::term::Node;
 use crate::transcription::{NodeSizes, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription};
+use somersault_core::argument::{ArgumentError, expect_length};
 use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 use somersault_nlp::{Bounds, EvaluationError, Pattern};
 use table::Table;
@@ -131,7 +132,7 @@ impl<D: HybridDynamics> Shooting<D> {
         let (n_q, n) = (dofs.n_positions, dofs.n_velocities());
         start.expect_for(n_q, n)?;
         if phases.is_empty() {
-            return Err(OcpError::Length { argument: "phases".to_owned(), expected: 1, found: 0 });
+            return Err(ArgumentError::TooFew { argument: "phases", least: 1, found: 0 }.into());
         }
         let active = dofs.active_dofs();
         let driven_dofs = match &drive {

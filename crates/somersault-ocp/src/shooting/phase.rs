@@ -1,6 +1,7 @@
 //! What a shooting is made of.
 
-use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
+use crate::error::OcpError;
+use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_core::quadrature::{gregory, left_rectangles};
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_nlp::Bounds;
@@ -64,7 +65,9 @@ impl Phase {
 
     pub(super) fn expect_valid(&self) -> Result<(), OcpError> {
         match self.duration {
-            Duration::Fixed(duration) => expect_positive("duration", duration)?,
+            Duration::Fixed(duration) => {
+                expect_positive("duration", duration)?;
+            }
             Duration::Free { lower, upper } => {
                 expect_positive("duration.lower", lower)?;
                 expect_finite("duration.upper", &[upper])?;
@@ -122,7 +125,7 @@ impl Start {
         expect_length("start.free_positions", self.free_positions.len(), n_velocities)?;
         expect_length("start.free_velocities", self.free_velocities.len(), n_velocities)?;
         expect_finite("start.position", &self.position)?;
-        expect_finite("start.velocity", &self.velocity)
+        Ok(expect_finite("start.velocity", &self.velocity)?)
     }
 }
 

@@ -39,13 +39,12 @@ pub use single::SingleShooting;
 pub use verification::SwingUpVerification;
 
 use crate::dynamics::CartPendulumDynamics;
-use crate::error::{
-    OcpError, expect_finite, expect_length, expect_not_negative, expect_positive, expect_room,
-};
+use crate::error::{OcpError, expect_none_negative, expect_room};
 use crate::problem::{At, Loss, MotionProblem};
 use crate::shooting::{Drive, Phase, Scheme, Shooting, ShootingOptions, Start};
 use crate::term::{Displacement, Entries, Part};
 use crate::transcription::Transcription;
+use somersault_core::argument::{expect_finite, expect_length, expect_not_negative, expect_positive};
 use somersault_core::spline::UniformBasis;
 use somersault_multibody::joint_motion::{Condition, EigenpostureBase, End, JointMotionError, SplineMotion};
 use somersault_multibody::models::CartPendulum;
@@ -129,9 +128,9 @@ impl CartPendulumProblem {
         expect_positive("duration", self.duration)?;
         expect_positive("n_steps", self.n_steps as f64)?;
         expect_room("n_steps", self.n_steps, BYTES_A_STEP)?;
-        expect_not_negative("terminal_weights", &self.terminal_weights)?;
-        expect_not_negative("force_weight", &[self.force_weight])?;
-        expect_not_negative("running_weights", &self.running_weights)
+        expect_none_negative("terminal_weights", &self.terminal_weights)?;
+        expect_not_negative("force_weight", self.force_weight)?;
+        Ok(expect_none_negative("running_weights", &self.running_weights)?)
     }
 
     /// The problem for a solver.

@@ -3,8 +3,9 @@
 use super::CartPendulumProblem;
 use super::sine::Quadrant;
 use super::tables::Tables;
-use crate::error::{OcpError, expect_finite, expect_not_negative, expect_positive};
+use crate::error::OcpError;
 use crate::shooting::Scheme;
+use somersault_core::argument::{expect_finite, expect_not_negative, expect_positive};
 use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::models::CartPendulum;
 use somersault_nlp::EvaluationError;
@@ -62,7 +63,7 @@ impl Passes {
         problem.expect_valid()?;
         expect_positive("system.mass", problem.system.mass)?;
         expect_positive("system.length", problem.system.length)?;
-        expect_not_negative("system.cart_mass", &[problem.system.cart_mass])?;
+        expect_not_negative("system.cart_mass", problem.system.cart_mass)?;
         expect_finite("system.gravity", &[problem.system.gravity])?;
         let motion = problem.motion()?;
         let (n_coefficients, n_steps, scheme) = (motion.n_coefficients(), problem.n_steps, problem.scheme);

@@ -2,7 +2,8 @@
 
 use super::SwingUp;
 use super::lifted::ERROR;
-use crate::error::{OcpError, expect_finite, expect_length, expect_positive};
+use crate::error::OcpError;
+use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_nlp::{Bounds, Start, samples};
 use std::f64::consts::PI;
 

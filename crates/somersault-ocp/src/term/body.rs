@@ -2,8 +2,9 @@
 
 use super::{Node, NodeGradient, Term};
 use crate::dynamics::undefined;
-use crate::error::{OcpError, expect_finite};
+use crate::error::OcpError;
 use nalgebra::{DMatrix, Rotation3, UnitQuaternion, Vector3};
+use somersault_core::argument::expect_finite;
 use somersault_core::lie::so3;
 use somersault_multibody::{Axes, Data, Model, Transform};
 use somersault_nlp::EvaluationError;

@@ -2,7 +2,8 @@
 
 use super::{Node, NodeGradient, Term};
 use crate::dynamics::{Carry, HybridDynamics};
-use crate::error::{OcpError, expect_below, expect_finite, expect_length};
+use crate::error::{OcpError, expect_below};
+use somersault_core::argument::{expect_finite, expect_length};
 use somersault_nlp::EvaluationError;
 
 /// The displacement d with reference ⊕ d = q, of some degrees of freedom. For hinges and sliders it is the difference;

@@ -2,8 +2,9 @@
 
 use crate::dive::bounds::bezier_points;
 use crate::dive::{Channels, Dive, DiveError, Range};
+use somersault_core::argument::expect_length;
 use somersault_multibody::Model;
-use somersault_multibody::joint_motion::{JointMotionError, SplineMotion};
+use somersault_multibody::joint_motion::SplineMotion;
 use somersault_nlp::Bounds;
 
 /// Σ factors z, without the constant that its bounds have taken in.
@@ -17,9 +18,8 @@ const NO_DEPENDENCE: f64 = 1e-12;
 
 /// The parameters on which no channel depends outside of its window.
 pub(super) fn free_parameters(dive: &Dive, motion: &SplineMotion) -> Result<Vec<usize>, DiveError> {
-    if !dive.windows.is_empty() && dive.windows.len() != motion.n_channels() {
-        let (expected, found) = (motion.n_channels(), dive.windows.len());
-        return Err(JointMotionError::Length { argument: "windows", expected, found }.into());
+    if !dive.windows.is_empty() {
+        expect_length("windows", dive.windows.len(), motion.n_channels())?;
     }
     let (n, degree) = (motion.basis().n_coefficients(), motion.basis().degree());
     let n_intervals = motion.basis().n_intervals() as f64;

@@ -8,7 +8,6 @@ mod soft;
 
 use super::clearance::ClearanceRows;
 use super::cost::Quadratic;
-use super::error::expect_positive;
 use super::{Channels, Dive, DiveError, Range};
 use crate::flight::{OrientationPath, PathGradient};
 pub(in crate::dive) use angles::requested;
@@ -17,6 +16,7 @@ use channels::{LinearRow, channel_rows, free_parameters};
 pub(in crate::dive) use curvature::entry;
 use nalgebra::{DVector, Vector3};
 use soft::Soft;
+use somersault_core::argument::expect_positive;
 use somersault_multibody::counting::Counting;
 use somersault_multibody::models::Dimension;
 use somersault_nlp::{Bounds, Pattern, Structure};
