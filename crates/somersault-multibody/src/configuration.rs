@@ -46,7 +46,7 @@ impl<T: Scalar> Model<T> {
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let at = body.q..body.q + link.joint.n_positions();
             let (q, v, out) = (&q[at.clone()], &v[body.dofs.clone()], &mut out[at]);
-            match link.joint.kind().group() {
+            match link.joint.group() {
                 Group::Vector => {
                     out.iter_mut().zip(q.iter().zip(v)).for_each(|(out, (q, v))| *out = *q + *v);
                 }
@@ -76,7 +76,7 @@ impl<T: Scalar> Model<T> {
         for (body, link) in self.bodies.iter().zip(self.links()) {
             let at = body.q..body.q + link.joint.n_positions();
             let (from, to, out) = (&from[at.clone()], &to[at], &mut out[body.dofs.clone()]);
-            match link.joint.kind().group() {
+            match link.joint.group() {
                 Group::Vector => {
                     out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = *to - *from);
                 }

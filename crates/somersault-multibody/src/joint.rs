@@ -145,6 +145,17 @@ impl Joint {
         }
     }
 
+    /// The group of its displacements.
+    pub const fn group(&self) -> Group {
+        self.kind().group()
+    }
+
+    /// The axis of a hinge: of a joint that turns about an axis given, and does nothing else.
+    pub const fn hinge(&self) -> Option<&Vector3<f64>> {
+        let JointKind { n_linear, turning, .. } = self.kind();
+        if n_linear == 0 && matches!(turning, Turning::Angle) { self.axis() } else { None }
+    }
+
     /// The axis, where it is given one.
     pub const fn axis(&self) -> Option<&Vector3<f64>> {
         match self {

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, UnitQuaternion, Vector1, Vector3};
 use somersault_core::argument::{ArgumentError, expect_least, expect_length};
 use somersault_core::lie::so3;
 use somersault_multibody::counting::Counting;
-use somersault_multibody::{Joint, Model};
+use somersault_multibody::{Group, Joint, Model};
 
 /// Mean and spread of a group at each frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,15 +52,17 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
 /// sideflip. None for other roots. Fails where a configuration is not the model's.
 pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Result<Option<Vec<f64>>, AnalysisError> {
     const TURN: f64 = std::f64::consts::TAU;
-    if !matches!(model.joint(0), Some(Joint::Planar | Joint::Free)) {
-        return Ok(None);
-    }
+    let is_planar = match model.joint(0).map(Joint::group) {
+        Some(Group::PlanarMotions) => true,
+        Some(Group::Motions) => false,
+        Some(Group::Vector | Group::Rotations) | None => return Ok(None),
+    };
     for (row, q) in configurations.iter().enumerate() {
         expect_length("numbers of a configuration", q.len(), model.n_positions())?;
         if !q.iter().all(|x| x.is_finite()) {
             return Err(AnalysisError::NonFinite { argument: "q", row });
         }
-        if model.joint(0) == Some(&Joint::Free) {
+        if !is_planar {
             let found = q[3..7].iter().fold(0.0_f64, |norm, x| norm.hypot(*x));
             if (found - 1.0).abs() > 1e-6 {
                 return Err(AnalysisError::NotARotation { row, found });
@@ -68,25 +70,17 @@ pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Result<Option<Ve
         }
     }
     let rotation = |q: &&[f64]| so3::from_xyzw(&q[3..7]);
-    Ok(match model.joint(0) {
+    if is_planar {
         // the planar diver's angle is positive backwards
-        Some(Joint::Planar) => {
-            let first = configurations.first().map_or(0.0, |q| q[2]);
-            Some(configurations.iter().map(|q| (first - q[2]) / TURN).collect())
-        }
-        Some(Joint::Free) => {
-            let lateral = configurations.first().map_or(Vector3::y(), |q| rotation(q) * Vector3::y());
-            let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (-lateral.x).atan2(lateral.y));
-            let orientations: Vec<_> =
-                configurations.iter().map(|q| heading.inverse() * rotation(q)).collect();
-            let angles = Counting::default().along(&orientations);
-            let first = angles.first().map_or(0.0, |a| a.somersault);
-            Some(angles.iter().map(|a| (a.somersault - first) / TURN).collect())
-        }
-        Some(Joint::Fixed | Joint::Revolute { .. } | Joint::Prismatic { .. } | Joint::Spherical) | None => {
-            None
-        }
-    })
+        let first = configurations.first().map_or(0.0, |q| q[2]);
+        return Ok(Some(configurations.iter().map(|q| (first - q[2]) / TURN).collect()));
+    }
+    let lateral = configurations.first().map_or(Vector3::y(), |q| rotation(q) * Vector3::y());
+    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), (-lateral.x).atan2(lateral.y));
+    let orientations: Vec<_> = configurations.iter().map(|q| heading.inverse() * rotation(q)).collect();
+    let angles = Counting::default().along(&orientations);
+    let first = angles.first().map_or(0.0, |a| a.somersault);
+    Ok(Some(angles.iter().map(|a| (a.somersault - first) / TURN).collect()))
 }
 
 /// A quantity of Figure 4.1.

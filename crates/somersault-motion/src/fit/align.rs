@@ -10,7 +10,7 @@
 use super::Estimate;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
-use somersault_multibody::{Joint, Model, Turning};
+use somersault_multibody::{Group, Model, Turning};
 
 /// Moves the root of `estimate`, and its scale within `bounds`. `pairs` are d, from the root in the axes of the world, and y;
 /// `root` is where the root's origin is now. Roots that neither float nor move in a plane stay.
@@ -21,11 +21,12 @@ pub(super) fn align(
     pairs: &[(Vector3<f64>, Vector3<f64>)],
     bounds: [f64; 2],
 ) {
-    let (Some(joint @ (Joint::Free | Joint::Planar)), Some(placement)) = (model.joint(0), model.placement(0))
-    else {
-        return;
+    let (Some(joint), Some(placement)) = (model.joint(0), model.placement(0)) else { return };
+    let floats = match joint.group() {
+        Group::Motions | Group::PlanarMotions => true,
+        Group::Vector | Group::Rotations => false,
     };
-    if pairs.is_empty() {
+    if !floats || pairs.is_empty() {
         return;
     }
     let n = pairs.len() as f64;

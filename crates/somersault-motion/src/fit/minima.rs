@@ -13,7 +13,7 @@ use super::{Estimate, FitError, MarkerFit};
 use crate::GoOn;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use somersault_multibody::Joint;
+use somersault_multibody::{Group, Joint};
 use std::collections::VecDeque;
 
 /// Frames between those that are begun anew.
@@ -91,8 +91,8 @@ pub(super) fn find_mirrored(
     frames: &mut [FrameFit],
     go_on: GoOn,
 ) -> Result<(), FitError> {
-    let (Some(Joint::Free | Joint::Planar), Some(placement)) =
-        (fit.model().joint(0), fit.model().placement(0))
+    let root = fit.model().joint(0).map(Joint::group);
+    let (Some(Group::Motions | Group::PlanarMotions), Some(placement)) = (root, fit.model().placement(0))
     else {
         return Ok(());
     };

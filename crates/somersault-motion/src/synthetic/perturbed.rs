@@ -13,7 +13,7 @@ use somersault_integrators::methods::RungeKuttaMuntheKaas4;
 use somersault_integrators::solution::Recorder;
 use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault_multibody::motion::TreeMotion;
-use somersault_multibody::{Data, Joint, Model};
+use somersault_multibody::{Data, Group, Joint, Model};
 
 /// A flight that synthetic dives are made of.
 #[derive(Debug, Clone)]
@@ -183,7 +183,7 @@ impl SyntheticDive {
 /// the parts of the steps along it.
 fn turned(model: &Model, positions: &[f64], momentum: &Vector3<f64>) -> f64 {
     let frames: Vec<&[f64]> = positions.chunks_exact(model.n_positions()).collect();
-    if model.joint(0) == Some(&Joint::Planar) {
+    if model.joint(0).map(Joint::group) == Some(Group::PlanarMotions) {
         return frames[frames.len() - 1][2] - frames[0][2];
     }
     let axis = momentum.normalize();

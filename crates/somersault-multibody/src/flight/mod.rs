@@ -144,7 +144,7 @@ impl<'m, T: Scalar> Flight<'m, T> {
     pub fn try_new(model: &'m Model<T>, take_off: TakeOff<T>) -> Result<Self, FlightError> {
         let link = &model.links()[0];
         let root = || link.name.clone();
-        let is_planar = match link.joint.kind().group() {
+        let is_planar = match link.joint.group() {
             Group::Motions => false,
             Group::PlanarMotions => true,
             Group::Vector | Group::Rotations => {

@@ -14,7 +14,7 @@ use super::function::VectorFunction;
 use nalgebra::DMatrix;
 use num_dual::Dual64;
 use somersault_core::Scalar;
-use somersault_multibody::{Data, DerivativeData, Joint, Model, Partials};
+use somersault_multibody::{Data, DerivativeData, Group, Model, Partials};
 use somersault_nlp::EvaluationError;
 
 /// Forward dynamics of a tree whose joints are revolute, prismatic or fixed.
@@ -41,7 +41,7 @@ impl TreeDynamics {
     pub fn try_new(model: &Model, actuated: &[usize]) -> Result<Self, CollocationError> {
         let n = model.n_velocities();
         for link in model.links() {
-            if !matches!(link.joint(), Joint::Revolute { .. } | Joint::Prismatic { .. } | Joint::Fixed) {
+            if link.joint().group() != Group::Vector {
                 return Err(CollocationError::NotAVector { joint: link.name().to_owned() });
             }
         }

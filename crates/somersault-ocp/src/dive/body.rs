@@ -232,7 +232,7 @@ fn hinges_of(model: &Model, body: usize) -> Vec<(usize, usize, Vector3<f64>)> {
     let mut hinges = Vec::new();
     let mut at = Some(body);
     while let Some(i) = at {
-        if let Some(somersault_multibody::Joint::Revolute { axis }) = model.joint(i) {
+        if let Some(axis) = model.joint(i).and_then(somersault_multibody::Joint::hinge) {
             hinges.push((i, model.velocities_of(i).start - n_root, *axis));
         }
         at = model.parent(i);

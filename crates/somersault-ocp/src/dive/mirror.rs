@@ -65,8 +65,5 @@ impl Mirror {
 
 /// The axis of a hinge.
 fn hinge(model: &Model, body: usize) -> Option<Vector3<f64>> {
-    match model.joint(body) {
-        Some(Joint::Revolute { axis }) => Some(*axis),
-        Some(_) | None => None,
-    }
+    model.joint(body).and_then(Joint::hinge).copied()
 }

@@ -14,7 +14,7 @@ use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::counting::Counting;
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
 use somersault_multibody::joint_motion::SplineMotion;
-use somersault_multibody::{DynamicsError, Joint, Model};
+use somersault_multibody::{DynamicsError, Group, Joint, Model};
 
 /// Orientations of the root at the nodes of a flight whose joints follow a [`SplineMotion`].
 ///
@@ -83,7 +83,7 @@ impl OrientationPath {
     /// numbers like their velocities.
     pub fn try_new(model: Model, motion: SplineMotion, n_steps: usize) -> Result<Self, FlightError> {
         Flight::try_new(&model, AT_REST)?;
-        let is_planar = model.joint(0) == Some(&Joint::Planar);
+        let is_planar = model.joint(0).map(Joint::group) == Some(Group::PlanarMotions);
         let n_joints = model.n_velocities() - model.velocities_of(0).len();
         let expect = |argument, expected, found| {
             if expected == found {
