@@ -218,7 +218,7 @@ class Measurements:
                 run = somersault.integrate(
                     body, start, (0.0, dt * steps), dt=dt, method=name, every=max(1, steps // 2000)
                 )
-            except somersault.errors.IntegrateError:
+            except somersault.errors.IntegrationError:
                 continue
             seconds = time.perf_counter() - began
             energy = np.abs(run.kinetic_energy / run.kinetic_energy[0] - 1)

@@ -52,7 +52,7 @@ class Top:
                 began = time.perf_counter()
                 try:
                     end = self.run(method, float(dt), located)[-1]
-                except somersault.errors.IntegrateError:
+                except somersault.errors.IntegrationError:
                     break
                 times.append(time.perf_counter() - began)
             else:

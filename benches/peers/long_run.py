@@ -163,7 +163,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     def error(contender: Contender, setting: float) -> float:
         try:
             return orientation_error(contender.end(contender.run(setting)), exact)
-        except somersault.errors.IntegrateError:
+        except somersault.errors.IntegrationError:
             return np.inf
 
     tuned = {}

@@ -18,7 +18,7 @@ from somersault._somersault import (
     graded_times,
     travel_arm,
 )
-from somersault.errors import FtlaInputError
+from somersault.errors import InputError
 
 __all__ = ["ArmExtremal", "arm_extremals", "solve_arm"]
 
@@ -94,10 +94,10 @@ def solve_arm(
     horizon, fold = float(_numbers("horizon", horizon)), float(_numbers("fold", fold))
     _expect_options("solve_arm", options)
     if not 0.0 < horizon <= _LONGEST:
-        raise FtlaInputError(f"`horizon` must be positive and at most {_LONGEST:g} s, found {horizon}")
+        raise InputError(f"`horizon` must be positive and at most {_LONGEST:g} s, found {horizon}")
     system = arm() if system is None else system
     if isinstance(system, System) and system.dimension != 8:
-        raise FtlaInputError(f"`system` must be an arm, as `ftla.arm` makes it, found {system!r}")
+        raise InputError(f"`system` must be an arm, as `ftla.arm` makes it, found {system!r}")
     if not (initial[2:].any() or final[2:].any()):
         return travel_arm(system, initial[:2].tolist(), final[:2].tolist(), horizon, fold, **options)
     middle = 0.5 * (initial[0] + final[0])
@@ -145,7 +145,7 @@ def arm_extremals(
     whole = _numbers("turns", turns, None)
     _expect_options("arm_extremals", options)
     if (whole != np.round(whole)).any():
-        raise FtlaInputError(f"`turns` must be whole numbers, found {turns!r}")
+        raise InputError(f"`turns` must be whole numbers, found {turns!r}")
     found: list[ArmExtremal] = []
     failed: list[ArmExtremal] = []
     for fold in ways:
@@ -189,5 +189,5 @@ def _numbers(name: str, value: Any, *shape: int | None) -> NDArray[np.float64]:
         numbers = np.asarray(None)
     fits = numbers.ndim == len(shape) and shape in ((), (None,), numbers.shape)
     if numbers.dtype.kind not in "fiu" or not fits or not np.isfinite(numbers).all() or numbers.size == 0:
-        raise FtlaInputError(f"`{name}` must be {what}, found {value!r}")
+        raise InputError(f"`{name}` must be {what}, found {value!r}")
     return numbers.astype(float)

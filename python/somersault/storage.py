@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from somersault import _somersault
-from somersault.errors import InputError, StorageError
+from somersault.errors import InputError, ReadError, WriteError
 
 __all__ = ["FORMAT_VERSION", "decode", "encode", "load", "save", "write_bytes"]
 
@@ -59,9 +59,11 @@ def save(path: str | PathLike[str], thing: Any) -> None:
 
     Raises
     ------
-    somersault.errors.StorageError
-        If a part of it cannot be written, the message says which; or if `path` is no path, or one of a
-        directory or a device.
+    somersault.errors.WriteError
+        If a part of it cannot be written, the message says which; or if `path` is one of a directory or a
+        device.
+    somersault.InputError
+        If `path` is no path.
     OSError
         If the system does not let the file be written.
     """
@@ -105,9 +107,10 @@ def load(path: str | PathLike[str]) -> Any:
 
     Raises
     ------
-    somersault.errors.StorageError
-        If the file is not one that `save` has written, is damaged or was written by a later version, or if
-        `path` is no path.
+    somersault.errors.ReadError
+        If the file is not one that `save` has written, is damaged or was written by a later version.
+    somersault.InputError
+        If `path` is no path.
     OSError
         If the system does not let the file be read, such as FileNotFoundError.
     """
@@ -118,25 +121,25 @@ def load(path: str | PathLike[str]) -> Any:
             header = json.loads(_member(file, _HEADER))
             _check(header)
             return decode(header["content"], lambda member: _array(_member(file, f"{member}.npy")))
-    except StorageError as fault:
-        raise StorageError(f"{place}: {fault}") from None
+    except ReadError as fault:
+        raise ReadError(f"{place}: {fault}") from None
     except Exception as fault:
         # Whatever reading raises on bytes that `save` has not written, deep nesting and lack of memory
         # among it.
         reason = str(fault) or type(fault).__name__
-        raise StorageError(f"{place} is not a file of somersault, or is damaged: {reason}") from fault
+        raise ReadError(f"{place} is not a file of somersault, or is damaged: {reason}") from fault
 
 
 def _path(path: object) -> Path:
     if not isinstance(path, str | PathLike):
-        raise StorageError(f"`path` must be a path, found {path!r:.80}")
+        raise InputError(f"`path` must be a path, found {path!r:.80}")
     return Path(path)
 
 
 def _member(file: zipfile.ZipFile, name: str) -> bytes:
     """A member of the archive, which is no larger than the file since `save` does not compress."""
     if file.getinfo(name).compress_type != zipfile.ZIP_STORED:
-        raise StorageError(f"{name} is compressed, as no file of somersault is")
+        raise ReadError(f"{name} is compressed, as no file of somersault is")
     return file.read(name)
 
 
@@ -147,7 +150,7 @@ def _array(content: bytes) -> NDArray[Any]:
     shape, by_columns, dtype = readers[np.lib.format.read_magic(stream)](stream)
     data = stream.read()
     if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data):
-        raise StorageError(f"an array of shape {shape} and type {dtype} has {len(data)} bytes")
+        raise ReadError(f"an array of shape {shape} and type {dtype} has {len(data)} bytes")
     if not data:
         return np.empty(shape, dtype)
     return np.frombuffer(data, dtype).reshape(shape, order="F" if by_columns else "C").copy()
@@ -155,10 +158,10 @@ def _array(content: bytes) -> NDArray[Any]:
 
 def _check(header: Any) -> None:
     if not isinstance(header, dict) or header.get("format") != "somersault":
-        raise StorageError("the header is not one of somersault")
+        raise ReadError("the header is not one of somersault")
     version = header.get("format_version")
     if not isinstance(version, int) or not 1 <= version <= FORMAT_VERSION:
-        raise StorageError(
+        raise ReadError(
             f"written in format {version} by somersault {header.get('version')}; this version reads formats"
             f" up to {FORMAT_VERSION}"
         )
@@ -169,13 +172,13 @@ def write_bytes(path: Path, content: bytes) -> None:
 
     Raises
     ------
-    somersault.errors.StorageError
+    somersault.errors.WriteError
         If what is there is no file: a directory or a device.
     """
     # what would be replaced is the link
     path = Path(os.path.realpath(path))
     if path.exists() and not path.is_file():
-        raise StorageError(f"{path} is not a file that can be replaced")
+        raise WriteError(f"{path} is not a file that can be replaced")
     whole = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
         whole.write_bytes(content)
@@ -199,7 +202,7 @@ def encode(thing: Any, array: Callable[[NDArray[Any]], Any], where: str = "the v
         return float(thing) if math.isfinite(thing) else {"$float": repr(float(thing))}
     if isinstance(thing, np.ndarray):
         if thing.dtype.kind not in "biufcU":
-            raise StorageError(
+            raise WriteError(
                 f"{where} is an array of {thing.dtype}; those of numbers and strings can be written"
             )
         return {"$array": array(thing)}
@@ -235,7 +238,7 @@ def _encode_object(thing: Any, array: Callable[[NDArray[Any]], Any], where: str)
     except (TypeError, ValueError, AttributeError) as fault:
         # What forbids its pickling says why.
         reason = f": {fault}" if isinstance(fault, TypeError) else ""
-        raise StorageError(
+        raise WriteError(
             f"{where} is a {kind.__module__}.{kind.__qualname__}, which cannot be written{reason}"
         ) from None
     return {
@@ -295,15 +298,15 @@ def decode(tree: Any, array: Callable[[Any], NDArray[Any]]) -> Any:
         case "$object":
             return _make(content, [decode(item, array) for item in tree["arguments"]])
         case _:
-            raise StorageError(f"what is {kind} is not known to this version")
+            raise ReadError(f"what is {kind} is not known to this version")
 
 
 def _make(name: str, arguments: list[Any]) -> Any:
     try:
         maker = _maker(name)
     except ValueError:
-        raise StorageError(f"objects of the kind {name!r} are not known to this version") from None
+        raise ReadError(f"objects of the kind {name!r} are not known to this version") from None
     try:
         return maker(*arguments)
     except InputError as fault:
-        raise StorageError(f"the {name.partition('.')[0]} in it is not allowed: {fault}") from fault
+        raise ReadError(f"the {name.partition('.')[0]} in it is not allowed: {fault}") from fault

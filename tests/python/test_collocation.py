@@ -165,19 +165,19 @@ def test_what_is_exceeded_between_the_points_is_said() -> None:
 
 
 def test_entries_are_named_and_a_single_phase_is_not() -> None:
-    with pytest.raises(errors.OcpInputError) as caught:
+    with pytest.raises(errors.InputError) as caught:
         ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0, state_upper=(0.5, 9.0))
     assert str(caught.value) == (
         "`final_state`, entry 0 (position of block), must be within the bounds of the state,"
         " [-inf, 0.5], found 1"
     )
-    with pytest.raises(errors.OcpInputError, match=r"entry 1 \(velocity of block\)") as caught:
+    with pytest.raises(errors.InputError, match=r"entry 1 \(velocity of block\)") as caught:
         ocp.CollocationProblem(block(), [0.0, np.nan], [1.0, 0.0], 1.0)
     assert "phase" not in str(caught.value)
 
 
 def test_a_path_that_excludes_an_end_is_refused() -> None:
-    with pytest.raises(errors.OcpInputError, match="`path`, row 0, must be possible at `final_state`"):
+    with pytest.raises(errors.InputError, match="`path`, row 0, must be possible at `final_state`"):
         ocp.CollocationProblem(block(), [0.0, 0.0], [1.0, 0.0], 1.0, path=[[1.0, 0.0, 0.0]], path_upper=0.5)
 
 
@@ -242,7 +242,7 @@ def test_free_durations_of_phases_follow_each_other() -> None:
 
 
 def test_phases_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(errors.OcpInputError, match=r"`links\[0\]` .* 0.3 and 0.4, .* \(position of block\)"):
+    with pytest.raises(errors.InputError, match=r"`links\[0\]` .* 0.3 and 0.4, .* \(position of block\)"):
         two_phases([0.3, None], [0.4, None], (0.5, 0.5))
 
 
@@ -326,5 +326,5 @@ def test_bad_arguments_of_a_search_are_named() -> None:
 def test_a_tree_that_rotates_freely_is_refused() -> None:
     diver = multibody.diver_spatial()
     n = 2 * diver.model.n_velocities
-    with pytest.raises(errors.OcpInputError, match="single coordinate"):
+    with pytest.raises(errors.InputError, match="single coordinate"):
         ocp.CollocationProblem(diver.model, [0.0] * n, [0.0] * n, 1.0)

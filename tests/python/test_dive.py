@@ -177,7 +177,7 @@ class TestForwardPike:
 
     def test_a_literal_dive_is_of_one_kind(self) -> None:
         found = ocp.dive_107b(duration=(1.6, 1.7)).solve(max_iterations=1)
-        with pytest.raises(errors.OcpInputError, match="literal"):
+        with pytest.raises(errors.InputError, match="literal"):
             found.literal()
         with pytest.raises(errors.InputError, match="n_steps"):
             ocp.dive_107b().solve(max_iterations=1).literal(0)
@@ -289,7 +289,7 @@ def test_bad_arguments_are_named(changes: dict[str, object], message: str) -> No
     ],
 )
 def test_a_template_runs_from_start_to_end(template: list[tuple[float, str]]) -> None:
-    with pytest.raises(errors.OcpInputError, match="`template`"):
+    with pytest.raises(errors.InputError, match="`template`"):
         ocp.dive_107b().start(template)
 
 

@@ -65,26 +65,26 @@ def test_two_angular_velocities() -> None:
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, np.inf])
 def test_masses(mass: float) -> None:
-    raises(errors.BodyError, "`mass` must be positive and finite", lambda: RigidBody(mass, (1, 1, 1)))
+    raises(errors.InputError, "`mass` must be positive and finite", lambda: RigidBody(mass, (1, 1, 1)))
 
 
 def test_inertias() -> None:
-    raises(errors.InertiaError, "triangle inequality", lambda: RigidBody(1.0, (1.0, 1.0, 3.0)))
-    raises(errors.InertiaError, "must all be positive", lambda: RigidBody(1.0, (1.0, 1.0, 0.0)))
+    raises(errors.InputError, "triangle inequality", lambda: RigidBody(1.0, (1.0, 1.0, 3.0)))
+    raises(errors.InputError, "must all be positive", lambda: RigidBody(1.0, (1.0, 1.0, 0.0)))
     skew = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    raises(errors.InertiaError, "must be symmetric", lambda: RigidBody(1.0, skew))
+    raises(errors.InputError, "must be symmetric", lambda: RigidBody(1.0, skew))
     raises(errors.InputError, "shape (3,) or (3, 3), found shape (2,)", lambda: RigidBody(1.0, (1, 1)))
-    raises(errors.InertiaError, "`radius` must be positive", lambda: RigidBody.sphere(1.0, -1.0))
+    raises(errors.InputError, "`radius` must be positive", lambda: RigidBody.sphere(1.0, -1.0))
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.1, np.nan, np.inf])
 def test_steps(dt: float) -> None:
-    raises(errors.IntegrateInputError, "`dt` must be positive and finite", lambda: run(dt=dt))
+    raises(errors.InputError, "`dt` must be positive and finite", lambda: run(dt=dt))
 
 
 @pytest.mark.parametrize("interval", [(1.0, 0.0), (1.0, 1.0), (0.0, np.inf), (np.nan, 1.0)])
 def test_intervals(interval: tuple[float, float]) -> None:
-    raises(errors.IntegrateInputError, "`interval` must run forward", lambda: run(interval=interval))
+    raises(errors.InputError, "`interval` must run forward", lambda: run(interval=interval))
 
 
 @pytest.mark.parametrize("interval", [(), (1.0,), (0.0, 1.0, 2.0), None, 5, "ab", (0.0, "x"), [[0.0, 1.0]]])
@@ -102,18 +102,18 @@ def test_intervals_that_are_none_name_the_argument(interval: object) -> None:
 
 
 def test_a_step_too_small_for_its_interval() -> None:
-    raises(errors.IntegrateInputError, "is too small for the interval", lambda: run(dt=1e-300))
+    raises(errors.InputError, "is too small for the interval", lambda: run(dt=1e-300))
 
 
 def test_an_unknown_method_lists_the_known_ones() -> None:
-    with pytest.raises(errors.UnknownMethodError) as caught:
+    with pytest.raises(errors.InputError) as caught:
         run(method="rk5")
     for name in somersault.methods().names:
         assert name in str(caught.value)
     with pytest.raises(KeyError, match="no method is named"):
         somersault.methods()["rk5"]
     for name, meant in (("rkmkk", "rkmk"), ("dmv2z", "dmv2"), ("hune", "heun")):
-        raises(errors.UnknownMethodError, f"; did you mean `{meant}`?", lambda n=name: run(method=n))  # type: ignore[misc]
+        raises(errors.InputError, f"; did you mean `{meant}`?", lambda n=name: run(method=n))  # type: ignore[misc]
         with pytest.raises(KeyError, match="did you mean"):
             somersault.methods()[name]
     raises(errors.InputError, "`method` must be a name or a row", lambda: run(method=4))
@@ -123,7 +123,7 @@ def test_methods_without_torque() -> None:
     torque = forces.Torque((0.0, 0.0, 1.0))
     for method in somersault.methods():
         if method.scope == "torque-free":
-            raises(errors.TorqueError, "takes no torque", lambda m=method: run(method=m, forces=torque))  # type: ignore[misc]
+            raises(errors.InputError, "takes no torque", lambda m=method: run(method=m, forces=torque))  # type: ignore[misc]
             run(method=method, forces=forces.Gravity())
 
 
@@ -151,7 +151,7 @@ def test_bodies_and_states_must_match() -> None:
     raises(errors.InputError, "must be a sequence of 2 states", lambda: run(body=[BODY, BODY], state=[START]))
     three = [forces.Gravity()] * 3
     raises(
-        errors.CountMismatchError,
+        errors.InputError,
         "`forces` must have one entry for each of the 2 bodies, found 3",
         lambda: run(body=[BODY, BODY], state=[START, START], forces=three),
     )
@@ -222,7 +222,7 @@ def test_what_an_interaction_raises_comes_out() -> None:
 def test_a_state_that_stops_being_finite_ends_the_run() -> None:
     wild = State(velocity=(1e200, 0.0, 0.0))
     drag = forces.Drag(quadratic=1e200)
-    raises(errors.IntegrateError, "the state stopped being finite", lambda: run(state=wild, forces=drag))
+    raises(errors.IntegrationError, "the state stopped being finite", lambda: run(state=wild, forces=drag))
 
 
 def test_every_exception_has_the_common_base_and_bad_input_is_a_value_error() -> None:

@@ -29,7 +29,7 @@ def test_a_number_gives_a_state_and_an_array_a_trajectory(body: RigidBody, state
 
 
 def test_times_must_be_finite(body: RigidBody, state: State) -> None:
-    with pytest.raises(somersault.errors.FreeBodyError, match="not finite"):
+    with pytest.raises(somersault.errors.InputError, match="not finite"):
         FreeBody(body, state)([0.0, np.nan])
     with pytest.raises(somersault.InputError, match="`t0` must be finite"):
         FreeBody(body, state, np.inf)

@@ -233,20 +233,20 @@ def test_adapted_steps_locate_events_too() -> None:
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: HuntCrossley(-1.0), errors.ContactError, "`stiffness` must be positive"),
-        (lambda: HuntCrossley.from_materials((1, 1), (0.3, 0.7), 1), errors.ContactError, "`poisson_ratio`"),
+        (lambda: HuntCrossley(-1.0), errors.InputError, "`stiffness` must be positive"),
+        (lambda: HuntCrossley.from_materials((1, 1), (0.3, 0.7), 1), errors.InputError, "`poisson_ratio`"),
         (
             lambda: CoulombFriction(-0.1, 1.0, 1.0),
-            errors.ContactError,
+            errors.InputError,
             "`coefficient` must be finite and not",
         ),
-        (lambda: CoulombFriction(0.1, -1.0, 1.0), errors.ContactError, "`stiffness` must be finite and not"),
-        (lambda: CoulombFriction(0.3, 1.0, 1.0, 0.2), errors.ContactError, "`static_coefficient` must be"),
-        (lambda: CoulombFriction(0.1, 0.0, 0.0), errors.ContactError, "`damping` must be positive"),
-        (lambda: RegularisedFriction(0.1, 0.0), errors.ContactError, "`speed` must be positive"),
+        (lambda: CoulombFriction(0.1, -1.0, 1.0), errors.InputError, "`stiffness` must be finite and not"),
+        (lambda: CoulombFriction(0.3, 1.0, 1.0, 0.2), errors.InputError, "`static_coefficient` must be"),
+        (lambda: CoulombFriction(0.1, 0.0, 0.0), errors.InputError, "`damping` must be positive"),
+        (lambda: RegularisedFriction(0.1, 0.0), errors.InputError, "`speed` must be positive"),
         (
             lambda: Resistance(-1.0, 0.0, 1.0),
-            errors.ContactError,
+            errors.InputError,
             "`rolling` must be finite and not negative",
         ),
         (
@@ -264,11 +264,11 @@ def test_adapted_steps_locate_events_too() -> None:
             errors.InputError,
             "`plane` must be a HalfSpace",
         ),
-        (lambda: SpherePair((1, 1), (1, 1), LAW), errors.ContactError, "found body 1 twice"),
-        (lambda: SpherePair((0, 1), (1, -1), LAW), errors.ContactError, "`radius` must be positive"),
+        (lambda: SpherePair((1, 1), (1, 1), LAW), errors.InputError, "found body 1 twice"),
+        (lambda: SpherePair((0, 1), (1, -1), LAW), errors.InputError, "`radius` must be positive"),
         (
             lambda: contact.tippe_top(1, 1, 1.5, (1, 1), LAW, 0, 1),
-            errors.ContactError,
+            errors.InputError,
             "`eccentricity` must lie between 0 and 1",
         ),
     ],
@@ -294,7 +294,7 @@ def test_bad_arguments_of_a_run_are_refused(body: RigidBody, state: State) -> No
     )
     raises(errors.InputError, "`pairs` must hold sphere pairs, found an int", lambda: both(pairs=[1]))
     raises(
-        errors.ContactError,
+        errors.InputError,
         "`pairs` must be below the number of bodies, 2, found 2",
         lambda: both(pairs=pair),
     )

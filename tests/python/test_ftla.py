@@ -140,7 +140,7 @@ def test_factors_multiply_to_the_matrix(arm: ftla.VariationalFlow) -> None:
     assert chain.marks[-1] == len(chain) and list(chain.times) == [1.0, 2.0] and chain.n_evaluations > 0
     np.testing.assert_array_equal(chain[-1].end, chain[len(chain) - 1].end)
     assert chain.spectrum(0).time == pytest.approx(1.0) and chain.spectrum().time == pytest.approx(2.0)
-    with pytest.raises(errors.FtlaInputError, match="`mark` must be from -2 to 1, found 2"):
+    with pytest.raises(errors.InputError, match="`mark` must be from -2 to 1, found 2"):
         chain.spectrum(2)
 
 
@@ -359,21 +359,21 @@ def test_what_is_no_system_is_a_type_error() -> None:
 def test_spectra_of_the_wrong_direction_are_refused() -> None:
     flow = ftla.VariationalFlow(ftla.linear_regulator())
     forward = flow.spectrum([1.0, 0.4], 1.0)
-    with pytest.raises(errors.FtlaInputError, match="backward"):
+    with pytest.raises(errors.InputError, match="backward"):
         ftla.Splitting(forward, forward, (1, 0, 1))
-    with pytest.raises(errors.FtlaInputError, match="add up to 2"):
+    with pytest.raises(errors.InputError, match="add up to 2"):
         ftla.slow_subspace(forward, (1, 1, 1))
 
 
 def test_a_motion_that_runs_off_tells_where() -> None:
     # on the unstable side of the cubic regulator x blows up in finite time backward
     flow = ftla.VariationalFlow(ftla.cubic_regulator())
-    with pytest.raises(errors.FlowError, match="t = ") as caught:
+    with pytest.raises(errors.IntegrationError, match="t = ") as caught:
         flow.state([3.0, 40.0], -5.0)
     assert caught.value.t is not None and -5.0 < caught.value.t < 0.0
     assert caught.value.state is not None and caught.value.state.shape == (2,)
-    with pytest.raises(errors.FlowError, match="row 1"):
+    with pytest.raises(errors.IntegrationError, match="row 1"):
         flow.transitions([[0.0, 0.0], [3.0, 40.0]], -5.0)
     short = ftla.VariationalFlow(ftla.cubic_regulator(), max_steps=3)
-    with pytest.raises(errors.FlowError, match="steps reach only"):
+    with pytest.raises(errors.IntegrationError, match="steps reach only"):
         short.state([1.0, 0.4], 10.0)

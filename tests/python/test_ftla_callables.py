@@ -102,7 +102,7 @@ def test_what_a_callable_raises_is_the_cause(name: str, make: Any) -> None:
         lambda: ftla.continue_through(flow.system, [([0.0], [0.0]), ([1.0], [1.5])], 4.0, [0.0, 0.5, 1.0]),
     ]
     for call in calls:
-        with pytest.raises(errors.FieldError, match=f"`{name}` raised Broken: out of order") as caught:
+        with pytest.raises(errors.EvaluationError, match=f"`{name}` raised Broken: out of order") as caught:
             call()
         assert isinstance(caught.value.__cause__, Broken)
 
@@ -110,14 +110,14 @@ def test_what_a_callable_raises_is_the_cause(name: str, make: Any) -> None:
 def test_optional_callables_may_raise_or_be_missing() -> None:
     system = ftla.System(field, jacobian, 2, hamiltonian=broken, control=broken, running_cost=broken)  # type: ignore[arg-type]
     for call in (system.hamiltonian, system.control, system.running_cost):
-        with pytest.raises(errors.FieldError) as caught:
+        with pytest.raises(errors.EvaluationError) as caught:
             call([1.0, 0.4])
         assert isinstance(caught.value.__cause__, Broken)
     bare = ftla.System(field, jacobian, 2)
     for name in ("hamiltonian", "control", "running_cost"):
-        with pytest.raises(errors.FtlaInputError, match=f"without `{name}`"):
+        with pytest.raises(errors.InputError, match=f"without `{name}`"):
             getattr(bare, name)([1.0, 0.4])
-    with pytest.raises(errors.FtlaInputError, match="without `running_cost`"):
+    with pytest.raises(errors.InputError, match="without `running_cost`"):
         ftla.VariationalFlow(bare).cost([1.0, 0.4], 1.0)
 
 
@@ -126,21 +126,21 @@ def test_a_field_that_is_not_finite_is_named_with_its_place() -> None:
         return field(p) if p[0] > 0.5 else np.full(2, np.nan)
 
     flow = ftla.VariationalFlow(ftla.System(nan_below_a_half, jacobian, 2))
-    with pytest.raises(errors.FieldError, match="not finite near t = ") as caught:
+    with pytest.raises(errors.EvaluationError, match="not finite near t = ") as caught:
         flow.state([1.0, 0.4], 10.0)
     assert caught.value.t is not None and 0.0 < caught.value.t < 2.0
     assert caught.value.state is not None and caught.value.state[0] == pytest.approx(0.5, abs=1e-3)
-    with pytest.raises(errors.FieldError):
+    with pytest.raises(errors.EvaluationError):
         flow.system.field([0.0, 0.0])
     placed = ftla.Placement((1, 0, 1), [], [9.0]).place(flow, [1.0, 0.4])
     assert placed.status == "flow" and "not finite" in placed.message
-    with pytest.raises(errors.FieldError, match="segment 0 of the guess"):
+    with pytest.raises(errors.EvaluationError, match="segment 0 of the guess"):
         ftla.shoot(flow.system, [0.0], [1.0], [0.0, 1.0], np.zeros((2, 2)))
 
 
 def test_a_scalar_that_is_not_finite_is_named() -> None:
     system = ftla.System(field, jacobian, 2, hamiltonian=lambda p: np.nan)
-    with pytest.raises(errors.FieldError, match="`hamiltonian` returned NaN"):
+    with pytest.raises(errors.EvaluationError, match="`hamiltonian` returned NaN"):
         system.hamiltonian([1.0, 0.4])
 
 
@@ -179,7 +179,7 @@ def test_a_derivative_off_by_a_thousandth_is_refused(name: str, entry: int) -> N
     for part in (1e-3, *10.0 ** rng.uniform(-3.0, -1.0, 2) * rng.choice([-1.0, 1.0], 2)):
         # the gradient by a control of zero is right; the Hessian is what does not fit it
         told = r"`hessian\(" if (name, entry) == ("gradient", 2) else rf"`{name}\("
-        with pytest.raises(errors.FtlaInputError, match=told + ".*must be the derivative of"):
+        with pytest.raises(errors.InputError, match=told + ".*must be the derivative of"):
             ftla.cold_start(pendulum(name, entry, part), [1.0, 0.0], [0.2, 0.1], 2.0)
 
 
@@ -196,7 +196,7 @@ def test_a_jacobian_of_a_field_off_by_a_thousandth_is_refused(entry: int) -> Non
         lambda: ftla.VariationalFlow(system).transition([1.0, 0.4], 1.0),
         lambda: ftla.shoot(system, [1.0], [1.5], np.linspace(0.0, 4.0, 9), np.zeros((9, 2))),
     ):
-        with pytest.raises(errors.FtlaInputError, match=r"`jacobian\(p\)` must be the derivative of `field`"):
+        with pytest.raises(errors.InputError, match=r"`jacobian\(p\)` must be the derivative of `field`"):
             call()
 
 
@@ -240,7 +240,7 @@ def test_trials_that_overflow_are_rejected_and_the_best_is_kept(overflow: bool) 
         1.2, abs=0.1
     )
     # at the first point it is the reason that is told
-    with pytest.raises(errors.FieldError) as caught:
+    with pytest.raises(errors.EvaluationError) as caught:
         ftla.VariationalFlow(system).state([1.5, 0.0], 1.0)
     if overflow:
         assert isinstance(caught.value.__cause__, OverflowError)
@@ -262,7 +262,7 @@ def test_a_problem_without_a_value_beyond_a_bound_is_followed_up_to_it() -> None
     fractions = ftla.graded_times(1.0, 0.02, 0.2)
     found = ftla.continue_through(system, [([0.0], [0.0]), ([0.5], [1.0]), ([0.75], [1.5])], 10.0, fractions)
     assert found.status == "broke_off" and 0.5 < found.s < 1.0
-    with pytest.raises(errors.FieldError, match="`gradient` returned NaN"):
+    with pytest.raises(errors.EvaluationError, match="`gradient` returned NaN"):
         system.field([1.5, 0.0])
 
 
@@ -283,13 +283,13 @@ def test_what_is_no_field_is_an_input_error(returned: Any, found: str) -> None:
         lambda: system.field([1.0, 0.4]),
         lambda: ftla.VariationalFlow(system).state([1.0, 0.4], 1.0),
     ):
-        with pytest.raises(errors.FtlaInputError, match=found):
+        with pytest.raises(errors.InputError, match=found):
             call()
 
 
 def test_what_is_no_jacobian_is_an_input_error() -> None:
     system = ftla.System(field, lambda p: np.eye(3), 2)
-    with pytest.raises(errors.FtlaInputError, match=r"`jacobian\(p\)` .* \(2, 2\), found shape \(3, 3\)"):
+    with pytest.raises(errors.InputError, match=r"`jacobian\(p\)` .* \(2, 2\), found shape \(3, 3\)"):
         ftla.VariationalFlow(system).transition([1.0, 0.4], 1.0)
 
 
@@ -299,7 +299,7 @@ def test_systems_that_cannot_be_made_are_refused() -> None:
     with pytest.raises(errors.InputError, match="`control` must be a callable"):
         ftla.System(field, jacobian, 2, control=3)  # type: ignore[arg-type]
     with pytest.raises(
-        errors.FtlaInputError, match=r"`dimension` must be one of \[2, 4, 6, 8, 10, 12, 16, 20, 24\]"
+        errors.InputError, match=r"`dimension` must be one of \[2, 4, 6, 8, 10, 12, 16, 20, 24\]"
     ):
         ftla.System(field, jacobian, 3)
 
@@ -323,16 +323,16 @@ def test_a_family_that_raises_or_gives_nonsense_is_an_error() -> None:
             raise Broken("out of order")
         return system, [1.0], [1.5], 4.0
 
-    with pytest.raises(errors.FieldError, match="`family` raised") as caught:
+    with pytest.raises(errors.EvaluationError, match="`family` raised") as caught:
         ftla.follow(raises, start)
     assert isinstance(caught.value.__cause__, Broken)
-    with pytest.raises(errors.FtlaInputError, match="`family` must return"):
+    with pytest.raises(errors.InputError, match="`family` must return"):
         ftla.follow(lambda s: (1.0, 2.0), start)  # type: ignore[arg-type, return-value]
-    with pytest.raises(errors.FtlaInputError, match="dimension 2"):
+    with pytest.raises(errors.InputError, match="dimension 2"):
         ftla.follow(lambda s: (ftla.arm(), [0.0] * 4, [0.0] * 4, 4.0), start)
-    with pytest.raises(errors.FtlaInputError, match="horizon"):
+    with pytest.raises(errors.InputError, match="horizon"):
         ftla.follow(lambda s: (system, [1.0], [1.5], -1.0), start)
-    with pytest.raises(errors.FtlaInputError, match="initial_state"):
+    with pytest.raises(errors.InputError, match="initial_state"):
         ftla.follow(lambda s: (system, [1.0, 2.0], [1.5], 4.0), start)
 
 

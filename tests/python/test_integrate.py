@@ -104,7 +104,7 @@ def test_adaptive_methods_meet_their_tolerances(method: Any, body: RigidBody, st
     capped = integrate(body, state, (0.0, 2.0), method=method, forces=acting, max_step=0.05, first_step=1e-3)
     assert np.diff(capped.t).max() <= 0.0506
     assert np.diff(capped.t)[0] == pytest.approx(1e-3)
-    with pytest.raises(somersault.errors.IntegrateError, match="`max_steps` = 3"):
+    with pytest.raises(somersault.errors.IntegrationError, match="`max_steps` = 3"):
         integrate(body, state, (0.0, 1e3), method=method, forces=acting, max_steps=3)
 
 

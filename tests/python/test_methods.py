@@ -87,7 +87,7 @@ def test_a_step_beyond_the_limit_names_the_angle_allowed() -> None:
     for row in methods():
         if row.angle_limit is not None:
             with pytest.raises(
-                somersault.errors.StepError, match=f"more than the {row.angle_limit:.3f} rad a step"
+                somersault.errors.IntegrationError, match=f"more than the {row.angle_limit:.3f} rad a step"
             ):
                 somersault.integrate(body, start, (0.0, 10.0), dt=1.0, method=row)
 

@@ -82,13 +82,13 @@ def test_samples_without_components_are_refused(samples: Any, n: int, message: s
 
 def test_widths_must_fit() -> None:
     pca = motion.Pca(np.random.default_rng(0).normal(size=(5, 3)), 2)
-    with pytest.raises(errors.AnalysisInputError, match="`columns of samples` must have 3 entries, found 4"):
+    with pytest.raises(errors.InputError, match="`columns of samples` must have 3 entries, found 4"):
         pca.scores(np.zeros((2, 4)))
-    with pytest.raises(errors.AnalysisInputError, match="`columns of scores` must have 2 entries, found 3"):
+    with pytest.raises(errors.InputError, match="`columns of scores` must have 2 entries, found 3"):
         pca.reconstruct(np.zeros((2, 3)))
-    with pytest.raises(errors.AnalysisInputError, match="`columns of motions` must have 3 entries, found 2"):
+    with pytest.raises(errors.InputError, match="`columns of motions` must have 3 entries, found 2"):
         motion.common_eigenpostures([np.eye(3), np.eye(3)[:, :2]], 1)
-    with pytest.raises(errors.AnalysisInputError, match="`motions`"):
+    with pytest.raises(errors.InputError, match="`motions`"):
         motion.common_eigenpostures([], 1)
     with pytest.raises(errors.InputError, match=r"`motions\[1\]` must be real numbers of shape"):
         motion.common_eigenpostures([np.eye(3), np.zeros(3)], 1)
@@ -109,9 +109,9 @@ class TestProjection:
         np.testing.assert_allclose(found.distances, [1.0, 0.1, 1.0], atol=1e-12)
 
     def test_a_base_of_another_size_is_refused(self) -> None:
-        with pytest.raises(errors.AnalysisInputError, match="must have 3 entries, found 2"):
+        with pytest.raises(errors.InputError, match="must have 3 entries, found 2"):
             motion.project(self.base, np.zeros((4, 2)))
-        with pytest.raises(errors.AnalysisInputError, match="`postures` must be finite, but is not in row 1"):
+        with pytest.raises(errors.InputError, match="`postures` must be finite, but is not in row 1"):
             motion.project(self.base, [[0, 0, 0], [0, np.inf, 0]])
         with pytest.raises(errors.InputError, match="`bounds` must be 'simplex' or 'none'"):
             motion.project(self.base, np.zeros((4, 3)), bounds="box")  # type: ignore[arg-type]
@@ -174,22 +174,22 @@ class TestGroups:
             motion.SyntheticFlight(still, np.arange(6.0), np.zeros((6, 0)))
 
     def test_what_cannot_be_compared_is_refused(self) -> None:
-        with pytest.raises(errors.AnalysisInputError, match="`groups` must have a fitted motion"):
+        with pytest.raises(errors.InputError, match="`groups` must have a fitted motion"):
             motion.GroupComparison({}, "scale")
-        with pytest.raises(errors.AnalysisInputError, match="`weights` must have at least 3 entries"):
+        with pytest.raises(errors.InputError, match="`weights` must have at least 3 entries"):
             motion.GroupComparison({"a": self.best}, "eigenweight", weight=2)
         with pytest.raises(errors.InputError, match="`panel` must be"):
             motion.GroupComparison({"a": self.best}, "colour")  # type: ignore[arg-type]
-        with pytest.raises(errors.AnalysisInputError, match="one of the groups a, found 'b'"):
+        with pytest.raises(errors.InputError, match="one of the groups a, found 'b'"):
             motion.GroupComparison({"a": self.best}, "scale").series("b")
-        with pytest.raises(errors.AnalysisInputError, match="`n_frames`"):
+        with pytest.raises(errors.InputError, match="`n_frames`"):
             motion.GroupComparison({"a": self.best}, "scale", n_frames=0)
-        with pytest.raises(errors.AnalysisInputError, match="`series`"):
+        with pytest.raises(errors.InputError, match="`series`"):
             motion.Band(np.zeros((0, 4)))
         markers = motion.MarkerSet.joint_centres(multibody.diver_spatial().model)
         q = [multibody.diver_spatial().configuration("A")]
         other = motion.MarkerFit(markers).fit(motion.place_markers(markers, [0.0], q))
-        with pytest.raises(errors.AnalysisInputError, match="one kind of model"):
+        with pytest.raises(errors.InputError, match="one kind of model"):
             motion.GroupComparison({"a": [*self.best, other]}, "scale")
         with pytest.raises(errors.InputError, match="`q` must have 12 columns"):
             motion.turns_about(multibody.diver_planar().model, np.zeros((2, 5)))
@@ -201,17 +201,13 @@ class TestGroups:
         nothing = fit.fit(motion.MarkerRecording(names, [0.0], np.zeros((*shape, 3)), np.zeros(shape, bool)))
         message = r"`groups\['worst'\]\[1\]` must have markers, but has none in any frame"
         for panel in ("marker_error", "scale", "rotation"):
-            with pytest.raises(errors.AnalysisInputError, match=message):
+            with pytest.raises(errors.InputError, match=message):
                 motion.GroupComparison({"best": self.best, "worst": [self.worst[0], nothing]}, panel)  # type: ignore[arg-type]
 
     def test_numbers_whose_squares_overflow_are_refused(self) -> None:
-        with pytest.raises(
-            errors.AnalysisInputError, match="`series` must be within ±1e100, found 1e308 in row 1"
-        ):
+        with pytest.raises(errors.InputError, match="`series` must be within ±1e100, found 1e308 in row 1"):
             motion.Band([[1.0, 2.0], [1e308, 2.0]])
-        with pytest.raises(
-            errors.AnalysisInputError, match="`values` must be within ±1e100, found 1e200 in row 0"
-        ):
+        with pytest.raises(errors.InputError, match="`values` must be within ±1e100, found 1e200 in row 0"):
             motion.normalize_frames([0.0, 1.0], [1e200, 0.0], 3)
 
     def test_figure_4_1_has_four_panels(self) -> None:
@@ -238,5 +234,5 @@ def test_quantities_are_brought_to_a_number_of_frames() -> None:
     np.testing.assert_allclose(found, np.linspace(0, 1, 11) ** 3 - np.linspace(0, 1, 11), atol=1e-14)
     with pytest.raises(errors.InputError, match="`values`"):
         motion.normalize_frames(t, [1.0], 3)
-    with pytest.raises(errors.AnalysisInputError, match="`n_frames`"):
+    with pytest.raises(errors.InputError, match="`n_frames`"):
         motion.normalize_frames(t, t, 0)

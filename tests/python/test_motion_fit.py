@@ -221,13 +221,13 @@ def test_markers_are_placed_about_the_root_at_a_scale() -> None:
 class TestRefused:
     def test_markers(self) -> None:
         model = PLANAR.model
-        with pytest.raises(errors.FitError, match="at least one marker"):
+        with pytest.raises(errors.InputError, match="at least one marker"):
             motion.MarkerSet(model, {})
-        with pytest.raises(errors.DynamicsInputError, match=r"`markers\['a'\]`: .*tail"):
+        with pytest.raises(errors.InputError, match=r"`markers\['a'\]`: .*tail"):
             motion.MarkerSet(model, {"a": ("tail", (0, 0, 0))})
         with pytest.raises(errors.InputError, match=r"markers\['a'\]"):
             motion.MarkerSet(model, {"a": (0, (0, np.nan, 0))})
-        with pytest.raises(errors.FitError, match=r"`weights\['b'\]` must be positive"):
+        with pytest.raises(errors.InputError, match=r"`weights\['b'\]` must be positive"):
             motion.MarkerSet(model, {"a": (0, (0, 0, 0)), "b": (0, (0, 0, 0))}, {"b": -1.0})
         with pytest.raises(errors.InputError, match="names no marker 'b'"):
             motion.MarkerSet(model, {"a": (0, (0, 0, 0))}, {"b": 1.0})
@@ -262,17 +262,19 @@ class TestRefused:
         for far in (1e150, -1e200):
             points = seen.points
             points[0, 3, 1] = far
-            with pytest.raises(errors.FitError, match=f"`recording` must be within ±1e100, found {far:.0e}"):
+            with pytest.raises(
+                errors.InputError, match=f"`recording` must be within ±1e100, found {far:.0e}"
+            ):
                 motion.MarkerFit(markers).fit(motion.MarkerRecording(seen.names, seen.times, points))
         for place, weight, name in (((0.0, 1e200, 0.0), 1.0, "markers"), ((0.0, 0.0, 0.0), 1e200, "weights")):
             message = rf"`{name}\['a'\]` must be within ±1e100, found 1e200"
-            with pytest.raises(errors.FitError, match=message):
+            with pytest.raises(errors.InputError, match=message):
                 motion.MarkerSet(PLANAR.model, {"a": (0, place)}, {"a": weight})
 
     def test_recordings_of_something_else(self) -> None:
         fit = motion.MarkerFit(motion.MarkerSet.joint_centres(PLANAR.model))
         other = motion.MarkerRecording(["nose"], [0.0], np.zeros((1, 1, 3)))
-        with pytest.raises(errors.FitError, match=r"none of the markers .*; it has nose"):
+        with pytest.raises(errors.InputError, match=r"none of the markers .*; it has nose"):
             fit.fit(other)
         done = fit.fit(motion.place_markers(fit.markers, [0.0], [PLANAR.configuration("A")]))
         with pytest.raises(errors.InputError, match="`frame` must be between 0 and 0, found"):

@@ -81,10 +81,10 @@ class TestModels:
             ({"intercept": "x"}, r"line \d+: not a scoring model"),
         ):
             path.write_text(json.dumps({**stored, **change}), encoding="utf-8")
-            with pytest.raises(errors.StorageError, match=message):
+            with pytest.raises(errors.ReadError, match=message):
                 motion.ScoringModel.load(path)
         path.write_bytes(b"\xff\xfe{")
-        with pytest.raises(errors.StorageError, match="line 1"):
+        with pytest.raises(errors.ReadError, match="line 1"):
             motion.ScoringModel.load(path)
         with pytest.raises(FileNotFoundError):
             motion.ScoringModel.load(tmp_path / "absent.json")
@@ -148,10 +148,10 @@ class TestModels:
         assert (model.names, model.kind, model.scale) == (tuple(JOINTS), "coordinates", (0.0, 10.0))
         np.testing.assert_array_equal(model.scores, self.scores)
         other = motion.Performance([0.0, 1.0], JOINTS[:5], np.zeros((2, 5)), np.zeros((2, 3)))
-        with pytest.raises(errors.ScoringError, match=r"must have joint 5, .*; it has joint 0"):
+        with pytest.raises(errors.InputError, match=r"must have joint 5, .*; it has joint 0"):
             model.score(other)
         markers = motion.MarkerRecording(JOINTS, [0.0, 1.0], np.zeros((2, 12, 3)))
-        with pytest.raises(errors.ScoringError, match="must be coordinates, found markers"):
+        with pytest.raises(errors.InputError, match="must be coordinates, found markers"):
             model.score(motion.Performance.from_markers(markers))
 
     def test_permuted_columns_and_turned_paths_score_the_same_and_degrees_are_outside(self) -> None:
@@ -175,7 +175,7 @@ class TestModels:
         assert motion.Performance.from_markers(recording).n_features == 6
         gap = motion.MarkerRecording(["a", "b"], [0.0, 0.1, 0.2], points, np.eye(3, 2) < 1)
         with pytest.raises(
-            errors.ScoringError, match="`recording` must have no gaps, but `a` is missing in frame 0"
+            errors.InputError, match="`recording` must have no gaps, but `a` is missing in frame 0"
         ):
             motion.Performance.from_markers(gap)
 
@@ -234,19 +234,19 @@ class TestValidation:
     def test_numbers_whose_squares_overflow_are_refused(self) -> None:
         message = "`scores` must be within ±1e100, found 1e300"
         for learn in (motion.validate, motion.ScoringModel):
-            with pytest.raises(errors.ScoringError, match=message):
+            with pytest.raises(errors.InputError, match=message):
                 learn(self.motions, 1e300 * np.ones(16))
         for name in ("postures", "path"):
             numbers: dict[str, Any] = {"postures": np.ones((2, 3)), "path": np.ones((2, 3))}
             numbers[name][1, 2] = -1e200
-            with pytest.raises(errors.AnalysisInputError, match=rf"`{name}` must .* found -1e200 in row 1"):
+            with pytest.raises(errors.InputError, match=rf"`{name}` must .* found -1e200 in row 1"):
                 motion.Performance([0.0, 1.0], list("abc"), **numbers)
         far = motion.MarkerRecording(["a"], [0.0, 1.0], np.full((2, 1, 3), 1e200))
-        with pytest.raises(errors.ScoringError, match="`recording` must be within ±1e100, found 1e200"):
+        with pytest.raises(errors.InputError, match="`recording` must be within ±1e100, found 1e200"):
             motion.Performance.from_markers(far)
 
     def test_scores_that_do_not_vary_are_refused(self) -> None:
-        with pytest.raises(errors.ScoringError, match="does not vary"):
+        with pytest.raises(errors.InputError, match="does not vary"):
             motion.validate(self.motions, np.full(16, 7.0))
 
 
@@ -256,7 +256,7 @@ def test_correlations_are_scipys() -> None:
     y = x + rng.normal(0.0, 3.0, 40).round()
     assert motion.pearson(x, y) == pytest.approx(stats.pearsonr(x, y).statistic, abs=1e-14)
     assert motion.spearman(x, y) == pytest.approx(stats.spearmanr(x, y).statistic, abs=1e-14)
-    with pytest.raises(errors.ScoringError, match="`y` does not vary"):
+    with pytest.raises(errors.InputError, match="`y` does not vary"):
         motion.spearman(x, np.ones(40))
     with pytest.raises(errors.InputError, match=r"`y` must be real numbers of shape \(40,\)"):
         motion.pearson(x, y[1:])

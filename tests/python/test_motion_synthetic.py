@@ -83,7 +83,7 @@ class TestSyntheticDives:
         names = ("entry_angle", "hip_opening", "exit_share", "asymmetry", "roughness")
         for name in names:
             for bad in (np.nan, np.inf):
-                with pytest.raises(errors.AnalysisInputError, match=f"`{name}` must be finite"):
+                with pytest.raises(errors.InputError, match=f"`{name}` must be finite"):
                     motion.DiveFaults(**(dict.fromkeys(names, 0.1) | {name: bad}))
         for name in (
             "exit_delay",
@@ -93,7 +93,7 @@ class TestSyntheticDives:
             "wobble_frequency",
             "wobble_phase",
         ):
-            with pytest.raises(errors.SyntheticError, match=f"`{name}` must be"):
+            with pytest.raises(errors.InputError, match=f"`{name}` must be"):
                 motion.Perturbation(**{name: np.nan})
 
     def test_the_judge_is_found_within_his_noise(self, made: motion.SyntheticSet) -> None:
@@ -136,18 +136,18 @@ class TestSyntheticDives:
         options: dict[str, Any],
         message: str,
     ) -> None:
-        with pytest.raises(errors.SyntheticError, match=message):
+        with pytest.raises(errors.InputError, match=message):
             motion.SyntheticSet(flight, markers, **options)
 
     def test_flights_that_are_none_are_refused(self) -> None:
         model = multibody.diver_planar().model
-        with pytest.raises(errors.SyntheticError, match="`times` must have at least 5"):
+        with pytest.raises(errors.InputError, match="`times` must have at least 5"):
             motion.SyntheticFlight(model, [0.0, 1.0], np.zeros((2, 12)))
         with pytest.raises(errors.InputError, match="`q` must have 12 columns"):
             motion.SyntheticFlight(model, np.arange(6.0), np.zeros((6, 11)))
-        with pytest.raises(errors.SyntheticError, match="no fold"):
+        with pytest.raises(errors.InputError, match="no fold"):
             motion.SyntheticFlight(model, np.arange(6.0), np.zeros((6, 12)))
-        with pytest.raises(errors.SyntheticError, match="`noise` must be finite and not negative"):
+        with pytest.raises(errors.InputError, match="`noise` must be finite and not negative"):
             motion.SyntheticJudge(motion.DiveFaults(0, 0, 0, 0, 0), noise=-1.0)
 
 

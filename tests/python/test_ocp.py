@@ -141,7 +141,7 @@ class TestEigenpostureBase:
         ids=["dependent", "twice", "nan", "ragged", "none"],
     )
     def test_refuses(self, postures: list[list[float]]) -> None:
-        with pytest.raises(errors.OcpInputError):
+        with pytest.raises(errors.InputError):
             ocp.EigenpostureBase(postures)
 
 
@@ -188,11 +188,11 @@ class TestTerms:
 
     def test_nan_of_a_function_ends_in_an_error_or_a_status(self) -> None:
         broken = problem([ocp.Cost(ocp.function(lambda node: np.nan))])
-        with pytest.raises(errors.OcpError):
+        with pytest.raises(errors.EvaluationError):
             broken.cost(self.Z)
         try:
             report = broken.solve(self.Z)
-        except errors.OcpError:
+        except errors.EvaluationError:
             return
         assert report.status == "undefined"
 
@@ -286,7 +286,7 @@ class TestMotionProblem:
 
     def test_a_free_horizon_has_no_exact_hessian(self) -> None:
         motion = ocp.SplineMotion(1, 10, AT_REST)  # type: ignore[arg-type]
-        with pytest.raises(errors.OcpInputError, match="no second derivatives"):
+        with pytest.raises(errors.InputError, match="no second derivatives"):
             ocp.MotionProblem(
                 multibody.cart_pendulum(),
                 [0.0, np.pi],

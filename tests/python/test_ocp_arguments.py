@@ -436,16 +436,16 @@ def test_problems_with_nothing_to_vary_are_refused() -> None:
         model = multibody.cart_pendulum()
         return ocp.MotionProblem(model, [0.0, np.pi], [0.0, 0.0], phases, active=["cart"], **options)
 
-    with pytest.raises(errors.OcpInputError, match=r"nothing to vary: .*`q` and `v`.*`phases`"):
+    with pytest.raises(errors.InputError, match=r"nothing to vary: .*`q` and `v`.*`phases`"):
         posed(1.0)
     assert posed((0.5, 1.0)).n_variables == 1
     assert posed(1.0, free_velocities=[False, True]).n_variables == 1
-    with pytest.raises(errors.OcpInputError, match="`lower` and `upper` must leave something to vary"):
+    with pytest.raises(errors.InputError, match="`lower` and `upper` must leave something to vary"):
         posed((0.5, 1.0), lower=0.7, upper=0.7)
     rest: dict[str, Any] = {"initial_state": [0, 0], "final_state": [0, 0], "duration": 1.0}
     still: dict[str, Any] = {"state_lower": 0.0, "state_upper": 0.0, "control_upper": 0.0}
     assert ocp.CollocationProblem(block(), **rest, **still).solve().success
-    with pytest.raises(errors.OcpInputError, match="`state_lower` and `state_upper`, `control_lower` and"):
+    with pytest.raises(errors.InputError, match="`state_lower` and `state_upper`, `control_lower` and"):
         ocp.CollocationProblem(block(), **rest, **still, control_lower=0.0)
 
 
@@ -458,9 +458,9 @@ def test_nan_in_costs_and_constraints_is_refused_by_name(value: Any) -> None:
         ("lower", lambda: ocp.Constraint(term, value, [1.0, 1.0])),
         ("upper", lambda: ocp.Constraint(term, [-1.0, -1.0], value)),
     ):
-        with pytest.raises(errors.OcpInputError, match=f"`{name}` .*found NaN"):
+        with pytest.raises(errors.InputError, match=f"`{name}` .*found NaN"):
             call()
-    with pytest.raises(errors.OcpInputError, match="`target` must be finite, found inf"):
+    with pytest.raises(errors.InputError, match="`target` must be finite, found inf"):
         ocp.Cost(term, None, np.inf)
     # a bound that is not there
     ocp.Constraint(term, -np.inf, [np.inf, 1.0])

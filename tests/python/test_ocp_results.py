@@ -13,7 +13,7 @@ from test_storage import rewritten, same
 import somersault
 from somersault import multibody, ocp
 from somersault.cli import main
-from somersault.errors import InputError, StorageError
+from somersault.errors import InputError, ReadError, WriteError
 
 AT_REST: list[Any] = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
 
@@ -296,7 +296,7 @@ def test_all_results_come_back_from_pickles_and_files(things: dict[str, Any], tm
 
 
 def test_functions_are_no_part_of_a_file(tmp_path: Path) -> None:
-    with pytest.raises(StorageError, match="cannot be written"):
+    with pytest.raises(WriteError, match="cannot be written"):
         somersault.save(tmp_path / "f", ocp.function(lambda node: 0.0))
 
 
@@ -306,7 +306,7 @@ def test_truncated_and_hostile_files_are_refused(things: dict[str, Any], tmp_pat
     whole = path.read_bytes()
     for cut in (len(whole) // 3, len(whole) - 20):
         path.write_bytes(whole[:cut])
-        with pytest.raises(StorageError, match="damaged"):
+        with pytest.raises(ReadError, match="damaged"):
             somersault.load(path)
     hostile: list[tuple[str, list[Any]]] = [
         ("SplineMotion", [1, 10**12, [], 5]),
@@ -326,5 +326,5 @@ def test_truncated_and_hostile_files_are_refused(things: dict[str, Any], tmp_pat
     for name, arguments in hostile:
         somersault.save(path, [1.0])
         rewritten(path, content={"$object": f"{name}._restore", "arguments": arguments})
-        with pytest.raises(StorageError):
+        with pytest.raises(ReadError):
             somersault.load(path)

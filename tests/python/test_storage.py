@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import somersault
 from somersault import contact, exact, forces, multibody, studies
-from somersault.errors import StorageError
+from somersault.errors import InputError, ReadError, WriteError
 
 
 def same(one: Any, other: Any) -> bool:
@@ -168,7 +168,7 @@ def test_parts_that_do_not_fit_are_refused(tmp_path: Path, state: somersault.Sta
         content = json.loads(file.read("header.json"))["content"]
     content["arguments"][2] = -1.0
     rewritten(tmp_path / "a", content=content)
-    with pytest.raises(StorageError, match="the Problem in it is not allowed: `t_end` must be"):
+    with pytest.raises(ReadError, match="the Problem in it is not allowed: `t_end` must be"):
         somersault.load(tmp_path / "a")
 
 
@@ -182,7 +182,7 @@ def test_curves_are_refused_and_what_to_save_is_said(
         ("DenseOutput", run.sol, "take the Trajectory that it gives"),
         ("TreeDenseOutput", swing.sol, "take the arrays that it gives"),
     ):
-        with pytest.raises(StorageError, match=rf"the value\['sol'\] is a .*{kind}.*: {instead}"):
+        with pytest.raises(WriteError, match=rf"the value\['sol'\] is a .*{kind}.*: {instead}"):
             somersault.save(tmp_path / "a", {"sol": curves})
         with pytest.raises(TypeError, match=instead):
             pickle.dumps(curves)
@@ -214,7 +214,7 @@ def test_a_run_of_what_was_saved_is_the_run(tmp_path: Path) -> None:
 def test_a_contact_with_a_surface_of_ones_own_is_pickled_by_its_name_and_not_written(tmp_path: Path) -> None:
     touching = contact.Contact((0.0, 0.0, 0.0), np.linalg.norm, contact.CompliantLaw(1e4))
     assert pickle.loads(pickle.dumps(touching)).surface is np.linalg.norm
-    with pytest.raises(StorageError, match="cannot be written"):
+    with pytest.raises(WriteError, match="cannot be written"):
         somersault.save(tmp_path / "a", touching)
 
 
@@ -263,18 +263,18 @@ def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) ->
     with pytest.raises(FileNotFoundError):
         somersault.load(path)
     path.write_text("t,x\n")
-    with pytest.raises(StorageError, match="is not a file of somersault"):
+    with pytest.raises(ReadError, match="is not a file of somersault"):
         somersault.load(path)
     somersault.save(path, tumble)
     whole = path.read_bytes()
     for cut in (len(whole) // 2, len(whole) - 10):
         path.write_bytes(whole[:cut])
-        with pytest.raises(StorageError, match="damaged"):
+        with pytest.raises(ReadError, match="damaged"):
             somersault.load(path)
     flipped = bytearray(whole)
     flipped[whole.index(b"NUMPY") + 200] ^= 1
     path.write_bytes(flipped)
-    with pytest.raises(StorageError, match="damaged"):
+    with pytest.raises(ReadError, match="damaged"):
         somersault.load(path)
 
 
@@ -296,22 +296,22 @@ def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) ->
 def test_contents_that_are_not_allowed_are_refused(tmp_path: Path, changes: Any, message: str) -> None:
     somersault.save(tmp_path / "a", [1.0])
     rewritten(tmp_path / "a", **changes)
-    with pytest.raises(StorageError, match=message):
+    with pytest.raises(ReadError, match=message):
         somersault.load(tmp_path / "a")
 
 
 @pytest.mark.parametrize("path", [5, None, b"a", 1.5, {"a": 1}])
 def test_paths_of_another_type_are_refused(path: Any) -> None:
-    with pytest.raises(StorageError, match="`path` must be a path, found"):
+    with pytest.raises(InputError, match="`path` must be a path, found"):
         somersault.load(path)
-    with pytest.raises(StorageError, match="`path` must be a path, found"):
+    with pytest.raises(InputError, match="`path` must be a path, found"):
         somersault.save(path, 1.0)
 
 
 def test_damaged_files_are_refused_whatever_is_wrong_with_them(
     tmp_path: Path, tumble: somersault.Solution
 ) -> None:
-    """300 files with bits turned, bytes overwritten, parts cut out or doubled: nothing but `StorageError`."""
+    """300 files with bits turned, bytes overwritten, parts cut out or doubled: nothing but `ReadError`."""
     path = tmp_path / "a"
     somersault.save(path, {"run": tumble, "model": multibody.two_link_arm(), "text": "β", "table": np.eye(3)})
     whole = path.read_bytes()
@@ -337,7 +337,7 @@ def test_damaged_files_are_refused_whatever_is_wrong_with_them(
         path.write_bytes(content)
         try:
             somersault.load(path)
-        except StorageError as fault:
+        except ReadError as fault:
             assert str(path) in str(fault)
             refused += 1
     assert refused > 250
@@ -353,7 +353,7 @@ def test_contents_too_deep_or_too_long_are_refused(tmp_path: Path, content: str)
     text = f'{{"format": "somersault", "format_version": 1, "content": {content}}}'
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("header.json", text)
-    with pytest.raises(StorageError, match="damaged"):
+    with pytest.raises(ReadError, match="damaged"):
         somersault.load(path)
 
 
@@ -368,7 +368,7 @@ def test_arrays_that_are_not_there_take_no_memory(tmp_path: Path) -> None:
         with zipfile.ZipFile(path, "w", method) as file:
             file.writestr("header.json", json.dumps(header))
             file.writestr("0.npy", array + b"\n")
-        with pytest.raises(StorageError, match=r"has 0 bytes|is compressed"):
+        with pytest.raises(ReadError, match=r"has 0 bytes|is compressed"):
             somersault.load(path)
 
 
@@ -392,15 +392,15 @@ def test_devices_and_folders_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to("/dev/null")
     for path in (tmp_path / "pipe", tmp_path / "link", tmp_path, Path("/dev/null")):
-        with pytest.raises(StorageError, match="is not a file that can be replaced"):
+        with pytest.raises(WriteError, match="is not a file that can be replaced"):
             somersault.save(path, 1.0)
     assert Path("/dev/null").is_char_device()
 
 
 def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(StorageError, match=r"the value\['a'\]\[1\] is a builtins.object"):
+    with pytest.raises(WriteError, match=r"the value\['a'\]\[1\] is a builtins.object"):
         somersault.save(tmp_path / "a", {"a": [1, object()]})
-    with pytest.raises(StorageError, match="array of object"):
+    with pytest.raises(WriteError, match="array of object"):
         somersault.save(tmp_path / "a", np.array([None]))
     assert not list(tmp_path.iterdir())
 

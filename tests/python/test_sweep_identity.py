@@ -19,7 +19,7 @@ import pytest
 
 import somersault
 from somersault import sweep
-from somersault.errors import SweepInputError
+from somersault.errors import InputError
 
 #: A study in a file: what follows `CHANGED` is what a test changes.
 STUDY = """
@@ -234,7 +234,7 @@ def test_what_the_function_reaches_is_its_identity(
     assert sweep.run(function(study()), points, directory=tmp_path / "records") == whole
     changed = function(study(file, old, new))
     assert sweep.run(changed, points) != whole
-    with pytest.raises(SweepInputError, match="records of another sweep: function is"):
+    with pytest.raises(InputError, match="records of another sweep: function is"):
         sweep.run(changed, points, directory=tmp_path / "records")
 
 
@@ -248,7 +248,7 @@ def test_the_pattern_of_the_readme_does_not_return_what_another_body_did(tmp_pat
     points = sweep.grid(spin=[2.0])
     one = sweep.run(study((0.2, 0.4, 0.6)), points, directory=tmp_path / "a")
     assert sweep.run(study((0.2, 0.4, 0.6)), points, directory=tmp_path / "a") == one
-    with pytest.raises(SweepInputError, match="function is"):
+    with pytest.raises(InputError, match="function is"):
         sweep.run(study((0.2, 0.4, 0.5)), points, directory=tmp_path / "a")
 
 
@@ -274,7 +274,7 @@ def iterator() -> Iterator[int]:
 def test_what_cannot_be_represented_asks_for_a_version(
     tmp_path: Path, function: Callable[..., Any], message: str
 ) -> None:
-    with pytest.raises(SweepInputError, match=f"{message}.*: give `version`"):
+    with pytest.raises(InputError, match=f"{message}.*: give `version`"):
         sweep.run(function, [{"x": 1}], directory=tmp_path / "a")
     assert not (tmp_path / "a").exists()
     if not isinstance(function, functools.partial):
@@ -288,7 +288,7 @@ def test_a_version_stands_for_the_function_but_not_for_bound_arguments(tmp_path:
     points = sweep.grid(x=[1.0])
     arguments: dict[str, Any] = {"directory": tmp_path / "a", "version": "1"}
     sweep.run(functools.partial(scaled, factor=2.0), points, **arguments)
-    with pytest.raises(SweepInputError, match="bound_sha256"):
+    with pytest.raises(InputError, match="bound_sha256"):
         sweep.run(functools.partial(scaled, factor=3.0), points, **arguments)
 
 

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import somersault
 from somersault import RigidBody, multibody, viewer
-from somersault.errors import InputError, ViewerError
+from somersault.errors import InputError
 from somersault.viewer import figures
 
 Array = NDArray[np.float64]
@@ -142,7 +142,7 @@ def test_dense_samples_are_thinned_by_time_and_turn() -> None:
 def test_a_motion_that_would_fill_a_page_is_refused() -> None:
     angle = np.arange(200_000) * 0.1
     q = np.column_stack([np.zeros((len(angle), 5)), np.sin(angle / 2), np.cos(angle / 2)])
-    with pytest.raises(ViewerError, match=r"would need 7.* samples of it and has at most 50000"):
+    with pytest.raises(InputError, match=r"would need 7.* samples of it and has at most 50000"):
         viewer.Scene().add(BODY, angle, q)
 
 
@@ -257,7 +257,7 @@ def test_forces_on_a_body_are_at_the_times_of_its_solution() -> None:
 def test_a_contact_that_would_fill_a_page_is_refused() -> None:
     t = np.arange(60_000) * 1e-4
     noise = np.random.default_rng(3).normal(size=(len(t), 3))
-    with pytest.raises(ViewerError, match="would need 60000 samples of a force and has at most 50000"):
+    with pytest.raises(InputError, match="would need 60000 samples of a force and has at most 50000"):
         contacts_sent(noise, t)
 
 
@@ -439,7 +439,7 @@ PUSH = np.tile([0.0, 0.0, 10.0], (3, 1))
     ],
 )
 def test_what_does_not_fit_is_refused(call: Callable[[], object], message: str) -> None:
-    with pytest.raises(ViewerError) as caught:
+    with pytest.raises(InputError) as caught:
         call()
     assert message in str(caught.value)
     assert isinstance(caught.value, InputError) and isinstance(caught.value, ValueError)
@@ -448,9 +448,9 @@ def test_what_does_not_fit_is_refused(call: Callable[[], object], message: str) 
 def test_times_beside_a_solution_and_nameless_shapes_of_several_are_refused(
     tumble: somersault.Solution,
 ) -> None:
-    with pytest.raises(ViewerError, match="must not be given beside a solution"):
+    with pytest.raises(InputError, match="must not be given beside a solution"):
         viewer.Scene().add(tumble, TIMES)
-    with pytest.raises(ViewerError, match="must be a mapping from the names of bodies"):
+    with pytest.raises(InputError, match="must be a mapping from the names of bodies"):
         viewer.Scene().add(DIVER.model, [0.0], [DIVER.configuration("A")], shapes=viewer.Sphere(0.1))
 
 

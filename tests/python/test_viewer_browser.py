@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import somersault
 from somersault import RigidBody, multibody, viewer
-from somersault.errors import ExportError, ViewerError
+from somersault.errors import ExportError, InputError
 from somersault.viewer import film
 
 BODY = RigidBody.box(1.0, (0.2, 0.4, 0.6))
@@ -310,6 +310,6 @@ def test_a_browser_that_draws_nothing_is_an_error(tmp_path: Path, monkeypatch: p
 def test_films_of_another_kind_are_refused(
     tmp_path: Path, name: str, options: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(ViewerError) as caught:
+    with pytest.raises(InputError) as caught:
         viewer.Scene().add(BODY, TIMES, STILL).export(tmp_path / name, **options)
     assert message in str(caught.value)

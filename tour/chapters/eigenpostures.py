@@ -139,7 +139,7 @@ def _postures(page: Page) -> None:
     try:
         ocp.EigenpostureBase([joints[letter] for letter in "ABCDEFGH"])
         said = ""
-    except errors.OcpInputError as error:
+    except errors.InputError as error:
         said = str(error)
     independent = "ACDEFGH"
     base = ocp.EigenpostureBase([joints[letter] for letter in independent])

@@ -68,7 +68,7 @@ def _followed_from(p: Array, sign: float) -> tuple[Array, Array]:
     for k in range(1, len(t)):
         try:
             points[k] = flow().state(points[k - 1], sign * (t[k] - t[k - 1]))
-        except errors.FlowError:
+        except (errors.IntegrationError, errors.EvaluationError):
             break
     return (t, points) if sign > 0 else (10.0 - t[::-1], points[::-1])
 

@@ -43,9 +43,9 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 ///
 /// Raises
 /// ------
-/// BatchInputError
+/// InputError
 ///     If the numbers of bodies, states and steps differ.
-/// BatchError
+/// IntegrationError
 ///     If a state stops being finite.
 ///
 /// Notes

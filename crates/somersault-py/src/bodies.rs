@@ -24,10 +24,8 @@ use somersault::integrators::state::RigidBodyState;
 ///
 /// Raises
 /// ------
-/// BodyError
-///     If the mass is not positive and finite.
-/// InertiaError
-///     If the inertia is not one that a distribution of mass can have.
+/// InputError
+///     If the mass is not positive and finite, or the inertia is not one that a distribution of mass can have.
 ///
 /// Examples
 /// --------

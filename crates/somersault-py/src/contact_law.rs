@@ -21,7 +21,7 @@ use somersault::contact::{friction, hunt_crossley, law};
 ///
 /// Raises
 /// ------
-/// ContactError
+/// InputError
 ///     If a constant is not one that the law can have.
 ///
 /// Examples
@@ -181,7 +181,7 @@ pub(crate) fn damping_ratio(restitution: f64) -> Result<f64, Error> {
 ///
 /// Raises
 /// ------
-/// ContactError
+/// InputError
 ///     If a constant is not one that the law can have.
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]

@@ -36,48 +36,68 @@ use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
 use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 
+/// A class of `somersault.errors`.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Class {
+    Chattering,
+    Dynamics,
+    Evaluation,
+    Input,
+    Integration,
+    Read,
+    Sensitivity,
+    Somersault,
+    Write,
+}
+
+impl Class {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Chattering => "ChatteringError",
+            Self::Dynamics => "DynamicsError",
+            Self::Evaluation => "EvaluationError",
+            Self::Input => "InputError",
+            Self::Integration => "IntegrationError",
+            Self::Read => "ReadError",
+            Self::Sensitivity => "SensitivityError",
+            Self::Somersault => "SomersaultError",
+            Self::Write => "WriteError",
+        }
+    }
+}
+
 /// What a function of this module fails with.
 pub(crate) enum Error {
     /// An exception that Python code raised.
     Raised(PyErr),
-    /// An exception of `somersault.errors`, by the name of its class.
-    Own { class: &'static str, message: String },
+    /// An exception of `somersault.errors`.
+    Own { class: Class, message: String },
 }
 
 impl Error {
     /// An argument that is not allowed.
     pub(crate) fn input(message: impl Into<String>) -> Self {
-        Self::Own { class: "InputError", message: message.into() }
+        Self::Own { class: Class::Input, message: message.into() }
     }
 
-    /// A surface that is no surface.
-    pub(crate) fn surface(message: String) -> Self {
-        Self::Own { class: "SurfaceError", message }
+    /// A function or a result that has no value.
+    pub(crate) fn evaluation(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Evaluation, message: message.into() }
     }
 
-    /// A problem that could not be solved for a reason of its own.
-    pub(crate) fn ocp(error: &impl ToString) -> Self {
-        Self::own("OcpError", error)
-    }
-
-    /// A file that is no recording.
-    pub(crate) fn read(message: String) -> Self {
-        Self::Own { class: "ReadError", message }
+    /// A file or document that is not what it should be.
+    pub(crate) fn read(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Read, message: message.into() }
     }
 
     /// What the system refuses.
-    pub(crate) fn of_system(message: String) -> Self {
-        Self::Own { class: "SomersaultError", message }
+    pub(crate) fn of_system(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Somersault, message: message.into() }
     }
 
-    /// Motions that cannot be compared.
-    pub(crate) fn analysis_input(message: String) -> Self {
-        Self::Own { class: "AnalysisInputError", message }
-    }
-
-    /// An optimal control problem that is none.
-    pub(crate) fn ocp_input(message: String) -> Self {
-        Self::Own { class: "OcpInputError", message }
+    /// An error of the library.
+    pub(crate) fn own(class: Class, error: &impl ToString) -> Self {
+        Self::Own { class, message: error.to_string() }
     }
 
     /// The same error, which says more.
@@ -103,11 +123,31 @@ impl Error {
             raised => raised,
         }
     }
-
-    fn own(class: &'static str, error: &impl ToString) -> Self {
-        Self::Own { class, message: error.to_string() }
-    }
 }
+
+/// Errors of which every one is an argument's.
+macro_rules! inputs {
+    ($($error:ty),* $(,)?) => {$(
+        impl From<$error> for Error {
+            fn from(error: $error) -> Self {
+                Self::own(Class::Input, &error)
+            }
+        }
+    )*};
+}
+pub(crate) use inputs;
+
+inputs!(
+    BodyError,
+    ContactError,
+    ContactModelError,
+    CountMismatch,
+    FreeBodyError,
+    InertiaError,
+    JointMotionError,
+    ModelError,
+    PostureError,
+);
 
 impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
@@ -116,7 +156,7 @@ impl From<Error> for PyErr {
             Error::Own { class, message } => Python::attach(|py| {
                 let found = py
                     .import("somersault.errors")
-                    .and_then(|errors| errors.getattr(class))
+                    .and_then(|errors| errors.getattr(class.name()))
                     .and_then(|class| Ok(class.cast_into::<PyType>()?));
                 match found {
                     Ok(class) => PyErr::from_type(class, message),
@@ -134,39 +174,18 @@ impl From<PyErr> for Error {
     }
 }
 
-impl From<InertiaError> for Error {
-    fn from(error: InertiaError) -> Self {
-        Self::own("InertiaError", &error)
-    }
-}
-
-impl From<BodyError> for Error {
-    fn from(error: BodyError) -> Self {
-        match error {
-            BodyError::Inertia(error) => error.into(),
-            error => Self::own("BodyError", &error),
-        }
-    }
-}
-
-impl From<CountMismatch> for Error {
-    fn from(error: CountMismatch) -> Self {
-        Self::own("CountMismatchError", &error)
-    }
-}
-
 impl From<UnknownMethod> for Error {
     fn from(error: UnknownMethod) -> Self {
         let meant = did_you_mean(&error.found, Method::ALL.iter().map(|method| method.info().name));
-        Self::own("UnknownMethodError", &error).followed_by(&meant)
+        Self::own(Class::Input, &error).followed_by(&meant)
     }
 }
 
 impl From<StepError> for Error {
     fn from(error: StepError) -> Self {
         match error {
-            StepError::Torque { .. } => Self::own("TorqueError", &error),
-            error => Self::own("StepError", &error),
+            StepError::Torque { .. } => Self::own(Class::Input, &error),
+            error => Self::own(Class::Integration, &error),
         }
     }
 }
@@ -181,8 +200,8 @@ impl From<IntegrateError> for Error {
             | IntegrateError::InitialState { .. }
             | IntegrateError::NoErrorEstimate { .. }
             | IntegrateError::RigidBodiesOnly { .. }
-            | IntegrateError::Variables { .. } => Self::own("IntegrateInputError", &error),
-            error => Self::own("IntegrateError", &error),
+            | IntegrateError::Variables { .. } => Self::own(Class::Input, &error),
+            error => Self::own(Class::Integration, &error),
         }
     }
 }
@@ -191,16 +210,10 @@ impl From<BatchError> for Error {
     fn from(error: BatchError) -> Self {
         match error {
             BatchError::Length { .. } | BatchError::NonFinite { .. } | BatchError::NotPositive { .. } => {
-                Self::own("BatchInputError", &error)
+                Self::own(Class::Input, &error)
             }
-            error => Self::own("BatchError", &error),
+            error => Self::own(Class::Integration, &error),
         }
-    }
-}
-
-impl From<FreeBodyError> for Error {
-    fn from(error: FreeBodyError) -> Self {
-        Self::own("FreeBodyError", &error)
     }
 }
 
@@ -208,44 +221,22 @@ impl From<StudyError> for Error {
     fn from(error: StudyError) -> Self {
         match error {
             StudyError::Step(error) => error.into(),
-            StudyError::Body(error) => error.into(),
-            StudyError::FreeBody(error) => error.into(),
             StudyError::Integrate(error) => error.into(),
-            StudyError::Empty { .. } | StudyError::Argument(_) | StudyError::NotIncreasing { .. } => {
-                Self::own("StudyInputError", &error)
-            }
-            error => Self::own("StudyError", &error),
+            StudyError::Body(_)
+            | StudyError::FreeBody(_)
+            | StudyError::Empty { .. }
+            | StudyError::Argument(_)
+            | StudyError::NotIncreasing { .. } => Self::own(Class::Input, &error),
+            error => Self::own(Class::Evaluation, &error),
         }
-    }
-}
-
-impl From<ModelError> for Error {
-    fn from(error: ModelError) -> Self {
-        Self::own("ModelError", &error)
     }
 }
 
 impl From<DynamicsError> for Error {
     fn from(error: DynamicsError) -> Self {
         match error {
-            DynamicsError::Singular { .. } => Self::own("DynamicsError", &error),
-            error => Self::own("DynamicsInputError", &error),
-        }
-    }
-}
-
-impl From<ContactError> for Error {
-    fn from(error: ContactError) -> Self {
-        Self::own("ContactError", &error)
-    }
-}
-
-impl From<ContactModelError> for Error {
-    fn from(error: ContactModelError) -> Self {
-        match error {
-            ContactModelError::Body(error) => error.into(),
-            ContactModelError::Contact(error) => error.into(),
-            error => Self::own("ContactError", &error),
+            DynamicsError::Singular { .. } => Self::own(Class::Dynamics, &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -254,12 +245,12 @@ impl From<Interruption> for Error {
     fn from(reason: Interruption) -> Self {
         match reason {
             Interruption::Integrate(error) => error.into(),
-            Interruption::Chattering { .. } => Self::own("ChatteringError", &reason),
-            Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::surface(format!(
+            Interruption::Chattering { .. } => Self::own(Class::Chattering, &reason),
+            Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::input(format!(
                 "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
             )),
-            Interruption::Surface { .. } => Self::surface(reason.to_string()),
-            reason => Self::own("IntegrateError", &reason),
+            Interruption::Surface { .. } => Self::own(Class::Input, &reason),
+            reason => Self::own(Class::Integration, &reason),
         }
     }
 }
@@ -268,21 +259,18 @@ impl From<SensitivityError> for Error {
     fn from(error: SensitivityError) -> Self {
         match error {
             SensitivityError::Run(reason) => reason.into(),
-            SensitivityError::Grazing(_) => Self::own("SensitivityError", &error),
-            error => Self::own("SensitivityInputError", &error),
+            SensitivityError::Grazing(_) => Self::own(Class::Sensitivity, &error),
+            error => Self::own(Class::Input, &error),
         }
-    }
-}
-
-impl From<PostureError> for Error {
-    fn from(error: PostureError) -> Self {
-        Self::own("PostureError", &error)
     }
 }
 
 impl From<UrdfError> for Error {
     fn from(error: UrdfError) -> Self {
-        Self::own("UrdfError", &error)
+        match error {
+            UrdfError::NotRepresentable { .. } => Self::own(Class::Write, &error),
+            error => Self::own(Class::Read, &error),
+        }
     }
 }
 
@@ -290,7 +278,7 @@ impl From<MotionError> for Error {
     fn from(error: MotionError) -> Self {
         match error {
             MotionError::Integrate(error) => error.into(),
-            error => Self::own("DynamicsError", &error),
+            error => Self::own(Class::Dynamics, &error),
         }
     }
 }
@@ -299,14 +287,8 @@ impl From<FlightError> for Error {
     fn from(error: FlightError) -> Self {
         match error {
             FlightError::Dynamics(error) => error.into(),
-            error => Self::own("FlightError", &error),
+            error => Self::own(Class::Input, &error),
         }
-    }
-}
-
-impl From<JointMotionError> for Error {
-    fn from(error: JointMotionError) -> Self {
-        Self::own("OcpInputError", &error)
     }
 }
 
@@ -314,8 +296,7 @@ impl From<OcpError> for Error {
     fn from(error: OcpError) -> Self {
         match error {
             OcpError::Dynamics(error) => error.into(),
-            OcpError::Model(error) => error.into(),
-            error => Self::own("OcpInputError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -323,8 +304,8 @@ impl From<OcpError> for Error {
 impl From<SolverError> for Error {
     fn from(error: SolverError) -> Self {
         match error {
-            SolverError::Failed { source, .. } => Self::ocp(&source),
-            error => Self::own("OcpInputError", &error),
+            SolverError::Failed { source, .. } => Self::own(Class::Evaluation, &source),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -333,8 +314,8 @@ impl From<CollocationError> for Error {
     fn from(error: CollocationError) -> Self {
         match error {
             CollocationError::Solver(error) => error.into(),
-            CollocationError::Evaluation(error) => Self::ocp(&error),
-            error => Self::own("OcpInputError", &error),
+            CollocationError::Evaluation(error) => Self::own(Class::Evaluation, &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -344,9 +325,7 @@ impl From<DiveError> for Error {
         match error {
             DiveError::Dynamics(error) => error.into(),
             DiveError::Flight(error) => error.into(),
-            DiveError::Model(error) => error.into(),
-            DiveError::Posture(error) => error.into(),
-            error => Self::own("OcpInputError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -356,7 +335,7 @@ impl From<DiveSearchError> for Error {
         match error {
             DiveSearchError::Dive(error) => error.into(),
             DiveSearchError::Solver(error) => error.into(),
-            error => Self::ocp(&error),
+            error => Self::own(Class::Evaluation, &error),
         }
     }
 }
@@ -366,7 +345,7 @@ impl From<DiveJudgementError> for Error {
         match error {
             DiveJudgementError::Dive(error) => error.into(),
             DiveJudgementError::Motion(error) => error.into(),
-            error => Self::ocp(&error),
+            error => Self::own(Class::Evaluation, &error),
         }
     }
 }
@@ -375,7 +354,7 @@ impl From<RecordingError> for Error {
     fn from(error: RecordingError) -> Self {
         match error {
             RecordingError::Model(error) => error.into(),
-            error => Self::own("RecordingError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -384,7 +363,7 @@ impl From<FitError> for Error {
     fn from(error: FitError) -> Self {
         match error {
             FitError::Model(error) => error.into(),
-            error => Self::own("FitError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -392,8 +371,8 @@ impl From<FitError> for Error {
 impl From<AnalysisError> for Error {
     fn from(error: AnalysisError) -> Self {
         match error {
-            AnalysisError::NoConvergence => Self::own("AnalysisError", &error),
-            error => Self::own("AnalysisInputError", &error),
+            AnalysisError::NoConvergence => Self::own(Class::Evaluation, &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
@@ -402,20 +381,20 @@ impl From<ScoringError> for Error {
     fn from(error: ScoringError) -> Self {
         match error {
             ScoringError::Analysis(error) => error.into(),
-            error => Self::own("ScoringError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }
 
 impl From<StorageError> for Error {
     fn from(error: StorageError) -> Self {
-        Self::own("StorageError", &error)
+        Self::own(Class::Read, &error)
     }
 }
 
 impl From<WriteError> for Error {
     fn from(error: WriteError) -> Self {
-        Self::own("WriteError", &error)
+        Self::own(Class::Write, &error)
     }
 }
 
@@ -429,7 +408,7 @@ impl From<SyntheticError> for Error {
             SyntheticError::Markers(error) => error.into(),
             SyntheticError::Faults(error) => error.into(),
             SyntheticError::Scoring(error) => error.into(),
-            error => Self::own("SyntheticError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }

@@ -24,7 +24,7 @@ use somersault::integrators::exact;
 ///
 /// Raises
 /// ------
-/// FreeBodyError
+/// InputError
 ///     From a call, where a time or the state there is not finite.
 ///
 /// Examples

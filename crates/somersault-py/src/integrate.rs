@@ -201,7 +201,7 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 ///     given. Hits on all others are found whatever their depth.
 /// max_substeps : int or None, optional
 ///     Most parts that a fixed step is divided into for the contacts closed; 100 000 unless given. 1 refuses steps
-///     that are too long for a contact with `IntegrateError`; None makes steps as they are given, for studies of
+///     that are too long for a contact with `IntegrationError`; None makes steps as they are given, for studies of
 ///     methods.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
@@ -232,13 +232,12 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 /// Raises
 /// ------
 /// InputError
-///     If an argument is not allowed. Subclasses: `UnknownMethodError`, `IntegrateInputError`,
-///     `TorqueError`, `CountMismatchError`, `SurfaceError`.
-/// IntegrateError
+///     If an argument is not allowed: no method has this name, the method takes no torque, or a surface is not fit to be
+///     touched, which may be found on the way.
+/// IntegrationError
 ///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
-///     of an implicit step was not solved (`StepError`), events follow each other too fast
-///     (`ChatteringError`), a surface is not fit to be touched (`SurfaceError`), a step is too long for a contact
-///     or the method gains energy in it.
+///     of an implicit step was not solved, events follow each other too fast (`ChatteringError`), a step is too long for a
+///     contact or the method gains energy in it.
 ///
 /// Notes
 /// -----

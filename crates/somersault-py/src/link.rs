@@ -60,7 +60,7 @@ const KINDS: &str = "'fixed', 'revolute', 'prismatic', 'spherical', 'planar' or 
 ///
 /// Raises
 /// ------
-/// ModelError
+/// InputError
 ///     If the body cannot be part of a tree: an inertia that no body has, an axis of zero, limits that
 ///     cross.
 ///

@@ -291,7 +291,7 @@ pub(crate) fn methods() -> MethodTable {
 ///
 /// Raises
 /// ------
-/// UnknownMethodError
+/// InputError
 ///     If there is none; the message lists the names.
 #[pyfunction]
 pub(crate) fn method(name: &str) -> Result<MethodInfo, Error> {

@@ -62,7 +62,7 @@ impl Workspace {
 ///
 /// Raises
 /// ------
-/// ModelError
+/// InputError
 ///     If the bodies make no tree.
 ///
 /// Examples
@@ -229,7 +229,7 @@ impl Model {
     ///
     /// Raises
     /// ------
-    /// DynamicsInputError
+    /// InputError
     ///     If no body has this name.
     fn body(&self, name: &str) -> Result<usize, Error> {
         self.body_of(name)

@@ -126,7 +126,7 @@ impl Diver {
     ///
     /// Raises
     /// ------
-    /// PostureError
+    /// InputError
     ///     If there is no such posture, or it is not one in the plane.
     fn configuration<'py>(&self, py: Python<'py>, posture: &str) -> Result<Bound<'py, PyAny>, Error> {
         let q = self.diver.configuration(posture.parse()?)?;

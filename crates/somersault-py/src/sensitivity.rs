@@ -197,12 +197,11 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 /// Raises
 /// ------
 /// InputError
-///     If an argument is not allowed. Subclasses: `SensitivityInputError`, `UnknownMethodError`,
-///     `IntegrateInputError`, `SurfaceError`.
+///     If an argument is not allowed, or there is no such derivative: by friction where there is none, of a start on a surface.
 /// SensitivityError
 ///     If the motion grazes a surface, touching it or just missing it. The derivatives in the attribute
 ///     `solution` are then one-sided; the message says of which side.
-/// IntegrateError
+/// IntegrationError
 ///     If the run cannot go on. This one and the last have what was found before in the attribute `solution`.
 ///
 /// Examples

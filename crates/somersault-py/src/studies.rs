@@ -134,7 +134,7 @@ impl StabilityRegion {
 ///
 /// Raises
 /// ------
-/// StudyError
+/// EvaluationError
 ///     If the method is not one that can be studied so.
 #[pyfunction]
 #[pyo3(signature = (method, *, start_up="one_step"))]
@@ -166,8 +166,10 @@ pub(crate) fn stability_region(
 ///
 /// Raises
 /// ------
-/// StudyError
-///     If a part is not finite, or the method is not one that can be studied so.
+/// InputError
+///     If a part is not finite.
+/// EvaluationError
+///     If the method is not one that can be studied so.
 #[pyfunction]
 #[pyo3(signature = (method, re, im, *, start_up="one_step"))]
 pub(crate) fn spectral_radii<'py>(
@@ -330,7 +332,7 @@ fn at_most_a_thousand(argument: &str, found: i64) -> Result<usize, Error> {
 ///
 /// Raises
 /// ------
-/// StudyError, StudyInputError
+/// InputError
 ///     If an argument is not allowed or the method does not apply to free bodies.
 #[pyfunction]
 #[pyo3(signature = (
@@ -382,7 +384,7 @@ enum Chosen {
 ///
 /// Raises
 /// ------
-/// StudyInputError
+/// InputError
 ///     If the end is not positive.
 #[pyclass(frozen, module = "somersault.studies")]
 pub(crate) struct Problem(Arc<Chosen>);
@@ -627,10 +629,8 @@ impl Convergence {
 ///
 /// Raises
 /// ------
-/// StudyInputError
-///     If a step is not positive.
-/// TorqueError
-///     If the method takes no torque and the problem has one.
+/// InputError
+///     If a step is not positive, or the method takes no torque and the problem has one.
 #[pyfunction]
 #[pyo3(signature = (problem, method, dts, *, start_up="one_step"))]
 pub(crate) fn convergence(
@@ -761,7 +761,7 @@ impl WorkPrecision {
 ///
 /// Raises
 /// ------
-/// StudyInputError
+/// InputError
 ///     If a step or a tolerance is not positive.
 #[pyfunction]
 #[pyo3(signature = (problem, method, dts=None, *, tolerances=None, repeats=3, start_up="one_step"))]

@@ -247,7 +247,7 @@ impl Cylinder {
 /// Steps in flight are proved clear of a surface by the Lipschitz constant K of its distance, and near the surface
 /// by a bound of its second derivative. A callable that is given to a contact as it is counts as a distance, with
 /// K = 1 and no such bound. A gradient longer than K, anywhere on the way, and one that is zero, of the wrong sign,
-/// not of length 1 or not the gradient of the distance where the surface is touched first are a `SurfaceError`.
+/// not of length 1 or not the gradient of the distance where the surface is touched first are an `InputError`.
 ///
 /// Parameters
 /// ----------
@@ -373,7 +373,7 @@ impl surface::Surface for CallableSurface {
             })?;
             let gradient = any_vector(&format!("{}(point)[1]", self.name), &gradient)?;
             if !(distance.is_finite() && gradient.iter().all(|x| x.is_finite())) {
-                return Err(Error::surface(format!(
+                return Err(Error::input(format!(
                     "`{}` returned a distance or gradient that is NaN or infinite at {:?}",
                     self.name,
                     point.as_slice()

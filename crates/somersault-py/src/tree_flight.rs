@@ -84,11 +84,9 @@ impl ShapeMotion for Shape {
 ///
 /// Raises
 /// ------
-/// FlightError
-///     If the root is held, or damped.
 /// InputError
-///     If an argument is not allowed.
-/// IntegrateError
+///     If an argument is not allowed, or the root is held or damped.
+/// IntegrationError
 ///     If the run cannot go on.
 #[pyfunction]
 #[pyo3(signature = (

@@ -350,7 +350,7 @@ pub(crate) fn solve(
 /// ------
 /// InputError
 ///     If an argument is not allowed.
-/// IntegrateError
+/// IntegrationError
 ///     If the run cannot go on.
 /// DynamicsError
 ///     If the mass matrix becomes singular.

@@ -43,7 +43,7 @@ impl Model {
     ///
     /// Raises
     /// ------
-    /// UrdfError
+    /// ReadError
     ///     If the document is not a tree of bodies; the message names the element and its line.
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
@@ -68,7 +68,7 @@ impl Model {
     ///
     /// Raises
     /// ------
-    /// UrdfError
+    /// ReadError
     ///     If the document is not a tree of bodies.
     /// OSError
     ///     If the file cannot be read.
@@ -92,7 +92,7 @@ impl Model {
     ///
     /// Raises
     /// ------
-    /// UrdfError
+    /// WriteError
     ///     If the tree has spherical joints, which URDF lacks.
     #[pyo3(signature = (name="robot"))]
     fn to_urdf(&self, name: &str) -> Result<String, Error> {

@@ -13,7 +13,7 @@ import somersault
 from somersault import contact, forces, multibody
 from somersault.cli import tables
 from somersault.cli.documents import Document, read
-from somersault.errors import IntegrateError
+from somersault.errors import SomersaultError
 
 _FORCES = {
     "gravity": forces.Gravity,
@@ -44,11 +44,12 @@ def integrate(arguments: argparse.Namespace) -> int:
     motion: Any
     try:
         motion = run(document, arguments.progress)
-    except IntegrateError as fault:
-        if fault.solution is None:
+    except SomersaultError as fault:
+        motion = getattr(fault, "solution", None)
+        if motion is None:
             raise
         print(f"somersault: {fault}", file=sys.stderr)
-        motion, status = fault.solution, 1
+        status = 1
     tables.write(_columns(motion), arguments.out, arguments.format)
     if arguments.save:
         somersault.save(arguments.save, motion)
@@ -195,10 +196,8 @@ class _run:
         refused = isinstance(fault, somersault.InputError) and getattr(fault, "solution", None) is None
         if not refused:
             return
-        # A name that no method has is not a name of the table.
-        named = "method" if isinstance(fault, somersault.errors.UnknownMethodError) else str(fault)
         tables = [(name,) for name in ("run", "tree") if name in self.document.values]
-        found = [self.document.named(table, named) for table in tables]
+        found = [self.document.named(table, str(fault)) for table in tables]
         where = next((place for place in found if len(place) > 1), ("run",))
         raise self.document.fault(where, str(fault)) from fault
 

@@ -168,7 +168,7 @@ def subspace_angles(
 def _spectrum(flow: ftla.VariationalFlow, p: Array, time: float, direction: Any) -> ftla.Spectrum | None:
     try:
         return flow.spectrum(p, time, direction)
-    except errors.FlowError:
+    except (errors.IntegrationError, errors.EvaluationError):
         return None
 
 

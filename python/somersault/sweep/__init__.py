@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from somersault.errors import SweepError, SweepInputError
+from somersault.errors import InputError, SweepError
 from somersault.storage import decode, encode
 from somersault.sweep.folder import Folder, held, hold, manifest_of, record_of
 
@@ -71,7 +71,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
 
     Raises
     ------
-    somersault.errors.SweepInputError
+    somersault.errors.InputError
         If what an argument is given is not several values.
 
     Examples
@@ -82,7 +82,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     for name, values in axes.items():
         # The letters of a text are not meant.
         if isinstance(values, str | bytes) or not isinstance(values, Iterable):
-            raise SweepInputError(f"`{name}` must be a list of values, found {values!r:.80}")
+            raise InputError(f"`{name}` must be a list of values, found {values!r:.80}")
     return [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
 
 
@@ -156,7 +156,7 @@ class Sweep:
         columns = {**_columns(self.points), **_columns(values)}
         if len(columns) < len(_names(self.points)) + len(_names(values)):
             shared = sorted(set(_names(self.points)) & set(_names(values)))
-            raise SweepInputError(
+            raise InputError(
                 f"arguments and values share the names {shared}; read `points` and `values` instead"
             )
         return {**columns, "error": np.array(errors, dtype=object)}
@@ -251,7 +251,7 @@ def run(
 
     Raises
     ------
-    somersault.errors.SweepInputError
+    somersault.errors.InputError
         If a point is not a dictionary of what can be written, the directory belongs to another sweep, a
         `version` is needed, or an argument has another type.
     somersault.errors.SweepError
@@ -289,7 +289,7 @@ def read(directory: str | PathLike[str]) -> Sweep:
 
     Raises
     ------
-    somersault.errors.SweepInputError
+    somersault.errors.ReadError
         If the directory is not one of a sweep.
     """
     folder = Folder(_path(directory))
@@ -304,8 +304,8 @@ def _check(
 ) -> None:
     """Refuses arguments of another type, which would fail in a thread or after a part of the work."""
 
-    def must(be: str, name: str, found: object) -> SweepInputError:
-        return SweepInputError(f"`{name}` must be {be}, found {found!r:.80}")
+    def must(be: str, name: str, found: object) -> InputError:
+        return InputError(f"`{name}` must be {be}, found {found!r:.80}")
 
     if not callable(function):
         raise must("a function", "function", function)
@@ -324,17 +324,17 @@ def _check(
 
 def _path(directory: object) -> Path:
     if not isinstance(directory, str | PathLike):
-        raise SweepInputError(f"`directory` must be a path, found {directory!r:.80}")
+        raise InputError(f"`directory` must be a path, found {directory!r:.80}")
     path = Path(directory)
     if path.exists() and not path.is_dir():
-        raise SweepInputError(f"`directory` must be a directory, found the file {path}")
+        raise InputError(f"`directory` must be a directory, found the file {path}")
     return path
 
 
 def _point(index: int, point: Any) -> Any:
     """What stands for a point in a record."""
     if not isinstance(point, Mapping) or not all(isinstance(name, str) for name in point):
-        raise SweepInputError(f"point {index} must be a dictionary with names for keys, found {point!r:.80}")
+        raise InputError(f"point {index} must be a dictionary with names for keys, found {point!r:.80}")
     return encode(dict(point), hold, f"point {index}")
 
 

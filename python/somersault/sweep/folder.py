@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from somersault import _somersault
-from somersault.errors import SweepError, SweepInputError
+from somersault.errors import InputError, ReadError, SweepError
 from somersault.storage import write_bytes
 from somersault.sweep.identity import digest
 
@@ -100,20 +100,18 @@ class Folder:
         try:
             found = json.loads((self.path / "manifest.json").read_bytes())
         except FileNotFoundError:
-            raise SweepInputError(f"{self.path} has no manifest.json, so it is not of a sweep") from None
+            raise ReadError(f"{self.path} has no manifest.json, so it is not of a sweep") from None
         except (ValueError, RecursionError) as fault:
-            raise SweepInputError(f"{self.path / 'manifest.json'} is damaged: {fault}") from None
+            raise ReadError(f"{self.path / 'manifest.json'} is damaged: {fault}") from None
         if not isinstance(found, dict) or found.get("format") != "somersault sweep":
-            raise SweepInputError(f"{self.path / 'manifest.json'} is not of a sweep")
+            raise ReadError(f"{self.path / 'manifest.json'} is not of a sweep")
         if (version := found.get("format_version")) != FORMAT_VERSION:
-            raise SweepInputError(
+            raise ReadError(
                 f"{self.path} is written in format {version}; this version reads {FORMAT_VERSION}"
             )
         count = found.get("n_points")
         if not isinstance(count, int) or not 0 <= count <= MOST_POINTS:
-            raise SweepInputError(
-                f"{self.path / 'manifest.json'} is damaged: `n_points` is no number of points"
-            )
+            raise ReadError(f"{self.path / 'manifest.json'} is damaged: `n_points` is no number of points")
         return found
 
     @contextlib.contextmanager
@@ -122,13 +120,13 @@ class Folder:
         path = self.path / "manifest.json"
         if not path.exists():
             if self.path.exists() and any(self.path.iterdir()):
-                raise SweepInputError(f"{self.path} is neither empty nor of a sweep")
+                raise InputError(f"{self.path} is neither empty nor of a sweep")
             self.path.mkdir(parents=True, exist_ok=True)
             write_bytes(path, json.dumps(manifest, indent=2).encode() + b"\n")
         found = self.manifest()
         for key in manifest:
             if found.get(key) != manifest[key]:
-                raise SweepInputError(
+                raise InputError(
                     f"{self.path} has records of another sweep: {key} is {found.get(key)!r} there and"
                     f" {manifest[key]!r} here"
                 )

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from somersault.errors import SweepInputError
+from somersault.errors import InputError
 
 __all__ = ["digest"]
 
@@ -69,7 +69,7 @@ def digest(function: Any) -> str:
 
     Raises
     ------
-    somersault.errors.SweepInputError
+    somersault.errors.InputError
         If it reaches something that has no representation, such as an open file, a lock or code that is
         only known when
         it runs.
@@ -276,8 +276,8 @@ class _Walk:
         if owner is not None and not isinstance(owner, types.ModuleType):
             self.reach(owner, f"`self` of {where}")
 
-    def refused(self, where: str, reason: str) -> SweepInputError:
-        return SweepInputError(f"{where} {reason}: give `version` to say what records are of")
+    def refused(self, where: str, reason: str) -> InputError:
+        return InputError(f"{where} {reason}: give `version` to say what records are of")
 
     def value(self, thing: Any, where: str) -> None:
         """Anything that is no code."""

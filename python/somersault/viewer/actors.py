@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from somersault._somersault import Model, Trajectory, TreeSolution
-from somersault.errors import ViewerError
+from somersault.errors import InputError
 from somersault.viewer.figures import equivalent_ellipsoid, figure
 from somersault.viewer.shapes import Box, Ellipsoid, Shape, rgb
 from somersault.viewer.tracks import Moving, Touch, Track
@@ -163,7 +163,7 @@ def named_shapes(shapes: Shapes, names: tuple[str, ...]) -> dict[str, list[Shape
     """The shapes given, by body."""
     if not isinstance(shapes, Mapping):
         if len(names) != 1:
-            raise ViewerError("`shapes` must be a mapping from the names of bodies where there are several")
+            raise InputError("`shapes` must be a mapping from the names of bodies where there are several")
         shapes = {names[0]: shapes}
     found = {}
     for name, value in shapes.items():
@@ -171,15 +171,15 @@ def named_shapes(shapes: Shapes, names: tuple[str, ...]) -> dict[str, list[Shape
         several = [value] if isinstance(value, Shape) else list(value)
         for shape in several:
             if not isinstance(shape, Shape):
-                raise ViewerError(f"`shapes` must be shapes, found a {type(shape).__name__} for '{name}'")
+                raise InputError(f"`shapes` must be shapes, found a {type(shape).__name__} for '{name}'")
         if several:
             found[name] = several
     if not found:
-        raise ViewerError("`shapes` must have a shape for a body at least, found none")
+        raise InputError("`shapes` must have a shape for a body at least, found none")
     return found
 
 
 def body_index(argument: str, name: object, names: tuple[str, ...]) -> int:
     if name not in names:
-        raise ViewerError(f"`{argument}` names no body '{name}'; there are {', '.join(names)}")
+        raise InputError(f"`{argument}` names no body '{name}'; there are {', '.join(names)}")
     return names.index(str(name))

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from somersault.errors import ExportError, ViewerError
+from somersault.errors import ExportError, InputError
 from somersault.viewer.shapes import positive
 
 if TYPE_CHECKING:
@@ -110,13 +110,13 @@ def export(scene: Scene, path: Path, size: tuple[int, int], frame_rate: float, s
     positive("frame_rate", frame_rate)
     positive("speed", speed)
     if len(size) != 2 or not all(isinstance(n, int) and 16 <= n <= 4096 for n in size):
-        raise ViewerError(f"`size` must be two whole numbers from 16 to 4096, found {size!r}")
+        raise InputError(f"`size` must be two whole numbers from 16 to 4096, found {size!r}")
     writers: dict[str, Callable[[], Callable[[list[bytes], Path, float], None]]]
     writers = {".gif": _gif_writer, ".mp4": _mp4_writer}
     if path.suffix.lower() not in writers:
-        raise ViewerError(f"`path` must end in .gif or .mp4, found '{path.name}'")
+        raise InputError(f"`path` must end in .gif or .mp4, found '{path.name}'")
     if path.suffix.lower() == ".mp4" and (size[0] % 2 or size[1] % 2):
-        raise ViewerError(f"`size` must be even numbers for MP4, found {size!r}")
+        raise InputError(f"`size` must be even numbers for MP4, found {size!r}")
     # What is missing is said before the pictures are drawn.
     write = writers[path.suffix.lower()]()
     start, end = scene.interval

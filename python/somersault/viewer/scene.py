@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from somersault._somersault import Model, TreeSolution
-from somersault.errors import ViewerError
+from somersault.errors import InputError
 from somersault.viewer.actors import (
     COLORS,
     Actor,
@@ -47,7 +47,7 @@ _CENTER = "center_of_mass"
 
 def _choice(argument: str, value: object, allowed: Sequence[object]) -> None:
     if value not in allowed:
-        raise ViewerError(f"`{argument}` must be one of {', '.join(map(repr, allowed))}, found {value!r}")
+        raise InputError(f"`{argument}` must be one of {', '.join(map(repr, allowed))}, found {value!r}")
 
 
 def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
@@ -57,13 +57,13 @@ def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
     if isinstance(trail, str):
         return body_index("trails", trail, names), np.zeros(3)
     if not (isinstance(trail, tuple) and len(trail) == 2):
-        raise ViewerError(f"`trails` must be names, or names and points, found {trail!r}")
+        raise InputError(f"`trails` must be names, or names and points, found {trail!r}")
     return body_index("trails", trail[0], names), numbers("trails", trail[1], (3,))
 
 
 def _touch(contact: Contact, moving: Moving, t: ArrayLike | None, names: tuple[str, ...]) -> Touch:
     if not (isinstance(contact, tuple) and len(contact) == 3):
-        raise ViewerError(f"`contacts` must be names, points and forces, found {reprlib.repr(contact)}")
+        raise InputError(f"`contacts` must be names, points and forces, found {reprlib.repr(contact)}")
     name, point, forces = contact
     return touch(moving, t, body_index("contacts", name, names), numbers("contacts", point, (3,)), forces)
 
@@ -151,13 +151,13 @@ class Scene:
 
         Raises
         ------
-        ViewerError
+        InputError
             Lengths do not match, a number is not finite, times do not rise, or a name is unknown.
         """
         found = track(moving, t, q, v)
         looks = default_shapes(moving) if shapes is None else named_shapes(shapes, found.names)
         if not isinstance(panel, int) or not 0 <= panel <= len({actor.panel for actor in self._actors}):
-            raise ViewerError(f"`panel` must be that of another motion or the next one, found {panel!r}")
+            raise InputError(f"`panel` must be that of another motion or the next one, found {panel!r}")
         paint = COLORS[len(self._actors) % len(COLORS)] if color is None else color
         rgb("color", paint)
         points = [_trail(trail, found.names) for trail in trails]
@@ -182,7 +182,7 @@ class Scene:
     def fixed(self, shape: Shape, color: str = "#a9b0bb") -> Scene:
         """Adds a solid that stays where it is, in world axes."""
         if not isinstance(shape, Shape):
-            raise ViewerError(f"`shape` must be a shape, found a {type(shape).__name__}")
+            raise InputError(f"`shape` must be a shape, found a {type(shape).__name__}")
         rgb("color", color)
         self._fixed.append((shape, color))
         return self
@@ -232,7 +232,7 @@ class Scene:
     def interval(self) -> tuple[float, float]:
         """From the first to the last time of all motions, s."""
         if not self._actors:
-            raise ViewerError("the scene must have a motion; `add` one")
+            raise InputError("the scene must have a motion; `add` one")
         ends = [(actor.track.t[0], actor.track.t[-1]) for actor in self._actors]
         return float(min(start for start, _ in ends)), float(max(end for _, end in ends))
 
@@ -324,7 +324,7 @@ class Scene:
         ------
         ExportError
             Browser, Pillow or FFmpeg are missing or failed.
-        ViewerError
+        InputError
             The ending, the size or a rate is not allowed.
         """
         from somersault.viewer.film import export

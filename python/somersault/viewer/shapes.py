@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
-from somersault.errors import ViewerError
+from somersault.errors import InputError
 
 __all__ = ["Box", "Capsule", "Cylinder", "Ellipsoid", "Loft", "Shape", "Sphere"]
 
@@ -30,15 +30,15 @@ def numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array
     try:
         found = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ViewerError(f"`{name}` must be real numbers, found {value!r}") from None
+        raise InputError(f"`{name}` must be real numbers, found {value!r}") from None
     allowed = found.ndim == len(shape) and all(
         n is None or n == m for n, m in zip(shape, found.shape, strict=True)
     )
     if not allowed:
         wanted = ", ".join("n" if n is None else str(n) for n in shape) + "," * (len(shape) == 1)
-        raise ViewerError(f"`{name}` must be of shape ({wanted}), found {found.shape}")
+        raise InputError(f"`{name}` must be of shape ({wanted}), found {found.shape}")
     if not np.isfinite(found).all():
-        raise ViewerError(f"`{name}` must be finite, found {found[~np.isfinite(found)][0]}")
+        raise InputError(f"`{name}` must be finite, found {found[~np.isfinite(found)][0]}")
     return found
 
 
@@ -46,7 +46,7 @@ def positive(name: str, value: ArrayLike, shape: tuple[int, ...] = ()) -> Array:
     """Finite numbers above zero."""
     found = numbers(name, value, shape)
     if not (found > 0.0).all():
-        raise ViewerError(f"`{name}` must be positive, found {found.min():g}")
+        raise InputError(f"`{name}` must be positive, found {found.min():g}")
     return found
 
 
@@ -56,14 +56,14 @@ def turn(name: str, value: Rotation | ArrayLike | None) -> Rotation:
         return value or Rotation.identity()
     quaternion = numbers(name, value, (4,))
     if not quaternion.any():
-        raise ViewerError(f"`{name}` must be a rotation, found a quaternion of zeros")
+        raise InputError(f"`{name}` must be a rotation, found a quaternion of zeros")
     return Rotation.from_quat(quaternion)
 
 
 def rgb(name: str, value: str) -> tuple[float, float, float]:
     """Red, green and blue from 0 to 1, of a color `#rrggbb`."""
     if not (isinstance(value, str) and re.fullmatch(r"#[0-9a-fA-F]{6}", value)):
-        raise ViewerError(f"`{name}` must be a color like '#cc6677', found {value!r}")
+        raise InputError(f"`{name}` must be a color like '#cc6677', found {value!r}")
     red, green, blue = (int(value[k : k + 2], 16) / 255 for k in (1, 3, 5))
     return red, green, blue
 
@@ -188,10 +188,10 @@ class _Rod(Shape):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not np.linalg.norm(numbers("end", self.end, (3,)) - numbers("start", self.start, (3,))) > 0.0:
-            raise ViewerError("`start` and `end` must be apart, found the same point")
+            raise InputError("`start` and `end` must be apart, found the same point")
         for name, radius in (("radius", self.radius), ("end_radius", self.end_radius)):
             if radius is not None and not numbers(name, radius, ()) >= 0.0:
-                raise ViewerError(f"`{name}` must not be negative, found {radius:g}")
+                raise InputError(f"`{name}` must not be negative, found {radius:g}")
 
     @property
     def position(self) -> Array:
@@ -223,7 +223,7 @@ class Capsule(_Rod):
     def __post_init__(self) -> None:
         super().__post_init__()
         if abs(self.radii[1] - self.radii[0]) >= self.length:
-            raise ViewerError("`radius` and `end_radius` must differ by less than the length of the capsule")
+            raise InputError("`radius` and `end_radius` must differ by less than the length of the capsule")
 
     @property
     def rings(self) -> Array:
@@ -259,9 +259,9 @@ class Loft(_Placed):
         super().__post_init__()
         rows = numbers("stations", self.stations, (None, 5))
         if len(rows) < 2 or not (np.diff(rows[:, 0]) > 0.0).all():
-            raise ViewerError("`stations` must be two rows or more with z rising from one to the next")
+            raise InputError("`stations` must be two rows or more with z rising from one to the next")
         if not (rows[:, 3:] >= 0.0).all():
-            raise ViewerError(f"`stations` must have half widths of at least 0, found {rows[:, 3:].min():g}")
+            raise InputError(f"`stations` must have half widths of at least 0, found {rows[:, 3:].min():g}")
 
     @property
     def rings(self) -> Array:

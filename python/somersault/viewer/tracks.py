@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from somersault._somersault import Model, RigidBody, Trajectory, TreeSolution
-from somersault.errors import ViewerError
+from somersault.errors import InputError
 from somersault.viewer.shapes import numbers
 
 __all__ = ["Moving", "Touch", "Track", "touch", "track"]
@@ -52,11 +52,11 @@ def times(t: ArrayLike) -> Array:
     """Times, finite and rising."""
     found = numbers("t", t, (None,))
     if len(found) == 0:
-        raise ViewerError("`t` must have a time at least, found none")
+        raise InputError("`t` must have a time at least, found none")
     step = np.diff(found)
     if not (step > 0.0).all():
         k = int(np.argmin(step > 0.0))
-        raise ViewerError(f"`t` must rise from one to the next, found {found[k]:g} and then {found[k + 1]:g}")
+        raise InputError(f"`t` must rise from one to the next, found {found[k]:g} and then {found[k + 1]:g}")
     return found
 
 
@@ -64,7 +64,7 @@ def rows(name: str, value: ArrayLike, n: int, width: int) -> Array:
     """A row of numbers for each time."""
     found = numbers(name, value, (None, width))
     if len(found) != n:
-        raise ViewerError(f"`{name}` must have a row for each of the {n} times, found {len(found)}")
+        raise InputError(f"`{name}` must have a row for each of the {n} times, found {len(found)}")
     return found
 
 
@@ -72,15 +72,15 @@ def track(moving: Moving, t: ArrayLike | None, q: ArrayLike | None, v: ArrayLike
     """The motion as it is drawn. See `Scene.add`."""
     if isinstance(moving, Trajectory | TreeSolution):
         if t is not None or q is not None or v is not None:
-            raise ViewerError("`t`, `q` and `v` must not be given beside a solution, which has them")
+            raise InputError("`t`, `q` and `v` must not be given beside a solution, which has them")
         return _of_trajectory(moving) if isinstance(moving, Trajectory) else _of_solution(moving)
     if not isinstance(moving, Model | RigidBody):
-        raise ViewerError(
+        raise InputError(
             "`moving` must be a Model, a RigidBody, or a solution or trajectory of these, found a"
             f" {type(moving).__name__}"
         )
     if t is None or q is None:
-        raise ViewerError("`t` and `q` must be given beside a Model or a RigidBody")
+        raise InputError("`t` and `q` must be given beside a Model or a RigidBody")
     moments = times(t)
     if isinstance(moving, RigidBody):
         return _of_body(moving, moments, q, v)
@@ -101,7 +101,7 @@ def touch(moving: Moving, t: ArrayLike | None, body: int, point: Array, forces: 
     stepped = begun | (np.diff(np.floor(np.cumsum(change) / share), prepend=0.0) > 0.0)
     kept = np.flatnonzero(np.append(stepped, True) | np.append(True, stepped))
     if len(kept) > _LIMIT:
-        raise ViewerError(
+        raise InputError(
             f"`contacts` change too often for a page, which would need {len(kept)} samples of a force and has"
             f" at most {_LIMIT}; add a part of the motion"
         )
@@ -170,7 +170,7 @@ def _thinned(t: Array, poses: Array) -> NDArray[np.intp]:
     interval = max((t[-1] - t[0]) / _LARGEST, min(_INTERVAL, (t[-1] - t[0]) / 200))
     measure = np.floor(np.concatenate([[0.0], np.cumsum(np.diff(t) / interval + turned / _TURN)]))
     if measure[-1] > _LIMIT:
-        raise ViewerError(
+        raise InputError(
             f"the motion turns too often for a page, which would need {measure[-1]:.0f} samples of it and"
             f" has at most {_LIMIT}; add a part of it"
         )
@@ -198,7 +198,7 @@ def _mean_rate(model: Model, q: Array, momentum: Array) -> Array:
 def _of_body(body: RigidBody, t: Array, q: ArrayLike, v: ArrayLike | None) -> Track:
     pose = rows("q", q, len(t), 7)
     if not np.linalg.norm(pose[:, 3:], axis=1).all():
-        raise ViewerError("`q` must have quaternions in its columns 4 to 7, found one of zeros")
+        raise InputError("`q` must have quaternions in its columns 4 to 7, found one of zeros")
     turn = Rotation.from_quat(pose[:, 3:])
     poses = np.column_stack([pose[:, :3], turn.as_quat()])[:, None, :]
     momentum = rate = None
@@ -222,7 +222,7 @@ def _of_trajectory(trajectory: Trajectory) -> Track:
     position = np.asarray(seen.position).reshape(shape)
     poses = np.concatenate([position, np.asarray(seen.quaternion).reshape(len(t), -1, 4)], axis=-1)
     if not np.isfinite(poses).all():
-        raise ViewerError("`moving` must be finite, found a trajectory that is not")
+        raise InputError("`moving` must be finite, found a trajectory that is not")
     bodies = trajectory.body if isinstance(trajectory.body, list) else [trajectory.body]
     mass = np.array([body.mass for body in bodies])
     center = np.einsum("k,nki->ni", mass / mass.sum(), position)

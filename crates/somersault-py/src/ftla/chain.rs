@@ -158,7 +158,7 @@ impl Chain {
     ///
     /// Raises
     /// ------
-    /// FtlaInputError
+    /// InputError
     ///     If there is no such time.
     #[pyo3(signature = (mark=-1))]
     fn spectrum(&self, #[pyo3(from_py_with = integer)] mark: i64) -> Result<Spectrum, Error> {

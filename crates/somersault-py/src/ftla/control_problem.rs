@@ -238,10 +238,10 @@ fn of_problem<const NX: usize, const N: usize>(problem: Arc<Problem>) -> Result<
 ///
 /// Raises
 /// ------
-/// FieldError
+/// EvaluationError
 ///     By whatever calls them, where a callable raises, returns what is not finite, or no control minimises. In a trial of a
 ///     search what is not finite, or an ``ArithmeticError``, is a step rejected.
-/// FtlaInputError
+/// InputError
 ///     By whatever calls them, where ``jacobian``, ``gradient`` or ``hessian`` is not the derivative that it must be. They are
 ///     held against differences at the first points of every calculation and, ever more seldom, at later ones; an entry that is
 ///     off by 0.1 % is refused.

@@ -1,6 +1,6 @@
 //! Errors of the analysis as Python exceptions.
 
-use crate::error::Error;
+use crate::error::{Class, Error, inputs};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use somersault::ftla::flow::FlowError;
@@ -10,13 +10,9 @@ use somersault::ftla::shooting::ShootingError;
 use somersault::ftla::spectrum::SpectrumError;
 use somersault::ftla::system::SystemError;
 
-fn own(class: &'static str, error: &impl ToString) -> Error {
-    Error::Own { class, message: error.to_string() }
-}
-
 /// An argument that is not allowed.
 pub(super) fn input(message: String) -> Error {
-    Error::Own { class: "FtlaInputError", message }
+    Error::input(message)
 }
 
 /// A positive and finite number.
@@ -28,19 +24,21 @@ pub(super) fn positive(argument: &str, found: f64) -> Result<f64, Error> {
     }
 }
 
+inputs!(MatchingError, PlacementError, SpectrumError);
+
 impl From<SystemError> for Error {
     fn from(error: SystemError) -> Self {
         match error {
             SystemError::Model(error) => error.into(),
             SystemError::Dynamics(error) => error.into(),
-            SystemError::Argument(_) => own("FtlaInputError", &error),
-            error => own("FieldError", &error),
+            SystemError::Argument(_) => Self::own(Class::Input, &error),
+            error => Self::own(Class::Evaluation, &error),
         }
     }
 }
 
 /// An exception that tells where a motion ended.
-fn with_place(class: &'static str, message: String, t: f64, state: &[f64]) -> Error {
+fn with_place(class: Class, message: String, t: f64, state: &[f64]) -> Error {
     Python::attach(|py| {
         let error = PyErr::from(Error::Own { class, message });
         let value = error.value(py);
@@ -62,11 +60,11 @@ pub(super) fn told(error: &FlowError) -> String {
 pub(super) fn of_motion(which: &str, error: FlowError) -> Error {
     let message = format!("{which}{}", told(&error));
     match error {
-        FlowError::NonFinite { t, state, .. } => with_place("FieldError", message, t, &state),
+        FlowError::NonFinite { t, state, .. } => with_place(Class::Evaluation, message, t, &state),
         FlowError::StepUnderflow { t, state }
         | FlowError::TooManySteps { t, state, .. }
-        | FlowError::LimitReached { t, state, .. } => with_place("FlowError", message, t, &state),
-        error => own("FtlaInputError", &error),
+        | FlowError::LimitReached { t, state, .. } => with_place(Class::Integration, message, t, &state),
+        error => Error::own(Class::Input, &error),
     }
 }
 
@@ -76,31 +74,13 @@ impl From<FlowError> for Error {
     }
 }
 
-impl From<SpectrumError> for Error {
-    fn from(error: SpectrumError) -> Self {
-        own("FtlaInputError", &error)
-    }
-}
-
-impl From<PlacementError> for Error {
-    fn from(error: PlacementError) -> Self {
-        own("FtlaInputError", &error)
-    }
-}
-
-impl From<MatchingError> for Error {
-    fn from(error: MatchingError) -> Self {
-        own("FtlaInputError", &error)
-    }
-}
-
 impl From<ShootingError> for Error {
     fn from(error: ShootingError) -> Self {
         match error {
             ShootingError::Guess { segment, source } => {
                 of_motion(&format!("segment {segment} of the guess: "), source)
             }
-            error => own("FtlaInputError", &error),
+            error => Self::own(Class::Input, &error),
         }
     }
 }

@@ -39,9 +39,9 @@ use std::sync::Arc;
 ///
 /// Raises
 /// ------
-/// FieldError
+/// EvaluationError
 ///     By whatever integrates, where the field has no value.
-/// FlowError
+/// IntegrationError
 ///     Where steps become too small or too many. Both have ``t``, the time since the start, and ``state``, the last one.
 ///
 /// Examples

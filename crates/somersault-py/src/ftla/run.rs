@@ -1,6 +1,6 @@
 //! Calculations beside the interpreter: signals are looked for meanwhile, and what Python code raises ends them.
 
-use crate::error::Error;
+use crate::error::{Class, Error};
 use crate::waiting;
 use pyo3::exceptions::{PyArithmeticError, PyException};
 use pyo3::prelude::*;
@@ -67,7 +67,7 @@ pub(crate) fn attend<T: Send>(
     result.map_err(|error| {
         let noted = run.no_value.lock().unwrap_or_else(PoisonError::into_inner).take();
         match (noted, &error) {
-            (None, _) | (Some(_), Error::Own { class: "FtlaInputError", .. }) => error,
+            (None, _) | (Some(_), Error::Own { class: Class::Input, .. }) => error,
             (Some(why), _) => Error::Raised(why),
         }
     })
@@ -78,8 +78,7 @@ pub(crate) fn caused(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     if !error.is_instance_of::<PyException>(py) {
         return error;
     }
-    let message = format!("`{name}` raised {error}");
-    let outer = PyErr::from(Error::Own { class: "FieldError", message });
+    let outer = PyErr::from(Error::evaluation(format!("`{name}` raised {error}")));
     outer.set_cause(py, Some(error));
     outer
 }

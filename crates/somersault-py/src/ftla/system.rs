@@ -48,10 +48,10 @@ const MOST_CONTROLS: usize = 1000;
 ///
 /// Raises
 /// ------
-/// FieldError
+/// EvaluationError
 ///     By whatever calls them, where a callable raises, which is then the cause, or the field is not finite. An
 ///     ``ArithmeticError`` counts as no value: a trial that overflows is a step rejected.
-/// FtlaInputError
+/// InputError
 ///     By whatever calls it, where ``jacobian`` is not the derivative of ``field``.
 ///
 /// Examples

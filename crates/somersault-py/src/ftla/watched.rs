@@ -63,8 +63,7 @@ pub(super) fn call(
 /// Notes what a callable returned that is no value, unless the run has ended.
 pub(super) fn no_value(run: &Run, name: &str, value: f64) {
     if !run.is_stopped() {
-        let message = format!("`{name}` returned {value}");
-        run.note(PyErr::from(Error::Own { class: "FieldError", message }));
+        run.note(PyErr::from(Error::evaluation(format!("`{name}` returned {value}"))));
     }
 }
 

@@ -26,7 +26,7 @@ use somersault::motion::synthetic;
 ///
 /// Raises
 /// ------
-/// AnalysisInputError
+/// InputError
 ///     If a fault is not finite.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
@@ -152,7 +152,7 @@ pub(super) fn configurations(
 ///
 /// Raises
 /// ------
-/// SyntheticError
+/// InputError
 ///     If a deduction or the noise is negative, or a fault is not finite.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]

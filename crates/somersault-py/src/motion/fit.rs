@@ -24,10 +24,8 @@ use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, S
 ///
 /// Raises
 /// ------
-/// FitError
-///     If there is no marker, or a number is not allowed.
-/// DynamicsInputError
-///     If the model has no such body.
+/// InputError
+///     If there is no marker, a number is not allowed, or the model has no such body.
 ///
 /// Examples
 /// --------
@@ -213,7 +211,7 @@ fn number_or_bounds(argument: &str, value: &Bound<'_, PyAny>) -> Result<NumberOr
 ///
 /// Raises
 /// ------
-/// FitError
+/// InputError
 ///     If an argument is not allowed, or does not suit the model.
 ///
 /// Examples
@@ -307,7 +305,7 @@ impl MarkerFit {
     ///
     /// Raises
     /// ------
-    /// FitError
+    /// InputError
     ///     If the recording has none of the markers.
     fn fit(
         slf: &Bound<'_, Self>,

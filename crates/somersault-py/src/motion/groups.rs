@@ -17,7 +17,7 @@ use somersault::motion::analysis::{self, AnalysisError, Panel};
 ///
 /// Raises
 /// ------
-/// AnalysisInputError
+/// InputError
 ///     If there is no motion, or a number is not finite.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Band {
@@ -83,7 +83,7 @@ impl Band {
 ///
 /// Raises
 /// ------
-/// AnalysisInputError
+/// InputError
 ///     If a fit has no such weight, or there is nothing to compare.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct GroupComparison {
@@ -121,7 +121,7 @@ impl GroupComparison {
             fits.push(group.extract().map_err(wrong)?);
         }
         let Some(first) = fits.iter().flatten().next() else {
-            return Err(Error::analysis_input("`groups` must have a fitted motion, found none".to_owned()));
+            return Err(Error::input("`groups` must have a fitted motion, found none".to_owned()));
         };
         let model = first.get().fit.get().fit.model();
         for fit in fits.iter().flatten() {
@@ -132,7 +132,7 @@ impl GroupComparison {
                     model.n_positions(),
                     other.n_positions()
                 );
-                return Err(Error::analysis_input(message));
+                return Err(Error::input(message));
             }
         }
         let motions: Vec<Vec<_>> =
@@ -140,7 +140,7 @@ impl GroupComparison {
         let motions: Vec<&[_]> = motions.iter().map(Vec::as_slice).collect();
         let comparison = analysis::GroupComparison::try_new(model, &motions, panel, n_frames);
         let comparison = comparison.map_err(|error| match error {
-            AnalysisError::NothingSeen { group, motion } => Error::analysis_input(format!(
+            AnalysisError::NothingSeen { group, motion } => Error::input(format!(
                 "`groups['{}'][{motion}]` must have markers, but has none in any frame",
                 names[group]
             )),
@@ -178,7 +178,7 @@ impl GroupComparison {
     fn series<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
         let number = self.names.iter().position(|known| known == name).ok_or_else(|| {
             let known = self.names.join(", ");
-            Error::analysis_input(format!("`name` must be one of the groups {known}, found '{name}'"))
+            Error::input(format!("`name` must be one of the groups {known}, found '{name}'"))
         })?;
         Ok(matrix_array(py, &self.comparison.series(number))?)
     }
@@ -270,7 +270,7 @@ pub(crate) fn normalize_frames<'py>(
 ///
 /// Raises
 /// ------
-/// AnalysisInputError
+/// InputError
 ///     If a number is not finite, or a root's quaternion is not of unit length.
 #[pyfunction]
 pub(crate) fn turns_about<'py>(

@@ -23,7 +23,7 @@ use somersault::motion::recording::{self, uniform_times};
 ///
 /// Raises
 /// ------
-/// RecordingError
+/// InputError
 ///     If a number is not finite, times do not rise or names repeat.
 ///
 /// Examples
@@ -130,7 +130,7 @@ impl MarkerRecording {
     ///
     /// Raises
     /// ------
-    /// RecordingError
+    /// InputError
     ///     If there is no marker of this name.
     fn track<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
         let track = self.recording.track(self.recording.marker(name)?);

@@ -24,7 +24,7 @@ use somersault::motion::nalgebra::DMatrix;
 ///
 /// Raises
 /// ------
-/// AnalysisInputError
+/// InputError
 ///     If there are fewer than two samples or fewer than components, a number is not finite, or samples do not differ.
 ///
 /// Examples
@@ -258,7 +258,7 @@ impl Projection {
 ///
 /// Raises
 /// ------
-/// AnalysisInputError
+/// InputError
 ///     If a posture has another number of coordinates than the base, or is not finite.
 #[pyfunction]
 #[pyo3(signature = (base, postures, *, bounds="simplex"))]

@@ -27,10 +27,8 @@ use somersault::motion::scoring::{self, FeatureKind, VectorOptions};
 ///
 /// Raises
 /// ------
-/// ScoringError
+/// InputError
 ///     If a number is not finite, times do not rise, names repeat, or shapes do not fit.
-/// RecordingError
-///     If times do not rise, or names repeat.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Performance {
     pub(super) performance: scoring::Performance,
@@ -63,7 +61,7 @@ impl Performance {
     ///
     /// Raises
     /// ------
-    /// ScoringError
+    /// InputError
     ///     If a marker is missing.
     #[classmethod]
     fn from_markers(_: &Bound<'_, PyType>, recording: &Bound<'_, MarkerRecording>) -> Result<Self, Error> {
@@ -355,10 +353,9 @@ impl Score {
 ///
 /// Raises
 /// ------
-/// ScoringError
-///     If there are too few motions, one lacks a marker or is in another unit, or scores are not finite or not on the scale.
-/// AnalysisInputError
-///     If motions have fewer numbers than components are asked for.
+/// InputError
+///     If there are too few motions, one lacks a marker or is in another unit, scores are not finite or not on the scale, or
+///     motions have fewer numbers than components are asked for.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct ScoringModel {
     model: scoring::ScoringModel,
@@ -393,7 +390,7 @@ impl ScoringModel {
     ///
     /// Raises
     /// ------
-    /// ScoringError
+    /// InputError
     ///     If it lacks a name, or its markers are more than twice as far apart as those learnt or less than half: the unit is
     ///     another.
     fn score(&self, motion: &Bound<'_, Performance>) -> Result<Score, Error> {
@@ -479,7 +476,7 @@ impl ScoringModel {
     ///
     /// Raises
     /// ------
-    /// StorageError
+    /// ReadError
     ///     If the file is not such a model or of another version, the message has the line; or if its numbers do not follow
     ///     from each other.
     #[classmethod]

@@ -107,7 +107,7 @@ impl SkeletonJoint {
 ///
 /// Raises
 /// ------
-/// RecordingError
+/// InputError
 ///     If the joints make no tree, or names repeat.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone)]
@@ -205,7 +205,7 @@ impl Skeleton {
 ///
 /// Raises
 /// ------
-/// RecordingError
+/// InputError
 ///     If a number is not finite, or times do not rise.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SkeletonRecording {

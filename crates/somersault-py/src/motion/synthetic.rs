@@ -34,7 +34,7 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 ///
 /// Raises
 /// ------
-/// SyntheticError
+/// InputError
 ///     If a number is not finite, or a share not below 1.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
@@ -171,7 +171,7 @@ impl Perturbation {
 ///
 /// Raises
 /// ------
-/// SyntheticError
+/// InputError
 ///     If the flight cannot be perturbed; the message says why.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SyntheticFlight {
@@ -324,7 +324,7 @@ impl SyntheticDive {
 ///
 /// Raises
 /// ------
-/// SyntheticError
+/// InputError
 ///     If an argument is out of range, or no such dive can be flown.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SyntheticSet {

@@ -233,7 +233,7 @@ impl Validation {
 ///
 /// Raises
 /// ------
-/// ScoringError
+/// InputError
 ///     If there are too few motions, or an argument is not allowed.
 #[pyfunction]
 #[pyo3(signature = (motions, scores, options=None, *, n_resamples=1000, level=0.95, seed=0, features=None))]

@@ -20,7 +20,7 @@ pub(crate) fn integers_or_none(value: &Bound<'_, PyAny>) -> PyResult<Option<Vec<
 pub(crate) fn count(argument: &str, found: i64, least: i64) -> Result<usize, Error> {
     match usize::try_from(found) {
         Ok(n) if (least..=MOST).contains(&found) => Ok(n),
-        _ => Err(Error::ocp_input(format!("`{argument}` must be from {least} to {MOST}, found {found}"))),
+        _ => Err(Error::input(format!("`{argument}` must be from {least} to {MOST}, found {found}"))),
     }
 }
 
@@ -29,14 +29,14 @@ pub(crate) fn limit(argument: &str, found: Option<i64>, least: i64) -> Result<Op
     let Some(found) = found else { return Ok(None) };
     match usize::try_from(found) {
         Ok(n) if found >= least => Ok(Some(n)),
-        _ => Err(Error::ocp_input(format!("`{argument}` must be at least {least}, found {found}"))),
+        _ => Err(Error::input(format!("`{argument}` must be at least {least}, found {found}"))),
     }
 }
 
 /// The number of one of `n` things, or of any where that is not known yet.
 pub(crate) fn index(argument: &str, found: i64) -> Result<usize, Error> {
     usize::try_from(found)
-        .map_err(|_| Error::ocp_input(format!("`{argument}` must not be negative, found {found}")))
+        .map_err(|_| Error::input(format!("`{argument}` must not be negative, found {found}")))
 }
 
 /// Starts of a search that were given; none is a slip where not all of them are the library's.
@@ -45,9 +45,9 @@ pub(crate) fn starts_or_none<'py>(
     n_starts: usize,
 ) -> Result<Vec<Bound<'py, PyAny>>, Error> {
     match starts {
-        Some(starts) if starts.is_empty() => Err(Error::ocp_input(
-            "`starts` must have at least one row, or be left out, found none".to_owned(),
-        )),
+        Some(starts) if starts.is_empty() => {
+            Err(Error::input("`starts` must have at least one row, or be left out, found none".to_owned()))
+        }
         None if n_starts == 0 => {
             Err(Error::input("`n_starts` must be positive where no `starts` are given, found 0"))
         }
@@ -57,14 +57,13 @@ pub(crate) fn starts_or_none<'py>(
 
 /// Where a random sequence begins.
 pub(crate) fn seed_of(found: i64) -> Result<u64, Error> {
-    u64::try_from(found)
-        .map_err(|_| Error::ocp_input(format!("`seed` must be from 0 to 2⁶³ − 1, found {found}")))
+    u64::try_from(found).map_err(|_| Error::input(format!("`seed` must be from 0 to 2⁶³ − 1, found {found}")))
 }
 
 /// A tolerance; below rounding it is refused, since no search can end by it.
 pub(crate) fn tolerance(argument: &str, found: Option<f64>) -> Result<Option<f64>, Error> {
     match found {
-        Some(x) if !(x >= 1e-15 && x.is_finite()) => Err(Error::ocp_input(format!(
+        Some(x) if !(x >= 1e-15 && x.is_finite()) => Err(Error::input(format!(
             "`{argument}` must be finite and at least 1e-15, below which is rounding, found {x}"
         ))),
         found => Ok(found),
@@ -97,7 +96,7 @@ pub(crate) fn number_or_range(argument: &str, value: &Bound<'_, PyAny>) -> Resul
 pub(crate) fn finite_all(argument: &str, values: Vec<f64>) -> Result<Vec<f64>, Error> {
     match values.iter().find(|x| !x.is_finite()) {
         None => Ok(values),
-        Some(found) => Err(Error::ocp_input(format!("`{argument}` must be finite, found {found}"))),
+        Some(found) => Err(Error::input(format!("`{argument}` must be finite, found {found}"))),
     }
 }
 

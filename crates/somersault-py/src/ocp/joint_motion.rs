@@ -21,7 +21,7 @@ use somersault::multibody::joint_motion::{self, Condition, End};
 ///
 /// Raises
 /// ------
-/// OcpInputError
+/// InputError
 ///     If the differences to the first posture are linearly dependent, or a number is not finite.
 ///
 /// Examples

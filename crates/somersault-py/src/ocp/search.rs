@@ -151,7 +151,7 @@ impl SearchResult {
     fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
         match self.minima.first().or(self.unfinished.first()) {
             Some(report) => Ok(report.clone_ref(py)),
-            None => Err(Error::ocp(&"no start led to an iterate; see `failures`")),
+            None => Err(Error::evaluation("no start led to an iterate; see `failures`")),
         }
     }
 

@@ -330,7 +330,7 @@ impl SolverArguments<'_, '_> {
             Err(SolverError::Failed { source, report }) => {
                 let error = match source.downcast::<PyErr>() {
                     Ok(error) => *error,
-                    Err(other) => Error::ocp(&other).into(),
+                    Err(other) => Error::evaluation(other.to_string()).into(),
                 };
                 return Err(with_report(py, error, verified(*report)));
             }

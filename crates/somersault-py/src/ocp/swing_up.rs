@@ -62,7 +62,7 @@ const NAMES: [(&str, &str); 7] = [
 ///
 /// Raises
 /// ------
-/// OcpInputError
+/// InputError
 ///     If a number is not finite or not allowed, or there are fewer than six splines.
 ///
 /// Examples
@@ -243,7 +243,7 @@ impl CartPendulumProblem {
     /// float
     fn cost(&self, z: &Bound<'_, PyAny>) -> Result<f64, Error> {
         let z = self.variables(z)?;
-        self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))
+        self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::evaluation(error.to_string()))
     }
 
     /// The gradient of the cost.
@@ -260,7 +260,7 @@ impl CartPendulumProblem {
         let (mut nlp, mut gradient) = (self.single.clone(), vec![0.0; z.len()]);
         nlp.evaluate(&z, &mut [])
             .and_then(|_| nlp.differentiate(&z, &mut gradient, &mut []))
-            .map_err(|error| Error::ocp(&error))?;
+            .map_err(|error| Error::evaluation(error.to_string()))?;
         Ok(numpy::PyArray1::from_vec(py, gradient).into_any())
     }
 
@@ -281,7 +281,7 @@ impl CartPendulumProblem {
         nlp.evaluate(&z, &mut [])
             .and_then(|_| nlp.differentiate(&z, &mut gradient, &mut []))
             .and_then(|()| nlp.hessian(&z, 1.0, &[], &mut triangle))
-            .map_err(|error| Error::ocp(&error))?;
+            .map_err(|error| Error::evaluation(error.to_string()))?;
         let mut dense = vec![0.0; n * n];
         for (k, i, j) in nlp.structure().hessian.entries() {
             (dense[i * n + j], dense[j * n + i]) = (triangle[k], triangle[k]);
@@ -433,7 +433,7 @@ impl CartPendulumProblem {
     fn motion(&self, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let z = self.variables(z)?;
         let mut shooting = self.problem.shooting()?;
-        shooting.rollout(&z).map_err(|error| Error::ocp(&error))?;
+        shooting.rollout(&z).map_err(|error| Error::evaluation(error.to_string()))?;
         Ok(Motion::of(&shooting))
     }
 
@@ -448,7 +448,11 @@ impl CartPendulumProblem {
     /// SwingUpVerification
     fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Py<SwingUpVerification>, Error> {
         let z = self.variables(z)?;
-        let cost = self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::ocp(&error))?;
+        let cost = self
+            .single
+            .clone()
+            .evaluate(&z, &mut [])
+            .map_err(|error| Error::evaluation(error.to_string()))?;
         let found = attended(py, |go_on| self.problem.verify_while(&z, go_on).map_err(Unverified))?;
         Ok(SwingUpVerification::of(py, found, cost)?)
     }

@@ -83,7 +83,7 @@ pub(crate) fn entries(
 fn numbers_of(argument: &str, numbers: Option<Vec<i64>>) -> Result<Option<Vec<usize>>, Error> {
     let Some(numbers) = numbers else { return Ok(None) };
     if numbers.is_empty() {
-        return Err(Error::ocp_input(format!("`{argument}` must have at least one entry, found none")));
+        return Err(Error::input(format!("`{argument}` must have at least one entry, found none")));
     }
     numbers.into_iter().map(|k| index(argument, k)).collect::<Result<Vec<_>, _>>().map(Some)
 }

@@ -1,6 +1,6 @@
 //! What accurate integrations make of results.
 
-use crate::error::Error;
+use crate::error::{Class, Error};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
@@ -33,7 +33,7 @@ impl Verifier {
     pub(crate) fn get(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
         let make = || match &self.make {
             Some(make) => make(py),
-            None => Err(Error::ocp(&"the result was stored without its verification")),
+            None => Err(Error::evaluation("the result was stored without its verification")),
         };
         Ok(self.found.get_or_try_init(py, make)?.clone_ref(py))
     }
@@ -252,7 +252,7 @@ impl From<Unverified> for Error {
             VerificationError::Problem(error) => error.into(),
             VerificationError::Integration(error) => error.into(),
             VerificationError::Dynamics(error) => error.into(),
-            error => Self::ocp(&error),
+            error => Self::own(Class::Evaluation, &error),
         }
     }
 }

@@ -44,7 +44,7 @@ pub(super) fn finite_numbers(
     let Some(value) = value else { return Ok(vec![default; n]) };
     let numbers = numbers_or_one(argument, n, value)?;
     match numbers.iter().find(|x| !x.is_finite()) {
-        Some(found) => Err(Error::ocp_input(format!("`{argument}` must be finite, found {found}"))),
+        Some(found) => Err(Error::input(format!("`{argument}` must be finite, found {found}"))),
         None => Ok(numbers),
     }
 }
@@ -57,7 +57,7 @@ pub(super) fn weights(
 ) -> Result<Vec<f64>, Error> {
     let numbers = finite_numbers(argument, n, value, default)?;
     match numbers.iter().find(|x| **x < 0.0) {
-        Some(found) => Err(Error::ocp_input(format!("`{argument}` must not be negative, found {found}"))),
+        Some(found) => Err(Error::input(format!("`{argument}` must not be negative, found {found}"))),
         None => Ok(numbers),
     }
 }

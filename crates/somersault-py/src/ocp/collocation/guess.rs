@@ -25,7 +25,7 @@ pub(super) fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -
         && tuple.iter().any(|item| item.is_none() || item.len().is_ok_and(|n| n != n_states))
     {
         let Ok((t, x, u)) = value.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>, Bound<'_, PyAny>)>() else {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`guess` must be (times, states, controls or None) or states of length {n_states}, found a tuple of {}",
                 tuple.len()
             )));
@@ -44,13 +44,13 @@ pub(super) fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -
     }
     let refused = |_| {
         let found = a_type(value);
-        Error::ocp_input(format!(
+        Error::input(format!(
             "`guess` must be states, (times, states, controls or None) or an earlier result, found {found}"
         ))
     };
     let n = value.len().map_err(refused)?;
     if n < 2 {
-        return Err(Error::ocp_input(format!("`guess` must have at least 2 rows, found {n}")));
+        return Err(Error::input(format!("`guess` must have at least 2 rows, found {n}")));
     }
     let end =
         if problem.duration.upper.is_finite() { problem.duration.upper } else { problem.duration.lower };

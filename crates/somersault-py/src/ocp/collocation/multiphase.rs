@@ -28,7 +28,7 @@ use somersault::ocp::collocation::{End, Guess, Interval, Linkage, Place, Problem
 ///
 /// Raises
 /// ------
-/// OcpInputError
+/// InputError
 ///     If there is no phase, neighbours have different numbers of states, or a link contradicts the ends that it joins.
 ///
 /// Examples
@@ -58,14 +58,14 @@ fn link(k: usize, n: usize, value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Inte
     if let Ok(name) = value.cast::<PyString>() {
         return match name.to_str()? {
             "continuous" => link(k, n, None),
-            other => Err(Error::ocp_input(format!(
+            other => Err(Error::input(format!(
                 "`{argument}` must be 'continuous' or have {n} entries, found '{other}'"
             ))),
         };
     }
     let jumps = ends(&argument, n, value)?;
     match jumps.iter().position(|jump| !jump.is_possible()) {
-        Some(entry) => Err(Error::ocp_input(format!(
+        Some(entry) => Err(Error::input(format!(
             "`{argument}` must have bounds that do not cross and are no NaN, found {} in entry {entry}",
             jumps[entry]
         ))),
@@ -96,7 +96,7 @@ impl MultiphaseProblem {
                 let reach = Interval::new(start.lower - end.upper, start.upper - end.lower);
                 // what is infinite on both sides has no difference
                 if reach.lower > jump.upper || reach.upper < jump.lower {
-                    return Err(Error::ocp_input(format!(
+                    return Err(Error::input(format!(
                         "`phases` must end and begin as `links[{k}]` says: `final_state` of phase {k} and `initial_state` of phase {} \
                          are {end} and {start}, with a difference of {jump} in entry {entry} ({})",
                         k + 1,
@@ -149,22 +149,18 @@ impl MultiphaseProblem {
             let report = &result.as_super().get().report;
             if report.phases.len() != self.phases.len() {
                 let (n, found) = (self.phases.len(), report.phases.len());
-                return Err(Error::ocp_input(format!("`guess` must have {n} phases, found {found}")));
+                return Err(Error::input(format!("`guess` must have {n} phases, found {found}")));
             }
             return Ok(report.phases.iter().map(|phase| phase.to_guess()).collect());
         }
         let refused = |_| {
             let found = a_type(value);
-            Error::ocp_input(format!(
-                "`guess` must be one for each phase or an earlier result, found {found}"
-            ))
+            Error::input(format!("`guess` must be one for each phase or an earlier result, found {found}"))
         };
         let given: Vec<Bound<'_, PyAny>> = value.try_iter().map_err(refused)?.collect::<PyResult<_>>()?;
         if given.len() != self.phases.len() {
             let (n, found) = (self.phases.len(), given.len());
-            return Err(Error::ocp_input(format!(
-                "`guess` must have one for each of {n} phases, found {found}"
-            )));
+            return Err(Error::input(format!("`guess` must have one for each of {n} phases, found {found}")));
         }
         let mut began = 0.0;
         let mut guesses = Vec::with_capacity(given.len());
@@ -187,17 +183,17 @@ impl MultiphaseProblem {
     #[pyo3(signature = (phases, links=None))]
     fn new(phases: Vec<Py<CollocationProblem>>, links: Option<Vec<Bound<'_, PyAny>>>) -> Result<Self, Error> {
         if phases.is_empty() {
-            return Err(Error::ocp_input("`phases` must have at least one phase, found none".to_owned()));
+            return Err(Error::input("`phases` must have at least one phase, found none".to_owned()));
         }
         let n_links = phases.len() - 1;
         if let Some(found) = links.as_ref().map(Vec::len).filter(|found| *found != n_links) {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`links` must have one entry for each of {n_links} pairs of neighbours, found {found}"
             )));
         }
         let sizes: Vec<usize> = phases.iter().map(|phase| phase.get().states.len()).collect();
         if let Some(k) = (0..n_links).find(|k| sizes[*k] != sizes[k + 1]) {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`phases` must have as many states as their neighbours, found {} and {} in phases {k} and {}",
                 sizes[k],
                 sizes[k + 1],

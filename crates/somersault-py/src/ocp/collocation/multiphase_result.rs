@@ -88,7 +88,7 @@ impl MultiphaseResult {
         accurate: f64,
     ) -> Result<Py<Self>, Error> {
         let Some(first) = phases.first().map(|phase| phase.bind(cls.py())) else {
-            return Err(Error::ocp_input("`phases` must have at least one phase, found none".to_owned()));
+            return Err(Error::input("`phases` must have at least one phase, found none".to_owned()));
         };
         let tol = first.as_super().get().tol;
         let mut report = CollocationReport { cost, ..CollocationReport::clone(&first.get().report) };

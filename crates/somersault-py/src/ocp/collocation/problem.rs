@@ -48,7 +48,7 @@ use somersault::ocp::collocation::{Guess, Interval, Phase, Problem, TreeDynamics
 ///
 /// Raises
 /// ------
-/// OcpInputError
+/// InputError
 ///     If a joint has more than one degree of freedom, bounds contradict, or a number is not finite.
 ///
 /// Examples
@@ -111,7 +111,7 @@ impl CollocationProblem {
                 }
                 let rounding = 1e-12 * bounds.lower.abs().min(bounds.upper.abs()).max(1.0);
                 if least > bounds.upper + rounding || most < bounds.lower - rounding {
-                    return Err(Error::ocp_input(format!(
+                    return Err(Error::input(format!(
                         "`path`, row {k}, must be possible at `{argument}`: there it is {}, and `path_lower` and \
                          `path_upper` allow {bounds}",
                         Interval::new(least, most)
@@ -170,13 +170,13 @@ impl CollocationProblem {
             None => (0..n).collect(),
         };
         if !time_weight.is_finite() {
-            return Err(Error::ocp_input(format!("`time_weight` must be finite, found {time_weight}")));
+            return Err(Error::input(format!("`time_weight` must be finite, found {time_weight}")));
         }
         let m = actuated.len();
         let (lower, upper) = number_or_range("duration", duration)?;
         // a NaN is not below
         if !(0.0 < lower && lower <= upper && lower.is_finite()) {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`duration` must be positive, or a pair of such numbers in their order, found ({lower}, {upper})"
             )));
         }

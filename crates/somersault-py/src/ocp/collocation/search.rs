@@ -56,7 +56,7 @@ impl SearchOptions<'_, '_> {
             ..default
         };
         if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
             )));
         }

@@ -85,10 +85,8 @@ use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchE
 ///
 /// Raises
 /// ------
-/// OcpInputError
-///     If an argument is not allowed or contradicts another.
-/// PostureError
-///     If the diver has no such posture.
+/// InputError
+///     If an argument is not allowed or contradicts another, or the diver has no such posture.
 ///
 /// Examples
 /// --------
@@ -473,7 +471,7 @@ impl Dive {
             let positive = |weights: &[f64]| weights.iter().all(|weight| *weight > 0.0);
             search.soft_weights = finite_all("soft_weights", weights)?;
             if !positive(&search.soft_weights) {
-                return Err(Error::ocp_input("`soft_weights` must be positive".to_owned()));
+                return Err(Error::input("`soft_weights` must be positive".to_owned()));
             }
         }
         if let Some(tol) = tolerance("tol", tol)? {

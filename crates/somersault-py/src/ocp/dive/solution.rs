@@ -333,7 +333,7 @@ impl DiveSolution {
     ///
     /// Raises
     /// ------
-    /// OcpInputError
+    /// InputError
     ///     If the dive is not planar, has joints for channels, or a range of durations or leans.
     ///
     /// Examples

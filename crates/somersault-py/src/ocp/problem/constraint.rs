@@ -75,7 +75,7 @@ impl Constraint {
 fn in_order(lower: &[f64], upper: &[f64]) -> Result<(), Error> {
     for (argument, bounds) in [("lower", lower), ("upper", upper)] {
         if let Some(k) = bounds.iter().position(|bound| bound.is_nan()) {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`{argument}` of a constraint must be numbers or infinite, found NaN in entry {k}"
             )));
         }
@@ -86,7 +86,7 @@ fn in_order(lower: &[f64], upper: &[f64]) -> Result<(), Error> {
     }
     let pairs = (0..lower.len().max(upper.len())).map(|k| (of(lower, k), of(upper, k)));
     match pairs.enumerate().find(|(_, (lower, upper))| lower > upper) {
-        Some((k, (lower, upper))) => Err(Error::ocp_input(format!(
+        Some((k, (lower, upper))) => Err(Error::input(format!(
             "`lower` of a constraint must not be above `upper`, found {lower} and {upper} in entry {k}"
         ))),
         None => Ok(()),

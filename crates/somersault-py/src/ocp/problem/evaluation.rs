@@ -46,8 +46,8 @@ fn undefined(error: EvaluationError) -> Error {
     match error {
         EvaluationError::Failed(source) => match source.downcast::<PyErr>() {
             Ok(error) => Error::Raised(*error),
-            Err(other) => Error::ocp(&other),
+            Err(other) => Error::evaluation(other.to_string()),
         },
-        error => Error::ocp(&error),
+        error => Error::evaluation(error.to_string()),
     }
 }

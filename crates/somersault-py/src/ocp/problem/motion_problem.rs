@@ -50,7 +50,7 @@ use somersault::ocp::transcription::Transcription;
 ///
 /// Raises
 /// ------
-/// OcpInputError
+/// InputError
 ///     If the parts do not fit each other, or bounds contradict.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct MotionProblem {
@@ -95,16 +95,14 @@ impl MotionProblem {
             }
         };
         if phases.is_empty() {
-            return Err(Error::ocp_input("`phases` must have at least one phase, found none".to_owned()));
+            return Err(Error::input("`phases` must have at least one phase, found none".to_owned()));
         }
         let free = |argument: &str, free: Option<Vec<bool>>| match free {
             None => Ok(vec![false; n]),
             Some(free) if free.len() == n => Ok(free),
             Some(free) => {
                 let found = free.len();
-                Err::<_, Error>(Error::ocp_input(format!(
-                    "`{argument}` must have {n} entries, found {found}"
-                )))
+                Err::<_, Error>(Error::input(format!("`{argument}` must have {n} entries, found {found}")))
             }
         };
         let start = Start {

@@ -38,7 +38,7 @@ impl Phase {
         let (lower, upper) = number_or_range("duration", duration)?;
         // a NaN is not below
         if !(0.0 < lower && lower <= upper && upper.is_finite()) {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`duration` must be positive and finite, or a pair of such numbers in their order, found ({lower}, {upper})"
             )));
         }
@@ -46,7 +46,7 @@ impl Phase {
         let n_steps = count("n_steps", n_steps, 1)?;
         let n_segments = count("n_segments", n_segments, 1)?;
         if n_segments > n_steps {
-            return Err(Error::ocp_input(format!(
+            return Err(Error::input(format!(
                 "`n_segments` must be at most `n_steps` = {n_steps}, found {n_segments}"
             )));
         }

@@ -18,7 +18,7 @@ impl MotionProblem {
         let n = self.n_variables;
         let given = reach.map(|reach| numbers_or_one("reach", n, reach)).transpose()?;
         if let Some(found) = given.iter().flatten().find(|reach| !(**reach >= 0.0 && reach.is_finite())) {
-            return Err(Error::ocp_input(format!("`reach` must be finite and not negative, found {found}")));
+            return Err(Error::input(format!("`reach` must be finite and not negative, found {found}")));
         }
         let problem = self.shared.acquire(py)?;
         let Bounds { lower, upper } = &problem.structure().variables;
