@@ -98,12 +98,12 @@ def _methods() -> str:
 
 
 def _guarantees() -> str:
-    """What methods keep and what they are not for; those of which the same is true share a row."""
+    """What methods conserve, and their limitations; those of which the same is true share a row."""
     groups: dict[tuple[str, str], list[str]] = {}
     for info in somersault.methods():
-        groups.setdefault((info.keeps, info.not_for), []).append(f"`{info.name}`")
-    rows = [f"| {', '.join(names)} | {keeps} | {not_for} |" for (keeps, not_for), names in groups.items()]
-    return "\n".join(["| Methods | Keep | Not for |", "|---|---|---|", *rows])
+        groups.setdefault((info.conserves, info.limitations), []).append(f"`{info.name}`")
+    rows = [f"| {', '.join(names)} | {' | '.join(said)} |" for said, names in groups.items()]
+    return "\n".join(["| Methods | Conserved | Limitations |", "|---|---|---|", *rows])
 
 
 def _evaluations() -> str:

@@ -269,7 +269,7 @@ class Measurements:
         )
 
     @cached_property
-    def top(self) -> contact.Scene:
+    def top(self) -> contact.ContactSystem:
         """The spinning top."""
         return contact.spinning_top()
 

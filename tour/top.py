@@ -22,7 +22,7 @@ class Top:
     """The top from its start to some time."""
 
     def __init__(self, end: float) -> None:
-        self.scene: contact.Scene = contact.spinning_top()
+        self.scene: contact.ContactSystem = contact.spinning_top()
         self.end = end
 
     def run(self, method: str, dt: float, located: bool, every: int = 10**9) -> somersault.Solution:

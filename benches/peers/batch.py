@@ -11,6 +11,7 @@ from measure import interleaved, table
 from motions import orientation_error
 
 import somersault
+from somersault import batch
 
 BODIES = 10_000
 STEPS = (100, 1000)
@@ -35,7 +36,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     for steps in STEPS:
         duration = steps * DT
         runs: dict[str, Callable[[], object]] = {
-            "somersault.batch": lambda t=duration: somersault.batch.integrate(bodies, states, (0.0, t), DT),
+            "somersault.batch": lambda t=duration: batch.integrate_batch(bodies, states, (0.0, t), DT),
             "numba RK4, parallel": lambda n=steps: compiled.rk4_batch(moments, start, DT, n),
         }
         times = interleaved(runs, repetitions, time.perf_counter)
@@ -43,7 +44,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
             np.roll(somersault.exact.FreeBody(body, state)(duration).quaternion, 1)
             for body, state in zip(bodies[:COMPARED], states[:COMPARED], strict=True)
         ]
-        ours = somersault.batch.integrate(bodies, states, (0.0, duration), DT).quaternion[-1]
+        ours = batch.integrate_batch(bodies, states, (0.0, duration), DT).quaternion[-1]
         ends = (np.roll(ours, 1, axis=1), compiled.rk4_batch(moments, start, DT, steps)[:4].T)
         rows += [
             {

@@ -1,5 +1,5 @@
 """Many rigid bodies at once, vectorised over bodies and parallel over cores."""
 
-from somersault._somersault import integrate_batch as integrate
+from somersault._somersault import integrate_batch
 
-__all__ = ["integrate"]
+__all__ = ["integrate_batch"]

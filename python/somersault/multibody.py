@@ -2,8 +2,7 @@
 
 M(q) a + h(q, v) = τ + Σ Jᵀ f, with the mass matrix M, the bias h, joint forces τ and external wrenches f.
 A `Model` is made of `Link` objects, or read from URDF; `cart_pendulum` and the like make those with a
-name. `integrate` moves a
-tree, and `fly` one in the air whose joints move as prescribed.
+name. `integrate_tree` moves a tree, and `fly` one in the air whose joints move as prescribed.
 
 >>> import numpy as np
 >>> from somersault import multibody
@@ -22,10 +21,10 @@ from somersault._somersault import (
     cart_pendulum,
     diver_planar,
     diver_spatial,
+    integrate_tree,
     two_link_arm,
 )
 from somersault._somersault import integrate_flight as fly
-from somersault._somersault import integrate_tree as integrate
 
 __all__ = [
     "Diver",
@@ -37,6 +36,6 @@ __all__ = [
     "diver_planar",
     "diver_spatial",
     "fly",
-    "integrate",
+    "integrate_tree",
     "two_link_arm",
 ]

@@ -12,7 +12,7 @@ use somersault_contact::interface::{ContactLaw, ContactMode, Encounter};
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::SlidingBlock;
 use somersault_contact::stretches::{Touching, WithStretches};
-use somersault_contact::surface::{HalfSpace, Solid, Sphere};
+use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
@@ -240,7 +240,7 @@ fn thrown_ball() -> (BodyInContact<Gravity>, RigidBodyState) {
     let inertia = somersault_core::Inertia::try_sphere(1.0, 0.1).unwrap();
     let law = ContactLaw::from(CompliantLaw::try_new(500.0, 10.0).unwrap())
         .with_friction(coulomb(0.25, 200.0, 10.0));
-    let bowl = Sphere::try_new(Vector3::new(0.0, 0.0, 1.0), 1.0, Solid::Outside).unwrap();
+    let bowl = SphericalSurface::try_new(Vector3::new(0.0, 0.0, 1.0), 1.0, Solid::Outside).unwrap();
     let contact = Contact::try_ball(Vector3::zeros(), 0.1, Arc::new(bowl), law).unwrap();
     let body = RigidBody::try_new(1.0, inertia).unwrap();
     let mut start = RigidBodyState::default();
@@ -740,7 +740,7 @@ fn friction_laws_and_rolling_shapes_refuse_bad_input() {
         Err(Argument(ArgumentError::NotPositive { argument: "damping", .. }))
     ));
     let zero = Vector3::zeros();
-    let bowl = Arc::new(Sphere::try_new(zero, 1.0, Solid::Outside).unwrap());
+    let bowl = Arc::new(SphericalSurface::try_new(zero, 1.0, Solid::Outside).unwrap());
     let ball = |centre, radius, law| Contact::try_ball(centre, radius, bowl.clone(), law).map(|_| ());
     let plain = ContactLaw::from(stiff());
     assert!(matches!(

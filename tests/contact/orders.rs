@@ -8,7 +8,7 @@ use somersault_contact::event::{EventKind, Interrupted, Interruption, Located, L
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::studies::{self, Stepping};
-use somersault_contact::surface::{Cylinder, HalfSpace, Solid, Sphere, Surface};
+use somersault_contact::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface, Surface};
 use somersault_core::argument::ArgumentError;
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
@@ -385,10 +385,11 @@ fn at(z: f64, velocity: f64) -> RigidBodyState {
 fn curved_surfaces_hold_like_the_plane_that_touches_them() {
     let plane: Arc<dyn Surface> =
         Arc::new(HalfSpace::try_new(Vector3::new(0.0, 0.0, -1.0), Vector3::z()).unwrap());
-    let bowl = Sphere::try_new(Vector3::zeros(), 1.0, Solid::Outside).unwrap();
-    let hill = Sphere::try_new(Vector3::new(0.0, 0.0, -3.0), 2.0, Solid::Inside).unwrap();
-    let gutter = Cylinder::try_new(Vector3::zeros(), Vector3::x(), 1.0, Solid::Outside).unwrap();
-    let log = Cylinder::try_new(Vector3::new(0.0, 0.0, -1.5), Vector3::y(), 0.5, Solid::Inside).unwrap();
+    let bowl = SphericalSurface::try_new(Vector3::zeros(), 1.0, Solid::Outside).unwrap();
+    let hill = SphericalSurface::try_new(Vector3::new(0.0, 0.0, -3.0), 2.0, Solid::Inside).unwrap();
+    let gutter = CylindricalSurface::try_new(Vector3::zeros(), Vector3::x(), 1.0, Solid::Outside).unwrap();
+    let log =
+        CylindricalSurface::try_new(Vector3::new(0.0, 0.0, -1.5), Vector3::y(), 0.5, Solid::Inside).unwrap();
     let flat = run(Method::RkmkB, &particle(400.0, 4.0, plane, -9.81), &at(-0.5, 0.0), 1.3, 1e-3);
     for curved in [Arc::new(bowl) as Arc<dyn Surface>, Arc::new(hill), Arc::new(gutter), Arc::new(log)] {
         let found = run(Method::RkmkB, &particle(400.0, 4.0, curved, -9.81), &at(-0.5, 0.0), 1.3, 1e-3);
@@ -446,11 +447,11 @@ fn laws_surfaces_and_contacts_refuse_bad_input() {
         Err(Direction { argument: "normal", .. })
     ));
     assert!(matches!(
-        Sphere::try_new(zero, 0.0, Solid::Inside),
+        SphericalSurface::try_new(zero, 0.0, Solid::Inside),
         Err(Argument(ArgumentError::NotPositive { argument: "radius", .. }))
     ));
     assert!(matches!(
-        Cylinder::try_new(zero, zero, 1.0, Solid::Inside),
+        CylindricalSurface::try_new(zero, zero, 1.0, Solid::Inside),
         Err(Direction { argument: "axis", .. })
     ));
     let point = Vector3::new(0.0, f64::INFINITY, 0.0);

@@ -13,7 +13,9 @@ use somersault_contact::sensitivity::{
     Differentiation, FrozenVariational, Parameter, VariedPose, VariedState, differentiate_hybrid,
     differentiate_hybrid_adaptive, differentiate_located, differentiate_located_adaptive,
 };
-use somersault_contact::surface::{Cylinder, HalfSpace, SignedDistance, Solid, Sphere, Surface};
+use somersault_contact::surface::{
+    CylindricalSurface, HalfSpace, SignedDistance, Solid, SphericalSurface, Surface,
+};
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, TimeGrid};
@@ -358,10 +360,14 @@ fn corners(k: usize, epsilon: f64) -> (BodyInContact<Wind>, RigidBodyState) {
     if k >= 12 {
         change[k - 12] = epsilon;
     }
-    let hill = Sphere::try_new(Vector3::new(0.0, 0.0, -3.0), 2.95, Solid::Inside).unwrap();
-    let log =
-        Cylinder::try_new(Vector3::new(0.1, 0.0, -0.6), Vector3::new(0.3, 1.0, 0.1), 0.5, Solid::Inside)
-            .unwrap();
+    let hill = SphericalSurface::try_new(Vector3::new(0.0, 0.0, -3.0), 2.95, Solid::Inside).unwrap();
+    let log = CylindricalSurface::try_new(
+        Vector3::new(0.1, 0.0, -0.6),
+        Vector3::new(0.3, 1.0, 0.1),
+        0.5,
+        Solid::Inside,
+    )
+    .unwrap();
     let surfaces: [Arc<dyn Surface>; 4] = [Arc::new(Bowl), Arc::new(hill), Arc::new(log), Arc::new(Bowl)];
     let contacts = surfaces.into_iter().enumerate().map(|(i, surface)| {
         let (a, b) = ([0.2, -0.2][i % 2], [0.15, -0.15][i / 2]);

@@ -9,7 +9,7 @@ use somersault_contact::interface::ContactLaw;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{RollingDisk, TippeTop};
 use somersault_contact::sensitivity::{Parameter, Sensitivities};
-use somersault_contact::surface::{HalfSpace, Solid, Sphere};
+use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::{Gravity, Wrench};
 use somersault_integrators::state::RigidBodyState;
@@ -70,7 +70,7 @@ fn bowled(k: usize, epsilon: f64) -> (BodyInContact<Gravity>, RigidBodyState) {
     let [coefficient] = changes(k, epsilon);
     let friction = CoulombFriction::try_new(0.25 + coefficient, 800.0, 20.0).unwrap();
     let law = ContactLaw::from(CompliantLaw::try_new(2e3, 20.0).unwrap()).with_friction(friction);
-    let bowl = Sphere::try_new(Vector3::new(0.0, 0.0, 1.0), 1.0, Solid::Outside).unwrap();
+    let bowl = SphericalSurface::try_new(Vector3::new(0.0, 0.0, 1.0), 1.0, Solid::Outside).unwrap();
     let contact = Contact::try_ball(Vector3::zeros(), 0.1, Arc::new(bowl), law).unwrap();
     let inertia = somersault_core::Inertia::try_sphere(1.0, 0.1).unwrap();
     let body = RigidBody::try_new(1.0, inertia).unwrap();

@@ -13,7 +13,7 @@ use somersault_contact::driver::{LocatedResult, integrate_hybrid, integrate_hybr
 use somersault_contact::event::{EventKind, Location};
 use somersault_contact::hybrid::{Frozen, Hybrid};
 use somersault_contact::law::CompliantLaw;
-use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, Sphere, Surface};
+use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, SphericalSurface, Surface};
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{
@@ -59,7 +59,7 @@ impl Surface for Ring {
 /// A sphere by a function that is a distance at its surface only and rises up to twice as fast elsewhere.
 #[derive(Debug)]
 struct Steep {
-    sphere: Sphere,
+    sphere: SphericalSurface,
     length: f64,
 }
 
@@ -340,7 +340,9 @@ fn tumbling_box(random: &mut Random) -> Option<Shot> {
     let surface: Arc<dyn Surface> = if random.below(2) == 0 {
         Arc::new(HalfSpace::ground())
     } else {
-        Arc::new(Sphere::try_new(Vector3::zeros(), random.within(0.02, 0.5), Solid::Inside).unwrap())
+        Arc::new(
+            SphericalSurface::try_new(Vector3::zeros(), random.within(0.02, 0.5), Solid::Inside).unwrap(),
+        )
     };
     let (mut position, velocity) = aimed(random, &gravity, size);
     if surface.as_half_space().is_some() {
@@ -385,7 +387,7 @@ fn shot(seed: u64) -> Option<(usize, Shot)> {
     let random = &mut Random::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let kind = random.below(5);
     let radius = random.within(0.02, 0.5);
-    let sphere = Sphere::try_new(Vector3::zeros(), radius, Solid::Inside).unwrap();
+    let sphere = SphericalSurface::try_new(Vector3::zeros(), radius, Solid::Inside).unwrap();
     let shot = match kind {
         0 => at_obstacle(random, Arc::new(sphere), radius, radius),
         1 => {
@@ -455,7 +457,7 @@ fn of_a_hundred_thousand_shots_none_that_hits_is_missed() {
 #[test]
 fn a_small_ball_dropped_on_a_ball_hits_it_by_every_method_that_adapts_its_step() {
     for radius in [0.5, 0.2, 0.1, 0.05, 0.02] {
-        let obstacle = Sphere::try_new(Vector3::zeros(), radius, Solid::Inside).unwrap();
+        let obstacle = SphericalSurface::try_new(Vector3::zeros(), radius, Solid::Inside).unwrap();
         let contact = Contact::try_ball(Vector3::zeros(), 0.005, Arc::new(obstacle), law(0.01)).unwrap();
         let system = BodyInContact::new(ball(0.01, 0.005), (Gravity::earth(), Contacts::new(vec![contact])));
         let mut start = RigidBodyState::default();
@@ -489,7 +491,7 @@ fn two_spheres_that_meet_at_five_metres_a_second_touch() {
 
 #[test]
 fn a_force_that_is_a_closure_has_its_hits_found_too() {
-    let sphere = Sphere::try_new(Vector3::zeros(), 0.1, Solid::Inside).unwrap();
+    let sphere = SphericalSurface::try_new(Vector3::zeros(), 0.1, Solid::Inside).unwrap();
     let weight = |_: f64, body: &RigidBody, _: &RigidBodyState| Wrench {
         force: Vector3::new(0.0, 0.0, -9.81 * body.mass()),
         torque: Vector3::zeros(),

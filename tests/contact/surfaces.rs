@@ -7,7 +7,7 @@ use somersault_contact::driver::{integrate_hybrid, integrate_hybrid_adaptive};
 use somersault_contact::event::{Interrupted, Interruption, Location};
 use somersault_contact::hybrid::Frozen;
 use somersault_contact::law::CompliantLaw;
-use somersault_contact::surface::{SignedDistance, Solid, Sphere, Surface, SurfaceFault};
+use somersault_contact::surface::{SignedDistance, Solid, SphericalSurface, Surface, SurfaceFault};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, TimeGrid};
 use somersault_integrators::force::Gravity;
@@ -119,7 +119,7 @@ fn a_distance_steeper_than_its_constant_is_named_before_it_is_touched() {
 #[test]
 fn a_point_at_the_centre_of_a_sphere_is_named() {
     let centre = Vector3::new(0.0, 0.0, 0.5);
-    for ended in drop_on(Sphere::try_new(centre, 1.0, Solid::Inside).unwrap()) {
+    for ended in drop_on(SphericalSurface::try_new(centre, 1.0, Solid::Inside).unwrap()) {
         assert_eq!(fault(&ended), SurfaceFault::ZeroGradient { point: centre.into() });
     }
 }

@@ -43,7 +43,7 @@ fn by_duals(
             By::Q => {
                 let mut step = vec![Dual64::from_re(0.0); n];
                 step[k].eps = 1.0;
-                model.integrate(&duals(q), &step, &mut q_).unwrap();
+                model.displace(&duals(q), &step, &mut q_).unwrap();
             }
             By::V => v_[k].eps = 1.0,
             By::Input => input_[k].eps = 1.0,
@@ -157,7 +157,7 @@ fn partials_equal_central_differences() {
                 let sum = |x: &[f64]| x.iter().zip(&step).map(|(x, d)| x + d).collect::<Vec<f64>>();
                 let (mut q_, mut v_, mut a_) = (q.clone(), v.clone(), a.clone());
                 match by {
-                    By::Q => model.integrate(&q, &step, &mut q_).unwrap(),
+                    By::Q => model.displace(&q, &step, &mut q_).unwrap(),
                     By::V => v_ = sum(&v),
                     By::Input => a_ = sum(&a),
                 }
@@ -219,7 +219,7 @@ fn partials_of_centre_of_mass_and_momentum_equal_dual_numbers() {
             let mut step = vec![Dual64::from_re(0.0); n];
             step[k].eps = 1.0;
             let mut moved = duals(&q);
-            dual.integrate(&duals(&q), &step, &mut moved).unwrap();
+            dual.displace(&duals(&q), &step, &mut moved).unwrap();
             let centroidal = dual.centroidal(&mut data, &moved).unwrap();
             let momentum = centroidal.momentum(&duals(&v)).unwrap();
             let center = centroidal.center_of_mass;
@@ -251,15 +251,15 @@ fn second_derivatives_exist_by_dual_numbers_through_the_partials() {
         let mut step = vec![Dual64::from_re(0.0); n];
         step[j].eps = 1.0;
         let mut moved = duals(&q);
-        dual.integrate(&duals(&q), &step, &mut moved).unwrap();
+        dual.displace(&duals(&q), &step, &mut moved).unwrap();
         let p = dual.inverse_dynamics_partials(&mut work, &moved, &duals(&v), &duals(&a), &[]).unwrap();
         for k in 0..n {
             let (mut first, mut second) = (lift(&vec![0.0; n]), lift(&vec![0.0; n]));
             first[j].eps1 = 1.0;
             second[k].eps2 = 1.0;
             let (mut once, mut twice) = (lift(&q), lift(&q));
-            hyper.integrate(&lift(&q), &first, &mut once).unwrap();
-            hyper.integrate(&once, &second, &mut twice).unwrap();
+            hyper.displace(&lift(&q), &first, &mut once).unwrap();
+            hyper.displace(&once, &second, &mut twice).unwrap();
             let torque = hyper.inverse_dynamics(&mut data, &twice, &lift(&v), &lift(&a), &[]).unwrap();
             for i in 0..n {
                 let (found, exact) = (p.q[(i, k)].eps, torque[i].eps1eps2);

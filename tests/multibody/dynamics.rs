@@ -40,7 +40,7 @@ fn along(x: &[f64], dx: &[f64]) -> Vec<Dual64> {
 /// q ⊕ ε v.
 fn moved(model: &Model<Dual64>, q: &[f64], v: &[f64]) -> Vec<Dual64> {
     let mut out = duals(q);
-    model.integrate(&duals(q), &along(&vec![0.0; v.len()], v), &mut out).expect("lengths fit");
+    model.displace(&duals(q), &along(&vec![0.0; v.len()], v), &mut out).expect("lengths fit");
     out
 }
 
@@ -250,7 +250,7 @@ fn jacobians_are_the_derivatives_of_poses() {
         let mut at = |h: f64| {
             let mut moved = q.clone();
             let step: Vec<f64> = v.iter().map(|v| v * h).collect();
-            model.integrate(&q, &step, &mut moved).unwrap();
+            model.displace(&q, &step, &mut moved).unwrap();
             model.positions(&mut data, &moved).unwrap().pose(body).unwrap().compose(&frame).translation
         };
         let difference = (at(h) - at(-h)) / (2.0 * h);
@@ -380,7 +380,7 @@ fn difference_inverts_integrate_and_keeps_quaternions_of_unit_norm() {
         let Case { model, q, mut random, .. } = case;
         let v = random.numbers(model.n_velocities(), 1.7);
         let (mut moved, mut back) = (q.clone(), v.clone());
-        model.integrate(&q, &v, &mut moved).unwrap();
+        model.displace(&q, &v, &mut moved).unwrap();
         model.difference(&q, &moved, &mut back).unwrap();
         assert!(largest_difference(&back, &v) < 1e-12);
         let mut scaled: Vec<f64> = moved.clone();

@@ -515,7 +515,7 @@ fn derivatives_of_the_angular_velocity_are_those_of_dual_numbers_and_differences
         let zero = vec![0.0; dofs];
         let step: Vec<Dual64> = zero.iter().zip(&dq).map(|(&x, &d)| Dual64::new(x, d)).collect();
         let mut moved = duals(&q);
-        wide.integrate(&duals(&q), &step, &mut moved).unwrap();
+        wide.displace(&duals(&q), &step, &mut moved).unwrap();
         let faster: Vec<Dual64> = v.iter().zip(&dv).map(|(&x, &d)| Dual64::new(x, d)).collect();
         let wide_flight = Flight::try_new(&wide, lifted).unwrap();
         let by_duals = wide_flight.angular_velocity(&mut FlightData::new(&wide), &moved, &faster).unwrap();
@@ -528,7 +528,7 @@ fn derivatives_of_the_angular_velocity_are_those_of_dual_numbers_and_differences
             let flight = Flight::try_new(&model, take_off).unwrap();
             let step: Vec<f64> = dq.iter().map(|d| d * h).collect();
             let mut moved = q.clone();
-            model.integrate(&q, &step, &mut moved).unwrap();
+            model.displace(&q, &step, &mut moved).unwrap();
             let faster: Vec<f64> = v.iter().zip(&dv).map(|(x, d)| x + d * h).collect();
             flight.angular_velocity(&mut FlightData::new(&model), &moved, &faster).unwrap()
         };
@@ -612,7 +612,7 @@ fn final_turn_by_duals(
         let mut step = vec![Dual64::from_re(0.0); 6];
         step.extend(dq.iter().map(|&d| Dual64::new(0.0, d)));
         let mut moved = full.clone();
-        wide.integrate(&full, &step, &mut moved).unwrap();
+        wide.displace(&full, &step, &mut moved).unwrap();
         let mut rates = vec![Dual64::from_re(0.0); 6];
         rates.extend(v.iter().zip(dv.iter()).map(|(&x, &d)| Dual64::new(x, d)));
         let omega = flight.angular_velocity(data, &moved, &rates).unwrap();

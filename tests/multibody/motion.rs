@@ -422,7 +422,7 @@ fn joint_velocities_and_states_are_inverse_to_each_other() {
     let (mut drifted, mut moved) = (x.configuration.clone(), q.clone());
     drifted.drift(&x.rate, h);
     let step: Vec<f64> = v.iter().map(|v| v * h).collect();
-    model.integrate(&q, &step, &mut moved).unwrap();
+    model.displace(&q, &step, &mut moved).unwrap();
     let off = drifted.as_slice().iter().zip(&moved).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
     assert!(off < 1e-11, "{off:e}");
 }
@@ -445,7 +445,7 @@ fn a_short_step_of_any_tree_is_what_its_accelerations_say() {
             let end = run(&system, Method::Rkmk8, &start, h, 1);
             let step: Vec<f64> = v.iter().zip(&a).map(|(v, a)| h * v + 0.5 * h * h * a).collect();
             let (mut expected, mut dq, mut dv) = (q.clone(), v.clone(), v.clone());
-            model.integrate(&q, &step, &mut expected).unwrap();
+            model.displace(&q, &step, &mut expected).unwrap();
             model.difference(&expected, end.configuration.as_slice(), &mut dq).unwrap();
             model.joint_velocities(&end, &mut dv).unwrap();
             for k in 0..dofs {

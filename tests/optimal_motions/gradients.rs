@@ -32,7 +32,7 @@ impl Case {
         let (mut position, velocity) = (model.neutral(), scattered(model.n_velocities(), 5.0));
         let turned = model.clone();
         let push: Vec<f64> = scattered(model.n_velocities(), 2.0).iter().map(|x| 0.4 * x).collect();
-        turned.integrate(&model.neutral(), &push, &mut position).unwrap();
+        turned.displace(&model.neutral(), &push, &mut position).unwrap();
         let motion = weights(9);
         Self { model, split, motion, scheme, drive: Drive::Motion, n_steps, position, velocity }
     }
@@ -138,7 +138,7 @@ impl Case {
             let mut out = q.to_vec();
             let mut d = d.to_vec();
             driven.iter().filter(|k| self.split.active()[**k]).for_each(|k| d[*k] = T::zero());
-            model.integrate(q, &d, &mut out).unwrap();
+            model.displace(q, &d, &mut out).unwrap();
             out
         };
         let combine = |terms: &[(f64, &[T])]| -> Vec<T> {

@@ -84,7 +84,7 @@ fn expect_gradient(model: &Model, term: &mut dyn Term) {
     let n = model.n_velocities();
     let mut position = model.neutral();
     let push: Vec<f64> = scattered(n, 2.0).iter().map(|x| 0.4 * x).collect();
-    model.integrate(&model.neutral(), &push, &mut position).unwrap();
+    model.displace(&model.neutral(), &push, &mut position).unwrap();
     let velocity = scattered(n, 3.0);
     let mut evaluate = |q: &[f64], v: &[f64]| {
         let mut rows = vec![0.0; term.n_rows()];
@@ -98,7 +98,7 @@ fn expect_gradient(model: &Model, term: &mut dyn Term) {
                 let (mut q, mut v, mut d) = (position.clone(), velocity.clone(), vec![0.0; n]);
                 if by_position {
                     d[k] = h;
-                    model.integrate(&position, &d, &mut q).unwrap();
+                    model.displace(&position, &d, &mut q).unwrap();
                 } else {
                     v[k] += h;
                 }

@@ -56,8 +56,8 @@ regular = contact.RegularisedFriction(0.3, 0.01)
 resistance = contact.Resistance(1e-3, 2e-3, 0.1)
 plane = contact.HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 plane.signed_distance((0.0, 0.0, 1.0))
-ball = contact.Sphere((0.0, 0.0, -1.0), 0.5, "inside")
-tube = contact.Cylinder((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, "outside")
+ball = contact.SphericalSurface((0.0, 0.0, -1.0), 0.5, "inside")
+tube = contact.CylindricalSurface((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 3.0, "outside")
 touch = contact.Contact((0.0, 0.0, -0.1), plane, law, friction=coulomb, resistance=None)
 touch.gap(state)
 rolls = contact.Contact.ball((0.0, 0.0, 0.0), 0.1, plane, law, friction=creep, resistance=resistance)
@@ -95,7 +95,9 @@ contact.differentiate(
 somersault.Trajectory(
     body, [0.0, 1.0], np.zeros((2, 3)), np.tile([0, 0, 0, 1.0], (2, 1)), np.zeros((2, 3)), np.zeros((2, 3))
 )
-somersault.batch.integrate([body, body], [state, state], (0.0, 0.1), [0.01, 0.02], gravity=(0.0, 0.0, -9.81))
+somersault.batch.integrate_batch(
+    [body, body], [state, state], (0.0, 0.1), [0.01, 0.02], gravity=(0.0, 0.0, -9.81)
+)
 free = exact.FreeBody(body, state, 0.0)
 free([0.1, 0.2])
 free(1.0)
@@ -124,7 +126,7 @@ model.positions_of("pole")
 model.velocities_of(1)
 model.neutral()
 model.random(3)
-model.integrate(q, v)
+model.displace(q, v)
 model.difference(q, q + 0.1)
 model.normalize(many)
 model.inverse_dynamics(q, v, a, wrenches)
@@ -150,12 +152,12 @@ multibody.cart_pendulum(2.0, 1.0, 1.0, 9.81)
 multibody.two_link_arm((0.5, 0.5), (1.0, 1.0), (0.1, 0.1))
 planar, spatial = multibody.diver_planar(65.0, 1.7, 9.81), multibody.diver_spatial(65.0, 1.7, 9.81)
 spatial.configuration("A")
-swing = multibody.integrate(model, q, v, (0.0, 0.1), dt=0.01, torque=[0.1, 0.0], dense_output=True)
+swing = multibody.integrate_tree(model, q, v, (0.0, 0.1), dt=0.01, torque=[0.1, 0.0], dense_output=True)
 swing.sol([0.01, 0.02])
-multibody.integrate(
+multibody.integrate_tree(
     model, q, v, (0.0, 0.1), dt=0.01, active=["cart"], acceleration=lambda t, q, v: [0.1, 0.0], every=2
 )
-multibody.integrate(
+multibody.integrate_tree(
     model, q, v, (0.0, 0.1), rtol=1e-6, torque=lambda t, q, v: -v, observer=lambda t, q, v: None
 )
 stand, pike = planar.configuration("A"), planar.configuration("H")

@@ -13,13 +13,20 @@ from scipy.spatial.transform import Rotation
 
 import somersault
 from somersault import RigidBody, Solution, State, contact, errors, forces, integrate
-from somersault.contact import CompliantLaw, Contact, Cylinder, HalfSpace, Scene, Sphere
+from somersault.contact import (
+    CompliantLaw,
+    Contact,
+    ContactSystem,
+    CylindricalSurface,
+    HalfSpace,
+    SphericalSurface,
+)
 
 Array = NDArray[np.float64]
 G = 9.81
 
 
-def run(scene: Scene, end: float, **options: Any) -> Solution:
+def run(scene: ContactSystem, end: float, **options: Any) -> Solution:
     given = {"forces": scene.forces, "contacts": scene.contacts, "dt": 1e-3} | options
     return integrate(scene.body, scene.state, (0.0, end), **given)
 
@@ -92,7 +99,7 @@ def test_a_law_from_its_frequency() -> None:
     assert pickle.loads(pickle.dumps(law)) == law
 
 
-def top_by_dop853(scene: Scene, end: float) -> tuple[Array, list[float]]:
+def top_by_dop853(scene: ContactSystem, end: float) -> tuple[Array, list[float]]:
     """The top by DOP853 with events, none of which is ours: the end and the times of the events."""
     body, law, arm = scene.body, scene.contacts[0].law, scene.contacts[0].point
     inertia = body.inertia
@@ -193,13 +200,13 @@ def test_surfaces_and_their_gradients() -> None:
     distance, gradient = HalfSpace((0, 0, 1), (0, 0, 2)).signed_distance(at)
     assert distance == pytest.approx(0.2)
     np.testing.assert_array_equal(gradient, (0, 0, 1))
-    distance, gradient = Sphere((0, 0, 0), 1.0).signed_distance(at)
+    distance, gradient = SphericalSurface((0, 0, 0), 1.0).signed_distance(at)
     assert distance == pytest.approx(0.3)
     np.testing.assert_allclose(gradient, at / 1.3)
-    distance, gradient = Sphere((0, 0, 0), 2.0, "outside").signed_distance(at)
+    distance, gradient = SphericalSurface((0, 0, 0), 2.0, "outside").signed_distance(at)
     assert distance == pytest.approx(0.7)
     np.testing.assert_allclose(gradient, -at / 1.3)
-    distance, gradient = Cylinder((0, 0, 5), (0, 0, -1), 0.2).signed_distance(at)
+    distance, gradient = CylindricalSurface((0, 0, 5), (0, 0, -1), 0.2).signed_distance(at)
     assert distance == pytest.approx(0.3)
     np.testing.assert_allclose(gradient, (0.6, -0.8, 0.0))
 
@@ -362,9 +369,17 @@ def test_a_body_may_touch_at_several_points() -> None:
         (lambda: CompliantLaw(1.0).force(np.nan, 0), errors.InputError, "`gap` must be finite, found NaN"),
         (lambda: HalfSpace(normal=(0, 0, 0)), errors.InputError, "`normal` must be a finite vector other"),
         (lambda: HalfSpace(point=(0, np.inf, 0)), errors.InputError, "`point` must be finite, found inf"),
-        (lambda: Sphere((0, 0, 0), -1.0), errors.InputError, "`radius` must be positive"),
-        (lambda: Sphere((0, 0, 0), 1.0, "both"), errors.InputError, "`solid` must be 'inside' or 'outside'"),  # type: ignore[arg-type]
-        (lambda: Cylinder((0, 0, 0), (0, 0, 0), 1.0), errors.InputError, "`axis` must be a finite vector"),
+        (lambda: SphericalSurface((0, 0, 0), -1.0), errors.InputError, "`radius` must be positive"),
+        (
+            lambda: SphericalSurface((0, 0, 0), 1.0, "both"),
+            errors.InputError,
+            "`solid` must be 'inside' or 'outside'",
+        ),  # type: ignore[arg-type]
+        (
+            lambda: CylindricalSurface((0, 0, 0), (0, 0, 0), 1.0),
+            errors.InputError,
+            "`axis` must be a finite vector",
+        ),
         (
             lambda: Contact((0, 0), ground, CompliantLaw(1.0)),
             errors.InputError,

@@ -93,9 +93,9 @@ def test_intervals_that_are_none_name_the_argument(interval: object) -> None:
     at_rest = ([0.0, 0.0], [0.0, 0.0])
     for call in (
         lambda: run(interval=interval),
-        lambda: somersault.multibody.integrate(model, *at_rest, interval, dt=0.1),  # type: ignore[arg-type]
+        lambda: somersault.multibody.integrate_tree(model, *at_rest, interval, dt=0.1),  # type: ignore[arg-type]
         lambda: somersault.multibody.fly(model, *at_rest, lambda t: ([], []), interval, dt=0.1),  # type: ignore[arg-type]
-        lambda: somersault.batch.integrate(BODY, [START], interval, 0.1),  # type: ignore[arg-type]
+        lambda: somersault.batch.integrate_batch(BODY, [START], interval, 0.1),  # type: ignore[arg-type]
         lambda: somersault.contact.differentiate(BODY, START, interval, dt=0.1, contacts=[]),  # type: ignore[arg-type]
     ):
         raises(errors.InputError, "`interval` must be real numbers of shape (2,), found", call)

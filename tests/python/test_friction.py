@@ -12,12 +12,12 @@ from somersault import RigidBody, Solution, State, contact, errors, forces, inte
 from somersault.contact import (
     CompliantLaw,
     Contact,
+    ContactSystem,
     CoulombFriction,
     HalfSpace,
     HuntCrossley,
     RegularisedFriction,
     Resistance,
-    Scene,
     SpherePair,
 )
 
@@ -25,7 +25,7 @@ G = 9.81
 LAW = CompliantLaw(1e5, 1e3)
 
 
-def run(scene: Scene, end: float, **options: Any) -> Solution:
+def run(scene: ContactSystem, end: float, **options: Any) -> Solution:
     given = {"forces": scene.forces, "contacts": scene.contacts, "dt": 1e-3} | options
     return integrate(scene.body, scene.state, (0.0, end), **given)
 

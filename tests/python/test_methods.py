@@ -16,7 +16,7 @@ def test_the_table_is_found_by_index_and_by_name() -> None:
         assert row.name in table and row in table
         assert str(row) == row.name
         assert pickle.loads(pickle.dumps(row)) == row
-        assert row.keeps and row.not_for
+        assert row.conserves and row.limitations
         assert row.title and row.citation and row.evaluations >= 1 and row.history >= 0
         assert (
             set(row.orders)

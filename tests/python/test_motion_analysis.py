@@ -163,7 +163,7 @@ class TestGroups:
         v = np.zeros(spatial.model.n_velocities)
         v[4] = 1.0
         somersault = np.array(
-            [spatial.model.integrate(spatial.configuration("A"), x * v) for x in np.linspace(0, 9, 20)]
+            [spatial.model.displace(spatial.configuration("A"), x * v) for x in np.linspace(0, 9, 20)]
         )
         turns = motion.turns_about(spatial.model, somersault)
         assert turns is not None and turns[-1] == pytest.approx(9 / (2 * np.pi), rel=1e-12)

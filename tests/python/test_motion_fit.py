@@ -33,7 +33,7 @@ def tumble(diver: multibody.Diver, n: int = 40) -> tuple[Array, Array]:
     q = first + share * (last - first)
     v = np.zeros(model.n_velocities)
     v[: model.n_velocities - root] = 0.3
-    q = np.array([model.integrate(row, s * v) for row, s in zip(q, 4.0 * t, strict=True)])
+    q = np.array([model.displace(row, s * v) for row, s in zip(q, 4.0 * t, strict=True)])
     return t, q
 
 

@@ -163,7 +163,7 @@ def test_hybrid_dynamics_solve_any_split(model: Model, state: tuple[Array, Array
 def test_kinematics_agree_with_differences(model: Model, state: tuple[Array, Array, Array]) -> None:
     q, v, a = state
     h = 1e-6
-    ahead, behind = model.integrate(q, h * v), model.integrate(q, -h * v)
+    ahead, behind = model.displace(q, h * v), model.displace(q, -h * v)
     poses, rates = model.poses(q), (model.poses(ahead) - model.poses(behind)) / (2 * h)
     velocities = model.velocities(q, v)
     for i in range(model.n_bodies):
@@ -178,8 +178,8 @@ def test_kinematics_agree_with_differences(model: Model, state: tuple[Array, Arr
         np.testing.assert_allclose(at[3:], frame.inv().apply(velocities[i, 3:]), atol=1e-12)
     centre = (model.center_of_mass(ahead) - model.center_of_mass(behind)) / (2 * h)
     np.testing.assert_allclose(model.centroidal_momentum(q, v)[:3], model.mass * centre, atol=1e-7)
-    later = model.velocities(model.integrate(q, h * v), v + h * a)
-    sooner = model.velocities(model.integrate(q, -h * v), v - h * a)
+    later = model.velocities(model.displace(q, h * v), v + h * a)
+    sooner = model.velocities(model.displace(q, -h * v), v - h * a)
     np.testing.assert_allclose(model.accelerations(q, v, a), (later - sooner) / (2 * h), atol=1e-7)
 
 
@@ -187,7 +187,7 @@ def differences(model: Model, q: Array, function: Callable[[Array], Array]) -> A
     """∂f/∂q along q ⊕ ε e_k by central differences, with one column for each k."""
     h = 1e-6
     steps = h * np.eye(model.n_velocities)
-    columns = [function(model.integrate(q, e)) - function(model.integrate(q, -e)) for e in steps]
+    columns = [function(model.displace(q, e)) - function(model.displace(q, -e)) for e in steps]
     return np.stack(columns, axis=-1) / (2 * h)
 
 
@@ -239,8 +239,8 @@ def test_partials_are_those_of_differences(model: Model, state: tuple[Array, Arr
 def test_configurations_are_a_manifold(model: Model) -> None:
     random = np.random.default_rng(8)
     start, end = model.random(random), model.random(random)
-    np.testing.assert_allclose(model.integrate(start, model.difference(start, end))[:3], end[:3], atol=1e-13)
-    back = model.difference(start, model.integrate(start, 0.1 * np.arange(model.n_velocities) / 10))
+    np.testing.assert_allclose(model.displace(start, model.difference(start, end))[:3], end[:3], atol=1e-13)
+    back = model.difference(start, model.displace(start, 0.1 * np.arange(model.n_velocities) / 10))
     np.testing.assert_allclose(back, 0.01 * np.arange(model.n_velocities), atol=1e-13)
     np.testing.assert_allclose(model.difference(start, start), np.zeros(model.n_velocities), atol=1e-15)
     neutral = model.neutral()
@@ -289,8 +289,8 @@ FUNCTIONS: list[tuple[str, Callable[[Model, Array, Array, Array], Any]]] = [
     ("centroidal_matrix", lambda m, q, v, a: m.centroidal_matrix(q)),
     ("kinetic_energy", lambda m, q, v, a: m.kinetic_energy(q, v)),
     ("potential_energy", lambda m, q, v, a: m.potential_energy(q)),
-    ("integrate", lambda m, q, v, a: m.integrate(q, v)),
-    ("difference", lambda m, q, v, a: m.difference(q, m.integrate(q, 0.1 * v))),
+    ("displace", lambda m, q, v, a: m.displace(q, v)),
+    ("difference", lambda m, q, v, a: m.difference(q, m.displace(q, 0.1 * v))),
     ("normalize", lambda m, q, v, a: m.normalize(1.5 * q)),
     ("inverse_dynamics_partials", lambda m, q, v, a: joined(m.inverse_dynamics_partials(q, v, a))),
     ("forward_dynamics_partials", lambda m, q, v, a: joined(m.forward_dynamics_partials(q, v, a))),

@@ -28,7 +28,7 @@ def _rows() -> Any:
 
 
 def _batch() -> Any:
-    return batch.integrate(BODY, [START] * 300, (0.0, 0.1), 0.01).quaternion[-1].tolist()
+    return batch.integrate_batch(BODY, [START] * 300, (0.0, 0.1), 0.01).quaternion[-1].tolist()
 
 
 def _study() -> Any:
@@ -201,7 +201,7 @@ def run_limited(program: str, bytes: int = 2 << 30) -> subprocess.CompletedProce
         ("ocp.SplineMotion(10000, 1, degree=0).fit", ""),
         ("somersault.integrate(body, start, (0.0, 1.0), dt=1e-15)", "records of 1000000000000000 steps"),
         ("somersault.integrate(body, start, (0.0, 1.0), dt=1e-8, dense_output=True)", "records"),
-        ("multibody.integrate(arm, [0, 0], [0, 0], (0.0, 1.0), dt=1e-9)", "give a larger `every`"),
+        ("multibody.integrate_tree(arm, [0, 0], [0, 0], (0.0, 1.0), dt=1e-9)", "give a larger `every`"),
         ("arm.mass_matrix(np.broadcast_to(0.0, (10**9, 2)))", "`q` need more memory than there is"),
         ("somersault.exact.FreeBody(body, start)(np.broadcast_to(0.0, 10**9))", "`t` need more memory"),
         ("arm.mass_matrix(np.zeros((6 * 10**7, 2)))", "need 1.920 GB"),
@@ -257,7 +257,7 @@ LONG = {
     "spectrum": "ftla.VariationalFlow(ftla.arm()).spectrum([-1.5, 0.05, 0, 0, -0.2, -0.01, -1.3, -0.1], 1e6)",
     "components": "motion.Pca(np.random.default_rng(0).normal(size=(3000, 3000)))",
     "rows": "diver.mass_matrix(np.zeros((10**5, diver.n_positions)) + diver.neutral())",
-    "batch": "somersault.batch.integrate(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",
+    "batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",
 }
 
 

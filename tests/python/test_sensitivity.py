@@ -8,17 +8,17 @@ from scipy.spatial.transform import Rotation
 
 import somersault
 from somersault import State, contact, errors, forces, integrate
-from somersault.contact import CompliantLaw, Scene, Sensitivities
+from somersault.contact import CompliantLaw, ContactSystem, Sensitivities
 
 G = 9.81
 
 
-def differentiate(scene: Scene, end: float, **options: Any) -> Sensitivities:
+def differentiate(scene: ContactSystem, end: float, **options: Any) -> Sensitivities:
     given = {"forces": scene.forces, "contacts": scene.contacts, "dt": 1e-4, "method": "rkmk8"} | options
     return contact.differentiate(scene.body, scene.state, (0.0, end), **given)
 
 
-def reached(scene: Scene, state: State, end: float) -> State:
+def reached(scene: ContactSystem, state: State, end: float) -> State:
     run = integrate(
         scene.body, state, (0.0, end), dt=1e-4, method="rkmk8", forces=scene.forces, contacts=scene.contacts
     )

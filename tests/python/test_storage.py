@@ -48,7 +48,7 @@ def test_everything_that_can_be_pickled_can_be_saved(
         contact.CoulombFriction(0.3, 1e4, 2.0),
         exact.FreeBody(body, state),
         somersault.methods()["rkmk"],
-        somersault.batch.integrate([body, body], [state, state], (0.0, 0.1), 0.01),
+        somersault.batch.integrate_batch([body, body], [state, state], (0.0, 0.1), 0.01),
     ]
     for thing in things:
         somersault.save(tmp_path / "thing", thing)
@@ -65,8 +65,8 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
     # Directions that are not of length 1, so that the digits of what was given are seen to survive.
     surfaces = [
         contact.HalfSpace((0.1, 0.2, 0.3), (1.0, 2.0, 3.0)),
-        contact.Sphere((0.1, 0.2, 0.3), 2.0, "outside"),
-        contact.Cylinder((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), 0.5),
+        contact.SphericalSurface((0.1, 0.2, 0.3), 2.0, "outside"),
+        contact.CylindricalSurface((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), 0.5),
     ]
     things = [
         forces.Gravity((0.0, -9.0, 0.1)),
@@ -177,7 +177,7 @@ def test_curves_are_refused_and_what_to_save_is_said(
 ) -> None:
     run = somersault.integrate(body, state, (0.0, 0.1), dt=0.01, dense_output=True)
     arm = multibody.two_link_arm()
-    swing = multibody.integrate(arm, [0.0, 0.3], [0.0, 0.0], (0.0, 0.1), dt=0.01, dense_output=True)
+    swing = multibody.integrate_tree(arm, [0.0, 0.3], [0.0, 0.0], (0.0, 0.1), dt=0.01, dense_output=True)
     for kind, curves, instead in (
         ("DenseOutput", run.sol, "take the Trajectory that it gives"),
         ("TreeDenseOutput", swing.sol, "take the arrays that it gives"),

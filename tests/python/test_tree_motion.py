@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from somersault import Model, RigidBody, State, errors, exact, multibody
-from somersault.multibody import Link, TreeSolution, integrate
+from somersault.multibody import Link, TreeSolution, integrate_tree
 
 Array = NDArray[np.float64]
 G = 9.81
@@ -45,7 +45,7 @@ def test_a_cart_on_a_spring_agrees_with_dop853() -> None:
     expected = by_dop853(cart, [0.0, 0.1], [0.3, 0.0], spring, 2.0)
 
     def error(**options: Any) -> float:
-        motion = integrate(cart, [0.0, 0.1], [0.3, 0.0], (0.0, 2.0), torque=spring, **options)
+        motion = integrate_tree(cart, [0.0, 0.1], [0.3, 0.0], (0.0, 2.0), torque=spring, **options)
         return float(np.abs(np.concatenate([motion.q[-1], motion.v[-1]]) - expected).max())
 
     coarse, fine = error(dt=0.01), error(dt=0.005)
@@ -62,7 +62,7 @@ def test_a_free_body_turns_as_the_exact_one_does() -> None:
     q = [*start.position, *start.quaternion]
     # Joint velocities are in the axes of the body.
     v = [*start.velocity, *start.angular_velocity_body]
-    motion = integrate(model, q, v, (0.0, 2.0), dt=0.01, method="rkmk8")
+    motion = integrate_tree(model, q, v, (0.0, 2.0), dt=0.01, method="rkmk8")
     there = exact.FreeBody(box, start)(2.0)
     np.testing.assert_allclose(motion.q[-1][:3], there.position - [0, 0, G * 2.0], atol=1e-12)
     turned = State(orientation=motion.q[-1][3:]).orientation
@@ -76,7 +76,7 @@ def test_a_diver_in_the_air_keeps_momentum_and_energy() -> None:
     v = np.zeros(model.n_velocities)
     v[:3] = 0.5, 3.0, -4.0
     v[5:] = 0.3
-    motion = integrate(model, q, v, (0.0, 0.4), dt=1e-3, method="rkmk8")
+    motion = integrate_tree(model, q, v, (0.0, 0.4), dt=1e-3, method="rkmk8")
     momentum = model.centroidal_momentum(motion.q, motion.v)
     np.testing.assert_allclose(momentum[:, 3:], momentum[:1, 3:].repeat(len(motion), 0), atol=1e-9)
     fall = momentum[0, 2] - G * model.mass * motion.t
@@ -91,7 +91,7 @@ def test_driven_joints_follow_and_the_rest_obeys() -> None:
     def swing(t: float, q: Array, v: Array) -> tuple[float, float]:
         return 99.0, -4.0 * np.sin(2.0 * t)  # the first is not read
 
-    motion = integrate(
+    motion = integrate_tree(
         arm, [0.1, 0.2], [0.0, 2.0], (0.0, 1.0), dt=0.01, method="rkmk8", active=["lower"], acceleration=swing
     )
     np.testing.assert_allclose(motion.q[:, 1], 0.2 + np.sin(2.0 * motion.t), atol=1e-12)
@@ -102,7 +102,7 @@ def test_driven_joints_follow_and_the_rest_obeys() -> None:
     np.testing.assert_allclose(arm.inverse_dynamics(motion.q, motion.v, a)[:, 0], 0.0, atol=1e-12)
     rate = np.gradient(motion.v[:, 0], motion.t)
     np.testing.assert_allclose(rate[2:-2], a[2:-2, 0], atol=2e-3)
-    flags = integrate(
+    flags = integrate_tree(
         arm,
         [0.1, 0.2],
         [0.0, 2.0],
@@ -117,11 +117,13 @@ def test_driven_joints_follow_and_the_rest_obeys() -> None:
 
 def test_constant_forces_dense_output_and_records() -> None:
     slider = Model([Link("slider", "prismatic", axis=(1, 0, 0), mass=2.0)])
-    motion = integrate(slider, [1.0], [0.5], (0.0, 2.0), dt=0.1, torque=[4.0], dense_output=True, every=6)
+    motion = integrate_tree(
+        slider, [1.0], [0.5], (0.0, 2.0), dt=0.1, torque=[4.0], dense_output=True, every=6
+    )
     np.testing.assert_allclose(motion.t, [0.0, 0.6, 1.2, 1.8, 2.0])
     np.testing.assert_allclose(motion.q[:, 0], 1.0 + 0.5 * motion.t + motion.t**2, atol=1e-13)
     assert (motion.status, motion.success, motion.n_steps) == (0, True, 20)
-    assert integrate(slider, [1.0], [0.5], (0.0, 2.0), dt=0.1, torque=[4.0]).nfev == 80
+    assert integrate_tree(slider, [1.0], [0.5], (0.0, 2.0), dt=0.1, torque=[4.0]).nfev == 80
     assert motion.sol is not None and motion.model == slider
     q, v = motion.sol(0.77)
     assert (q.shape, v.shape) == ((1,), (1,))
@@ -148,7 +150,7 @@ def test_an_observer_sees_every_step_and_can_stop() -> None:
 
     diver = multibody.diver_spatial()
     q, v = diver.configuration("A"), np.zeros(27)
-    motion = integrate(diver.model, q, v, (0.0, 1.0), dt=0.1, observer=observer)
+    motion = integrate_tree(diver.model, q, v, (0.0, 1.0), dt=0.1, observer=observer)
     assert seen == [(pytest.approx(t), (28,), (27,)) for t in (0.1, 0.2, 0.3)]
     assert motion.status == 1
 
@@ -163,7 +165,7 @@ def test_what_fails_leaves_what_was_before() -> None:
 
     def run(torque: Any, **options: Any) -> Callable[[], object]:
         given = {"dt": 0.1, "torque": torque} | options
-        return lambda: integrate(cart, [0, 0.1], [0, 0], (0, 1), **given)
+        return lambda: integrate_tree(cart, [0, 0.1], [0, 0], (0, 1), **given)
 
     caught = raises(LookupError, "no force there", run(late))
     assert len(caught.solution) == 6  # type: ignore[attr-defined]
@@ -181,7 +183,7 @@ def test_what_fails_leaves_what_was_before() -> None:
     raises(
         errors.DynamicsError,
         "singular, or not finite, at joint `second`",
-        lambda: integrate(singular, [0, 0], [0, 0], (0, 1), dt=0.1),
+        lambda: integrate_tree(singular, [0, 0], [0, 0], (0, 1), dt=0.1),
     )
 
 
@@ -190,7 +192,7 @@ def test_bad_arguments_are_refused() -> None:
 
     def run(q: Any = (0, 0), v: Any = (0, 0), **options: Any) -> Callable[[], object]:
         given = {"dt": 0.1} | options
-        return lambda: integrate(cart, q, v, (0, 1), **given)
+        return lambda: integrate_tree(cart, q, v, (0, 1), **given)
 
     raises(errors.InputError, "`q` must be real numbers of shape (2,), found shape (1,)", run(q=[0]))
     raises(errors.InputError, "`v` must be finite, found NaN", run(v=[0, np.nan]))
@@ -224,7 +226,7 @@ def test_flight_is_the_motion_of_driven_joints_with_momentum_as_it_was() -> None
     model = diver.model
     q, v, shape = throw(diver)
     flown = multibody.fly(model, q, v, lambda t: shape(t)[:2], (0.0, 0.5), dt=0.01, method="rkmk8")
-    driven = integrate(
+    driven = integrate_tree(
         model, q, v, (0.0, 0.5), dt=0.01, method="rkmk8",
         active=[name for name in model.names if name != "torso"],
         acceleration=lambda t, q, v: np.concatenate([np.zeros(6), shape(t)[2]]),

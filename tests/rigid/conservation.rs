@@ -1,4 +1,4 @@
-//! What each method keeps: the group for all of them, momentum and energy for those that say so.
+//! What each method conserves: the group for all of them, momentum and energy for those that say so.
 
 use rayon::prelude::*;
 use somersault::integrators::stepper::Scope;
@@ -67,9 +67,9 @@ fn every_method_stays_on_the_group_for_ten_million_steps() {
 #[test]
 fn methods_keep_what_they_say() {
     for method in Method::ALL {
-        let keeps = method.info().keeps;
+        let conserves = method.info().conserves;
         let (energy, momentum) = drift(method, 0.01, 10_000);
-        let says = |what| keeps.starts_with(what);
+        let says = |what| conserves.starts_with(what);
         if says("energy and angular momentum of a free body to rounding") || says("a free body exactly") {
             assert!(energy < 1e-13 && momentum < 1e-13, "{method}: {energy:e} {momentum:e}");
         } else if says("angular momentum without torque, once started, to rounding that adds up") {

@@ -254,20 +254,20 @@ impl Solid {
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sphere {
+pub struct SphericalSurface {
     centre: Vector3<f64>,
     radius: f64,
     solid: Solid,
 }
 
-impl Sphere {
+impl SphericalSurface {
     /// Centre and radius, m.
     pub fn try_new(centre: Vector3<f64>, radius: f64, solid: Solid) -> Result<Self, ContactError> {
         Ok(Self { centre: finite("centre", centre)?, radius: expect_positive("radius", radius)?, solid })
     }
 }
 
-impl Surface for Sphere {
+impl Surface for SphericalSurface {
     #[inline]
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
         radial(point - self.centre, self.radius, self.solid)
@@ -285,14 +285,14 @@ impl Surface for Sphere {
 
 /// An infinite circular cylinder.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cylinder {
+pub struct CylindricalSurface {
     centre: Vector3<f64>,
     axis: Unit<Vector3<f64>>,
     radius: f64,
     solid: Solid,
 }
 
-impl Cylinder {
+impl CylindricalSurface {
     /// A point of the axis, its direction of any length but zero, and the radius, m.
     pub fn try_new(
         centre: Vector3<f64>,
@@ -309,7 +309,7 @@ impl Cylinder {
     }
 }
 
-impl Surface for Cylinder {
+impl Surface for CylindricalSurface {
     #[inline]
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
         let span = point - self.centre;
@@ -381,10 +381,16 @@ mod tests {
                 HalfSpace::try_new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(1.0, -2.0, 2e200)).unwrap(),
             ),
             Box::new(HalfSpace::try_new(Vector3::new(0.1, 0.2, 0.3), Vector3::new(1.0, -2.0, 2.0)).unwrap()),
-            Box::new(Sphere::try_new(Vector3::new(1.0, 0.0, 0.0), 0.5, Solid::Inside).unwrap()),
-            Box::new(Sphere::try_new(Vector3::new(1.0, 0.0, 0.0), 3.0, Solid::Outside).unwrap()),
+            Box::new(SphericalSurface::try_new(Vector3::new(1.0, 0.0, 0.0), 0.5, Solid::Inside).unwrap()),
+            Box::new(SphericalSurface::try_new(Vector3::new(1.0, 0.0, 0.0), 3.0, Solid::Outside).unwrap()),
             Box::new(
-                Cylinder::try_new(Vector3::zeros(), Vector3::new(1.0, 1.0, 3.0), 0.2, Solid::Inside).unwrap(),
+                CylindricalSurface::try_new(
+                    Vector3::zeros(),
+                    Vector3::new(1.0, 1.0, 3.0),
+                    0.2,
+                    Solid::Inside,
+                )
+                .unwrap(),
             ),
         ];
         let p = Vector3::new(0.3, 0.7, -0.4);

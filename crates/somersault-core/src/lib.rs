@@ -20,6 +20,7 @@
 #![forbid(unsafe_code)]
 
 pub mod argument;
+pub mod cancel;
 pub mod double_double;
 pub mod elliptic;
 mod inertia;

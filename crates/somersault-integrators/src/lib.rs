@@ -8,6 +8,7 @@ pub mod augmented;
 #[cfg(feature = "rayon")]
 pub mod batch;
 pub mod body;
+mod cancellation;
 pub mod dense;
 pub mod driver;
 pub mod exact;

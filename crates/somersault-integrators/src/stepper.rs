@@ -103,10 +103,10 @@ pub struct MethodInfo {
     pub embedded: Option<u8>,
     /// Whether each step solves an equation.
     pub implicit: bool,
-    /// What it keeps, and how well.
-    pub keeps: &'static str,
-    /// What it is not for, and what it refuses.
-    pub not_for: &'static str,
+    /// What it conserves, and how well.
+    pub conserves: &'static str,
+    /// What it is unsuitable for, and what it refuses.
+    pub limitations: &'static str,
 }
 
 impl MethodInfo {
@@ -131,18 +131,18 @@ impl MethodInfo {
             variables: Variables::World,
             embedded: None,
             implicit: false,
-            keeps: "nothing exactly",
-            not_for: "very long runs in which energy must not drift",
+            conserves: "nothing exactly",
+            limitations: "unsuitable for very long runs in which energy must not drift",
         }
     }
 
     /// The same method in the variables of another form.
     pub const fn in_variables(self, name: &'static str, title: &'static str, variables: Variables) -> Self {
-        let keeps = match variables {
+        let conserves = match variables {
             Variables::Momentum => Self::MOMENTUM,
-            Variables::World | Variables::Body => self.keeps,
+            Variables::World | Variables::Body => self.conserves,
         };
-        Self { name, title, variables, scope: Scope::RigidBodies, keeps, ..self }
+        Self { name, title, variables, scope: Scope::RigidBodies, conserves, ..self }
     }
 
     /// Order of the default curve, the cubic Hermite interpolant.
@@ -150,7 +150,7 @@ impl MethodInfo {
 
     const MOMENTUM: &'static str = "angular momentum without torque to rounding";
 
-    /// What a method [`keeps`](Self::keeps) that adds up torques after a first step of another.
+    /// [`conserves`](Self::conserves) of a method that adds up torques after a first step of another.
     pub(crate) const MOMENTUM_ONCE_STARTED: &'static str =
         "angular momentum without torque, once started, to rounding that adds up";
 }

@@ -26,7 +26,4 @@ pub mod scoring;
 pub mod synthetic;
 pub mod writers;
 
-/// Whether long work is to go on; asked between its parts, from any thread.
-pub type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
-
 pub use nalgebra;

@@ -39,7 +39,7 @@ impl<T: Scalar> Model<T> {
 
     /// out ← q ⊕ v. `q` and `out` have [`n_positions`](Self::n_positions), `v` has
     /// [`n_velocities`](Self::n_velocities) entries.
-    pub fn integrate(&self, q: &[T], v: &[T], out: &mut [T]) -> Result<(), DynamicsError> {
+    pub fn displace(&self, q: &[T], v: &[T], out: &mut [T]) -> Result<(), DynamicsError> {
         expect_length("q", q.len(), self.n_positions())?;
         expect_length("v", v.len(), self.n_velocities())?;
         expect_length("out", out.len(), self.n_positions())?;

@@ -9,7 +9,7 @@
 //! | q | configuration, a point of the product of the joints' groups | `&[T]`, length [`Model::n_positions`] |
 //! | v, a | velocity and acceleration, in the axes of each joint's child | `&[T]`, length [`Model::n_velocities`] |
 //! | τ | joint forces, dual to v: power is τ·v | `&[T]` |
-//! | q ⊕ v | motion of every joint by the exponential of its group | [`Model::integrate`] |
+//! | q ⊕ v | motion of every joint by the exponential of its group | [`Model::displace`] |
 //! | M, h | mass matrix and bias: M a + h = τ + Σ Jᵀ f_ext | [`Model::mass_matrix`], [`Model::bias`] |
 //! | S | motion subspace of a joint, constant in the child | table in [`joint`] |
 //! | (v, ω), (f, n) | spatial motion and force, linear part first | [`Motion`], [`Force`] |

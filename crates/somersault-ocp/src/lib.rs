@@ -6,7 +6,6 @@
 //! program ([`somersault_nlp`]) for a solver.
 #![forbid(unsafe_code)]
 
-mod attention;
 pub mod collocation;
 pub mod dive;
 pub mod dynamics;
@@ -19,6 +18,5 @@ pub mod term;
 pub mod transcription;
 pub mod verification;
 
-pub use attention::GoOn;
 pub use error::OcpError;
 pub use nalgebra;

@@ -6,13 +6,13 @@
 //! optimum lives off its discretisation. What one integration from start to end makes of them is said beside that: it
 //! grows along a hyper-sensitive motion, however good its steps are.
 
-use crate::attention::{Attention, GoOn};
 use crate::dynamics::{HybridDynamics, Tree};
 use crate::error::OcpError;
 use crate::problem::MotionProblem;
 use crate::shooting::{Drive, Shooting};
 use crate::transcription::Transcription;
 use somersault_core::argument::expect_length;
+use somersault_core::cancel::CancellationToken;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
@@ -111,18 +111,17 @@ pub fn verify<D: HybridDynamics>(
     model: &Model,
     z: &[f64],
 ) -> Result<Verification, VerificationError> {
-    verify_while(shooting, model, z, &mut || true)
+    verify_cancellable(shooting, model, z, &CancellationToken::new())
 }
 
-/// The same for as long as `go_on`, which is asked at each step of the integration; else
+/// The same until it is cancelled, which is looked for at each step of the integration; then
 /// [`VerificationError::Interrupted`].
-pub fn verify_while<D: HybridDynamics>(
+pub fn verify_cancellable<D: HybridDynamics>(
     shooting: &mut Shooting<D>,
     model: &Model,
     z: &[f64],
-    go_on: GoOn<'_>,
+    token: &CancellationToken,
 ) -> Result<Verification, VerificationError> {
-    let mut attention = Attention::new(go_on);
     expect_length("z", z.len(), shooting.outline().n_variables()).map_err(OcpError::from)?;
     let dofs = shooting.dynamics().dofs().clone();
     expect_length("model", model.n_velocities(), dofs.n_velocities()).map_err(OcpError::from)?;
@@ -141,13 +140,12 @@ pub fn verify_while<D: HybridDynamics>(
         }
         for k in nodes.start..nodes.end - 1 {
             let (from, to) = (shooting.node(k), shooting.node(k + 1));
-            let end =
-                leg.integrate(from.position, from.velocity, [from.time, to.time], MAX_STEPS, &mut attention)?;
+            let end = leg.integrate(from.position, from.velocity, [from.time, to.time], MAX_STEPS, token)?;
             defects.push(distance(model, &end, to.position, to.velocity)?);
         }
         let (start, end) = (shooting.node(nodes.start).time, shooting.node(nodes.end - 1).time);
         let max_steps = MAX_STEPS * nodes.len();
-        through = leg.integrate(&through.0, &through.1, [start, end], max_steps, &mut attention)?;
+        through = leg.integrate(&through.0, &through.1, [start, end], max_steps, token)?;
     }
     let last = shooting.node(shooting.outline().n_nodes() - 1);
     let terminal_error = distance(model, &through, last.position, last.velocity)?;
@@ -225,7 +223,7 @@ impl<'a> Leg<'a> {
         v: &[f64],
         [from, to]: [f64; 2],
         max_steps: usize,
-        attention: &mut Attention<'_>,
+        mut token: &CancellationToken,
     ) -> Result<(Vec<f64>, Vec<f64>), VerificationError> {
         let state = self.model.state(q, v)?;
         let control = Adaptive {
@@ -237,12 +235,12 @@ impl<'a> Leg<'a> {
         let (method, options) = (Method::Rkmk8, Options::default());
         let end = if self.drive == Drive::Motion {
             let system = TreeSystem::new(self.model, ()).driven(self.split.clone(), write)?;
-            system.integrate_adaptive(method, options, &state, (from, to), &control, attention)?
+            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut token)?
         } else {
             let system = TreeSystem::new(self.model, write);
-            system.integrate_adaptive(method, options, &state, (from, to), &control, attention)?
+            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut token)?
         };
-        if attention.has_stopped {
+        if token.is_cancelled() {
             return Err(VerificationError::Interrupted);
         }
         let mut velocity = vec![0.0; v.len()];

@@ -58,7 +58,7 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 /// >>> import somersault
 /// >>> body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
 /// >>> states = [somersault.State(angular_velocity=(0.0, w, 0.1)) for w in range(100)]
-/// >>> motion = somersault.batch.integrate(body, states, (0.0, 1.0), 0.01)
+/// >>> motion = somersault.batch.integrate_batch(body, states, (0.0, 1.0), 0.01)
 /// >>> motion.quaternion.shape
 /// (2, 100, 4)
 #[pyfunction]

@@ -7,6 +7,7 @@ mod batch;
 mod bodies;
 mod contact;
 mod contact_law;
+mod contact_system;
 mod convert;
 mod dynamics;
 mod error;
@@ -28,7 +29,6 @@ mod ocp;
 mod partials;
 mod plan;
 mod rows;
-mod scene;
 mod sensitivity;
 mod studies;
 mod surface;
@@ -51,6 +51,10 @@ mod _somersault {
     use crate::contact_law::{
         CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
         restitution,
+    };
+    #[pymodule_export]
+    use crate::contact_system::{
+        ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
     };
     #[pymodule_export]
     use crate::event::Event;
@@ -94,10 +98,6 @@ mod _somersault {
         function, momentum, point_position,
     };
     #[pymodule_export]
-    use crate::scene::{
-        Scene, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
-    };
-    #[pymodule_export]
     use crate::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]
     use crate::studies::{
@@ -105,7 +105,7 @@ mod _somersault {
         spectral_radii, stability_region, work_precision_study,
     };
     #[pymodule_export]
-    use crate::surface::{Cylinder, HalfSpace, Sphere, Surface, SurfaceFunction};
+    use crate::surface::{CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction};
     #[pymodule_export]
     use crate::trajectory::{DenseOutput, Solution, Trajectory};
     #[pymodule_export]

@@ -118,16 +118,16 @@ impl MethodInfo {
         self.0.info().implicit
     }
 
-    /// str: What it keeps, and how well.
+    /// str: What it conserves, and how well.
     #[getter]
-    fn keeps(&self) -> &'static str {
-        self.0.info().keeps
+    fn conserves(&self) -> &'static str {
+        self.0.info().conserves
     }
 
-    /// str: What it is not for, and what it refuses.
+    /// str: What it is unsuitable for, and what it refuses.
     #[getter]
-    fn not_for(&self) -> &'static str {
-        self.0.info().not_for
+    fn limitations(&self) -> &'static str {
+        self.0.info().limitations
     }
 
     fn __repr__(&self) -> String {

@@ -332,7 +332,7 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_positions)
-    fn integrate<'py>(
+    fn displace<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
@@ -340,7 +340,7 @@ impl Model {
     ) -> Result<Bound<'py, PyAny>, Error> {
         let (q, v) = (self.q("q", q)?, self.v("v", v)?);
         let n = self.model.n_positions();
-        let moved = self.map(py, [&q, &v], n, |_, [q, v], out| self.model.integrate(q, v, out))?;
+        let moved = self.map(py, [&q, &v], n, |_, [q, v], out| self.model.displace(q, v, out))?;
         Ok(moved.array(py, &[n])?)
     }
 

@@ -32,8 +32,8 @@ fn study<T: Send + 'static>(
     py: Python<'_>,
     run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send + 'static,
 ) -> Result<T, Error> {
-    let (outcome, _) = attend_or_leave(py, Duration::ZERO, |stop| {
-        run(&mut |_, _| if stop.is_asked() { Flow::Stop } else { Flow::Continue })
+    let (outcome, _) = attend_or_leave(py, Duration::ZERO, |token| {
+        run(&mut |_, _| if token.is_cancelled() { Flow::Stop } else { Flow::Continue })
     })?;
     Ok(outcome?)
 }

@@ -137,19 +137,19 @@ impl HalfSpace {
 /// solid : {'inside', 'outside'}, optional
 ///     Which side is solid; bodies move within a sphere whose outside is.
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
-pub(crate) struct Sphere {
+pub(crate) struct SphericalSurface {
     center: Vector3<f64>,
     radius: f64,
     solid: Solid,
 }
 
 #[pymethods]
-impl Sphere {
+impl SphericalSurface {
     #[new]
     #[pyo3(signature = (center, radius, solid="inside"))]
     fn new(center: &Bound<'_, PyAny>, radius: f64, solid: &str) -> Result<PyClassInitializer<Self>, Error> {
         let (center, solid) = (vector("center", center)?, solid_of(solid)?);
-        let sphere = surface::Sphere::try_new(center, radius, solid)?;
+        let sphere = surface::SphericalSurface::try_new(center, radius, solid)?;
         Ok(build(sphere, Self { center, radius, solid }))
     }
 
@@ -190,7 +190,7 @@ impl Sphere {
 /// solid : {'inside', 'outside'}, optional
 ///     Which side is solid; bodies move within a cylinder whose outside is.
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
-pub(crate) struct Cylinder {
+pub(crate) struct CylindricalSurface {
     center: Vector3<f64>,
     axis: Vector3<f64>,
     radius: f64,
@@ -198,7 +198,7 @@ pub(crate) struct Cylinder {
 }
 
 #[pymethods]
-impl Cylinder {
+impl CylindricalSurface {
     #[new]
     #[pyo3(signature = (center, axis, radius, solid="inside"))]
     fn new(
@@ -208,7 +208,7 @@ impl Cylinder {
         solid: &str,
     ) -> Result<PyClassInitializer<Self>, Error> {
         let (center, axis, solid) = (vector("center", center)?, vector("axis", axis)?, solid_of(solid)?);
-        let cylinder = surface::Cylinder::try_new(center, axis, radius, solid)?;
+        let cylinder = surface::CylindricalSurface::try_new(center, axis, radius, solid)?;
         Ok(build(cylinder, Self { center, axis, radius, solid }))
     }
 

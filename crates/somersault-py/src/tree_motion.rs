@@ -359,7 +359,7 @@ pub(crate) fn solve(
 /// --------
 /// >>> from somersault import multibody
 /// >>> pole = multibody.cart_pendulum()
-/// >>> motion = multibody.integrate(pole, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.01)
+/// >>> motion = multibody.integrate_tree(pole, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.01)
 /// >>> motion.q.shape
 /// (101, 2)
 #[pyfunction]

@@ -6,7 +6,7 @@
 use crate::error::Error;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::sync::atomic::{AtomicBool, Ordering};
+use somersault::core::cancel::CancellationToken;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -103,22 +103,22 @@ pub(crate) fn attend<T: Send>(
 }
 
 /// As [`attend`], for work that may take long to end: what was raised comes once `patience` is over, or at once after a
-/// second signal, and the work ends unheard when it next asks whether to go on.
+/// second signal, and the work ends unheard when it next looks whether it is cancelled.
 ///
 /// Work that ended in time comes with what was raised. It has threads of its own: other work does not wait for what was
 /// left.
 pub(crate) fn attend_or_leave<T: Send + 'static>(
     py: Python<'_>,
     patience: Duration,
-    work: impl FnOnce(&Stop) -> T + Send + 'static,
+    work: impl FnOnce(&CancellationToken) -> T + Send + 'static,
 ) -> Result<(T, Option<PyErr>), Error> {
-    let stop = Arc::new(Stop::default());
+    let token = Arc::new(CancellationToken::new());
     if works() {
-        return Ok((py.detach(|| work(&stop)), None));
+        return Ok((py.detach(|| work(&token)), None));
     }
     let threads = start()?;
     let (sender, receiver) = sync_channel(1);
-    let within = Arc::clone(&stop);
+    let within = Arc::clone(&token);
     let worker = std::thread::Builder::new().name("somersault".to_owned()).spawn(move || {
         // nobody may listen any more after a signal
         let _ = sender.send(threads.install(|| work(&within)));
@@ -131,7 +131,7 @@ pub(crate) fn attend_or_leave<T: Send + 'static>(
                 Ok(done) => return Ok((done, first.map(|(raised, _)| raised))),
                 Err(RecvTimeoutError::Timeout) => {
                     if let Err(raised) = Python::attach(|py| py.check_signals()) {
-                        stop.ask();
+                        token.cancel();
                         if patience.is_zero() || first.is_some() {
                             return Err(raised);
                         }
@@ -151,43 +151,23 @@ pub(crate) fn attend_or_leave<T: Send + 'static>(
     Ok(ended?)
 }
 
-/// Whether work is to end, by a signal or since its time is over.
+/// How work is cancelled by whoever waits for it, and why.
 #[derive(Default)]
-pub(crate) struct Stop {
-    asked: AtomicBool,
-    late: AtomicBool,
-    deadline: Option<Instant>,
+pub(crate) struct Cancellation {
+    pub(crate) token: CancellationToken,
     raised: OnceLock<PyErr>,
 }
 
-impl Stop {
+impl Cancellation {
     /// With a time after which work is to end.
     pub(crate) fn at(deadline: Option<Instant>) -> Self {
-        Self { deadline, ..Self::default() }
-    }
-
-    /// Ends the work.
-    pub(crate) fn ask(&self) {
-        self.asked.store(true, Ordering::Relaxed);
+        Self { token: CancellationToken::with_deadline(deadline), ..Self::default() }
     }
 
     /// Ends the work, by what a handler of signals raised.
     pub(crate) fn raise(&self, raised: PyErr) {
         let _ = self.raised.set(raised);
-        self.ask();
-    }
-
-    /// Whether work is to end.
-    pub(crate) fn is_asked(&self) -> bool {
-        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-            self.late.store(true, Ordering::Relaxed);
-        }
-        self.asked.load(Ordering::Relaxed) || self.is_late()
-    }
-
-    /// Whether work has been asked to end since its time was over.
-    pub(crate) fn is_late(&self) -> bool {
-        self.late.load(Ordering::Relaxed)
+        self.token.cancel();
     }
 
     /// What a handler of signals raised.

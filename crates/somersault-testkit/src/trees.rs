@@ -87,7 +87,7 @@ pub fn random_tree(random: &mut Random, n: usize, damping: f64) -> Result<Model,
 /// A configuration away from all special ones.
 pub fn random_configuration(random: &mut Random, model: &Model) -> Result<Vec<f64>, DynamicsError> {
     let mut q = model.neutral();
-    model.integrate(&model.neutral(), &random.numbers(model.n_velocities(), 1.5), &mut q)?;
+    model.displace(&model.neutral(), &random.numbers(model.n_velocities(), 1.5), &mut q)?;
     Ok(q)
 }
 

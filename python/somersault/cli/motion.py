@@ -22,7 +22,11 @@ _FORCES = {
     "force": forces.Force,
     "torque": forces.Torque,
 }
-_SURFACES = {"half_space": contact.HalfSpace, "sphere": contact.Sphere, "cylinder": contact.Cylinder}
+_SURFACES = {
+    "half_space": contact.HalfSpace,
+    "sphere": contact.SphericalSurface,
+    "cylinder": contact.CylindricalSurface,
+}
 _LAWS = {"compliant": contact.CompliantLaw, "hunt_crossley": contact.HuntCrossley}
 _FRICTION = {
     "coulomb": contact.CoulombFriction,
@@ -172,7 +176,7 @@ def _tree_motion(document: Document, progress: bool) -> multibody.TreeSolution:
         # Evaluated for its checks: what is wrong with q or v is then told with their line.
         model.kinetic_energy(state.get("q", model.neutral()), state.get("v", np.zeros(model.n_velocities)))
     with _run(document):
-        return multibody.integrate(
+        return multibody.integrate_tree(
             model,
             state.get("q", model.neutral()),
             state.get("v", np.zeros(model.n_velocities)),

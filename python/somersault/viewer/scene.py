@@ -82,7 +82,7 @@ class Scene:
     --------
     >>> from somersault import multibody, viewer
     >>> pendulum = multibody.cart_pendulum()
-    >>> motion = multibody.integrate(pendulum, (0.0, 0.1), (0.0, 0.0), (0.0, 2.0), dt=0.01)
+    >>> motion = multibody.integrate_tree(pendulum, (0.0, 0.1), (0.0, 0.0), (0.0, 2.0), dt=0.01)
     >>> scene = viewer.Scene("Falling over").add(motion, label="no force").camera("side")
     >>> len(scene.html()) < 100_000
     True

@@ -148,7 +148,7 @@ def _refined(model: Model, t: Array, q: Array, v: Array | None) -> tuple[Array, 
     at = np.repeat(np.arange(len(pieces)), pieces)
     first = np.concatenate([[0], np.cumsum(pieces)[:-1]])
     s = (np.arange(len(at)) - first[at]) / pieces[at]
-    between = np.asarray(model.integrate(q[at], s[:, None] * way[at]))
+    between = np.asarray(model.displace(q[at], s[:, None] * way[at]))
     moments = np.append(t[at] + s * np.diff(t)[at], t[-1])
     rates = None if v is None else np.vstack([v[at] + s[:, None] * np.diff(v, axis=0)[at], v[-1:]])
     return moments, np.vstack([between, q[-1:]]), rates

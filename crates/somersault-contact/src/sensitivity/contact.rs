@@ -153,7 +153,7 @@ mod tests {
     use crate::friction::CoulombFriction;
     use crate::interface::ContactLaw;
     use crate::law::CompliantLaw;
-    use crate::surface::{Cylinder, HalfSpace, Solid, Sphere};
+    use crate::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface};
     use somersault_core::lie::so3;
     use std::sync::Arc;
 
@@ -162,9 +162,11 @@ mod tests {
         let friction = CoulombFriction::try_new(0.3, 50.0, 2.0).unwrap();
         let law = ContactLaw::from(CompliantLaw::try_new(100.0, 1.0).unwrap()).with_friction(friction);
         let plane = HalfSpace::try_new(Vector3::zeros(), Vector3::new(0.1, -0.2, 1.0)).unwrap();
-        let bowl = Arc::new(Sphere::try_new(Vector3::new(0.1, 0.0, 2.0), 2.0, Solid::Outside).unwrap());
+        let bowl =
+            Arc::new(SphericalSurface::try_new(Vector3::new(0.1, 0.0, 2.0), 2.0, Solid::Outside).unwrap());
         let axis = Vector3::new(1.0, 0.2, 0.0);
-        let log = Cylinder::try_new(Vector3::new(0.0, 0.0, -1.0), axis, 1.0, Solid::Inside).unwrap();
+        let log =
+            CylindricalSurface::try_new(Vector3::new(0.0, 0.0, -1.0), axis, 1.0, Solid::Inside).unwrap();
         let point = Vector3::new(0.1, -0.2, -0.3);
         let contacts = [
             Contact::try_new(point, bowl.clone(), law).unwrap(),

@@ -84,10 +84,10 @@ impl Charts {
         let Scratch { home, shifted, part, positions } = scratch;
         part.copy_from_slice(c);
         self.turns().for_each(|i| part[i] = T::zero());
-        model.integrate(home, part, shifted)?;
+        model.displace(home, part, shifted)?;
         part.fill(T::zero());
         self.turns().for_each(|i| part[i] = c[i]);
-        model.integrate(shifted, part, positions)
+        model.displace(shifted, part, positions)
     }
 
     /// The degrees of freedom that turn in these joints.

@@ -27,7 +27,7 @@ impl Scheme for AdamsBashforth2 {
         orders: Orders::all(2),
         evaluations: 1,
         history: 1,
-        not_for: "large steps, at which it is unstable",
+        limitations: "unsuitable for large steps, at which it is unstable",
         ..MethodInfo::explicit(
             "ab2",
             "Two-step Adams-Bashforth",

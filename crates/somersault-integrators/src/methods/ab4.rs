@@ -30,7 +30,7 @@ impl Scheme for AdamsBashforth4 {
         rate_orders: Orders::split(4, 2),
         evaluations: 1,
         history: 3,
-        not_for: "rotations to an accuracy: order 2 on SO(3), and on ℝ³ where forces depend on the orientation",
+        limitations: "unsuitable for rotations to an accuracy: order 2 on SO(3), and on ℝ³ where forces depend on the orientation",
         ..MethodInfo::explicit(
             "ab4",
             "Four-step Adams-Bashforth",

@@ -31,7 +31,7 @@ impl Scheme for AugmentedSecondOrder {
         evaluations: 1,
         history: 1,
         scope: Scope::RigidBodies,
-        keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
+        conserves: MethodInfo::MOMENTUM_ONCE_STARTED,
         ..MethodInfo::explicit(
             "aso",
             "Buss's augmented second order",

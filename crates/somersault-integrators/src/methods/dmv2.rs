@@ -39,8 +39,8 @@ impl Scheme for DiscreteMoserVeselov {
         scope: Scope::TorqueFree,
         implicit: true,
         angle_limit: Some(1.0),
-        keeps: "energy and angular momentum of a free body to rounding",
-        not_for: "torque, which is refused; h‖ω‖ beyond about 1 rad a step, where its equation has no solution: refused",
+        conserves: "energy and angular momentum of a free body to rounding",
+        limitations: "unsuitable for torque, which is refused; h‖ω‖ beyond about 1 rad a step, where its equation has no solution: refused",
         ..MethodInfo::explicit(
             "dmv2",
             "Discrete Moser-Veselov",

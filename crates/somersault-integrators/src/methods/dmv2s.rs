@@ -39,8 +39,8 @@ impl Scheme for SplitMoserVeselov {
         scope: Scope::RigidBodies,
         implicit: true,
         angle_limit: Some(1.0),
-        keeps: "energy and angular momentum of a free body to rounding; under a potential the energy error stays bounded",
-        not_for: "h‖ω‖ beyond about 1 rad a step, where its equation has no solution: refused",
+        conserves: "energy and angular momentum of a free body to rounding; under a potential the energy error stays bounded",
+        limitations: "unsuitable for h‖ω‖ beyond about 1 rad a step, where its equation has no solution: refused",
         ..MethodInfo::explicit(
             "dmv2s",
             "Discrete Moser-Veselov, split",

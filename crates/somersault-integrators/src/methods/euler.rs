@@ -19,7 +19,7 @@ pub struct Euler;
 
 impl Scheme for Euler {
     const INFO: MethodInfo = MethodInfo {
-        not_for: "anything but comparison",
+        limitations: "unsuitable for anything but comparison",
         ..MethodInfo::explicit(
             "euler",
             "Euler's method",

@@ -37,8 +37,8 @@ impl Scheme for ImplicitMidpoint {
         evaluations: 1,
         implicit: true,
         angle_limit: Some(1.5),
-        keeps: "symmetry; quadratic invariants on ℝ³",
-        not_for: "stiff forces, for which its iteration does not converge, and steps in which a body turns by more than 1.5 rad: \
+        conserves: "symmetry; quadratic invariants on ℝ³",
+        limitations: "unsuitable for stiff forces, for which its iteration does not converge, and steps in which a body turns by more than 1.5 rad: \
                   both are refused",
         ..MethodInfo::explicit(
             "imid",

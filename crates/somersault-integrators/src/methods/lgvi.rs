@@ -43,8 +43,8 @@ impl Scheme for VariationalLieVerlet {
         scope: Scope::RigidBodies,
         implicit: true,
         angle_limit: Some(LIMIT),
-        keeps: "angular momentum without torque to rounding; the energy error stays bounded",
-        not_for: "steps of more than 0.77 rad at √(2T/I_min), the fastest the body can turn with its energy: refused",
+        conserves: "angular momentum without torque to rounding; the energy error stays bounded",
+        limitations: "unsuitable for steps of more than 0.77 rad at √(2T/I_min), the fastest the body can turn with its energy: refused",
         ..MethodInfo::explicit(
             "lgvi",
             "Variational Lie-Verlet",

@@ -43,8 +43,8 @@ const fn info(order: u8, name: &'static str, title: &'static str) -> MethodInfo 
         scope: Scope::TorqueFree,
         implicit: true,
         angle_limit: Some(1.0),
-        keeps: "energy and angular momentum of a free body to rounding",
-        not_for: "torque, and steps beyond h‖ω‖ = 1 rad: both are refused; output between nodes, of order 4",
+        conserves: "energy and angular momentum of a free body to rounding",
+        limitations: "unsuitable for torque, and steps beyond h‖ω‖ = 1 rad: both are refused; output between nodes, of order 4",
         ..MethodInfo::explicit(
             name,
             title,

@@ -23,7 +23,7 @@ impl Scheme for RungeKutta4 {
     const INFO: MethodInfo = MethodInfo {
         orders: Orders::split(4, 2),
         rate_orders: Orders::split(4, 2),
-        not_for: "rotations to an accuracy: order 2 on SO(3), and on ℝ³ where forces depend on the orientation",
+        limitations: "unsuitable for rotations to an accuracy: order 2 on SO(3), and on ℝ³ where forces depend on the orientation",
         ..MethodInfo::explicit(
             "rk4",
             "Classic fourth order Runge-Kutta",

@@ -76,7 +76,7 @@ macro_rules! built_in {
 
         impl Coefficients for $name {
             const INFO: MethodInfo = MethodInfo {
-                not_for: "very long runs in which energy must not drift; a turn of 2π or more in a step",
+                limitations: "unsuitable for very long runs in which energy must not drift; a turn of 2π or more in a step",
                 ..$info
             };
             #[inline]

@@ -25,7 +25,7 @@ impl Scheme for SemiImplicitAdams2 {
         orders: Orders::all(2),
         evaluations: 1,
         history: 1,
-        not_for: "large steps, at which it is unstable",
+        limitations: "unsuitable for large steps, at which it is unstable",
         ..MethodInfo::explicit(
             "siabm2",
             "Two-step semi-implicit Adams-Bashforth-Moulton",

@@ -20,8 +20,8 @@ pub struct SemiImplicitEuler;
 
 impl Scheme for SemiImplicitEuler {
     const INFO: MethodInfo = MethodInfo {
-        keeps: "nothing exactly; symplectic on ℝ³ where forces depend on the position only",
-        not_for: "bodies that turn far in a step, whose energy grows: `sieg`",
+        conserves: "nothing exactly; symplectic on ℝ³ where forces depend on the position only",
+        limitations: "unsuitable for bodies that turn far in a step, whose energy grows: `sieg`",
         ..MethodInfo::explicit(
             "sie",
             "Semi-implicit Euler",

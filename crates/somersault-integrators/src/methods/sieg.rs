@@ -26,8 +26,8 @@ pub struct SemiImplicitEulerGyroscopic;
 impl Scheme for SemiImplicitEulerGyroscopic {
     const INFO: MethodInfo = MethodInfo {
         scope: Scope::RigidBodies,
-        keeps: "the energy of a free body never grows",
-        not_for: "accuracy: it damps",
+        conserves: "the energy of a free body never grows",
+        limitations: "unsuitable for accuracy: it damps",
         ..MethodInfo::explicit(
             "sieg",
             "Semi-implicit Euler, implicit gyroscopic term",

@@ -33,8 +33,8 @@ impl Scheme for ExactSplitting2 {
     const INFO: MethodInfo = MethodInfo {
         evaluations: 1,
         scope: Scope::RigidBodies,
-        keeps: "a free body exactly; symplectic under a potential",
-        not_for: "cheap forces and slow spins: elliptic functions in each step; output between nodes of a free body, of order 4",
+        conserves: "a free body exactly; symplectic under a potential",
+        limitations: "unsuitable for cheap forces and slow spins: elliptic functions in each step; output between nodes of a free body, of order 4",
         ..MethodInfo::explicit(
             "split2",
             "Splitting with exact free motion, order 2",

@@ -34,8 +34,8 @@ impl Scheme for StormerVerlet {
         evaluations: 1,
         history: 1,
         scope: crate::stepper::Scope::RigidBodies,
-        keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
-        not_for: "velocities under any force, and positions where forces depend on the velocity or a torque acts: order 1",
+        conserves: MethodInfo::MOMENTUM_ONCE_STARTED,
+        limitations: "unsuitable for velocities under any force, and positions where forces depend on the velocity or a torque acts: order 1",
         ..MethodInfo::explicit(
             "sv",
             "Störmer-Verlet",

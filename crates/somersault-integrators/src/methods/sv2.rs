@@ -24,7 +24,7 @@ impl Scheme for StormerVerlet2 {
         evaluations: 1,
         history: 1,
         scope: Scope::RigidBodies,
-        keeps: MethodInfo::MOMENTUM_ONCE_STARTED,
+        conserves: MethodInfo::MOMENTUM_ONCE_STARTED,
         ..MethodInfo::explicit(
             "sv2",
             "Störmer-Verlet with second order velocity",

@@ -148,7 +148,7 @@ impl Unknowns {
             }
             None => self.rates.copy_from_slice(&step[1..]),
         }
-        model.integrate(&estimate.q, &self.rates, &mut self.moved)?;
+        model.displace(&estimate.q, &self.rates, &mut self.moved)?;
         out.q.copy_from_slice(&self.moved);
         model.normalize(&mut out.q)?;
         self.clamp(out);

@@ -7,12 +7,12 @@
 //! as long as any gets lower. What is lower by rounding only is left.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter, Until};
-use super::problem::{Targets, expect};
+use super::problem::{Targets, expect_not_cancelled};
 use super::starts::{Starts, is_better};
 use super::{Estimate, FitError, MarkerFit};
-use crate::GoOn;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use somersault_core::cancel::CancellationToken;
 use somersault_multibody::{Group, Joint};
 use std::collections::VecDeque;
 
@@ -37,13 +37,13 @@ pub(super) fn lower(
     starts: &Starts,
     targets: &[Targets],
     frames: &mut [FrameFit],
-    go_on: GoOn,
+    token: &CancellationToken,
 ) -> Result<(), FitError> {
     let last = frames.len() - 1;
     let far = (last % STRIDE > STRIDE / 2).then_some(last);
     let alone = unrelated(fit, frames)?;
     let leave = |fitter: &mut FrameFitter, (i, found): (usize, &mut FrameFit)| {
-        expect(go_on)?;
+        expect_not_cancelled(token)?;
         let begun = found.cost;
         // nothing is lower than no residual, or no marker
         if !is_better(0.0, begun) {
@@ -63,7 +63,7 @@ pub(super) fn lower(
         .enumerate()
         .map_init(|| FrameFitter::new(fit.model(), fit.markers(), fit.options()), leave)
         .collect::<Result<_, _>>()?;
-    spread(fit, targets, frames, &lowered, go_on)
+    spread(fit, targets, frames, &lowered, token)
 }
 
 /// Which frames must be begun by themselves.
@@ -89,7 +89,7 @@ pub(super) fn find_mirrored(
     starts: &Starts,
     targets: &[Targets],
     frames: &mut [FrameFit],
-    go_on: GoOn,
+    token: &CancellationToken,
 ) -> Result<(), FitError> {
     let root = fit.model().joint(0).map(Joint::group);
     let (Some(Group::Motions | Group::PlanarMotions), Some(placement)) = (root, fit.model().placement(0))
@@ -99,7 +99,7 @@ pub(super) fn find_mirrored(
     // in the plane of a planar root; in space all mirror images differ by a rotation
     let across = placement.rotation.column(0).into_owned();
     let examine = |fitter: &mut FrameFitter, (i, found): (usize, &mut FrameFit)| {
-        expect(go_on)?;
+        expect_not_cancelled(token)?;
         let is_minimum = matches!(found.status, FitStatus::Converged | FitStatus::Misfit);
         if !is_minimum || found.cost <= fitter.cost_of_share(&targets[i], SUSPICIOUS) {
             return Ok(());
@@ -141,7 +141,7 @@ fn spread(
     targets: &[Targets],
     frames: &mut [FrameFit],
     lowered: &[bool],
-    go_on: GoOn,
+    token: &CancellationToken,
 ) -> Result<(), FitError> {
     let mut fitter = FrameFitter::new(fit.model(), fit.markers(), fit.options());
     let seen: Vec<usize> = (0..frames.len()).filter(|&i| targets[i].iter().any(Option::is_some)).collect();
@@ -149,7 +149,7 @@ fn spread(
     let before = (1..seen.len()).filter(|&k| lowered[seen[k - 1]]).map(|k| (k - 1, k));
     let mut led: VecDeque<(usize, usize)> = after.chain(before).collect();
     while let Some((leader, k)) = led.pop_front() {
-        expect(go_on)?;
+        expect_not_cancelled(token)?;
         let start = frames[seen[leader]].estimate.clone();
         if lower_from(&mut fitter, &targets[seen[k]], [start], &mut frames[seen[k]])? {
             led.extend([k.wrapping_sub(1), k + 1].into_iter().filter(|&j| j < seen.len()).map(|j| (k, j)));

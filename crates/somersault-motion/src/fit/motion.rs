@@ -1,13 +1,13 @@
 //! A whole motion: frame after frame, or with one scale for all.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter};
-use super::problem::{Targets, expect};
+use super::problem::{Targets, expect_not_cancelled};
 use super::starts::Starts;
-use super::{FitError, MarkerFit, Scale, minima};
-use crate::GoOn;
+use super::{FitError, FitOptions, MarkerSet, Scale, minima};
 use crate::recording::MarkerRecording;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use somersault_core::cancel::CancellationToken;
 
 /// A fitted motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -84,11 +84,15 @@ impl MarkerFit {
     /// Fits all frames. Markers of the recording that the model has not are left aside, those that the recording
     /// has not are missing.
     pub fn fit(&self, recording: &MarkerRecording) -> Result<MotionFit, FitError> {
-        self.fit_while(recording, &|| true)
+        self.fit_cancellable(recording, &CancellationToken::new())
     }
 
-    /// As [`fit`](Self::fit), and ends with [`FitError::Interrupted`] within a frame of `go_on` becoming false.
-    pub fn fit_while(&self, recording: &MarkerRecording, go_on: GoOn) -> Result<MotionFit, FitError> {
+    /// As [`fit`](Self::fit), and ends with [`FitError::Interrupted`] within a frame of the cancellation.
+    pub fn fit_cancellable(
+        &self,
+        recording: &MarkerRecording,
+        token: &CancellationToken,
+    ) -> Result<MotionFit, FitError> {
         let targets = self.targets(recording)?;
         let mut fitter = FrameFitter::new(&self.model, &self.markers, &self.options);
         let starts = Starts::new(&self.model, &self.options, &fitter.unknowns);
@@ -101,13 +105,13 @@ impl MarkerFit {
         }
         let mut frames = Vec::with_capacity(targets.len());
         for frame in &targets {
-            expect(go_on)?;
+            expect_not_cancelled(token)?;
             let found = fitter.fit(frame, &estimate)?;
             estimate.clone_from(&found.estimate);
             frames.push(found);
         }
-        minima::lower(self, &starts, &targets, &mut frames, go_on)?;
-        minima::find_mirrored(self, &starts, &targets, &mut frames, go_on)?;
+        minima::lower(self, &starts, &targets, &mut frames, token)?;
+        minima::find_mirrored(self, &starts, &targets, &mut frames, token)?;
         for i in 1..frames.len() {
             if frames[i].status == FitStatus::NoMarkers {
                 frames[i].estimate = frames[i - 1].estimate.clone();
@@ -115,7 +119,7 @@ impl MarkerFit {
         }
         let mut motion = MotionFit { times: recording.times().to_vec(), frames, scale_converged: true };
         if let Scale::Common { lower, upper } = self.options.scale {
-            self.share_scale(&targets, &mut motion, [lower, upper], go_on)?;
+            self.share_scale(&targets, &mut motion, [lower, upper], token)?;
         }
         Ok(motion)
     }
@@ -127,7 +131,7 @@ impl MarkerFit {
         targets: &[Targets],
         motion: &mut MotionFit,
         [lower, upper]: [f64; 2],
-        go_on: GoOn,
+        token: &CancellationToken,
     ) -> Result<(), FitError> {
         let seen = |f: &&FrameFit| f.status != FitStatus::NoMarkers;
         let scales: Vec<f64> = motion.frames.iter().filter(seen).map(|f| f.estimate.scale).collect();
@@ -138,7 +142,7 @@ impl MarkerFit {
         motion.scale_converged = false;
         for _ in 0..MAX_ROUNDS {
             let fit_at = |fitter: &mut FrameFitter, (frame, fit): (&Targets, &mut FrameFit)| {
-                expect(go_on)?;
+                expect_not_cancelled(token)?;
                 fitter.fix_scale(scale);
                 let mut start = fit.estimate.clone();
                 start.scale = scale;

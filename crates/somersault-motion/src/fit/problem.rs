@@ -1,10 +1,10 @@
 //! What is fitted: a model with markers, and where they shall be.
 
 use super::{FitError, FitOptions, MarkerSet};
-use crate::GoOn;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_squarable;
+use somersault_core::cancel::CancellationToken;
 use somersault_multibody::Model;
 
 /// A model with markers, to be fitted to recordings.
@@ -37,9 +37,9 @@ pub struct MarkerFit {
     pub(super) options: FitOptions,
 }
 
-/// Fails where the caller says that it is not to go on.
-pub(super) fn expect(go_on: GoOn) -> Result<(), FitError> {
-    if go_on() { Ok(()) } else { Err(FitError::Interrupted) }
+/// Fails once the fit is cancelled.
+pub(super) fn expect_not_cancelled(token: &CancellationToken) -> Result<(), FitError> {
+    if token.is_cancelled() { Err(FitError::Interrupted) } else { Ok(()) }
 }
 
 /// Of one frame, for each marker of the model.

@@ -28,7 +28,7 @@ mod vector;
 pub use model::{Score, ScoringModel, ScoringOptions};
 pub use statistics::{Correlation, ValidationOptions, pearson, spearman};
 pub use storage::StorageError;
-pub use validation::{Baseline, Validation, validate, validate_while};
+pub use validation::{Baseline, Validation, validate, validate_cancellable};
 pub use vector::{FeatureKind, Features, Performance, VectorOptions};
 
 use crate::analysis::AnalysisError;

@@ -1,12 +1,12 @@
 //! Correlations and their intervals.
 
 use super::ScoringError;
-use crate::GoOn;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use somersault_core::argument::{expect_finite, expect_least, expect_length};
+use somersault_core::cancel::CancellationToken;
 
 /// Choices for a validation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,7 +110,7 @@ pub(super) fn resampled(
     value: Coefficients,
     options: &ValidationOptions,
     n: usize,
-    go_on: GoOn,
+    token: &CancellationToken,
     of_resample: impl Fn(&[f64]) -> Option<Coefficients> + Sync,
     of_shuffle: impl Fn(&[usize]) -> Option<Coefficients> + Sync,
 ) -> Result<[Correlation; 2], ScoringError> {
@@ -121,7 +121,7 @@ pub(super) fn resampled(
     };
     let draws = 0..options.n_resamples;
     let resample = |k: usize| {
-        if !go_on() {
+        if token.is_cancelled() {
             return None;
         }
         let (mut rng, mut counts) = (rng(2 * k), vec![0.0; n]);
@@ -130,7 +130,7 @@ pub(super) fn resampled(
     };
     let resamples: Vec<Coefficients> = draws.clone().into_par_iter().filter_map(resample).collect();
     let shuffle = |k: usize| {
-        if !go_on() {
+        if token.is_cancelled() {
             return None;
         }
         let mut order: Vec<usize> = (0..n).collect();
@@ -138,7 +138,7 @@ pub(super) fn resampled(
         of_shuffle(&order)
     };
     let shuffles: Vec<Option<Coefficients>> = draws.into_par_iter().map(shuffle).collect();
-    if !go_on() {
+    if token.is_cancelled() {
         return Err(ScoringError::Interrupted);
     }
     expect_least("resamples that vary", resamples.len(), 1)?;

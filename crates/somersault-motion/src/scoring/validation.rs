@@ -5,10 +5,10 @@ use super::model::normalize;
 use super::regression::LeftOut;
 use super::statistics::{Coefficients, Correlation, ValidationOptions, resampled};
 use super::{Performance, ScoringError, ScoringOptions};
-use crate::GoOn;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use somersault_core::argument::{ArgumentError, expect_least, expect_length, expect_squarable};
+use somersault_core::cancel::CancellationToken;
 
 /// A simple predictor, validated in the same way.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,17 +77,17 @@ pub fn validate(
     validation: &ValidationOptions,
     features: &[(&str, &[f64])],
 ) -> Result<Validation, ScoringError> {
-    validate_while(motions, scores, options, validation, features, &|| true)
+    validate_cancellable(motions, scores, options, validation, features, &CancellationToken::new())
 }
 
-/// As [`validate`], and ends with [`ScoringError::Interrupted`] within a resample of `go_on` becoming false.
-pub fn validate_while(
+/// As [`validate`], and ends with [`ScoringError::Interrupted`] within a resample of the cancellation.
+pub fn validate_cancellable(
     motions: &[Performance],
     scores: &[f64],
     options: &ScoringOptions,
     validation: &ValidationOptions,
     features: &[(&str, &[f64])],
-    go_on: GoOn,
+    token: &CancellationToken,
 ) -> Result<Validation, ScoringError> {
     options.check(motions.len(), scores, 3)?;
     // with four only the resample that has all of them can be validated, and the interval would be a point
@@ -116,7 +116,7 @@ pub fn validate_while(
         value,
         validation,
         scores.len(),
-        go_on,
+        token,
         |counts| folds.resampled(counts, scores),
         |order| {
             let shuffled: Vec<f64> = order.iter().map(|&i| scores[i]).collect();

@@ -1,7 +1,6 @@
 //! A **synthetic** set of judged dives.
 
 use super::{Perturbation, SyntheticDive, SyntheticError, SyntheticFlight, SyntheticJudge};
-use crate::GoOn;
 use crate::analysis::DiveFaults;
 use crate::fit::MarkerSet;
 use crate::judged::{JudgedList, JudgedMotion, JudgedSet};
@@ -11,6 +10,7 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use somersault_core::argument::{expect_least, expect_not_negative};
+use somersault_core::cancel::CancellationToken;
 use std::f64::consts::TAU;
 
 /// How a set is made.
@@ -89,17 +89,17 @@ impl SyntheticSet {
         judge: &SyntheticJudge,
         options: &SyntheticOptions,
     ) -> Result<Self, SyntheticError> {
-        Self::generate_while(flight, markers, judge, options, &|| true)
+        Self::generate_cancellable(flight, markers, judge, options, &CancellationToken::new())
     }
 
-    /// As [`generate`](Self::generate), and ends with [`SyntheticError::Interrupted`] within a dive of `go_on` becoming
-    /// false.
-    pub fn generate_while(
+    /// As [`generate`](Self::generate), and ends with [`SyntheticError::Interrupted`] within a dive of the
+    /// cancellation.
+    pub fn generate_cancellable(
         flight: &SyntheticFlight,
         markers: &MarkerSet,
         judge: &SyntheticJudge,
         options: &SyntheticOptions,
-        go_on: GoOn,
+        token: &CancellationToken,
     ) -> Result<Self, SyntheticError> {
         judge.validate()?;
         expect_not_negative("marker_noise", options.marker_noise)?;
@@ -108,7 +108,7 @@ impl SyntheticSet {
         let drawn: Vec<(Perturbation, u64)> =
             (0..options.n_dives).map(|_| (options.draw(&mut rng), rng.random())).collect();
         let make = |(perturbation, seed): &(Perturbation, u64)| {
-            if !go_on() {
+            if token.is_cancelled() {
                 return Err(SyntheticError::Interrupted);
             }
             let dive = flight.perturb(perturbation)?;

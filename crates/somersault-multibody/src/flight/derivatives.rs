@@ -18,7 +18,7 @@ use somersault_core::lie::so3::hat;
 
 /// ω and its derivatives, in axes of the root.
 ///
-/// Displacements of orientation and shape are those of [`Model::integrate`](crate::Model::integrate): in
+/// Displacements of orientation and shape are those of [`Model::displace`](crate::Model::displace): in
 /// axes of the root, R exp(δθ), and of each joint's child. In the plane only third components count.
 #[derive(Debug, Clone, Copy)]
 pub struct FlightDerivatives<'d, T: Scalar = f64> {

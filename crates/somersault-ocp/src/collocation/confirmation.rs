@@ -10,7 +10,7 @@ use super::error::CollocationError;
 use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
-use crate::attention::{Attention, GoOn};
+use somersault_core::cancel::CancellationToken;
 use somersault_integrators::driver::{Adaptive, integrate_adaptive};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::state::State;
@@ -113,24 +113,23 @@ impl Confirmation {
 
 /// Integrates a solution anew.
 pub fn confirm(problem: &mut Problem, solution: &[PhaseSolution]) -> Result<Confirmation, CollocationError> {
-    confirm_while(problem, solution, &mut || true)
+    confirm_cancellable(problem, solution, &CancellationToken::new())
 }
 
-/// The same for as long as `go_on`, which is asked at each step of the integration: after that there are no integrations,
-/// whose defects are infinite.
-pub fn confirm_while(
+/// The same until it is cancelled, which is looked for at each step of the integration: after that there are no
+/// integrations, whose defects are infinite.
+pub fn confirm_cancellable(
     problem: &mut Problem,
     solution: &[PhaseSolution],
-    go_on: GoOn<'_>,
+    token: &CancellationToken,
 ) -> Result<Confirmation, CollocationError> {
-    let mut attention = Attention::new(go_on);
     let (expected, found) = (problem.phases.len(), solution.len());
     if expected != found {
         return Err(CollocationError::Length { phase: None, argument: "solution", expected, found });
     }
     let (mut cost, mut phases) = (0.0, Vec::new());
     for (phase, solution) in problem.phases.iter_mut().zip(solution) {
-        let confirmation = confirm_phase(phase, solution, &mut attention)?;
+        let confirmation = confirm_phase(phase, solution, token)?;
         cost += confirmation.running_cost + confirmation.end_cost;
         phases.push(confirmation);
     }
@@ -140,7 +139,7 @@ pub fn confirm_while(
 fn confirm_phase(
     phase: &mut Phase,
     solution: &PhaseSolution,
-    attention: &mut Attention<'_>,
+    token: &CancellationToken,
 ) -> Result<PhaseConfirmation, CollocationError> {
     let n_states = phase.sizes.states;
     let largest = |s: usize| solution.states.iter().fold(0.0, |m: f64, x| m.max(x[s].abs()));
@@ -155,10 +154,10 @@ fn confirm_phase(
     for (k, interval) in solution.grid.intervals.iter().enumerate() {
         let first = &solution.states[interval.first];
         let last = &solution.states[interval.first + interval.radau.len()];
-        let (reached, cost) = integrate(phase, solution, k, first, attention)?;
+        let (reached, cost) = integrate(phase, solution, k, first, token)?;
         defects.push(error(&reached, last));
         running_cost += cost;
-        (through, _) = integrate(phase, solution, k, &through, attention)?;
+        (through, _) = integrate(phase, solution, k, &through, token)?;
     }
     let last = &solution.states[solution.states.len() - 1];
     let (violation, violated) = violation(phase, solution)?;
@@ -180,10 +179,10 @@ fn integrate(
     solution: &PhaseSolution,
     k: usize,
     state: &[f64],
-    attention: &mut Attention<'_>,
+    mut token: &CancellationToken,
 ) -> Result<(Vec<f64>, f64), CollocationError> {
     let n = state.len();
-    if attention.has_stopped {
+    if token.is_cancelled() {
         return Ok((vec![f64::NAN; n], f64::NAN));
     }
     let interval = &solution.grid.intervals[k];
@@ -199,12 +198,12 @@ fn integrate(
     };
     let driven = DrivenPhase::new(phase, solution, k);
     let stepper = RungeKuttaMuntheKaas::<Dop853>::default();
-    let outcome = integrate_adaptive(&driven, &stepper, &initial, (start, end), &control, attention);
+    let outcome = integrate_adaptive(&driven, &stepper, &initial, (start, end), &control, &mut token);
     if let Some(error @ EvaluationError::Failed(_)) = driven.into_failure() {
         return Err(error.into());
     }
     let mut reached = match outcome {
-        Ok(outcome) if !attention.has_stopped => outcome.state.configuration.0,
+        Ok(outcome) if !token.is_cancelled() => outcome.state.configuration.0,
         _ => vec![f64::NAN; n + 1],
     };
     let cost = reached.split_off(n)[0];

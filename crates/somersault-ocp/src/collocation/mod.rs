@@ -83,7 +83,7 @@ mod tree;
 mod vector;
 mod view;
 
-pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_while};
+pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_cancellable};
 pub use error::{CollocationError, Entry};
 pub use function::{Dynamics, Ends, Point, Terms, VectorFunction};
 pub use guess::Guess;

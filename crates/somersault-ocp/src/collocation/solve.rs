@@ -1,6 +1,6 @@
 //! The loop: solve on a mesh, estimate the error, refine, start again from there.
 
-use super::confirmation::{Confirmation, confirm_while};
+use super::confirmation::{Confirmation, confirm_cancellable};
 use super::error::CollocationError;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, optimality};
@@ -9,8 +9,8 @@ use super::radau::MAX_POINTS;
 use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
-use crate::attention::GoOn;
 use somersault_core::argument::expect_positive;
+use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
@@ -125,18 +125,18 @@ impl<S: NlpSolver> Collocation<S> {
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
     ) -> Result<CollocationReport, CollocationError> {
-        self.solve_while(problem, meshes, on_iteration, &mut || true)
+        self.solve_cancellable(problem, meshes, on_iteration, &CancellationToken::new())
     }
 
-    /// The same for as long as `go_on`, which is asked where a mesh is solved and at each step of the integration that
-    /// confirms the motion. Without it the status is [`Status::Interrupted`], what was solved is kept, and the errors that
-    /// were not estimated any more are [unknown](Accuracy::UNKNOWN).
-    pub fn solve_while(
+    /// The same until it is cancelled, which is looked for where a mesh is solved and at each step of the integration that
+    /// confirms the motion. Then the status is [`Status::Interrupted`], what was solved is kept, and the errors that were
+    /// not estimated any more are [unknown](Accuracy::UNKNOWN).
+    pub fn solve_cancellable(
         &self,
         problem: &mut Problem,
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
-        go_on: GoOn<'_>,
+        token: &CancellationToken,
     ) -> Result<CollocationReport, CollocationError> {
         self.check()?;
         let mut meshes = meshes.to_vec();
@@ -161,7 +161,7 @@ impl<S: NlpSolver> Collocation<S> {
             let runs_away = program.status.is_converged()
                 && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
             drop(transcription);
-            let is_cut = !go_on();
+            let is_cut = token.is_cancelled();
             let size = program.cost.abs().max(1.0);
             let (mut errors, mut optimal) = (Vec::new(), Vec::new());
             let mut accuracy = Accuracy::UNKNOWN;
@@ -189,14 +189,14 @@ impl<S: NlpSolver> Collocation<S> {
             let creeps = history.len() >= CREEPING
                 && history.iter().rev().take(CREEPING).all(|mesh| mesh.status == Status::IterationLimit);
             if is_cut || is_met || runs_away || is_last || creeps || !is_usable(&program) {
-                return self.report(problem, phases, history, program, runs_away, go_on);
+                return self.report(problem, phases, history, program, runs_away, token);
             }
             let wishes = refinement::wishes(&errors, &optimal, size, self.tolerance);
             let finer = meshes.iter().zip(&wishes).map(|(mesh, wishes)| self.refined(mesh, wishes));
             // no finer mesh is left, or it would be too large
             let finer: Vec<Mesh> = match finer.collect::<Result<_, _>>() {
                 Ok(finer) if finer != meshes => finer,
-                _ => return self.report(problem, phases, history, program, runs_away, go_on),
+                _ => return self.report(problem, phases, history, program, runs_away, token),
             };
             meshes = finer;
             previous = Some((phases, rest));
@@ -224,19 +224,14 @@ impl<S: NlpSolver> Collocation<S> {
         history: Vec<MeshRecord>,
         program: Report,
         runs_away: bool,
-        go_on: GoOn<'_>,
+        token: &CancellationToken,
     ) -> Result<CollocationReport, CollocationError> {
-        let mut is_cut = false;
-        let mut goes_on = || {
-            is_cut |= !go_on();
-            !is_cut
-        };
-        let confirmation = confirm_while(problem, &phases, &mut goes_on)?;
+        let confirmation = confirm_cancellable(problem, &phases, token)?;
         let is_met = history.last().is_some_and(|mesh| mesh.accuracy.meets(self.tolerance));
         let defect = confirmation.max_defect();
         let status = if !program.status.is_converged() {
             CollocationStatus::NotSolved(program.status)
-        } else if is_cut {
+        } else if token.is_cancelled() {
             CollocationStatus::NotSolved(Status::Interrupted)
         } else if runs_away {
             CollocationStatus::NoMinimum

@@ -8,9 +8,10 @@
 use super::nearest::{Approach, Approaches};
 use super::program::requested;
 use super::{DiveError, DiveProgram, PeakTorque};
-use crate::attention::{Attention, GoOn};
 use crate::flight::joints_active;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::cancel::CancellationToken;
 use somersault_core::lie::so3::{angle_between, normalized_xyzw};
 use somersault_integrators::driver::Adaptive;
 use somersault_integrators::methods::{Method, Options};
@@ -159,13 +160,16 @@ const SAMPLES: usize = 1000;
 impl DiveProgram {
     /// Judges the dive `z`.
     pub fn report(&self, z: &[f64]) -> Result<DiveReport, DiveJudgementError> {
-        self.report_while(z, &mut || true)
+        self.report_cancellable(z, &CancellationToken::new())
     }
 
-    /// The same for as long as `go_on`, which is asked at each step of the integrations; else
+    /// The same until it is cancelled, which is looked for at each step of the integrations; then
     /// [`DiveJudgementError::Interrupted`].
-    pub fn report_while(&self, z: &[f64], go_on: GoOn<'_>) -> Result<DiveReport, DiveJudgementError> {
-        let mut attention = Attention::new(go_on);
+    pub fn report_cancellable(
+        &self,
+        z: &[f64],
+        token: &CancellationToken,
+    ) -> Result<DiveReport, DiveJudgementError> {
         let mut program = self.clone();
         program.fly(z, false)?;
         let (momentum, duration) = (self.momentum(z), self.duration(z));
@@ -205,14 +209,14 @@ impl DiveProgram {
             &start,
             interval,
             &control,
-            &mut (&mut recorder, &mut attention),
+            &mut (&mut recorder, token),
         )?;
-        if attention.has_stopped {
+        if token.is_cancelled() {
             return Err(DiveJudgementError::Interrupted);
         }
         let reduced =
             Flown { is_planar, first: 0, duration, solution: recorder.into_solution(), end: end.state };
-        let (full, momentum_drift) = self.full_dynamics(&system, &start, &channels, &mut attention)?;
+        let (full, momentum_drift) = self.full_dynamics(&system, &start, &channels, token)?;
         let path = program.path();
         let n_steps = path.n_steps();
         let mut defects = Vec::with_capacity(n_steps + 1);
@@ -385,7 +389,7 @@ impl DiveProgram {
         system: &FlightSystem<'_, S>,
         start: &TreeState,
         channels: &Channels<'_>,
-        attention: &mut Attention<'_>,
+        token: &CancellationToken,
     ) -> Result<(Flown, f64), DiveJudgementError> {
         use somersault_integrators::system::System;
         let model = self.path().model();
@@ -406,10 +410,10 @@ impl DiveProgram {
                 &full_start,
                 (0.0, duration),
                 &control,
-                &mut (&mut recorder, &mut *attention),
+                &mut (&mut recorder, token),
             )?
             .state;
-        if attention.has_stopped {
+        if token.is_cancelled() {
             return Err(DiveJudgementError::Interrupted);
         }
         let mut velocities = vec![0.0; model.n_velocities()];

@@ -134,7 +134,7 @@ impl HybridDynamics for Tree {
     }
 
     fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        self.model.integrate(q, d, out).map_err(undefined)
+        self.model.displace(q, d, out).map_err(undefined)
     }
 
     fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {

@@ -1,8 +1,8 @@
 //! What an accurate integration makes of a swing-up.
 
 use super::{CartPendulumProblem, SwingUp};
-use crate::attention::GoOn;
-use crate::verification::{Verification, VerificationError, Verified, verify_while};
+use crate::verification::{Verification, VerificationError, Verified, verify_cancellable};
+use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Iteration, Nlp, NlpSolver, SolverError, Start};
 
 /// Steps of the integration of the cost: no fewer than ten for each of the thesis'.
@@ -22,13 +22,17 @@ pub struct SwingUpVerification {
 impl CartPendulumProblem {
     /// Integrates the motion of the cart's parameters `z` anew.
     pub fn verify(&self, z: &[f64]) -> Result<SwingUpVerification, VerificationError> {
-        self.verify_while(z, &mut || true)
+        self.verify_cancellable(z, &CancellationToken::new())
     }
 
-    /// The same for as long as `go_on`; else [`VerificationError::Interrupted`].
-    pub fn verify_while(&self, z: &[f64], go_on: GoOn<'_>) -> Result<SwingUpVerification, VerificationError> {
+    /// The same until it is cancelled; then [`VerificationError::Interrupted`].
+    pub fn verify_cancellable(
+        &self,
+        z: &[f64],
+        token: &CancellationToken,
+    ) -> Result<SwingUpVerification, VerificationError> {
         let model = self.system.model().map_err(crate::error::OcpError::from)?;
-        let motion = verify_while(&mut self.shooting()?, &model, z, go_on)?;
+        let motion = verify_cancellable(&mut self.shooting()?, &model, z, token)?;
         let factor = STEPS.div_ceil(self.n_steps);
         let refined = |factor| -> Result<f64, VerificationError> {
             Ok(self.refined(factor).single_shooting()?.evaluate(z, &mut [])?)

@@ -3,7 +3,7 @@
 use super::markers::MarkerRecording;
 use super::matrix::{count, numbers_array};
 use super::motion_fit::MotionFit;
-use super::worker::attended_while;
+use super::worker::attended_cancellable;
 use crate::convert::{a_type, array, entries_or_none, real_numbers, vector};
 use crate::error::Error;
 use crate::model::{Model, Which};
@@ -313,7 +313,7 @@ impl MarkerFit {
         recording: &Bound<'_, MarkerRecording>,
     ) -> Result<MotionFit, Error> {
         let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
-        let motion = attended_while(py, move |go_on| fit.fit_while(&recording, go_on))?;
+        let motion = attended_cancellable(py, move |token| fit.fit_cancellable(&recording, token))?;
         Ok(MotionFit { fit: slf.clone().unbind(), motion })
     }
 

@@ -6,7 +6,7 @@ use super::judged::JudgedSet;
 use super::markers::MarkerRecording;
 use super::matrix::{self, count, numbers_array};
 use super::scoring::Performance;
-use super::worker::{attended, attended_while};
+use super::worker::{attended, attended_cancellable};
 use crate::convert::{array, real_numbers, vector, vector_array};
 use crate::error::Error;
 use crate::model::Model;
@@ -360,8 +360,8 @@ impl SyntheticSet {
             |judge| judge.get().judge,
         );
         let (flight, markers) = (flight.flight.clone(), markers.get().markers.clone());
-        let set = attended_while(py, move |go_on| {
-            synthetic::SyntheticSet::generate_while(&flight, &markers, &judge, &options, go_on)
+        let set = attended_cancellable(py, move |token| {
+            synthetic::SyntheticSet::generate_cancellable(&flight, &markers, &judge, &options, token)
         })?;
         Ok(Self { set, judge })
     }

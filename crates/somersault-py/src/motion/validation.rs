@@ -2,7 +2,7 @@
 
 use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
-use super::worker::attended_while;
+use super::worker::attended_cancellable;
 use crate::convert::{a_type, entries, real_numbers, with_shape};
 use crate::error::Error;
 use pyo3::prelude::*;
@@ -259,10 +259,10 @@ pub(crate) fn validate(
         let values = real_numbers(&format!("features['{name}']"), &values)?;
         named.push((name, values));
     }
-    let validation = attended_while(py, move |go_on| {
+    let validation = attended_cancellable(py, move |token| {
         let features: Vec<(&str, &[f64])> =
             named.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        scoring::validate_while(&motions, &scores, &options, &choices, &features, go_on)
+        scoring::validate_cancellable(&motions, &scores, &options, &choices, &features, token)
     })?;
     Ok(Validation { validation })
 }

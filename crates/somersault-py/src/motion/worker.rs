@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::waiting::attend_or_leave;
 use pyo3::prelude::*;
-use somersault::motion::GoOn;
+use somersault::core::cancel::CancellationToken;
 use std::time::Duration;
 
 /// Works while other Python threads run, and looks for signals meanwhile. Where a handler raises, the exception comes at
@@ -12,14 +12,14 @@ pub(super) fn attended<T: Send + 'static, E: Into<Error> + Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce() -> Result<T, E> + Send + 'static,
 ) -> Result<T, Error> {
-    attended_while(py, |_| work())
+    attended_cancellable(py, |_| work())
 }
 
-/// As [`attended`], for work that asks whether to go on: after a signal it is not to.
-pub(super) fn attended_while<T: Send + 'static, E: Into<Error> + Send + 'static>(
+/// As [`attended`], for work that looks whether it is cancelled, as it is after a signal.
+pub(super) fn attended_cancellable<T: Send + 'static, E: Into<Error> + Send + 'static>(
     py: Python<'_>,
-    work: impl FnOnce(GoOn) -> Result<T, E> + Send + 'static,
+    work: impl FnOnce(&CancellationToken) -> Result<T, E> + Send + 'static,
 ) -> Result<T, Error> {
-    let (done, _) = attend_or_leave(py, Duration::ZERO, |stop| work(&|| !stop.is_asked()))?;
+    let (done, _) = attend_or_leave(py, Duration::ZERO, work)?;
     done.map_err(Into::into)
 }

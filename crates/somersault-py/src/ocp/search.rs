@@ -4,7 +4,7 @@ use super::arguments::tolerance;
 use super::solver::Report;
 use super::verification::Verifier;
 use crate::error::Error;
-use crate::waiting::{Stop, attend};
+use crate::waiting::{Cancellation, attend};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -36,14 +36,20 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
     ) -> Result<SearchResult, Error> {
         tolerance("distance_tol", Some(self.distance_tol))?;
         let many = MultiStart { distance_tol: self.distance_tol, ..MultiStart::new(self.solver) };
-        let stop = Stop::at(self.deadline);
-        let solve = || many.try_solve::<N, Error>(&make, starts, || stop.is_asked());
-        let found = attend(py, |raised| stop.raise(raised), solve)??;
-        match stop.raised() {
+        let cancellation = Cancellation::at(self.deadline);
+        let solve = || many.try_solve::<N, Error>(&make, starts, || cancellation.token.is_cancelled());
+        let found = attend(py, |raised| cancellation.raise(raised), solve)??;
+        match cancellation.raised() {
             Some(error) if !(self.returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
                 Err(error.clone_ref(py).into())
             }
-            raised => SearchResult::of(py, found, stop.is_late() && raised.is_none(), reported, verifier),
+            raised => SearchResult::of(
+                py,
+                found,
+                cancellation.token.has_expired() && raised.is_none(),
+                reported,
+                verifier,
+            ),
         }
     }
 }

@@ -4,15 +4,15 @@ use super::arguments::{limit, tolerance};
 use super::verification::{Verifier, judgement};
 use crate::error::Error;
 use crate::plan::{check_callable, returns_interrupted};
-use crate::waiting::{Stop, attend};
+use crate::waiting::{Cancellation, attend};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{
     self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, Nlp, NlpSolver,
     SolverError, Sqp, Start, Status,
 };
-use somersault::ocp::GoOn;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -294,7 +294,7 @@ impl SolverArguments<'_, '_> {
 
     /// Solves. Without Python code in the program or a callback the interpreter is released.
     ///
-    /// An interruption ends the solve; its best iterate is returned, or is the attribute `report` of the exception.
+    /// An cancellation ends the solve; its best iterate is returned, or is the attribute `report` of the exception.
     pub(crate) fn solve(
         &self,
         py: Python<'_>,
@@ -391,7 +391,7 @@ impl Watcher {
         }
     }
 
-    /// What was raised, unless it is an interruption that ends in a result.
+    /// What was raised, unless it is an cancellation that ends in a result.
     pub(crate) fn into_raised(self, py: Python<'_>, returned: bool) -> Option<PyErr> {
         self.raised.filter(|error| !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)))
     }
@@ -400,11 +400,11 @@ impl Watcher {
 /// Works without the interpreter for as long as no signal ends it; then what its handler raised comes out.
 pub(crate) fn attended<T: Send, E: Send + Into<Error>>(
     py: Python<'_>,
-    work: impl FnOnce(GoOn<'_>) -> Result<T, E> + Send,
+    work: impl FnOnce(&CancellationToken) -> Result<T, E> + Send,
 ) -> Result<T, Error> {
-    let stop = Stop::default();
-    let found = attend(py, |raised| stop.raise(raised), || work(&mut || !stop.is_asked()))?;
-    match stop.raised() {
+    let cancellation = Cancellation::default();
+    let found = attend(py, |raised| cancellation.raise(raised), || work(&cancellation.token))?;
+    match cancellation.raised() {
         Some(error) => Err(error.clone_ref(py).into()),
         None => found.map_err(Into::into),
     }

@@ -96,7 +96,7 @@ impl CartPendulumProblem {
         let (problem, cost) = (self.problem.clone(), report.cost);
         let z = report.z[..self.n_variables()].to_vec();
         Some(Verifier::new(move |py| {
-            let found = attended(py, |go_on| problem.verify_while(&z, go_on).map_err(Unverified))?;
+            let found = attended(py, |token| problem.verify_cancellable(&z, token).map_err(Unverified))?;
             Ok(SwingUpVerification::of(py, found, cost)?.into_any())
         }))
     }
@@ -453,7 +453,7 @@ impl CartPendulumProblem {
             .clone()
             .evaluate(&z, &mut [])
             .map_err(|error| Error::evaluation(error.to_string()))?;
-        let found = attended(py, |go_on| self.problem.verify_while(&z, go_on).map_err(Unverified))?;
+        let found = attended(py, |token| self.problem.verify_cancellable(&z, token).map_err(Unverified))?;
         Ok(SwingUpVerification::of(py, found, cost)?)
     }
 

@@ -5,9 +5,10 @@ use crate::error::Error;
 use crate::ocp::arguments::{count, limit, tolerance};
 use crate::ocp::solver::{Watcher, duration};
 use crate::plan::returns_interrupted;
-use crate::waiting::{Stop, attend_or_leave};
+use crate::waiting::attend_or_leave;
 use pyo3::PyClass;
 use pyo3::prelude::*;
+use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
 use std::time::Duration;
@@ -62,11 +63,11 @@ impl SearchOptions<'_, '_> {
         }
         let meshes = vec![Mesh::try_uniform(n_intervals, n_points)?; n_phases];
         let (mut problem, mut watcher) = (problem()?, Watcher::new(self.callback)?);
-        let search = move |stop: &Stop| {
+        let search = move |token: &CancellationToken| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
-                if stop.is_asked() { Flow::Stop } else { watcher.look(iteration) }
+                if token.is_cancelled() { Flow::Stop } else { watcher.look(iteration) }
             };
-            let found = collocation.solve_while(&mut problem, &meshes, &mut look, &mut || !stop.is_asked());
+            let found = collocation.solve_cancellable(&mut problem, &meshes, &mut look, token);
             (found, watcher)
         };
         let ((found, mut watcher), raised) = attend_or_leave(py, PATIENCE, search)?;

@@ -4,7 +4,7 @@ use crate::convert::{array, real_numbers, with_shape};
 use crate::error::Error;
 use crate::ocp::solver::{Report, Watcher};
 use crate::plan::returns_interrupted;
-use crate::waiting::{Stop, attend, together};
+use crate::waiting::{Cancellation, attend, together};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::nlp::{self, Flow, Iteration};
@@ -29,11 +29,13 @@ impl LiteralDive {
             return Ok(Self(together(py, || program.literal_motion(z, n_steps))??));
         }
         let mut watcher = Watcher::new(None)?;
-        let stop = Stop::default();
-        let watch = &mut |i: &Iteration<'_>| if stop.is_asked() { Flow::Stop } else { watcher.look(i) };
+        let cancellation = Cancellation::default();
+        let watch = &mut |i: &Iteration<'_>| {
+            if cancellation.token.is_cancelled() { Flow::Stop } else { watcher.look(i) }
+        };
         let solve = || program.solve_literal(z, n_steps, watch);
-        let found = attend(py, |raised| stop.raise(raised), solve)??;
-        watcher.hears(stop.raised().map(|raised| raised.clone_ref(py)));
+        let found = attend(py, |raised| cancellation.raise(raised), solve)??;
+        watcher.hears(cancellation.raised().map(|raised| raised.clone_ref(py)));
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: nlp::Report| if interrupted { report.interrupted() } else { report };
         let found = dive::LiteralDive { report: found.report.map(reported), ..found };

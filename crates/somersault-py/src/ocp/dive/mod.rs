@@ -16,7 +16,7 @@ use crate::convert::{entries_or_none, with_shape};
 use crate::error::Error;
 use crate::named_models::Diver;
 use crate::plan::returns_interrupted;
-use crate::waiting::{Stop, attend};
+use crate::waiting::{Cancellation, attend};
 use plan::{Course, Plan};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -284,15 +284,15 @@ impl Dive {
             (None, None) => dive.start_of(&dive.own_template()?)?,
         };
         let mut watcher = Watcher::new(callback)?;
-        let (stop, mut stopped) = (Stop::at(deadline), false);
+        let (cancellation, mut stopped) = (Cancellation::at(deadline), false);
         let mut watch = |iteration: &Iteration<'_>| {
-            stopped |= stop.is_asked() || watcher.look(iteration) == Flow::Stop;
+            stopped |= cancellation.token.is_cancelled() || watcher.look(iteration) == Flow::Stop;
             if stopped { Flow::Stop } else { Flow::Continue }
         };
         let solve = || search.solve(&dive.program, z, &mut watch);
-        let mut report = attend(py, |raised| stop.raise(raised), solve)??;
-        watcher.hears(stop.raised().map(|raised| raised.clone_ref(py)));
-        if stop.is_late() && report.status == Status::Stopped {
+        let mut report = attend(py, |raised| cancellation.raise(raised), solve)??;
+        watcher.hears(cancellation.raised().map(|raised| raised.clone_ref(py)));
+        if cancellation.token.has_expired() && report.status == Status::Stopped {
             report.status = Status::TimeLimit;
         }
         if watcher.is_interrupted(py) {
@@ -340,29 +340,31 @@ impl Dive {
         let search = dive.search_with(soft_weights, tol, max_iterations)?;
         let (n_starts, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         let templates = KeyFrame::variations(&dive.own_template()?, n_starts, seed);
-        let stop = Stop::at(deadline);
+        let cancellation = Cancellation::at(deadline);
         let solve = |template: &Vec<KeyFrame>| {
             let z = dive.program.start(template)?;
-            let watch = &mut |_: &Iteration<'_>| if stop.is_asked() { Flow::Stop } else { Flow::Continue };
+            let watch = &mut |_: &Iteration<'_>| {
+                if cancellation.token.is_cancelled() { Flow::Stop } else { Flow::Continue }
+            };
             let report = search.solve(&dive.program, z, watch)?;
             // where that cannot be made, or is interrupted, the solution tries again when it is asked
             let judged = report
                 .status
                 .is_converged()
-                .then(|| dive.program.report_while(&report.z, &mut || !stop.is_asked()).ok());
+                .then(|| dive.program.report_cancellable(&report.z, &cancellation.token).ok());
             Ok::<_, DiveSearchError>((report, judged.flatten()))
         };
-        let from = |template: &Vec<KeyFrame>| (!stop.is_asked()).then(|| solve(template));
+        let from = |template: &Vec<KeyFrame>| (!cancellation.token.is_cancelled()).then(|| solve(template));
         let all = || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<_>, _>>();
-        let reports = attend(py, |raised| stop.raise(raised), all)??;
-        let raised = stop.raised();
+        let reports = attend(py, |raised| cancellation.raise(raised), all)??;
+        let raised = cancellation.raised();
         if let Some(error) = raised
             && !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py))
         {
             return Err(error.clone_ref(py).into());
         }
         let ended = |report: Report| match report.status {
-            Status::Stopped if raised.is_none() && stop.is_late() => {
+            Status::Stopped if raised.is_none() && cancellation.token.has_expired() => {
                 Report { status: Status::TimeLimit, ..report }
             }
             _ => report.interrupted(),

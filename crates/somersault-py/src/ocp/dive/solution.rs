@@ -34,7 +34,7 @@ impl DiveSolution {
     pub(super) fn of(dive: &Bound<'_, Dive>, report: nlp::Report) -> Result<Self, Error> {
         let (judged, z) = (dive.get().program.clone(), report.z.clone());
         let verifier = Verifier::new(move |py| {
-            Ok(Py::new(py, DiveVerification(attended(py, |go_on| judged.report_while(&z, go_on))?))?
+            Ok(Py::new(py, DiveVerification(attended(py, |token| judged.report_cancellable(&z, token))?))?
                 .into_any())
         });
         Self::with_verifier(dive, report, verifier)

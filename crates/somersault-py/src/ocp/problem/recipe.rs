@@ -14,7 +14,7 @@ use somersault::ocp::dynamics::Tree;
 use somersault::ocp::problem::{At, MotionProblem};
 use somersault::ocp::shooting::{self, Drive, Shooting, ShootingOptions, Start};
 use somersault::ocp::transcription::Transcription;
-use somersault::ocp::verification::verify_while;
+use somersault::ocp::verification::verify_cancellable;
 use std::sync::Arc;
 
 /// The problem of the library.
@@ -125,8 +125,8 @@ impl PosedMotion {
 
     pub(super) fn verify(&self, py: Python<'_>, z: &[f64]) -> Result<Verification, Error> {
         let mut shooting = self.shooting()?;
-        let found = attended(py, |go_on| {
-            verify_while(&mut shooting, self.dynamics.model(), z, go_on).map_err(Unverified)
+        let found = attended(py, |token| {
+            verify_cancellable(&mut shooting, self.dynamics.model(), z, token).map_err(Unverified)
         })?;
         Ok(Verification::of(found))
     }

@@ -17,7 +17,7 @@ use somersault::integrators::state::RigidBodyState;
 
 /// A body, its state at the start, and what acts on it: arguments of `somersault.integrate`.
 #[pyclass(frozen, get_all, module = "somersault.contact")]
-pub(crate) struct Scene {
+pub(crate) struct ContactSystem {
     /// RigidBody: The body.
     body: RigidBody,
     /// State: Its state at the start.
@@ -28,7 +28,7 @@ pub(crate) struct Scene {
     contacts: Vec<Py<Contact>>,
 }
 
-impl Scene {
+impl ContactSystem {
     fn of(
         py: Python<'_>,
         system: &BodyInContact<force::Gravity>,
@@ -46,9 +46,9 @@ impl Scene {
 }
 
 #[pymethods]
-impl Scene {
+impl ContactSystem {
     fn __repr__(&self) -> String {
-        format!("<Scene: a body of {} kg, {} contacts>", self.body.0.mass(), self.contacts.len())
+        format!("<ContactSystem: a body of {} kg, {} contacts>", self.body.0.mass(), self.contacts.len())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -85,7 +85,7 @@ impl Scene {
 ///
 /// Returns
 /// -------
-/// Scene
+/// ContactSystem
 #[pyfunction]
 #[pyo3(signature = (mass, radius, law, height, velocity=0.0))]
 pub(crate) fn bouncing_ball(
@@ -95,20 +95,20 @@ pub(crate) fn bouncing_ball(
     law: CompliantLaw,
     height: f64,
     velocity: f64,
-) -> Result<Scene, Error> {
+) -> Result<ContactSystem, Error> {
     let ball = BouncingBall::try_new(mass, radius, law.0)?;
-    Scene::of(py, &ball.system, ball.at(finite("height", height)?, finite("velocity", velocity)?))
+    ContactSystem::of(py, &ball.system, ball.at(finite("height", height)?, finite("velocity", velocity)?))
 }
 
 /// The spinning top of thesis 7.3.2: a disk with a tip, on frictionless ground.
 ///
 /// Returns
 /// -------
-/// Scene
+/// ContactSystem
 #[pyfunction]
-pub(crate) fn spinning_top(py: Python<'_>) -> Result<Scene, Error> {
+pub(crate) fn spinning_top(py: Python<'_>) -> Result<ContactSystem, Error> {
     let top = SpinningTop::thesis()?;
-    Scene::of(py, &top.system, top.start)
+    ContactSystem::of(py, &top.system, top.start)
 }
 
 /// A box above the ground z = 0 at rest, a diagonal upright; its corners touch.
@@ -130,7 +130,7 @@ pub(crate) fn spinning_top(py: Python<'_>) -> Result<Scene, Error> {
 ///
 /// Returns
 /// -------
-/// Scene
+/// ContactSystem
 #[pyfunction]
 #[pyo3(signature = (mass, lengths, law, height, heading=0.0, *, friction=None))]
 pub(crate) fn falling_box(
@@ -141,10 +141,10 @@ pub(crate) fn falling_box(
     height: f64,
     heading: f64,
     friction: Option<&Bound<'_, PyAny>>,
-) -> Result<Scene, Error> {
+) -> Result<ContactSystem, Error> {
     let falling = FallingBox::try_new(mass, vector("lengths", lengths)?, laws(law, friction, None)?)?;
     let start = falling.on_corner(finite("height", height)?, finite("heading", heading)?);
-    Scene::of(py, &falling.system, start)
+    ContactSystem::of(py, &falling.system, start)
 }
 
 /// A block on the ground z = 0 that slides along x until friction stops it; it does not tip.
@@ -166,7 +166,7 @@ pub(crate) fn falling_box(
 ///
 /// Returns
 /// -------
-/// Scene
+/// ContactSystem
 #[pyfunction]
 #[pyo3(signature = (mass, lengths, law, friction, velocity, slope=0.0))]
 pub(crate) fn sliding_block(
@@ -177,10 +177,10 @@ pub(crate) fn sliding_block(
     friction: CoulombFriction,
     velocity: f64,
     slope: f64,
-) -> Result<Scene, Error> {
+) -> Result<ContactSystem, Error> {
     let block = SlidingBlock::try_new(mass, vector("lengths", lengths)?, law.0, friction.0)?
         .on_slope(finite("slope", slope)?);
-    Scene::of(py, &block.system, block.sliding(finite("velocity", velocity)?))
+    ContactSystem::of(py, &block.system, block.sliding(finite("velocity", velocity)?))
 }
 
 /// A disk that rolls on its rim on the ground z = 0, in a steady motion.
@@ -200,7 +200,7 @@ pub(crate) fn sliding_block(
 ///
 /// Returns
 /// -------
-/// Scene
+/// ContactSystem
 #[pyfunction]
 pub(crate) fn rolling_disk(
     py: Python<'_>,
@@ -210,9 +210,9 @@ pub(crate) fn rolling_disk(
     friction: CoulombFriction,
     tilt: f64,
     turning: f64,
-) -> Result<Scene, Error> {
+) -> Result<ContactSystem, Error> {
     let disk = RollingDisk::try_new(mass, radius, law.0, friction.0)?;
-    Scene::of(py, &disk.system, disk.steady(tilt, turning)?)
+    ContactSystem::of(py, &disk.system, disk.steady(tilt, turning)?)
 }
 
 /// A tippe top on the ground z = 0: an eccentric sphere that friction turns upside down.
@@ -238,7 +238,7 @@ pub(crate) fn rolling_disk(
 ///
 /// Returns
 /// -------
-/// Scene
+/// ContactSystem
 #[pyfunction]
 #[pyo3(signature = (mass, radius, eccentricity, moments, law, tilt, spin, sag=0.0, *, friction=None))]
 pub(crate) fn tippe_top(
@@ -252,8 +252,8 @@ pub(crate) fn tippe_top(
     spin: f64,
     sag: f64,
     friction: Option<&Bound<'_, PyAny>>,
-) -> Result<Scene, Error> {
+) -> Result<ContactSystem, Error> {
     let top = TippeTop::try_new(mass, radius, eccentricity, moments, laws(law, friction, None)?)?;
     let start = top.spinning(finite("tilt", tilt)?, finite("spin", spin)?, finite("sag", sag)?);
-    Scene::of(py, &top.system, start)
+    ContactSystem::of(py, &top.system, start)
 }
