@@ -112,11 +112,11 @@ def optimise() -> None:
     _save("optimise.png")
 
 
-def _strip(name: str, dive: ocp.DiveSolution, shares: tuple[float, ...]) -> None:
+def _strip(name: str, dive: ocp.DiveSolution, fractions: tuple[float, ...]) -> None:
     """Six moments of a dive, side by side."""
     scene = viewer.Scene(name).add(dive.dive.diver.model, dive.t, dive.q, trails=())
     scene.camera("side", follow=True)
-    times = [share * dive.duration for share in shares]
+    times = [fraction * dive.duration for fraction in fractions]
     frames = [Image.open(io.BytesIO(png)).convert("RGB") for png in pictures(scene, times, (180, 270))]
     strip = Image.new("RGB", (180 * len(frames), 270), "white")
     for i, frame in enumerate(frames):

@@ -1045,7 +1045,7 @@ fn bad_dives_are_refused() {
     quarter.square_out = 1.0;
     assert!(quarter.program().is_ok());
     let program = good.program().unwrap();
-    let frame = |share, posture| KeyFrame { share, posture };
+    let frame = |fraction, posture| KeyFrame { fraction, posture };
     for frames in [
         vec![],
         vec![frame(0.0, 0)],

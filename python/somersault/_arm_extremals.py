@@ -174,7 +174,7 @@ def _same(one: ArmExtremal, other: ArmExtremal) -> bool:
 
 
 def _expect_options(function: str, options: dict[str, Any]) -> None:
-    """Options are those of `shoot`, and are told of under the name of what was called."""
+    """Options are those of `shoot`, and are reported under the name of what was called."""
     for name in options:
         if name not in _OPTIONS:
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}")

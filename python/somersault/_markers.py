@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 #: By how much the distances of frames may differ for a filter, relative.
 _UNIFORM = 1e-6
-#: The lowest cutoff, as a share of the rate of frames: below, the poles of the sections are 1 to rounding.
+#: The lowest cutoff, as a fraction of the rate of frames: below, the poles of the sections are 1 to rounding.
 _LEAST = 1e-5
 #: Orders beyond it are no filters of movements.
 _MOST_ORDER = 20

@@ -973,7 +973,7 @@ class EnergyStudy:
     @property
     def lost(self) -> NDArray[np.uint64]: ...
     @property
-    def share_of_bound(self) -> float: ...
+    def fraction_of_bound(self) -> float: ...
     @property
     def largest_rise(self) -> float: ...
     @property
@@ -1065,8 +1065,8 @@ class SplineMotion:
     @property
     def n_channels(self) -> int: ...
     def coefficients(self, parameters: ArrayLike) -> _Floats: ...
-    def __call__(self, parameters: ArrayLike, share: ArrayLike, derivative: int = 0) -> _Floats: ...
-    def fit(self, share: ArrayLike, samples: ArrayLike) -> _Floats: ...
+    def __call__(self, parameters: ArrayLike, fraction: ArrayLike, derivative: int = 0) -> _Floats: ...
+    def fit(self, fraction: ArrayLike, samples: ArrayLike) -> _Floats: ...
 
 @final
 class Phase:
@@ -1143,7 +1143,7 @@ class MotionProblem:
         max_iterations: int | None = None,
         max_time: float | None = None,
         callback: _OnIteration | None = None,
-        on_interrupt: Literal["raise", "return"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> Report: ...
     def search(
         self,
@@ -1158,7 +1158,7 @@ class MotionProblem:
         tol: float | None = None,
         max_iterations: int | None = None,
         max_time: float | None = None,
-        on_interrupt: Literal["raise", "return"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> SearchResult: ...
     def verify(self, z: ArrayLike) -> Verification: ...
     def motion(self, z: ArrayLike) -> Motion: ...
@@ -1243,7 +1243,7 @@ class Dive:
         max_iterations: int | None = None,
         max_time: float | None = None,
         callback: _OnIteration | None = None,
-        on_interrupt: Literal["raise", "return"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> DiveSolution: ...
     def search(
         self,
@@ -1254,7 +1254,7 @@ class Dive:
         tol: float | None = None,
         max_iterations: int | None = None,
         max_time: float | None = None,
-        on_interrupt: Literal["raise", "return"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> list[DiveSolution]: ...
 
 @final
@@ -1321,7 +1321,7 @@ class DiveSolution:
         n_steps: int = 200,
         *,
         optimise: bool = False,
-        on_interrupt: Literal["raise", "return"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> LiteralDive: ...
     def literal_momentum(self, n_steps: int = 200) -> _Floats: ...
     def __len__(self) -> int: ...
@@ -1526,7 +1526,7 @@ class CartPendulumProblem:
         max_iterations: int | None = None,
         max_time: float | None = None,
         callback: Callable[[int, _Floats, float, float], object] | None = None,
-        on_interrupt: Literal["return", "raise"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> Report: ...
     def search(
         self,
@@ -1536,7 +1536,7 @@ class CartPendulumProblem:
         seed: int = 0,
         reach: float = 1.0,
         distance_tol: float = 1e-4,
-        on_interrupt: Literal["return", "raise"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> SearchResult: ...
     def carry_over(self, other: CartPendulumProblem, z: ArrayLike) -> _Floats: ...
     def motion(self, z: ArrayLike) -> Motion: ...
@@ -1624,7 +1624,7 @@ class CollocationProblem:
         max_iterations: int | None = None,
         max_time: float | None = None,
         callback: Callable[[int, _Floats, float, float], object] | None = None,
-        on_interrupt: Literal["return", "raise"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> CollocationResult: ...
 
 @disjoint_base
@@ -1698,7 +1698,7 @@ class MultiphaseProblem:
         max_iterations: int | None = None,
         max_time: float | None = None,
         callback: Callable[[int, _Floats, float, float], object] | None = None,
-        on_interrupt: Literal["return", "raise"] = "return",
+        on_interrupt: Literal["raise", "return"] = "raise",
     ) -> MultiphaseResult: ...
 
 @final
@@ -2112,7 +2112,7 @@ class DiveFaults:
         cls,
         entry_angle: float,
         hip_opening: float,
-        exit_share: float,
+        exit_fraction: float,
         asymmetry: float,
         roughness: float,
     ) -> DiveFaults: ...
@@ -2123,7 +2123,7 @@ class DiveFaults:
     @property
     def hip_opening(self) -> float: ...
     @property
-    def exit_share(self) -> float: ...
+    def exit_fraction(self) -> float: ...
     @property
     def asymmetry(self) -> float: ...
     @property
@@ -2168,7 +2168,7 @@ class SyntheticJudge:
         *,
         entry_angle: float | None = None,
         hip_opening: float | None = None,
-        exit_share: float | None = None,
+        exit_fraction: float | None = None,
         asymmetry: float | None = None,
         roughness: float | None = None,
         noise: float | None = None,

@@ -2,7 +2,7 @@
 
 A `MotionProblem` is a tree whose driven joints follow splines and whose passive ones follow the equations of
 motion. Costs and constraints are made of terms: `entries` of the motion, `displacement` from a configuration,
-`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any `function` of your own. A `Dive`
+`momentum`, `point_position`, `axis_direction`, `body_orientation`, and any user-defined `function`. A `Dive`
 is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thesis.
 
 `success` says that a program is solved, `confirmed` that an accurate integration agrees with its motion;

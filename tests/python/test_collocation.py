@@ -272,7 +272,7 @@ def test_what_a_callback_raises_comes_out_with_the_result() -> None:
 
     with pytest.raises(RuntimeError, match="enough") as caught:
         ocp.arm_problem().solve(callback=callback)
-    assert caught.value.result.status == "stopped"  # type: ignore[attr-defined]
+    assert caught.value.solution.status == "stopped"  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Contacts of a body: closed forms, orders, surfaces of one's own, what is left of a run that fails."""
+"""Contacts of a body: closed forms, orders, user-defined surfaces, what is left of a run that fails."""
 
 import pickle
 from collections.abc import Callable

@@ -118,7 +118,7 @@ class TestProjection:
 
 
 def fitted(exit_: float, turns: float, n: int = 25) -> motion.MotionFit:
-    """A pike that opens at a share of the time, fitted by eigenweights."""
+    """A pike that opens at a fraction of the time, fitted by eigenweights."""
     diver = multibody.diver_planar()
     base = ocp.EigenpostureBase([diver.configuration(p)[3:] for p in "AH"])
     markers = motion.MarkerSet.joint_centres(diver.model)

@@ -305,7 +305,7 @@ KEPT: dict[str, tuple[Any, list[str]]] = {
     "Correlation": (VALIDATION.pearson, ["value", "interval", "p_value"]),
     "Baseline": (VALIDATION.baselines[1], ["name", "predictions", "rms_error"]),
     "Band": (motion.Band(SAMPLES), ["mean", "deviation"]),
-    "DiveFaults": (NO_FAULTS, ["entry_angle", "hip_opening", "exit_share", "asymmetry", "roughness"]),
+    "DiveFaults": (NO_FAULTS, ["entry_angle", "hip_opening", "exit_fraction", "asymmetry", "roughness"]),
     "Perturbation": (
         motion.Perturbation(wobble=0.1, duration=0.2),
         ["wobble", "duration", "wobble_frequency"],

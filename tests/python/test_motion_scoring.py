@@ -1,4 +1,4 @@
-"""Scores: motions made up here, whose judge is known, and SYNTHETIC dives from end to end."""
+"""Scores: synthetic motions, whose judge is known, and SYNTHETIC dives from end to end."""
 
 import json
 import pickle

@@ -51,7 +51,7 @@ class TestSyntheticDives:
                 flight.perturb(motion.Perturbation(looseness=0.12)),
             )
         )
-        assert late.exit_share - plain.exit_share == pytest.approx(0.06 / 1.7, abs=0.01)
+        assert late.exit_fraction - plain.exit_fraction == pytest.approx(0.06 / 1.7, abs=0.01)
         assert late.hip_opening == pytest.approx(plain.hip_opening, abs=0.02)
         assert loose.hip_opening > plain.hip_opening + 0.1 and plain.asymmetry == 0.0
 
@@ -80,7 +80,7 @@ class TestSyntheticDives:
         assert not real.synthetic and real.labelled_synthetic().synthetic
 
     def test_faults_and_perturbations_that_are_no_numbers_are_refused_by_name(self) -> None:
-        names = ("entry_angle", "hip_opening", "exit_share", "asymmetry", "roughness")
+        names = ("entry_angle", "hip_opening", "exit_fraction", "asymmetry", "roughness")
         for name in names:
             for bad in (np.nan, np.inf):
                 with pytest.raises(errors.InputError, match=f"`{name}` must be finite"):

@@ -59,12 +59,12 @@ class TestSplineMotion:
         p = np.random.default_rng(3).normal(size=motion.n_parameters)
         c = motion.coefficients(p)
         knots = np.arange(-degree, n + 1) / (n - degree)
-        share = np.linspace(0.0, 0.999, 23)
-        for row, channel in zip(c, motion(p, share, derivative).T, strict=True):
+        fraction = np.linspace(0.0, 0.999, 23)
+        for row, channel in zip(c, motion(p, fraction, derivative).T, strict=True):
             expected = (
-                BSpline(knots, row, degree).derivative(derivative)(share)
+                BSpline(knots, row, degree).derivative(derivative)(fraction)
                 if derivative
-                else BSpline(knots, row, degree)(share)
+                else BSpline(knots, row, degree)(fraction)
             )
             np.testing.assert_allclose(channel, expected, atol=1e-11 * 10.0**derivative)
 
@@ -79,8 +79,8 @@ class TestSplineMotion:
     def test_a_fit_gives_back_what_was_sampled(self) -> None:
         motion = ocp.SplineMotion(2, 9, conditions())  # type: ignore[arg-type]
         p = np.random.default_rng(5).normal(size=motion.n_parameters)
-        share = np.linspace(0.0, 1.0, 40)
-        np.testing.assert_allclose(motion.fit(share, motion(p, share)), p, atol=1e-9)
+        fraction = np.linspace(0.0, 1.0, 40)
+        np.testing.assert_allclose(motion.fit(fraction, motion(p, fraction)), p, atol=1e-9)
 
     @pytest.mark.parametrize(
         ("arguments", "message"),
@@ -342,7 +342,7 @@ class TestMotionProblem:
         posed = problem()
         with pytest.raises(KeyError, match="mine") as caught:
             posed.solve(np.full(posed.n_variables, 0.1), callback=callback)
-        assert caught.value.report.z.shape == (posed.n_variables,)  # type: ignore[attr-defined]
+        assert caught.value.solution.z.shape == (posed.n_variables,)  # type: ignore[attr-defined]
 
     def test_limits_end_in_a_status(self) -> None:
         posed = problem()
@@ -423,7 +423,7 @@ try:
         np.zeros(30) + 0.1, solver="gradient_descent", tol=1e-15, max_iterations=10**9, on_interrupt={on!r})
     print("returned", time.monotonic(), report.status, np.isfinite(report.cost), sep="|")
 except KeyboardInterrupt as error:
-    print("raised", time.monotonic(), error.report.status, np.isfinite(error.report.cost), sep="|")
+    print("raised", time.monotonic(), error.solution.status, np.isfinite(error.solution.cost), sep="|")
 """
 
 

@@ -87,13 +87,17 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
     yield "coefficients", call(spline.coefficients), {"parameters": VECTOR}
     yield (
         "SplineMotion()",
-        call(spline, parameters=np.zeros(spline.n_parameters), share=0.5),
-        {"parameters": VECTOR, "share": [NAN, "a", None, [[0.5]]], "derivative": ["a", None, -1, -(10**30)]},
+        call(spline, parameters=np.zeros(spline.n_parameters), fraction=0.5),
+        {
+            "parameters": VECTOR,
+            "fraction": [NAN, "a", None, [[0.5]]],
+            "derivative": ["a", None, -1, -(10**30)],
+        },
     )
     yield (
         "fit",
-        call(spline.fit, share=np.linspace(0, 1, 9), samples=np.zeros((9, 1))),
-        {"share": VECTOR, "samples": VECTOR},
+        call(spline.fit, fraction=np.linspace(0, 1, 9), samples=np.zeros((9, 1))),
+        {"fraction": VECTOR, "samples": VECTOR},
     )
     yield (
         "Phase",

@@ -215,7 +215,7 @@ motion = ocp.MotionProblem(
     active=["cart"], costs=[ocp.Cost(ocp.displacement([0.0, 0.0], [1]), 1e4, at="finish")])
 for search in (cart.search, motion.search):
     threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
-    found = search(200)
+    found = search(200, on_interrupt="return")
     assert found.status == "interrupted", found
     assert not found.minima and found.unfinished, found
     best = found.best

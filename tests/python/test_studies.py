@@ -34,7 +34,7 @@ def test_energy_is_bounded_where_angular_momentum_is_kept() -> None:
     np.testing.assert_array_equal(gains.steps, [1, 10])
     assert (gains.max > 1.5).all() and (loses.min < 0.7).all()
     assert (gains.behaviour, loses.behaviour) == ("unconditionally unstable", "unconditionally stable")
-    assert gains.share_of_bound <= 1.0 + 1e-12
+    assert gains.fraction_of_bound <= 1.0 + 1e-12
     # All but the cube.
     assert gains.gained[-1] == loses.lost[-1] == 24
     assert gains.lost[-1] == loses.gained[-1] == gains.failed == 0

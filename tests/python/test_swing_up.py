@@ -228,16 +228,21 @@ import os, signal, threading
 from somersault import ocp
 problem = ocp.CartPendulumProblem.case("B")
 threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
-found = problem.search(100_000)
+try:
+    found, ending = problem.search(100_000, on_interrupt={on!r}), "returned"
+except KeyboardInterrupt as error:
+    found, ending = error.solution, "raised"
 assert 0 < sum(map(len, found.starts)) < 100_000, found
 assert any(cause == "not begun" for _, cause in found.failures)
-print("returned")
+print(ending)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_an_interrupted_search_returns_what_it_has() -> None:
+@pytest.mark.parametrize(("on", "ending"), [("return", "returned"), ("raise", "raised")])
+def test_an_interrupted_search_gives_what_it_has(on: str, ending: str) -> None:
+    script = INTERRUPTED.format(on=on)
     done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False
     )
-    assert done.stdout.strip() == "returned", done.stderr
+    assert done.stdout.strip() == ending, done.stderr

@@ -162,7 +162,7 @@ def test_two_motions_stand_side_by_side(tmp_path: Path) -> None:
 @in_browser
 def test_a_shadow_falls_on_the_ground() -> None:
     def dark(ground: float) -> float:
-        """The share of what is grey, as the ground is, and darker than it is in the light."""
+        """The fraction of what is grey, as the ground is, and darker than it is in the light."""
         ball = viewer.Sphere(0.1, color="#0000ff")
         scene = viewer.Scene().add(BODY, [0.0], STILL[:1], shapes=ball, trails=()).camera("corner")
         picture = seen(film.pictures(scene.ground(ground), [0.0], (400, 300))[0])

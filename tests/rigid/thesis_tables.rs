@@ -1,4 +1,4 @@
-//! The tables of thesis chapters 6 and 7, printed against computed, and each study by a stepper of one's own.
+//! The tables of thesis chapters 6 and 7, printed against computed, and each study by a user-defined stepper.
 //!
 //! Source of all printed numbers: J. Aguilar Mayans' thesis, Tables 6.1, 6.2, 6.3, 7.1 and 7.2. What does not
 //! reproduce is listed where it is left out, with the reason.
@@ -336,14 +336,14 @@ fn the_momentum_bound_6_4_holds_every_method_that_keeps_momentum() {
     for m in Method::ALL {
         let name = m.info().name;
         if m.info().variables == Variables::Momentum || ["sv", "sv2", "aso", "dmv2"].contains(&name) {
-            let share = scan(name).share_of_bound;
+            let share = scan(name).fraction_of_bound;
             assert!(share <= 1.0 + 1e-12, "{name}: {share}");
         }
     }
     // And it is sharp: Buss' method and all momentum forms come within a few percent of it somewhere, since
     // the ball of the grid attains it. Methods in angular velocity break it.
     for name in ["sie", "heun", "ab2", "siabm2", "ab4", "siabm4"] {
-        assert!(scan(name).share_of_bound > 2.0, "{name}");
+        assert!(scan(name).fraction_of_bound > 2.0, "{name}");
     }
 }
 
@@ -518,7 +518,7 @@ fn work_precision_adapts_where_a_method_can() {
     }
 }
 
-// A stepper of one's own: the two-stage method of Ralston on the group, as a program outside would write it.
+// A user-defined stepper: the two-stage method of Ralston on the group, as a program outside would write it.
 
 struct Ralston;
 

@@ -64,15 +64,15 @@ def _string(page: Page) -> None:
 def _splines(page: Page) -> None:
     """The quintic basis, and what conditions at the ends leave of it."""
     motion = ocp.SplineMotion(1, _SPLINES)
-    share = np.linspace(0.0, 1.0, 501)
-    basis = np.array([motion(unit, share)[:, 0] for unit in np.eye(_SPLINES)])
+    fraction = np.linspace(0.0, 1.0, 501)
+    basis = np.array([motion(unit, fraction)[:, 0] for unit in np.eye(_SPLINES)])
     figure = plt.figure(figsize=(8.0, 3.2), layout="constrained")
     ax = figure.add_subplot()
     for k, row in enumerate(basis):
-        ax.plot(share, row, color=plt.get_cmap("viridis")(k / _SPLINES), lw=1.4)
-    ax.plot(share, basis.sum(axis=0), color="black", lw=1.6)
+        ax.plot(fraction, row, color=plt.get_cmap("viridis")(k / _SPLINES), lw=1.4)
+    ax.plot(fraction, basis.sum(axis=0), color="black", lw=1.6)
     ax.annotate("their sum", (0.86, 1.0), (0.86, 0.90), ha="center", va="top")
-    ax.set(xlabel="share of the duration", ylabel="basis function", xlim=(0.0, 1.0), ylim=(0.0, 1.06))
+    ax.set(xlabel="fraction of the duration", ylabel="basis function", xlim=(0.0, 1.0), ylim=(0.0, 1.06))
     page.figure(
         "splines",
         ax,
@@ -96,10 +96,10 @@ def _splines(page: Page) -> None:
     held = ocp.SplineMotion(1, _SPLINES, ends)  # type: ignore[arg-type]
     p = np.random.default_rng(1).uniform(0.0, 1.0, held.n_parameters)
     ax = plt.figure(figsize=(8.0, 3.0), layout="constrained").add_subplot()
-    ax.plot(share, held(p, share)[:, 0], color="black", lw=1.8, label="weight")
-    ax.plot(share, held(p, share, 1)[:, 0] / 5.0, color=_RED, lw=1.2, label="its rate / 5")
+    ax.plot(fraction, held(p, fraction)[:, 0], color="black", lw=1.8, label="weight")
+    ax.plot(fraction, held(p, fraction, 1)[:, 0] / 5.0, color=_RED, lw=1.2, label="its rate / 5")
     ax.axhline(0.0, color="0.8", lw=0.8)
-    ax.set(xlabel="share of the duration", xlim=(0.0, 1.0))
+    ax.set(xlabel="fraction of the duration", xlim=(0.0, 1.0))
     ax.legend(frameon=False)
     at_ends = np.abs([held(p, s, r)[0] for s in (0.0, 1.0) for r in (0, 1)]).max()
     page.figure(
@@ -195,5 +195,5 @@ def write(page: Page, measurements: Measurements) -> None:
         "diver = multibody.diver_planar()\n"
         'base = ocp.EigenpostureBase([diver.configuration(p)[3:] for p in "AH"])\n'
         'motion = ocp.SplineMotion(base, 10, [("start", 0, 0.0), ("start", 1, 0.0)])\n'
-        "motion(parameters, share=0.5)   # the weight half-way\n"
+        "motion(parameters, fraction=0.5)   # the weight half-way\n"
     )

@@ -112,7 +112,7 @@ def _bound(page: Page, measurements: Measurements) -> None:
                 number(float(study.max[thesis.ENERGY_STEPS.index(10)])),
                 number(float(study.max[-1])),
                 number(float(study.min[-1])),
-                Cell(number(study.share_of_bound, 3), agrees=study.share_of_bound <= 1 + 1e-9),
+                Cell(number(study.fraction_of_bound, 3), agrees=study.fraction_of_bound <= 1 + 1e-9),
                 words(study.behaviour),
             ]
             for name, study in ((name, measurements.energy[name]) for name in shown)

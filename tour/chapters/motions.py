@@ -189,7 +189,7 @@ def _known(page: Page, dives: dict[str, ocp.DiveSolution]) -> motion.MotionFit:
         " model"
         " nearest to those seen, within the limits of the joints; a frame starts where the one before ended,"
         " the first from the best of the diver's postures: distances of markers have more than one minimum."
-        " Every eighth frame is begun anew, and leads those beside it where it ends lower."
+        " Every eighth frame is restarted, and leads those beside it where it ends lower."
         " With a base of eigenpostures the weights are sought instead, w ≥ 0 and Σw ≤ 1 (4.2)."
     )
     page.code(
@@ -231,14 +231,14 @@ def _components(page: Page, twisting: ocp.DiveSolution) -> None:
     page.section("Eigenpostures of motions")
     joints = np.asarray(twisting.q)[:, 7:]
     pca = motion.Pca(joints)
-    share = np.cumsum(pca.explained_variance_ratio)
+    fraction = np.cumsum(pca.explained_variance_ratio)
     n = 7
     page.table(
         (words("components"), *map(str, range(1, n + 1))),
-        [[words("share of the variance, %"), *(number(100.0 * s, 6) for s in share[:n])]],
+        [[words("fraction of the variance, %"), *(number(100.0 * s, 6) for s in fraction[:n])]],
         f"The {joints.shape[1]} joint angles of 5174D are combinations of five weights. Principal components"
         " know"
-        f" nothing of that, and find {np.searchsorted(share, 1.0 - 1e-12) + 1} directions with more than"
+        f" nothing of that, and find {np.searchsorted(fraction, 1.0 - 1e-12) + 1} directions with more than"
         " 10⁻¹² of the"
         " variance between them.",
     )

@@ -243,7 +243,7 @@ def write(page: Page, measurements: Measurements) -> None:
         "Two columns; the height rises and falls, the moments of inertia are least in the air",
     )
     pca = motion.common_eigenpostures([found.q[:, 7:] for found in flips.values()], 5)
-    share = 100.0 * np.cumsum(pca.explained_variance_ratio)
+    fraction = 100.0 * np.cumsum(pca.explained_variance_ratio)
     tuck = {
         name: motion.project(
             ocp.EigenpostureBase([diver.configuration(letter)[7:] for letter in letters]), found.q[:, 7:]
@@ -251,7 +251,7 @@ def write(page: Page, measurements: Measurements) -> None:
         for name, found in flips.items()
     }
     page.text(
-        f"On one basis for both flips, {np.searchsorted(share, 90.0) + 1} eigenpostures hold 90 % of the"
+        f"On one basis for both flips, {np.searchsorted(fraction, 90.0) + 1} eigenpostures hold 90 % of the"
         " variance of"
         f" their joint angles. The tuck weighs most, {tuck['backflip'].max():.2f}, at"
         f" {flips['backflip'].times[int(tuck['backflip'].argmax())]:.2f} s of the backflip, and"

@@ -64,7 +64,7 @@ def _making(page: Page, made: motion.SyntheticSet) -> None:
         (words("fault"), "of 107B", "of the dives", "points for a unit", "points lost"),
         rows,
         f"{_LABEL}: the judge gives 10 less p·max(0, fault − that of 107B) for each, and noise of"
-        f" {judge.noise:g} points. Angles in rad; the exit is the share of the flight after which the hip"
+        f" {judge.noise:g} points. Angles in rad; the exit is the fraction of the flight after which the hip"
         " stays more"
         " than half open; roughness the log dimensionless jerk of the hip. Scores are from"
         f" {made.scores.min():.2f} to {made.scores.max():.2f}, {made.scores.mean():.2f} on average.",
@@ -144,7 +144,7 @@ def _validating(page: Page, made: motion.SyntheticSet) -> None:
         f"{_LABEL} scores, each predicted without its dive; correlations are of what a prediction"
         " differs by from the mean of the other scores, with intervals of 95 % over resamples of"
         " the dives and the"
-        " share p of shuffled scores that are correlated at least as much. The judge's own noise is"
+        " fraction p of shuffled scores that are correlated at least as much. The judge's own noise is"
         f" {made.judge.noise:g} points: no model can do better. On shuffled scores"
         + (
             " the interval contains 0: nothing is found where there is nothing."
@@ -194,11 +194,11 @@ def _figure(page: Page, made: motion.SyntheticSet, dive: ocp.DiveSolution, marke
         " factor.",
         "Four panels with two bands each: eigenweight, marker error, scale and rotation over 60 frames",
     )
-    shares = {name: [_folded(found) for found in fits] for name, fits in groups.items()}
+    fractions = {name: [_folded(found) for found in fits] for name, fits in groups.items()}
     late = {name: float(np.mean([_exit(found) for found in fits])) for name, fits in groups.items()}
     page.text(
         "In the middle third of the flight the weight of the pike is"
-        f" {np.mean(shares['best']):.3f} for the best dives, {np.mean(shares['worst']):.3f} for"
+        f" {np.mean(fractions['best']):.3f} for the best dives, {np.mean(fractions['worst']):.3f} for"
         " the worst and"
         f" {_folded(generated):.3f} for 107B; it falls below one half at {100 * late['best']:.1f} %,"
         f" {100 * late['worst']:.1f} % and {100 * _exit(generated):.1f} % of the flight. Looseness"
@@ -216,7 +216,7 @@ def _folded(fit: motion.MotionFit) -> float:
 
 
 def _exit(fit: motion.MotionFit) -> float:
-    """The share of the time at which the weight falls below one half for good."""
+    """The fraction of the time at which the weight falls below one half for good."""
     weight = np.asarray(fit.weights)[:, 0]
     last = int(np.flatnonzero(weight >= 0.5)[-1])
     t = np.asarray(fit.times)
@@ -236,12 +236,12 @@ def _generated(
         path = Path(folder) / "model.json"
         model.save(path)
         again = motion.ScoringModel.load(path).score(performance)
-    share = 100.0 * np.asarray(model.eigenmotions.explained_variance_ratio)
+    fraction = 100.0 * np.asarray(model.eigenmotions.explained_variance_ratio)
     page.text(
         f"Taught by all {len(made)} {_LABEL} dives, the model has {len(model.coefficients)}"
         " Eigendives, which"
         " hold"
-        f" {', '.join(number(s, 1) for s in share)} % of the variance of the dives' vectors. It gives the"
+        f" {', '.join(number(s, 1) for s in fraction)} % of the variance of the dives' vectors. It gives the"
         " dive 107B, which"
         f" it has not seen, {score.value:.2f} points, at a distance of {score.distance:.2f}"
         " (beyond 1 a dive is unlike those learnt); the judge's formula gives it"

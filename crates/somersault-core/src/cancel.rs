@@ -1,7 +1,17 @@
-//! Cancellation of long work: whoever waits for it asks, whoever works looks now and then.
+//! The end of long work before its end: a [`CancellationToken`] by which whoever waits for it asks, and which whoever works looks
+//! at now and then; and a [`Flow`] by which an observer answers that is shown each step.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+
+/// What an observer or a callback wants of the work that it is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// Go on.
+    Continue,
+    /// End after this step, with what there is.
+    Stop,
+}
 
 /// Asks work to end, from any thread, at once or at a deadline. What has been asked stays asked.
 #[derive(Debug, Default)]

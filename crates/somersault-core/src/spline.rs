@@ -10,7 +10,7 @@
 //! b′_{j,d} = b_{j,d−1} − b_{j+1,d−1}
 //! ```
 //! For d = 5 these are the quintic ones of thesis (2.14), b_j here being its b_{j+1}, x its s − 3. The argument is
-//! the share x / (n − d), in [0, 1], of the interval on which the spline lives.
+//! the fraction x / (n − d), in [0, 1], of the interval on which the spline lives.
 //!
 //! Source: C. de Boor, *A Practical Guide to Splines*, Springer 2001, chapters IX and X.
 
@@ -87,19 +87,19 @@ impl UniformBasis {
         self.n_coefficients - self.degree
     }
 
-    /// Writes the `derivative`-th derivative by the share of the [`n_active`](Self::n_active) basis functions at
-    /// `share`, and returns the index of the first of them. Cost O(d²), independent of n.
+    /// Writes the `derivative`-th derivative by the fraction of the [`n_active`](Self::n_active) basis functions at
+    /// `fraction`, and returns the index of the first of them. Cost O(d²), independent of n.
     ///
-    /// Shares outside of [0, 1] continue the outermost polynomials. At a knot, up to rounding of the share, the highest
+    /// Fractions outside of [0, 1] continue the outermost polynomials. At a knot, up to rounding of the fraction, the highest
     /// derivative is that to the right of it, at the end that to the left.
     ///
     /// # Panics
     /// Where `out` is shorter than `n_active`.
-    pub fn evaluate(&self, share: f64, derivative: usize, out: &mut [f64]) -> usize {
+    pub fn evaluate(&self, fraction: f64, derivative: usize, out: &mut [f64]) -> usize {
         let d = self.degree;
         let out = &mut out[..=d];
         let n_intervals = self.n_intervals();
-        let x = at_knot(share * n_intervals as f64);
+        let x = at_knot(fraction * n_intervals as f64);
         // saturates for what is negative or NaN
         let first = (x as usize).min(n_intervals - 1);
         out.fill(0.0);
@@ -155,9 +155,9 @@ mod tests {
         let (n, mut values) = (9, [0.0; 6]);
         let basis = UniformBasis::try_new(5, n).unwrap();
         for k in 0..=40 {
-            let share = f64::from(k) / 40.0;
-            let s = 3.0 + share * basis.n_intervals() as f64;
-            let first = basis.evaluate(share, 0, &mut values);
+            let fraction = f64::from(k) / 40.0;
+            let s = 3.0 + fraction * basis.n_intervals() as f64;
+            let first = basis.evaluate(fraction, 0, &mut values);
             for j in 0..n {
                 let ours = j.checked_sub(first).and_then(|i| values.get(i)).copied().unwrap_or(0.0);
                 assert!((ours - sum_of_truncated_powers((j + 1) as f64, s)).abs() < 1e-11, "b_{j} at {s}");
@@ -183,17 +183,20 @@ mod tests {
         // by differences of the derivative below, which are exact to rounding for a polynomial's central difference
         let (degree, h) = (5, 1e-5);
         let basis = UniformBasis::try_new(degree, 8).unwrap();
-        let spline = |share: f64, derivative: usize| {
+        let spline = |fraction: f64, derivative: usize| {
             let mut values = [0.0; 6];
-            let first = basis.evaluate(share, derivative, &mut values);
+            let first = basis.evaluate(fraction, derivative, &mut values);
             (0..6).map(|i| values[i] * ((first + i) as f64 * 0.7).sin()).sum::<f64>()
         };
         for derivative in 1..=degree {
-            for share in [0.1, 0.27, 0.5, 0.81] {
+            for fraction in [0.1, 0.27, 0.5, 0.81] {
                 let difference =
-                    (spline(share + h, derivative - 1) - spline(share - h, derivative - 1)) / (2.0 * h);
-                let found = spline(share, derivative);
-                assert!((found - difference).abs() < 1e-6 * (1.0 + found.abs()), "{derivative} at {share}");
+                    (spline(fraction + h, derivative - 1) - spline(fraction - h, derivative - 1)) / (2.0 * h);
+                let found = spline(fraction, derivative);
+                assert!(
+                    (found - difference).abs() < 1e-6 * (1.0 + found.abs()),
+                    "{derivative} at {fraction}"
+                );
             }
         }
         assert_eq!(spline(0.3, degree + 1), 0.0);
@@ -212,8 +215,8 @@ mod tests {
         for n_intervals in 1..500 {
             let basis = UniformBasis::try_new(5, n_intervals + 5).unwrap();
             for k in 0..n_intervals {
-                let share = k as f64 / n_intervals as f64;
-                assert_eq!(basis.evaluate(share, 0, &mut values), k, "knot {k} of {n_intervals}");
+                let fraction = k as f64 / n_intervals as f64;
+                assert_eq!(basis.evaluate(fraction, 0, &mut values), k, "knot {k} of {n_intervals}");
             }
         }
     }

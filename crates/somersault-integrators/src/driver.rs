@@ -16,6 +16,7 @@ use crate::step_size::StepSizeControl;
 use crate::stepper::{EmbeddedStepper, Stepper};
 use crate::system::{Decoder, Form, StateOf, System};
 use somersault_core::argument::{ArgumentError, expect_positive};
+pub use somersault_core::cancel::Flow;
 
 /// An interval of time divided into steps of equal size, the last one possibly shorter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,15 +97,6 @@ pub fn check_state<Q: Configuration>(x: &State<Q>) -> Result<(), IntegrateError>
     } else {
         Ok(())
     }
-}
-
-/// Whether an observer wants the run to go on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
-    /// Go on.
-    Continue,
-    /// Stop after this step.
-    Stop,
 }
 
 /// A step just made.

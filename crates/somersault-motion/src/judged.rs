@@ -1,4 +1,4 @@
-//! Judged motions of one's own: a list of files with scores.
+//! Sets of judged motions that users provide: a list of files with scores.
 //!
 //! ```text
 //! # comment
@@ -8,13 +8,13 @@
 //! ```
 //! The list is comma-separated text. Its first line names the columns, in any order: `motion`, a file relative
 //! to the list and below its folder, listed once; `score`, a number; `synthetic`, which may be left out, `true`
-//! or `false`: whether motion or score are made up; all other columns are numbers that serve as single
+//! or `false`: whether motion or score are synthetic; all other columns are numbers that serve as single
 //! features, as baselines of [`validate`](crate::scoring::validate). Blank lines and lines that begin with `#`
-//! are left aside.
+//! are ignored.
 //!
 //! Files are read by their ending: `.csv`, `.trc` and `.c3d` have markers; of `.bvh`, and of `.json` and
 //! `.txt`, which are motions of DeepMimic, the joint centres are taken for markers. All must have the markers
-//! of the first one; others are left aside.
+//! of the first one; others are ignored.
 
 use crate::readers::csv::Rows;
 use crate::readers::{
@@ -38,7 +38,7 @@ pub struct JudgedMotion {
     pub file: String,
     /// Its score.
     pub score: f64,
-    /// Whether motion or score are made up.
+    /// Whether motion or score are synthetic.
     pub synthetic: bool,
     /// Single features, in the order of their names.
     pub features: Vec<f64>,
@@ -352,7 +352,7 @@ fn recording(
     Ok((found, contradictions))
 }
 
-/// The list as text that [`read`] reads; lines that are made up are labelled SYNTHETIC, and so is the list.
+/// The list as text that [`read`] reads; lines that are synthetic are labelled SYNTHETIC, and so is the list.
 ///
 /// Fails where `read` would: a file that is listed twice or is not below the folder, a score or feature that
 /// is not finite, another number of features than names.
@@ -361,7 +361,7 @@ pub fn write(list: &JudgedList) -> Result<String, WriteError> {
     expect_list(list)?;
     let mut out = String::new();
     if list.motions.iter().any(|m| m.synthetic) {
-        out.push_str("# SYNTHETIC: motions or scores are made up\n");
+        out.push_str("# SYNTHETIC: motions or scores are synthetic\n");
     }
     out.push_str("motion,score,synthetic");
     for name in &list.feature_names {
@@ -417,7 +417,7 @@ impl JudgedSet {
             .collect()
     }
 
-    /// The motions to be scored, those that are made up labelled so.
+    /// The motions to be scored, those that are synthetic labelled so.
     pub fn performances(&self) -> Result<Vec<Performance>, JudgedError> {
         let performance = |(motion, recording): (&JudgedMotion, &MarkerRecording)| {
             let found = Performance::from_markers(recording)
@@ -428,7 +428,7 @@ impl JudgedSet {
     }
 
     /// Writes the list as `judged.csv` and its motions into `folder`, under the names that the list has: they
-    /// end in `.csv`, and are markers in m, z up. Files of motions that are made up begin with a comment that
+    /// end in `.csv`, and are markers in m, z up. Files of motions that are synthetic begin with a comment that
     /// says SYNTHETIC. Nothing is written where the list or a motion cannot be.
     pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), JudgedError> {
         let folder = folder.as_ref();
@@ -455,7 +455,7 @@ impl JudgedSet {
                 return Err(WriteError::Name { name: motion.file.clone(), allowed }.into());
             }
             let label =
-                if motion.synthetic { "# SYNTHETIC: this motion or its score is made up\n" } else { "" };
+                if motion.synthetic { "# SYNTHETIC: this motion or its score is synthetic\n" } else { "" };
             files.push((&motion.file, label.to_owned() + &writers::csv::write(recording, &metres)?));
         }
         files.into_iter().try_for_each(|(name, content)| put(name, content))?;

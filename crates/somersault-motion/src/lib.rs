@@ -6,7 +6,7 @@
 //! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
-//! | one's own motions with scores | [`judged`] | 4.1.2 |
+//! | motions with scores that users provide | [`judged`] | 4.1.2 |
 //! | motions → scores | [`scoring`] | 4.1 |
 //! | SYNTHETIC judged dives, while no judged ones are public | [`synthetic`] | – |
 //!

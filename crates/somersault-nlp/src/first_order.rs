@@ -5,7 +5,8 @@ use crate::best::{Best, Outcome};
 use crate::error::SolverError;
 use crate::nlp::{EvaluationError, Nlp};
 use crate::program::{Point, Program, check_positive, max_norm};
-use crate::report::{Counts, Flow, Iteration, KktResiduals, Report, Start, Status};
+use crate::report::{Counts, Iteration, KktResiduals, Report, Start, Status};
+use somersault_core::cancel::Flow;
 use std::time::{Duration, Instant};
 
 /// When a solver from gradients alone stops.

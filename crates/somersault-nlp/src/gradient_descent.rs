@@ -4,8 +4,9 @@ use crate::error::SolverError;
 use crate::first_order::{Direction, Limits, descend};
 use crate::nlp::Nlp;
 use crate::program::{Point, max_norm};
-use crate::report::{Flow, Iteration, Report, Start};
+use crate::report::{Iteration, Report, Start};
 use crate::solver::NlpSolver;
+use somersault_core::cancel::Flow;
 
 /// z ← P(z − α ∇f), α halved from twice its last value until the cost falls enough.
 ///

@@ -4,8 +4,9 @@ use crate::error::SolverError;
 use crate::first_order::{Direction, Limits, descend};
 use crate::nlp::Nlp;
 use crate::program::{Point, max_norm};
-use crate::report::{Flow, Iteration, Report, Start};
+use crate::report::{Iteration, Report, Start};
 use crate::solver::NlpSolver;
+use somersault_core::cancel::Flow;
 use std::collections::VecDeque;
 
 /// L-BFGS by the two-loop recursion (Nocedal & Wright 2006, algorithm 7.4) on the variables that no bound holds,

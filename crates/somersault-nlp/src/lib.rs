@@ -112,6 +112,7 @@ pub use gradient_descent::GradientDescent;
 pub use lbfgs::Lbfgs;
 pub use multi_start::{Failure, FailureCause, Minimum, MultiStart, MultiStartReport, samples};
 pub use nlp::{Bounds, Curvature, EvaluationError, Nlp, NoEntry, NoHessian, Pattern, Structure};
-pub use report::{Counts, Flow, Iteration, KktResiduals, Report, Start, Status};
+pub use report::{Counts, Iteration, KktResiduals, Report, Start, Status};
 pub use solver::NlpSolver;
+pub use somersault_core::cancel::Flow;
 pub use sqp::{Globalisation, HessianSource, Sqp};

@@ -3,9 +3,10 @@
 use crate::error::SolverError;
 use crate::nlp::{Bounds, Nlp};
 use crate::program::{check_bounds, check_positive, check_vector};
-use crate::report::{Flow, Report, Start, Status};
+use crate::report::{Report, Start, Status};
 use crate::solver::NlpSolver;
 use rayon::prelude::*;
+use somersault_core::cancel::Flow;
 use somersault_core::random::SplitMix64;
 use std::cmp::Ordering;
 

@@ -171,15 +171,6 @@ impl Report {
     }
 }
 
-/// What a callback wants.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
-    /// Go on.
-    Continue,
-    /// Return the best iterate with [`Status::Stopped`].
-    Stop,
-}
-
 /// What a callback sees, at the start and after each step.
 #[derive(Debug, Clone, Copy)]
 pub struct Iteration<'a> {

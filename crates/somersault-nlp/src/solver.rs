@@ -2,11 +2,13 @@
 
 use crate::error::SolverError;
 use crate::nlp::Nlp;
-use crate::report::{Flow, Iteration, Report, Start};
+use crate::report::{Iteration, Report, Start};
+use somersault_core::cancel::Flow;
 
 /// A method that improves a start until it is a solution.
 pub trait NlpSolver {
-    /// Solves. `on_iteration` sees the start and the point after each step, and may end the solve.
+    /// Solves. `on_iteration` sees the start and the point after each step, and may end the solve, whose
+    /// report then has the best iterate and [`Status::Stopped`](crate::Status::Stopped).
     ///
     /// Whatever happens to the solve is a [`Status`](crate::Status) in the report. Errors are misuse (lengths, bounds, patterns,
     /// options) and failures of the user's functions, which carry the report in [`SolverError::Failed`].

@@ -9,11 +9,12 @@ use crate::error::SolverError;
 use crate::hessian::Hessian;
 use crate::nlp::{Curvature, EvaluationError, Nlp};
 use crate::program::{Point, Program, check_positive, max_norm};
-use crate::report::{Flow, Iteration, KktResiduals, Report, Start, Status};
+use crate::report::{Iteration, KktResiduals, Report, Start, Status};
 use crate::solver::NlpSolver;
 use crate::subproblem::{Origin, Subproblem};
 use filter::Filter;
 use restoration::Restoration;
+use somersault_core::cancel::Flow;
 use std::time::{Duration, Instant};
 
 /// Whose Hessian the quadratic model has.

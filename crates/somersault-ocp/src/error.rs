@@ -90,7 +90,7 @@ pub enum OcpError {
         "joint `{joint}` has {n_active} active of {n_velocities} degrees of freedom: active joints have one"
     )]
     ActiveJoint {
-        /// Name of the body that the joint carries.
+        /// Name of the body that the joint transports.
         joint: String,
         /// Active degrees of freedom.
         n_active: usize,

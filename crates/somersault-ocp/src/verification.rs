@@ -30,7 +30,7 @@ pub const ALLOWED: f64 = 1e-4;
 
 /// What a solver found, and what an accurate integration makes of its motion.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Verified<V = Verification, E = VerificationError> {
+pub struct VerifiedReport<V = Verification, E = VerificationError> {
     /// Of the solver; its status says nothing about the discretisation.
     pub report: Report,
     /// Of the motion of the best iterate, or why that cannot be integrated.
@@ -165,10 +165,10 @@ impl MotionProblem<Shooting<Tree>> {
         solver: &dyn NlpSolver,
         start: &Start,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
-    ) -> Result<Verified, SolverError> {
+    ) -> Result<VerifiedReport, SolverError> {
         let report = solver.solve(self, start, on_iteration)?;
         let verification = self.verify(&report.z);
-        Ok(Verified { report, verification })
+        Ok(VerifiedReport { report, verification })
     }
 }
 

@@ -4,16 +4,13 @@ use crate::error::Error;
 use crate::forces::Failure;
 use crate::memory::{bytes_of_numbers, expect_room};
 use crate::plan::{Plan, Steps};
+use crate::waiting::SignalTimer;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use somersault::integrators::driver::{Flow, Observer, Status, Step};
 use somersault::integrators::solution::{Recorder, Solution};
 use somersault::integrators::state::{Configuration, State};
-use std::time::{Duration, Instant};
-
-/// How often a run looks whether it is to stop.
-const ATTENTION: Duration = Duration::from_millis(50);
 
 /// How many steps lie between two looks at the clock.
 const STEPS_PER_LOOK: u64 = 64;
@@ -66,7 +63,7 @@ pub(crate) struct Monitor<Q: Configuration> {
     watch: Option<Watch<Q>>,
     progress: Option<ProgressBar>,
     failure: Failure,
-    last_look: Instant,
+    timer: SignalTimer,
     /// Steps made, and the time they reached.
     pub(crate) steps: u64,
     t: f64,
@@ -105,7 +102,7 @@ impl<Q: Configuration> Monitor<Q> {
             watch,
             progress,
             failure,
-            last_look: Instant::now(),
+            timer: SignalTimer::start(),
             steps: 0,
             t: plan.start,
             bytes,
@@ -170,11 +167,9 @@ impl<Q: Configuration> Monitor<Q> {
 
     /// Runs handlers of signals and moves the bar.
     fn look(&mut self, t: f64) -> PyResult<()> {
-        self.last_look = Instant::now();
-        let progress = &mut self.progress;
         Python::attach(|py| {
-            py.check_signals()?;
-            progress.as_mut().map_or(Ok(()), |bar| bar.show(py, t))
+            self.timer.look(py)?;
+            self.progress.as_mut().map_or(Ok(()), |bar| bar.show(py, t))
         })
     }
 }
@@ -202,7 +197,7 @@ impl<Q: Configuration> Observer<Q> for Monitor<Q> {
             }
         }
         if step.index.is_multiple_of(STEPS_PER_LOOK)
-            && self.last_look.elapsed() >= ATTENTION
+            && self.timer.is_due()
             && let Err(error) = self.look(step.t_after)
         {
             self.failure.set(error);

@@ -2,7 +2,7 @@
 
 use crate::convert::a_type;
 use crate::error::Error;
-use pyo3::exceptions::PyKeyboardInterrupt;
+use crate::waiting::deliver;
 use pyo3::prelude::*;
 use somersault::integrators::driver::{Adaptive, TimeGrid};
 use somersault::integrators::methods::{Method, Options, StartUp};
@@ -35,14 +35,7 @@ impl Plan {
         failed: Option<PyErr>,
         solution: Py<S>,
     ) -> Result<Py<S>, Error> {
-        match failed {
-            Some(error) if !(self.return_interrupted && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
-                // An exception that takes no attributes is still the one to raise.
-                let _ = error.value(py).setattr("solution", solution);
-                Err(error.into())
-            }
-            _ => Ok(solution),
-        }
+        deliver(py, failed, self.return_interrupted, solution)
     }
 }
 

@@ -148,7 +148,7 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 /// Motion of one rigid body through contacts, and its derivative by the initial state and by parameters.
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
-/// where contacts begin and end. Surfaces of your own are differentiated by differences of their gradients,
+/// where contacts begin and end. User-defined surfaces are differentiated by differences of their gradients,
 /// callable forces by differences.
 ///
 /// Parameters

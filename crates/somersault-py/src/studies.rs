@@ -7,7 +7,7 @@ use crate::forces::{Drag, Gravity, Models, Spring};
 use crate::memory::{bytes_of_numbers, expect_room};
 use crate::methods;
 use crate::plan::start_up_of;
-use crate::waiting::attend_or_leave;
+use crate::waiting::leave_on_signal;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
@@ -24,7 +24,6 @@ use somersault::integrators::studies::work_precision::{self, StepChoice};
 use somersault::integrators::studies::{Progress, StudyError, energy, order};
 use somersault::integrators::system::RigidBodySystem;
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Runs a study without the interpreter, and looks for Ctrl-C meanwhile, after which what it has begun goes on unheard
 /// to its end: runs of millions of steps have no place to stop.
@@ -32,10 +31,9 @@ fn study<T: Send + 'static>(
     py: Python<'_>,
     run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send + 'static,
 ) -> Result<T, Error> {
-    let (outcome, _) = attend_or_leave(py, Duration::ZERO, |token| {
+    leave_on_signal(py, |token| {
         run(&mut |_, _| if token.is_cancelled() { Flow::Stop } else { Flow::Continue })
-    })?;
-    Ok(outcome?)
+    })
 }
 
 fn method_and_options(method: &Bound<'_, PyAny>, start_up: &str) -> Result<(Method, Options), Error> {
@@ -228,8 +226,8 @@ impl EnergyStudy {
 
     /// float: Largest energy in units of L²/(2 I_min), what the angular momentum allows.
     #[getter]
-    fn share_of_bound(&self) -> f64 {
-        self.0.share_of_bound
+    fn fraction_of_bound(&self) -> f64 {
+        self.0.fraction_of_bound
     }
 
     /// float: Largest factor by which the energy grew in one step of any body.
@@ -255,7 +253,7 @@ impl EnergyStudy {
     }
 
     fn __repr__(&self) -> String {
-        format!("<EnergyStudy: {}, {:.4} of the bound>", self.behaviour(), self.0.share_of_bound)
+        format!("<EnergyStudy: {}, {:.4} of the bound>", self.behaviour(), self.0.fraction_of_bound)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -264,7 +262,7 @@ impl EnergyStudy {
             .extremes
             .iter()
             .map(|e| (e.steps, (e.max, e.max_body), (e.min, e.min_body), (e.gained, e.lost)));
-        let rest = (found.share_of_bound, found.largest_rise, found.failed);
+        let rest = (found.fraction_of_bound, found.largest_rise, found.failed);
         let arguments = (extremes.collect::<Vec<_>>(), rest);
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
@@ -272,7 +270,7 @@ impl EnergyStudy {
     /// A pickled study.
     #[classmethod]
     fn _restore(_: &Bound<'_, PyType>, extremes: Vec<Extremes>, rest: (f64, f64, usize)) -> Self {
-        let (share_of_bound, largest_rise, failed) = rest;
+        let (fraction_of_bound, largest_rise, failed) = rest;
         let row = |(steps, (max, max_body), (min, min_body), (gained, lost))| EnergyExtremes {
             steps,
             max,
@@ -283,7 +281,7 @@ impl EnergyStudy {
             lost,
         };
         let extremes = extremes.into_iter().map(row).collect();
-        Self(energy::EnergyStudy { extremes, share_of_bound, largest_rise, failed })
+        Self(energy::EnergyStudy { extremes, fraction_of_bound, largest_rise, failed })
     }
 }
 
@@ -380,7 +378,7 @@ enum Chosen {
 /// reference : State, optional
 ///     The state there. The exact one unless given, for which there must be no forces.
 /// forces : force model or sequence of them, optional
-///     What acts on the body. Callables are not taken, since a study runs without the interpreter.
+///     What acts on the body. Callables are not accepted, since a study runs without the interpreter.
 ///
 /// Raises
 /// ------

@@ -1,9 +1,13 @@
-//! Where a thread of Python waits for the library: the threads that work for it, and signals meanwhile.
+//! Where a thread of Python waits for the library: the threads that work for it, signals meanwhile, and what comes of them.
+//!
+//! Ctrl-C raises KeyboardInterrupt everywhere, with what was found until then in its attribute `solution`; calls that take
+//! `on_interrupt='return'` return that instead.
 //!
 //! Parallel work runs on threads of this module and never on rayon's global ones. Threads do not survive `fork`, and a
 //! child that counted on its parent's would wait for ever; here it finds that they are another process's and makes its own.
 
 use crate::error::Error;
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use somersault::core::cancel::CancellationToken;
@@ -11,8 +15,8 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// How often a thread that waits looks for signals.
-const ATTENTION: Duration = Duration::from_millis(20);
+/// How often whoever waits looks for signals.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The threads of a process.
 struct Threads {
@@ -83,7 +87,7 @@ pub(crate) fn attend<T: Send>(
                 let _ = sender.send(work());
             });
             loop {
-                match receiver.recv_timeout(ATTENTION) {
+                match receiver.recv_timeout(SIGNAL_INTERVAL) {
                     Ok(done) => return Some(done),
                     Err(RecvTimeoutError::Timeout) if interrupted.is_some() => {
                         if let Err(raised) = Python::attach(|py| py.check_signals())
@@ -127,7 +131,7 @@ pub(crate) fn attend_or_leave<T: Send + 'static>(
     let ended: PyResult<(T, Option<PyErr>)> = py.detach(move || {
         let mut first: Option<(PyErr, Instant)> = None;
         loop {
-            match receiver.recv_timeout(ATTENTION) {
+            match receiver.recv_timeout(SIGNAL_INTERVAL) {
                 Ok(done) => return Ok((done, first.map(|(raised, _)| raised))),
                 Err(RecvTimeoutError::Timeout) => {
                     if let Err(raised) = Python::attach(|py| py.check_signals()) {
@@ -149,6 +153,71 @@ pub(crate) fn attend_or_leave<T: Send + 'static>(
         }
     });
     Ok(ended?)
+}
+
+/// As [`attend_or_leave`] for work that nobody waits for after a signal, and whose errors are exceptions. Work that has no
+/// place to stop need not look at the token.
+pub(crate) fn leave_on_signal<T: Send + 'static, E: Into<Error> + Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&CancellationToken) -> Result<T, E> + Send + 'static,
+) -> Result<T, Error> {
+    let (done, _) = attend_or_leave(py, Duration::ZERO, work)?;
+    done.map_err(Into::into)
+}
+
+/// As [`attend`] for work that ends soon after it is cancelled; then what a handler of signals raised comes out.
+pub(crate) fn cancel_on_signal<T: Send, E: Send + Into<Error>>(
+    py: Python<'_>,
+    work: impl FnOnce(&CancellationToken) -> Result<T, E> + Send,
+) -> Result<T, Error> {
+    let cancellation = Cancellation::default();
+    let found = attend(py, |raised| cancellation.raise(raised), || work(&cancellation.token))?;
+    match cancellation.raised() {
+        Some(error) => Err(error.clone_ref(py).into()),
+        None => found.map_err(Into::into),
+    }
+}
+
+/// What was found until a call ended: returned, or the attribute `solution` of what was raised.
+pub(crate) fn deliver<'py, T: IntoPyObject<'py>>(
+    py: Python<'py>,
+    raised: Option<PyErr>,
+    return_interrupted: bool,
+    found: T,
+) -> Result<T, Error> {
+    match raised {
+        Some(error) if !(return_interrupted && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
+            Err(with_solution(py, error, found))
+        }
+        _ => Ok(found),
+    }
+}
+
+/// The exception, with what was found until then in its attribute `solution`.
+pub(crate) fn with_solution<'py>(py: Python<'py>, error: PyErr, found: impl IntoPyObject<'py>) -> Error {
+    // An exception that takes no attributes is still the one to raise.
+    let _ = error.value(py).setattr("solution", found);
+    error.into()
+}
+
+/// The clock of those that look for signals themselves, between parts of their work.
+pub(crate) struct SignalTimer(Instant);
+
+impl SignalTimer {
+    pub(crate) fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Whether it is time to look.
+    pub(crate) fn is_due(&self) -> bool {
+        self.0.elapsed() >= SIGNAL_INTERVAL
+    }
+
+    /// Whether a handler of signals raises now.
+    pub(crate) fn look(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.0 = Instant::now();
+        py.check_signals()
+    }
 }
 
 /// How work is cancelled by whoever waits for it, and why.

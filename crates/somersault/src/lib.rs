@@ -1,4 +1,4 @@
-//! Motion of rigid and articulated bodies: geometric integration with evidence.
+//! Motion of rigid and articulated bodies: geometric integration, contact, dynamics of trees and optimal motions.
 //!
 //! ```
 //! use somersault::prelude::*;

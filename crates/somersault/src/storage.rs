@@ -27,7 +27,7 @@ pub const FORMAT_VERSION: u32 = 1;
 
 const FORMAT: &str = "somersault";
 
-/// What files can hold. Implement it for a type of your own to have its files versioned and checked too.
+/// What files can hold. Implement it for a user-defined type to have its files versioned and checked too.
 pub trait Stored: Serialize + DeserializeOwned {
     /// What it is, in words; a file of another kind is refused.
     const KIND: &'static str;
@@ -93,7 +93,7 @@ pub enum StorageError {
         reason: String,
     },
     /// No file of this library, a damaged one, or parts that do not fit together.
-    #[error("no file of somersault that holds a {kind}, or damaged: {reason}")]
+    #[error("not a somersault {kind} file, or the file is corrupt: {reason}")]
     Damaged {
         /// Of the thing asked for.
         kind: &'static str,

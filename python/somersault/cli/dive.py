@@ -27,7 +27,9 @@ def dive(arguments: argparse.Namespace) -> int:
     seed = solving.pop("seed", 1)
     with document.at("solve"):
         found = (
-            posed.search(n_starts, seed=seed, **solving) if n_starts else [_solve(posed, solving, arguments)]
+            posed.search(n_starts, seed=seed, on_interrupt="return", **solving)
+            if n_starts
+            else [_solve(posed, solving, arguments)]
         )
     if not found:
         print("somersault: no start led to a dive", file=sys.stderr)
@@ -72,7 +74,7 @@ def _posed(document: Document) -> ocp.Dive:
 
 def _solve(posed: ocp.Dive, options: dict[str, Any], arguments: argparse.Namespace) -> ocp.DiveSolution:
     if not arguments.progress:
-        return posed.solve(**options)
+        return posed.solve(on_interrupt="return", **options)
     from tqdm import tqdm
 
     with tqdm(unit="iteration") as bar:
@@ -81,7 +83,7 @@ def _solve(posed: ocp.Dive, options: dict[str, Any], arguments: argparse.Namespa
             bar.set_postfix(cost=f"{cost:.6g}", violation=f"{violation:.1e}", refresh=False)
             bar.update()
 
-        return posed.solve(callback=show, **options)
+        return posed.solve(callback=show, on_interrupt="return", **options)
 
 
 def _columns(found: ocp.DiveSolution) -> dict[str, Any]:

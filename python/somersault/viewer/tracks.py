@@ -22,7 +22,7 @@ Moving: TypeAlias = Model | RigidBody | Trajectory | TreeSolution
 _INTERVAL, _TURN = 1 / 60, 0.3
 #: Samples of a motion that turns little, at most, and of any.
 _LARGEST, _LIMIT = 6000, 50_000
-#: Samples of a force are left out where it changes by less than this share of the largest.
+#: Samples of a force are left out where it changes by less than this fraction of the largest.
 _CHANGE = 0.01
 
 

@@ -3,7 +3,7 @@
 //! A file of a method registers it: `register!` gives each of its rows a place in the table, the name in the enumeration, the
 //! type and the variables it takes. `table!` collects the rows of the files, and `methods!` makes of them the enumeration
 //! [`Method`], its list, its parser and the `match` that enters the loop of a method, once per trajectory. Bindings, benchmarks,
-//! documentation and tests iterate over it. A method of your own is a type that implements [`Stepper`]; every driver and study
+//! documentation and tests iterate over it. A user-defined method is a type that implements [`Stepper`]; every driver and study
 //! takes one.
 
 pub use crate::adams::StartUp;

@@ -46,7 +46,7 @@ register! {
 
 /// The coefficients of a Runge–Kutta–Munthe-Kaas method and what is known of it.
 ///
-/// Implement it for a type of your own to make a method of your own tableau.
+/// Implement it for a user-defined type to make a method of a user-defined tableau.
 pub trait Coefficients {
     /// The description of the method.
     const INFO: MethodInfo;

@@ -132,7 +132,7 @@ pub struct EnergyStudy {
     /// overflow.
     ///
     /// The start-up takes as many steps as the method remembers, by its INFO.
-    pub share_of_bound: f64,
+    pub fraction_of_bound: f64,
     /// The largest factor by which T grew in any one step of any body; at most 1 but for rounding where
     /// energy never rises.
     pub largest_rise: f64,
@@ -207,7 +207,7 @@ impl Visitor<RigidBodySystem> for FormRun<'_> {
 /// Energy ratios of one body at the steps asked for, and what [`EnergyStudy`] says of all bodies.
 struct Run {
     ratios: Vec<f64>,
-    share_of_bound: f64,
+    fraction_of_bound: f64,
     largest_rise: f64,
 }
 
@@ -265,7 +265,7 @@ fn run<B: System, M: Stepper<B>>(
         ratios.push(energy / at_start);
     }
     let bound = squared_momentum / (2.0 * least_moment);
-    Ok(Run { ratios, share_of_bound: largest_energy / bound, largest_rise })
+    Ok(Run { ratios, fraction_of_bound: largest_energy / bound, largest_rise })
 }
 
 fn study(
@@ -289,7 +289,7 @@ fn study(
                 lost: 0,
             })
             .collect(),
-        share_of_bound: 0.0,
+        fraction_of_bound: 0.0,
         largest_rise: 0.0,
         failed: 0,
     };
@@ -309,7 +309,7 @@ impl EnergyStudy {
     fn add(&mut self, body: usize, run: &Run) {
         const ROUNDING: f64 = 1e-9;
         self.failed += usize::from(run.ratios.len() < self.extremes.len());
-        self.share_of_bound = self.share_of_bound.max(run.share_of_bound);
+        self.fraction_of_bound = self.fraction_of_bound.max(run.fraction_of_bound);
         self.largest_rise = self.largest_rise.max(run.largest_rise);
         for (extremes, &ratio) in self.extremes.iter_mut().zip(&run.ratios) {
             if extremes.max.is_nan() || ratio > extremes.max {

@@ -1,5 +1,5 @@
 //! Stability and accuracy studies of thesis chapters 6 and 7, for the methods of the table and for any
-//! [`Stepper`](crate::stepper::Stepper) of your own.
+//! [`Stepper`](crate::stepper::Stepper) that users define.
 //!
 //! | Study | Thesis | Result |
 //! |---|---|---|

@@ -93,7 +93,7 @@ impl ForceModel for TestForce {
     }
 }
 
-/// The system a stepper of your own must take to be studied here.
+/// The system a user-defined stepper must take to be studied here.
 pub type TestSystem = RigidBodySystem<TestForce>;
 
 /// Stability of a method as a subset of the plane of λ.

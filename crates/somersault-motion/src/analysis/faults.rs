@@ -4,7 +4,7 @@
 //! |---|---|
 //! | entry angle | of the line from the feet's centre of mass to the hands' against the vertical in the last frame, rad, 0 to π/2 |
 //! | hip opening | least angle between trunk and thigh, rad: what a tight pike makes small |
-//! | exit share | share of the duration after which the hip stays more than half open |
+//! | exit fraction | fraction of the duration after which the hip stays more than half open |
 //! | asymmetry | root mean square of left against right joint angles, rad; 0 in the plane |
 //! | roughness | log dimensionless jerk of the hip's angle θ, ln(T³ ∫ v″² dt / max v²) with v = θ′ |
 //!
@@ -28,8 +28,8 @@ pub struct DiveFaults {
     pub entry_angle: f64,
     /// Least angle between trunk and thigh, rad.
     pub hip_opening: f64,
-    /// Share of the duration after which the hip stays more than half open.
-    pub exit_share: f64,
+    /// Fraction of the duration after which the hip stays more than half open.
+    pub exit_fraction: f64,
     /// Root mean square difference between left and right joints, rad.
     pub asymmetry: f64,
     /// Log dimensionless jerk of the hip.
@@ -45,7 +45,7 @@ impl DiveFaults {
         [
             ("entry_angle", self.entry_angle),
             ("hip_opening", self.hip_opening),
-            ("exit_share", self.exit_share),
+            ("exit_fraction", self.exit_fraction),
             ("asymmetry", self.asymmetry),
             ("roughness", self.roughness),
         ]
@@ -82,7 +82,7 @@ impl DiveFaults {
         Ok(Self {
             entry_angle,
             hip_opening: hip.iter().copied().fold(f64::INFINITY, f64::min),
-            exit_share: exit_share(times, &hip),
+            exit_fraction: exit_fraction(times, &hip),
             asymmetry: asymmetry(model, positions),
             roughness: log_dimensionless_jerk(&even, duration).ok_or(AnalysisError::NoVariance)?,
         })
@@ -147,7 +147,7 @@ fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
 
 /// The share at which the angle last rises through the middle between its least value and π; 1 where it does
 /// not.
-fn exit_share(times: &[f64], hip: &[f64]) -> f64 {
+fn exit_fraction(times: &[f64], hip: &[f64]) -> f64 {
     let half = 0.5 * (hip.iter().copied().fold(f64::INFINITY, f64::min) + PI);
     let Some(i) = hip.iter().rposition(|angle| *angle < half).filter(|i| i + 1 < hip.len()) else {
         return 1.0;
@@ -206,7 +206,7 @@ mod tests {
             let faults = DiveFaults::of(&model, &times, &positions).unwrap();
             assert!(faults.entry_angle < 0.1, "arms are not quite overhead: {faults:?}");
             assert!(faults.hip_opening < 0.6 && faults.asymmetry == 0.0, "{faults:?}");
-            assert!((0.7..0.8).contains(&faults.exit_share), "{faults:?}");
+            assert!((0.7..0.8).contains(&faults.exit_fraction), "{faults:?}");
 
             // the whole body turned by 0.3 in the last frame
             let before = faults.entry_angle;

@@ -148,7 +148,7 @@ impl Pca {
         self.total_variance
     }
 
-    /// Share of each component in the variance of the samples.
+    /// Fraction of each component in the variance of the samples.
     pub fn explained_variance_ratio(&self) -> Vec<f64> {
         self.variance.iter().map(|v| v / self.total_variance).collect()
     }

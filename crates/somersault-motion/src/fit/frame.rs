@@ -148,7 +148,7 @@ pub(super) struct Until {
     pub(super) iterations: usize,
     /// The step would lower the cost by a share of less.
     pub(super) share: f64,
-    /// The cost is above it, and [`HOPE`] steps of what is predicted would not bring it below.
+    /// The cost is above it, and no step of [`MAX_DECREASE_RATIO`] times the predicted decrease would bring it below.
     pub(super) below: f64,
 }
 
@@ -157,8 +157,8 @@ impl Until {
     pub(super) const CONVERGED: Self = Self { iterations: usize::MAX, share: 1e-12, below: f64::INFINITY };
 }
 
-/// How much more than predicted a cost may fall before a search counts as hopeless.
-const HOPE: f64 = 4.0;
+/// A search is given up where a decrease of the cost this many times as large as predicted would not be enough.
+const MAX_DECREASE_RATIO: f64 = 4.0;
 /// Distances that are none, in shares of the coordinates.
 const NO_DISTANCE: f64 = 1e-11;
 /// Eigenvalues of the normal matrix, scaled to a unit diagonal, that are none.
@@ -287,7 +287,9 @@ impl<'a> FrameFitter<'a> {
                     }
                     continue;
                 };
-                if predicted <= (until.share * cost).max(none) || cost - HOPE * predicted > until.below {
+                if predicted <= (until.share * cost).max(none)
+                    || cost - MAX_DECREASE_RATIO * predicted > until.below
+                {
                     return Ok((FitStatus::Converged, iteration, cost));
                 }
                 let step = self.program.solution.as_slice();

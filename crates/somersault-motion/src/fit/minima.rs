@@ -3,7 +3,7 @@
 //! Three things leave a wrong minimum. Every frame of number [`STRIDE`], 2 [`STRIDE`], … and the last are begun from the starts
 //! too, and so are those that the frame before says little about: joints turned by more than [`UNRELATED`], or the cost is
 //! more than [`COSTLY`] times the median. In each frame every joint is turned through its range with all else fixed, and where the cost is least on the way,
-//! elsewhere than now, the frame is begun anew; so it is from the other end of a range if the joint is at one. And what one frame has found its neighbours are begun from, on both sides,
+//! elsewhere than now, the frame is restarted; so it is from the other end of a range if the joint is at one. And what one frame has found its neighbours are begun from, on both sides,
 //! as long as any gets lower. What is lower by rounding only is left.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter, Until};
@@ -16,7 +16,7 @@ use somersault_core::cancel::CancellationToken;
 use somersault_multibody::{Group, Joint};
 use std::collections::VecDeque;
 
-/// Frames between those that are begun anew.
+/// Frames between those that are restarted.
 const STRIDE: usize = 8;
 /// Parts of a joint's range between the places where the cost is looked at.
 const PARTS: usize = 8;

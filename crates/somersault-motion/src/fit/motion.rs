@@ -81,7 +81,7 @@ impl MotionFit {
 const MAX_ROUNDS: usize = 50;
 
 impl MarkerFit {
-    /// Fits all frames. Markers of the recording that the model has not are left aside, those that the recording
+    /// Fits all frames. Markers of the recording that the model has not are ignored, those that the recording
     /// has not are missing.
     pub fn fit(&self, recording: &MarkerRecording) -> Result<MotionFit, FitError> {
         self.fit_cancellable(recording, &CancellationToken::new())

@@ -206,13 +206,13 @@ impl BoundedQuadratic {
         let (mut worst, mut found) = (-1e-12 * scale, None);
         for i in 0..self.slope.len() {
             let sum = if self.sum_active && self.summed[i] { multiplier } else { 0.0 };
-            let pull = match self.activity[i] {
+            let of_bound = match self.activity[i] {
                 Activity::Lower if self.lower[i] < self.upper[i] => self.slope[i] + sum,
                 Activity::Upper => -(self.slope[i] + sum),
                 _ => continue,
             };
-            if pull < worst {
-                (worst, found) = (pull, Some(i));
+            if of_bound < worst {
+                (worst, found) = (of_bound, Some(i));
             }
         }
         if self.sum_active && multiplier < worst {
@@ -271,11 +271,11 @@ mod tests {
             assert!(of_sum.abs() < 1e-9 || (active && of_sum > 0.0), "case {case}: multiplier {of_sum}");
             for i in 0..n {
                 assert!(x[i] >= program.lower[i] && x[i] <= program.upper[i], "case {case}: bounds of {i}");
-                let pull = slope[i] + if program.summed[i] { of_sum } else { 0.0 };
-                let fits = pull.abs() < 1e-9
-                    || (pull > 0.0 && x[i] == program.lower[i])
-                    || (pull < 0.0 && x[i] == program.upper[i]);
-                assert!(fits, "case {case}: variable {i} at {} is pulled by {pull}", x[i]);
+                let of_bound = slope[i] + if program.summed[i] { of_sum } else { 0.0 };
+                let fits = of_bound.abs() < 1e-9
+                    || (of_bound > 0.0 && x[i] == program.lower[i])
+                    || (of_bound < 0.0 && x[i] == program.upper[i]);
+                assert!(fits, "case {case}: variable {i} at {} is pulled by {of_bound}", x[i]);
             }
         }
     }

@@ -207,7 +207,7 @@ mod tests {
         for (i, &t) in recording.times().iter().enumerate() {
             assert!((all.frame(i)[0].unwrap() - cubic(t)).norm() < 1e-14);
         }
-        assert_eq!(all.n_missing(), 8, "no marker is made up before its first or after its last frame");
+        assert_eq!(all.n_missing(), 8, "no marker is extrapolated before its first or after its last frame");
     }
 
     #[test]

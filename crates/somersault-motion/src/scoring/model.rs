@@ -199,7 +199,7 @@ impl ScoringModel {
         self.intercept
     }
 
-    /// Whether it has learnt from motions that are made up: then its scores say nothing about real ones.
+    /// Whether it has learnt from synthetic motions: then its scores say nothing about real ones.
     pub fn is_synthetic(&self) -> bool {
         self.synthetic
     }

@@ -33,7 +33,7 @@ pub struct Correlation {
     pub value: f64,
     /// Lower and upper end of the percentile interval over resamples.
     pub interval: [f64; 2],
-    /// Share of shuffles, itself among them, with at least this coefficient: a small one is a finding.
+    /// Fraction of shuffles, itself among them, with at least this coefficient: a small one is a finding.
     pub p_value: f64,
 }
 
@@ -103,7 +103,7 @@ impl Coefficients {
     }
 }
 
-/// The `value`s with percentile intervals over resamples of n motions, given by their counts, and shares of the
+/// The `value`s with percentile intervals over resamples of n motions, given by their counts, and fractions of the
 /// shuffles, given by their order, that reach them. Resamples that have no coefficient are left out, shuffles
 /// count as 0. Every draw has a stream of its own, so that threads do not matter.
 pub(super) fn resampled(

@@ -83,7 +83,7 @@ struct StoredLearnt {
 pub(super) struct Stored {
     format: String,
     version: u32,
-    /// Whether it has learnt from motions that are made up.
+    /// Whether it has learnt from synthetic motions.
     synthetic: bool,
     features: Features,
     /// Of lengths.

@@ -39,7 +39,7 @@ pub struct Validation {
     pub spearman: Correlation,
     /// The mean of the others; a straight line over the duration, and over each feature given.
     pub baselines: Vec<Baseline>,
-    /// Whether some of the motions are made up.
+    /// Whether some of the motions are synthetic.
     pub synthetic: bool,
 }
 
@@ -60,7 +60,7 @@ pub struct Validation {
 ///   are left out in turn, with all their copies, and scored by the regression on the others. So the interval
 ///   holds how much the models themselves depend on which motions there were. On scores that mean nothing it
 ///   contains 0 at least as often as its level says.
-/// - *p-values* are shares of shuffles of the scores, validated in the same way, that are correlated at least
+/// - *p-values* are fractions of shuffles of the scores, validated in the same way, that are correlated at least
 ///   as much: exact for any number of motions.
 ///
 /// Eigenpostures know nothing of scores; for resamples and shuffles they stay those of all motions but the one

@@ -103,12 +103,12 @@ impl Performance {
         Ok(Self { times: recording.times().to_vec(), features, values, path, synthetic: false })
     }
 
-    /// The same, labelled as made up; models and validations that use it carry the label on.
+    /// The same, labelled as synthetic; models and validations that use it carry the label on.
     pub fn labelled_synthetic(self) -> Self {
         Self { synthetic: true, ..self }
     }
 
-    /// Whether it is labelled as made up.
+    /// Whether it is labelled as synthetic.
     pub fn is_synthetic(&self) -> bool {
         self.synthetic
     }

@@ -25,7 +25,7 @@ pub struct SyntheticJudge {
     /// p of the opening of the hip, points/rad.
     pub hip_opening: f64,
     /// p of the exit, points for the whole duration.
-    pub exit_share: f64,
+    pub exit_fraction: f64,
     /// p of the asymmetry, points/rad.
     pub asymmetry: f64,
     /// p of the roughness, points for a factor of e in the squared jerk.
@@ -44,7 +44,7 @@ impl SyntheticJudge {
             reference,
             entry_angle: 5.0,
             hip_opening: 5.0,
-            exit_share: 25.0,
+            exit_fraction: 25.0,
             asymmetry: 10.0,
             roughness: 0.3,
             noise: 0.25,
@@ -56,7 +56,7 @@ impl SyntheticJudge {
         [
             ("entry_angle", self.entry_angle),
             ("hip_opening", self.hip_opening),
-            ("exit_share", self.exit_share),
+            ("exit_fraction", self.exit_fraction),
             ("asymmetry", self.asymmetry),
             ("roughness", self.roughness),
         ]
@@ -97,7 +97,13 @@ mod tests {
     use somersault_core::argument::ArgumentError;
 
     fn faults() -> DiveFaults {
-        DiveFaults { entry_angle: 0.1, hip_opening: 0.4, exit_share: 0.8, asymmetry: 0.02, roughness: 12.0 }
+        DiveFaults {
+            entry_angle: 0.1,
+            hip_opening: 0.4,
+            exit_fraction: 0.8,
+            asymmetry: 0.02,
+            roughness: 12.0,
+        }
     }
 
     #[test]
@@ -114,7 +120,7 @@ mod tests {
             let all = [
                 &mut unknown.entry_angle,
                 &mut unknown.hip_opening,
-                &mut unknown.exit_share,
+                &mut unknown.exit_fraction,
                 &mut unknown.asymmetry,
                 &mut unknown.roughness,
             ];

@@ -94,7 +94,9 @@ fn perturbed_flights_keep_their_momentum_and_have_their_faults() {
     }
     let [plain, faults] = [&plain, &dive].map(|d| d.faults(&model).unwrap());
     assert!((faults.entry_angle - plain.entry_angle - 0.2).abs() < 1e-6, "{faults:?}");
-    assert!(faults.hip_opening > plain.hip_opening + 0.05 && faults.exit_share > plain.exit_share + 0.01);
+    assert!(
+        faults.hip_opening > plain.hip_opening + 0.05 && faults.exit_fraction > plain.exit_fraction + 0.01
+    );
     assert!(faults.roughness > plain.roughness);
 }
 

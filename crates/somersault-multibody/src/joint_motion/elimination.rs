@@ -13,7 +13,7 @@ pub enum End {
 
 impl End {
     /// 0 or 1.
-    pub fn share(self) -> f64 {
+    pub fn fraction(self) -> f64 {
         match self {
             Self::Start => 0.0,
             Self::Finish => 1.0,
@@ -26,7 +26,7 @@ impl End {
 pub struct Condition {
     /// Where.
     pub end: End,
-    /// 0 for the channel itself, r for its r-th derivative by the share of the duration.
+    /// 0 for the channel itself, r for its r-th derivative by the fraction of the duration.
     pub derivative: usize,
     /// The value.
     pub value: f64,

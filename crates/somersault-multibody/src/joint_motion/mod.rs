@@ -34,8 +34,8 @@ pub enum JointMotionError {
     #[error(transparent)]
     Argument(#[from] ArgumentError),
     /// A time outside of the motion.
-    #[error("`{argument}[{index}]` must be a share of the duration, from 0 to 1, found {found}")]
-    Share {
+    #[error("`{argument}[{index}]` must be a fraction of the duration, from 0 to 1, found {found}")]
+    Fraction {
         /// Name of the argument.
         argument: &'static str,
         /// Which entry.
@@ -72,9 +72,9 @@ pub enum JointMotionError {
 }
 
 /// Each from 0 to 1.
-fn expect_shares(argument: &'static str, shares: &[f64]) -> Result<(), JointMotionError> {
-    match shares.iter().position(|share| !(0.0..=1.0).contains(share)) {
+fn expect_fractions(argument: &'static str, fractions: &[f64]) -> Result<(), JointMotionError> {
+    match fractions.iter().position(|fraction| !(0.0..=1.0).contains(fraction)) {
         None => Ok(()),
-        Some(index) => Err(JointMotionError::Share { argument, index, found: shares[index] }),
+        Some(index) => Err(JointMotionError::Fraction { argument, index, found: fractions[index] }),
     }
 }

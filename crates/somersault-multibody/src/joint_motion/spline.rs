@@ -1,14 +1,14 @@
 //! Channels that are uniform splines.
 
 use super::elimination::{Solved, solve};
-use super::{Condition, EigenpostureBase, JointMotionError, expect_shares};
+use super::{Condition, EigenpostureBase, JointMotionError, expect_fractions};
 use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::{expect_finite, expect_length};
 use somersault_core::spline::UniformBasis;
 
 /// A joint motion whose channels are splines, after elimination of the conditions at its ends.
 ///
-/// Time is the share of the duration, in [0, 1]; rates are by the share. Coefficients are stored channel by channel, and
+/// Time is the fraction of the duration, in [0, 1]; rates are by the fraction. Coefficients are stored channel by channel, and
 /// so are the parameters, each of which is a coefficient that was not solved for. There may be 10 000 coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SplineMotion {
@@ -79,7 +79,7 @@ impl SplineMotion {
         let mut values = vec![0.0; self.basis.n_active()];
         for (row, condition) in conditions.iter().enumerate() {
             expect_finite("conditions", &[condition.value])?;
-            let first = self.basis.evaluate(condition.end.share(), condition.derivative, &mut values);
+            let first = self.basis.evaluate(condition.end.fraction(), condition.derivative, &mut values);
             for (i, value) in values.iter().enumerate() {
                 matrix[(row, first + i)] = *value;
             }
@@ -171,37 +171,41 @@ impl SplineMotion {
         self.parameters.iter().map(|k| coefficients[*k]).collect()
     }
 
-    /// The `derivative`-th rate of the channels at `share`. Cost O(degree² + channels × degree).
-    pub fn channels_into(&self, coefficients: &[f64], share: f64, derivative: usize, out: &mut [f64]) {
+    /// The `derivative`-th rate of the channels at `fraction`. Cost O(degree² + channels × degree).
+    pub fn channels_into(&self, coefficients: &[f64], fraction: f64, derivative: usize, out: &mut [f64]) {
         let n = self.basis.n_coefficients();
         let mut values = [0.0; somersault_core::spline::MAX_DEGREE + 1];
-        let first = self.basis.evaluate(share, derivative, &mut values);
+        let first = self.basis.evaluate(fraction, derivative, &mut values);
         let values = &values[..self.basis.n_active()];
         for (channel, row) in out.iter_mut().zip(coefficients.chunks_exact(n)) {
             *channel = row[first..].iter().zip(values).map(|(c, b)| c * b).sum();
         }
     }
 
-    /// The parameters for which the channels come nearest to `samples` at `shares`, in the sense of least
+    /// The parameters for which the channels come nearest to `samples` at `fractions`, in the sense of least
     /// squares: a sample is one value for each channel. A start for a solver.
     ///
     /// Where the samples leave coefficients undetermined, the smallest that fit are taken.
-    pub fn fit<S: AsRef<[f64]>>(&self, shares: &[f64], samples: &[S]) -> Result<Vec<f64>, JointMotionError> {
-        expect_length("samples", samples.len(), shares.len())?;
-        expect_shares("shares", shares)?;
+    pub fn fit<S: AsRef<[f64]>>(
+        &self,
+        fractions: &[f64],
+        samples: &[S],
+    ) -> Result<Vec<f64>, JointMotionError> {
+        expect_length("samples", samples.len(), fractions.len())?;
+        expect_fractions("fractions", fractions)?;
         for sample in samples {
             expect_length("samples", sample.as_ref().len(), self.n_channels())?;
             expect_finite("samples", sample.as_ref())?;
         }
-        if self.parameters.is_empty() || shares.is_empty() {
+        if self.parameters.is_empty() || fractions.is_empty() {
             return Ok(vec![0.0; self.n_parameters()]);
         }
         let (n, n_channels) = (self.basis.n_coefficients(), self.n_channels());
-        let mut by_coefficient = DMatrix::zeros(shares.len() * n_channels, self.n_coefficients());
-        let mut target = DVector::zeros(shares.len() * n_channels);
+        let mut by_coefficient = DMatrix::zeros(fractions.len() * n_channels, self.n_coefficients());
+        let mut target = DVector::zeros(fractions.len() * n_channels);
         let mut values = vec![0.0; self.basis.n_active()];
-        for (k, (share, sample)) in shares.iter().zip(samples).enumerate() {
-            let first = self.basis.evaluate(*share, 0, &mut values);
+        for (k, (fraction, sample)) in fractions.iter().zip(samples).enumerate() {
+            let first = self.basis.evaluate(*fraction, 0, &mut values);
             for (channel, wanted) in sample.as_ref().iter().enumerate() {
                 let row = k * n_channels + channel;
                 target[row] = *wanted;
@@ -246,11 +250,11 @@ mod tests {
         motion.coefficients_into(&p, &mut coefficients);
         assert_eq!(motion.parameters_of(&coefficients), p);
         let mut channels = [0.0; 2];
-        for (share, derivative, expected) in [(0.0, 0, -1.0), (0.0, 1, 0.5), (1.0, 1, 0.0)] {
-            motion.channels_into(&coefficients, share, derivative, &mut channels);
+        for (fraction, derivative, expected) in [(0.0, 0, -1.0), (0.0, 1, 0.5), (1.0, 1, 0.0)] {
+            motion.channels_into(&coefficients, fraction, derivative, &mut channels);
             assert!(
                 channels.iter().all(|c| (c - expected).abs() < 1e-13),
-                "{share} {derivative} {channels:?}"
+                "{fraction} {derivative} {channels:?}"
             );
         }
     }
@@ -266,16 +270,16 @@ mod tests {
         let p: Vec<f64> = (0..12).map(|i| f64::from(i * i).cos()).collect();
         let mut coefficients = vec![0.0; 18];
         motion.coefficients_into(&p, &mut coefficients);
-        let shares: Vec<f64> = (0..=20).map(|k| f64::from(k) / 20.0).collect();
-        let samples: Vec<[f64; 2]> = shares
+        let fractions: Vec<f64> = (0..=20).map(|k| f64::from(k) / 20.0).collect();
+        let samples: Vec<[f64; 2]> = fractions
             .iter()
-            .map(|share| {
+            .map(|fraction| {
                 let mut c = [0.0; 2];
-                motion.channels_into(&coefficients, *share, 0, &mut c);
+                motion.channels_into(&coefficients, *fraction, 0, &mut c);
                 c
             })
             .collect();
-        let found = motion.fit(&shares, &samples).unwrap();
+        let found = motion.fit(&fractions, &samples).unwrap();
         assert!(found.iter().zip(&p).all(|(a, b)| (a - b).abs() < 1e-10), "{found:?} {p:?}");
     }
 
@@ -286,8 +290,8 @@ mod tests {
         let motion =
             SplineMotion::try_new(basis, EigenpostureBase::joints(1), &[at(End::Start), at(End::Finish)])
                 .unwrap();
-        for shares in [&[0.0][..], &[0.0, 1.0]] {
-            let found = motion.fit(shares, &vec![[3.0]; shares.len()]).unwrap();
+        for fractions in [&[0.0][..], &[0.0, 1.0]] {
+            let found = motion.fit(fractions, &vec![[3.0]; fractions.len()]).unwrap();
             assert!(found.iter().all(|p| p.abs() < 1e-12), "{found:?}");
         }
     }
@@ -297,7 +301,7 @@ mod tests {
         for found in [-1e-9, 1.5, f64::NAN] {
             let refused = motion().fit(&[0.0, found], &[[0.0; 2]; 2]);
             assert!(
-                matches!(refused, Err(JointMotionError::Share { argument: "shares", index: 1, .. })),
+                matches!(refused, Err(JointMotionError::Fraction { argument: "fractions", index: 1, .. })),
                 "{found} {refused:?}"
             );
         }

@@ -133,7 +133,7 @@ pub enum CollocationError {
         "joint `{joint}` has no single coordinate; states in ℝⁿ need revolute, prismatic or fixed joints"
     )]
     NotAVector {
-        /// Name of the body that the joint carries.
+        /// Name of the body that the joint transports.
         joint: String,
     },
     /// A degree of freedom that is actuated twice, or does not exist.

@@ -33,7 +33,7 @@ pub struct TreeDynamics {
     slopes: DMatrix<f64>,
     /// w.
     lever: Vec<f64>,
-    pulls: Vec<f64>,
+    input_products: Vec<f64>,
 }
 
 impl TreeDynamics {
@@ -60,7 +60,7 @@ impl TreeDynamics {
             dual_arguments: vec![Dual64::from_re(0.0); 3 * n],
             slopes: DMatrix::zeros(n, 2 * n + actuated.len()),
             lever: vec![0.0; n],
-            pulls: vec![0.0; n],
+            input_products: vec![0.0; n],
             dual,
             model: model.clone(),
         })
@@ -91,14 +91,14 @@ impl TreeDynamics {
             .collect()
     }
 
-    /// What each entry of x is: position or velocity of the joint that carries a body.
+    /// What each entry of x is: position or velocity of the joint that transports a body.
     pub fn state_names(&self) -> Vec<String> {
         let bodies = self.bodies();
         let named = |what: &str| bodies.iter().map(|body| format!("{what} of {body}")).collect::<Vec<_>>();
         [named("position"), named("velocity")].concat()
     }
 
-    /// What each entry of u is: the force of the joint that carries a body.
+    /// What each entry of u is: the force of the joint that transports a body.
     pub fn control_names(&self) -> Vec<String> {
         let bodies = self.bodies();
         self.actuated.iter().map(|k| format!("force of {}", bodies[*k])).collect()
@@ -194,22 +194,23 @@ impl VectorFunction for TreeDynamics {
                 dual_v[k].eps = f64::from(n + k == j);
                 dual_a[k].eps = slopes[(k, j)];
             }
-            let bent = dual
+            let second = dual
                 .inverse_dynamics_partials(dual_derivatives, dual_q, dual_v, dual_a, &[])
                 .map_err(undefined)?;
-            let pull = |matrix: &DMatrix<Dual64>, i: usize| -> f64 {
+            let contract = |matrix: &DMatrix<Dual64>, i: usize| -> f64 {
                 lever.iter().zip(matrix.column(i).iter()).map(|(w, m)| w * m.eps).sum()
             };
             for k in 0..n {
-                self.pulls[k] = pull(bent.input, k);
+                self.input_products[k] = contract(second.input, k);
             }
             for i in (0..=j).chain(2 * n..n_arguments) {
                 let direct = match i {
-                    _ if i < n => pull(bent.q, i),
-                    _ if i < 2 * n => pull(bent.v, i - n),
+                    _ if i < n => contract(second.q, i),
+                    _ if i < 2 * n => contract(second.v, i - n),
                     _ => 0.0,
                 };
-                let through: f64 = self.pulls.iter().zip(slopes.column(i).iter()).map(|(p, s)| p * s).sum();
+                let through: f64 =
+                    self.input_products.iter().zip(slopes.column(i).iter()).map(|(p, s)| p * s).sum();
                 hessian[(i.min(j), i.max(j))] -= direct + through;
             }
         }

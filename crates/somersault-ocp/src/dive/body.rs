@@ -145,7 +145,7 @@ impl Body {
                 let mut reach = capsule.ends.iter().map(|end| end.norm()).fold(0.0, f64::max);
                 let mut at = Some(capsule.body);
                 while let Some(body) = at {
-                    // a hinge that carries both moves them as one
+                    // a hinge that transports both moves them as one
                     for (_, dof, _) in own.iter().filter(|(hinge, ..)| *hinge == body) {
                         if !other.iter().any(|(hinge, ..)| *hinge == body) {
                             row[*dof] += reach;
@@ -216,7 +216,7 @@ impl Body {
     }
 }
 
-/// Whether one body carries the other, bodies without mass aside.
+/// Whether one body transports the other, bodies without mass aside.
 fn is_joined(model: &Model, a: usize, b: usize) -> bool {
     let carrier = |mut i: usize| loop {
         match model.parent(i) {

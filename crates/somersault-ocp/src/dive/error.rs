@@ -90,7 +90,7 @@ pub enum DiveError {
     JointLimit {
         /// Number of the posture.
         posture: usize,
-        /// Body that the joint carries.
+        /// Body that the joint transports.
         joint: String,
         /// Its angle.
         found: f64,
@@ -101,12 +101,12 @@ pub enum DiveError {
     },
     /// Key frames of a template are not in order.
     #[error(
-        "`key_frames` must have at least 2 entries whose shares rise from 0 to 1, found {found} at number {index}"
+        "`key_frames` must have at least 2 entries whose fractions rise from 0 to 1, found {found} at number {index}"
     )]
     KeyFrames {
         /// Which one.
         index: usize,
-        /// Its share.
+        /// Its fraction.
         found: f64,
     },
 }

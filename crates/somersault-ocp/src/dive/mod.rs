@@ -140,9 +140,9 @@ pub struct Dive {
     pub last: usize,
     /// Weights or joints.
     pub channels: Channels,
-    /// For each channel the shares of the duration between which it may differ from zero; none: at all times.
+    /// For each channel the fractions of the duration between which it may differ from zero; none: at all times.
     pub windows: Vec<Range>,
-    /// Share of the duration at which twists and tilt must be what they are at the entry. Where the diver moves
+    /// Fraction of the duration at which twists and tilt must be what they are at the entry. Where the diver moves
     /// symmetrically from then on they stay so. Before the entry it takes twists that are a multiple of ½.
     pub square_out: f64,
     /// Coefficients of each spline, of degree 5: at least 6.
@@ -200,7 +200,7 @@ impl Dive {
             let Range { lower, upper } = *range;
             if !(0.0 <= lower && lower < upper && upper <= 1.0) {
                 let found = if (0.0..1.0).contains(&lower) { upper } else { lower };
-                let allowed = "shares with 0 ≤ lower < upper ≤ 1";
+                let allowed = "fractions with 0 ≤ lower < upper ≤ 1";
                 return Err(ArgumentError::OutOfRange { argument: "windows", allowed, found }.into());
             }
         }

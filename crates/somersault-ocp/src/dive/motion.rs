@@ -36,7 +36,7 @@ pub struct DiveMotion {
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PeakTorque {
-    /// The body that the joint carries.
+    /// The body that the joint transports.
     pub joint: String,
     /// With its sign, N m.
     pub torque: f64,

@@ -77,7 +77,7 @@ impl Dive {
     /// Key frames for [`forward_pike`](Self::forward_pike): into the pike, and out of it late.
     pub fn pike_template() -> Vec<KeyFrame> {
         [(0.0, 0), (0.25, 1), (0.75, 1), (1.0, 0)]
-            .map(|(share, posture)| KeyFrame { share, posture })
+            .map(|(fraction, posture)| KeyFrame { fraction, posture })
             .to_vec()
     }
 
@@ -104,7 +104,7 @@ impl Dive {
         let start = [(0.0, 0)];
         let end = [(0.72, 0), (0.8, 5), (0.9, 5), (1.0, 1)];
         let throw = if half_twists == 0.0 { &[][..] } else { &throw };
-        let frame = |(share, posture): &(f64, usize)| KeyFrame { share: *share, posture: *posture };
+        let frame = |(fraction, posture): &(f64, usize)| KeyFrame { fraction: *fraction, posture: *posture };
         start.iter().chain(throw).chain(&end).map(frame).collect()
     }
 }

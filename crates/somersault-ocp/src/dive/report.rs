@@ -92,7 +92,7 @@ impl DiveReport {
     }
 
     /// Whether the orientations of both integrations agree to `allowed` rad with the nodes and with each other, and the angular
-    /// momentum is kept to this share of its scale.
+    /// momentum is kept to this fraction of its scale.
     pub fn flies(&self, allowed: f64) -> bool {
         [self.defect, self.full_dynamics_defect, self.momentum_drift].iter().all(|x| *x <= allowed)
     }

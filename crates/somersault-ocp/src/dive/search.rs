@@ -12,7 +12,7 @@
 
 use super::modelled::Modelled;
 use super::{ALLOWED, Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame, Penalties};
-use crate::verification::Verified;
+use crate::verification::VerifiedReport;
 use rayon::prelude::*;
 use somersault_nlp::{
     Flow, Globalisation, HessianSource, Iteration, Nlp, NlpSolver, Report, SolverError, Sqp, Start, Status,
@@ -179,10 +179,10 @@ impl DiveSearch {
         program: &DiveProgram,
         z: Vec<f64>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
-    ) -> Result<Verified<DiveReport, DiveJudgementError>, DiveSearchError> {
+    ) -> Result<VerifiedReport<DiveReport, DiveJudgementError>, DiveSearchError> {
         let report = self.solve(program, z, on_iteration)?;
         let verification = program.report(&report.z);
-        Ok(Verified { report, verification })
+        Ok(VerifiedReport { report, verification })
     }
 
     /// Searches from several templates, in parallel; one report for each.
@@ -199,7 +199,7 @@ impl DiveSearch {
     }
 }
 
-impl Verified<DiveReport, DiveJudgementError> {
+impl VerifiedReport<DiveReport, DiveJudgementError> {
     /// Whether the dive requested was found: the program is solved, and integrations confirm its motion to [`ALLOWED`].
     pub fn is_success(&self) -> bool {
         let is_confirmed = self.verification.as_ref().is_ok_and(|report| report.is_confirmed(ALLOWED));

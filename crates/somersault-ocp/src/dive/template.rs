@@ -6,8 +6,8 @@ use somersault_core::random::SplitMix64;
 /// The dive is in a posture at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KeyFrame {
-    /// Share of the duration.
-    pub share: f64,
+    /// Fraction of the duration.
+    pub fraction: f64,
     /// Number of the posture.
     pub posture: usize,
 }
@@ -23,8 +23,8 @@ impl KeyFrame {
                 return frame;
             }
             let reach = 0.4 * (2.0 * random.unit() - 1.0);
-            let neighbour = template[if reach < 0.0 { k - 1 } else { k + 1 }].share;
-            Self { share: frame.share + reach.abs() * (neighbour - frame.share), ..frame }
+            let neighbour = template[if reach < 0.0 { k - 1 } else { k + 1 }].fraction;
+            Self { fraction: frame.fraction + reach.abs() * (neighbour - frame.fraction), ..frame }
         };
         let vary = |n: usize| match n {
             0 => template.to_vec(),
@@ -43,9 +43,10 @@ impl DiveProgram {
     pub fn start(&self, key_frames: &[KeyFrame]) -> Result<Vec<f64>, DiveError> {
         let dive = self.dive();
         check(dive, key_frames)?;
-        let shares: Vec<f64> = (0..=SAMPLES).map(|k| k as f64 / SAMPLES as f64).collect();
-        let samples: Vec<Vec<f64>> = shares.iter().map(|share| sample(dive, key_frames, *share)).collect();
-        let p = self.path().motion().fit(&shares, &samples)?;
+        let fractions: Vec<f64> = (0..=SAMPLES).map(|k| k as f64 / SAMPLES as f64).collect();
+        let samples: Vec<Vec<f64>> =
+            fractions.iter().map(|fraction| sample(dive, key_frames, *fraction)).collect();
+        let p = self.path().motion().fit(&fractions, &samples)?;
         let mut z = self.middle();
         for (value, parameter) in z.iter_mut().zip(self.free()) {
             *value = p[*parameter];
@@ -58,10 +59,10 @@ impl DiveProgram {
 fn check(dive: &Dive, key_frames: &[KeyFrame]) -> Result<(), DiveError> {
     let last = key_frames.len().saturating_sub(1);
     for (index, frame) in key_frames.iter().enumerate() {
-        let rises = index == 0 || frame.share > key_frames[index - 1].share;
-        let ends = (index > 0 || frame.share == 0.0) && (index < last || frame.share == 1.0);
+        let rises = index == 0 || frame.fraction > key_frames[index - 1].fraction;
+        let ends = (index > 0 || frame.fraction == 0.0) && (index < last || frame.fraction == 1.0);
         if !(rises && ends) {
-            return Err(DiveError::KeyFrames { index, found: frame.share });
+            return Err(DiveError::KeyFrames { index, found: frame.fraction });
         }
         if frame.posture >= dive.postures.len() {
             let (n_postures, found) = (dive.postures.len(), frame.posture);
@@ -72,10 +73,10 @@ fn check(dive: &Dive, key_frames: &[KeyFrame]) -> Result<(), DiveError> {
 }
 
 /// Channels between two key frames, at rest in both.
-fn sample(dive: &Dive, key_frames: &[KeyFrame], share: f64) -> Vec<f64> {
-    let at = key_frames.partition_point(|f| f.share <= share).clamp(1, key_frames.len() - 1);
+fn sample(dive: &Dive, key_frames: &[KeyFrame], fraction: f64) -> Vec<f64> {
+    let at = key_frames.partition_point(|f| f.fraction <= fraction).clamp(1, key_frames.len() - 1);
     let (before, after) = (&key_frames[at - 1], &key_frames[at]);
-    let x = (share - before.share) / (after.share - before.share);
+    let x = (fraction - before.fraction) / (after.fraction - before.fraction);
     let smooth = x * x * (3.0 - 2.0 * x);
     let channels = |posture: usize| match dive.channels {
         Channels::Weights => (1..dive.postures.len()).map(|i| f64::from(u8::from(i == posture))).collect(),

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// A and J of one displacement, for each group.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Carry {
+pub(crate) struct GroupTransport {
     blocks: Vec<Block>,
 }
 
@@ -23,7 +23,7 @@ struct Block {
     jacobian: Matrix6<f64>,
 }
 
-impl Carry {
+impl GroupTransport {
     pub(crate) fn new(dofs: &Dofs) -> Self {
         let identity = Matrix6::identity();
         let block = |d: &Range<usize>| Block { dofs: d.clone(), along: identity, jacobian: identity };

@@ -12,7 +12,7 @@ mod group;
 mod tree;
 
 pub use cart_pendulum::CartPendulumDynamics;
-pub(crate) use group::Carry;
+pub(crate) use group::GroupTransport;
 pub use tree::Tree;
 pub(crate) use tree::undefined;
 

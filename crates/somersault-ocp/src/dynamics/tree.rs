@@ -20,19 +20,19 @@ pub struct Tree {
     work: DerivativeData,
     acceleration: Vec<f64>,
     torque: Vec<f64>,
-    bent: Option<Box<Bent>>,
+    dual: Option<Box<DualTree>>,
 }
 
 /// The tree over dual numbers, made when second derivatives are first asked for.
 #[derive(Debug, Clone)]
-struct Bent {
+struct DualTree {
     model: Model<Dual64>,
     work: DerivativeData<Dual64>,
     /// q, v, known.
     arguments: [Vec<Dual64>; 3],
 }
 
-impl Bent {
+impl DualTree {
     fn new(model: &Model) -> Self {
         let model: Model<Dual64> = model.cast();
         let zero = vec![Dual64::from_re(0.0); model.n_velocities()];
@@ -71,7 +71,7 @@ impl Tree {
         }
         let (data, work) = (Data::new(&model), DerivativeData::new(&model));
         let room = || vec![0.0; n];
-        Ok(Self { model, split, dofs, joints, data, work, acceleration: room(), torque: room(), bent: None })
+        Ok(Self { model, split, dofs, joints, data, work, acceleration: room(), torque: room(), dual: None })
     }
 
     /// The tree.
@@ -157,8 +157,9 @@ impl HybridSecondDerivatives for Tree {
         weights: &[f64],
         out: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        let Self { model, split, bent, .. } = self;
-        let Bent { model, work, arguments } = &mut **bent.get_or_insert_with(|| Box::new(Bent::new(model)));
+        let Self { model, split, dual, .. } = self;
+        let DualTree { model, work, arguments } =
+            &mut **dual.get_or_insert_with(|| Box::new(DualTree::new(model)));
         let n = known.len();
         for (dual, real) in arguments.iter_mut().zip([q, v, known]) {
             dual.iter_mut().zip(real).for_each(|(dual, re)| *dual = Dual64::from_re(*re));

@@ -542,7 +542,7 @@ impl FlightShooting {
         carried.begin();
         for k in 0..=self.path.n_steps() {
             if k > 0 {
-                self.path.carry(k - 1, carried);
+                self.path.transport(k - 1, carried);
             }
             self.respond(k)?;
             self.write_inputs(k, carried, inputs, tangent);

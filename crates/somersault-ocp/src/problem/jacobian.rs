@@ -36,8 +36,8 @@ impl Rows {
             (0..n_defects).map(|i| transcription.variables_of_defect(i)).collect();
         let mut constraints_at = vec![Vec::new(); outline.n_nodes()];
         for (c, constraint) in constraints.iter().enumerate() {
-            let of_nodes = constraint.taken.nodes.iter().map(|k| transcription.variables_of_node(*k));
-            let n_rows = constraint.taken.term.n_rows();
+            let of_nodes = constraint.sampled.nodes.iter().map(|k| transcription.variables_of_node(*k));
+            let n_rows = constraint.sampled.term.n_rows();
             if constraint.integrated {
                 let mut all: Vec<usize> = of_nodes.flatten().collect();
                 all.sort_unstable();
@@ -46,13 +46,13 @@ impl Rows {
             } else {
                 variables.extend(of_nodes.flat_map(|v| vec![v; n_rows]));
             }
-            for (i, k) in constraint.taken.nodes.iter().enumerate() {
+            for (i, k) in constraint.sampled.nodes.iter().enumerate() {
                 constraints_at[*k].push((c, i));
             }
         }
         let mut costs_at = vec![Vec::new(); outline.n_nodes()];
         for (c, cost) in costs.iter().enumerate().filter(|(_, cost)| cost.loss.is_curved()) {
-            cost.taken.nodes.iter().for_each(|k| costs_at[*k].push(c));
+            cost.sampled.nodes.iter().for_each(|k| costs_at[*k].push(c));
         }
         for constraint in linear {
             let mut all: Vec<usize> = constraint.factors.iter().map(|(variable, _)| *variable).collect();
@@ -109,10 +109,10 @@ impl<T: Transcription> MotionProblem<T> {
             rows.scatter(i, &work.variables, values);
         }
         for constraint in constraints {
-            let term = &mut constraint.taken.term;
+            let term = &mut constraint.sampled.term;
             let n_rows = term.n_rows();
-            let sets = constraint.taken.nodes.chunks(if constraint.integrated {
-                constraint.taken.nodes.len()
+            let sets = constraint.sampled.nodes.chunks(if constraint.integrated {
+                constraint.sampled.nodes.len()
             } else {
                 1
             });
@@ -148,17 +148,17 @@ impl<T: Transcription> MotionProblem<T> {
         let super::Work { value, seed, node: by_node, variables: row_values, defects, .. } = work;
         transcription.push_forward(defects, &mut |k, node, weight, tangent| {
             for &(c, index) in &rows.constraints_at[k] {
-                let Constraint { taken, integrated, first_row, .. } = &mut constraints[c];
-                let n_rows = taken.term.n_rows();
+                let Constraint { sampled, integrated, first_row, .. } = &mut constraints[c];
+                let n_rows = sampled.term.n_rows();
                 let (value, seed) = (&mut value[..n_rows], &mut seed[..n_rows]);
-                taken.term.evaluate(node, value)?;
+                sampled.term.evaluate(node, value)?;
                 for i in 0..n_rows {
                     let row_values = &mut row_values[..tangent.variables.len()];
                     row_values.fill(0.0);
                     seed.fill(0.0);
                     seed[i] = if *integrated { weight } else { 1.0 };
                     by_node.clear();
-                    taken.term.pull_back(node, seed, by_node)?;
+                    sampled.term.pull_back(node, seed, by_node)?;
                     tangent.add_pulled_back(by_node, row_values);
                     if *integrated {
                         row_values.iter_mut().zip(&tangent.weight).for_each(|(r, w)| *r += value[i] * w);
@@ -187,10 +187,10 @@ impl<T: Transcription> MotionProblem<T> {
         hessian.fill(0.0);
         transcription.push_forward(defects, &mut |k, node, weight, tangent: &NodeTangent| {
             for &c in &rows.costs_at[k] {
-                let Cost { taken, loss, integrated } = &mut costs[c];
-                let n_rows = taken.term.n_rows();
+                let Cost { sampled, loss, integrated } = &mut costs[c];
+                let n_rows = sampled.term.n_rows();
                 let (value, seed) = (&mut value[..n_rows], &mut seed[..n_rows]);
-                taken.term.evaluate(node, value)?;
+                sampled.term.evaluate(node, value)?;
                 let factor = factor * if *integrated { weight } else { 1.0 };
                 for i in 0..n_rows {
                     let curvature = factor * loss.curvature(value, i);
@@ -202,7 +202,7 @@ impl<T: Transcription> MotionProblem<T> {
                     seed.fill(0.0);
                     seed[i] = 1.0;
                     by_node.clear();
-                    taken.term.pull_back(node, seed, by_node)?;
+                    sampled.term.pull_back(node, seed, by_node)?;
                     tangent.add_pulled_back(by_node, row_values);
                     add_square(pattern, &tangent.variables, row_values, curvature, hessian);
                 }

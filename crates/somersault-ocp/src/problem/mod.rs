@@ -23,14 +23,14 @@ use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_nlp::{Bounds, Pattern, Structure};
 
 /// A term, and the nodes at which it is taken.
-struct Taken {
+struct SampledTerm {
     term: Box<dyn Term>,
     nodes: Vec<usize>,
 }
 
 /// Part of the cost.
 struct Cost {
-    taken: Taken,
+    sampled: SampledTerm,
     loss: Loss,
     /// With quadrature weights.
     integrated: bool,
@@ -38,7 +38,7 @@ struct Cost {
 
 /// Rows of the constraints: for each node, or one set for the integral over all of them.
 struct Constraint {
-    taken: Taken,
+    sampled: SampledTerm,
     bounds: Bounds,
     integrated: bool,
     first_row: usize,
@@ -121,7 +121,7 @@ impl<T: Transcription> MotionProblem<T> {
     pub fn constraint_names(&self) -> Vec<String> {
         let mut names: Vec<String> = (0..self.outline().n_defects()).map(|i| format!("defect {i}")).collect();
         for constraint in &self.constraints {
-            let Taken { term, nodes } = &constraint.taken;
+            let SampledTerm { term, nodes } = &constraint.sampled;
             let rows = |place: String| {
                 (0..term.n_rows()).map(move |i| format!("{} {i} {place}", term.name())).collect::<Vec<_>>()
             };
@@ -231,8 +231,9 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         if self.transcription.second_derivatives().is_none() {
             return Err(OcpError::NoCurvature { what: "the transcription".to_owned() });
         }
-        let taken = self.costs.iter().map(|c| &c.taken).chain(self.constraints.iter().map(|c| &c.taken));
-        match taken.map(|taken| &taken.term).find(|term| !term.is_linear()) {
+        let sampled =
+            self.costs.iter().map(|c| &c.sampled).chain(self.constraints.iter().map(|c| &c.sampled));
+        match sampled.map(|sampled| &sampled.term).find(|term| !term.is_linear()) {
             Some(term) => Err(OcpError::NoCurvature { what: term.name().to_owned() }),
             None => Ok(()),
         }
@@ -260,7 +261,7 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         let mut bounds = outline.defects.clone();
         for constraint in &mut constraints {
             constraint.first_row = bounds.len();
-            let sets = if constraint.integrated { 1 } else { constraint.taken.nodes.len() };
+            let sets = if constraint.integrated { 1 } else { constraint.sampled.nodes.len() };
             for _ in 0..sets {
                 for (lower, upper) in constraint.bounds.lower.iter().zip(&constraint.bounds.upper) {
                     bounds.push(*lower, *upper);
@@ -276,7 +277,8 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         let curved: Vec<Vec<usize>> = if exact {
             (0..outline.n_nodes()).map(|k| transcription.variables_of_node(k)).collect()
         } else {
-            let nodes = costs.iter().filter(|cost| cost.loss.is_curved()).flat_map(|cost| &cost.taken.nodes);
+            let nodes =
+                costs.iter().filter(|cost| cost.loss.is_curved()).flat_map(|cost| &cost.sampled.nodes);
             nodes.map(|k| transcription.variables_of_node(*k)).collect()
         };
         let hessian = if curved.iter().any(|variables| variables.len() == n) {
@@ -285,8 +287,8 @@ impl<T: Transcription> MotionProblemBuilder<T> {
             let pairs = curved.iter().flat_map(|v| v.iter().flat_map(|j| v.iter().map(|i| (*i, *j))));
             Pattern::from_entries(n, n, pairs.filter(|(i, j)| i <= j))
         };
-        let n_rows = costs.iter().map(|c| &c.taken).chain(constraints.iter().map(|c| &c.taken));
-        let n_rows = n_rows.map(|taken| taken.term.n_rows()).max().unwrap_or(0);
+        let n_rows = costs.iter().map(|c| &c.sampled).chain(constraints.iter().map(|c| &c.sampled));
+        let n_rows = n_rows.map(|sampled| sampled.term.n_rows()).max().unwrap_or(0);
         let work = Work {
             value: vec![0.0; n_rows],
             seed: vec![0.0; n_rows],
@@ -311,7 +313,7 @@ impl<T: Transcription> MotionProblemBuilder<T> {
     ) -> Result<(), OcpError> {
         let nodes = at.nodes(self.transcription.outline())?;
         loss.expect_for(term.n_rows())?;
-        self.costs.push(Cost { taken: Taken { term, nodes }, loss, integrated });
+        self.costs.push(Cost { sampled: SampledTerm { term, nodes }, loss, integrated });
         Ok(())
     }
 
@@ -326,7 +328,12 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         expect_positive("n_rows", term.n_rows() as f64)?;
         expect_length("bounds", bounds.len(), term.n_rows())?;
         expect_bounds("bounds", &bounds)?;
-        self.constraints.push(Constraint { taken: Taken { term, nodes }, bounds, integrated, first_row: 0 });
+        self.constraints.push(Constraint {
+            sampled: SampledTerm { term, nodes },
+            bounds,
+            integrated,
+            first_row: 0,
+        });
         Ok(())
     }
 }

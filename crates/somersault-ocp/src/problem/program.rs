@@ -1,6 +1,6 @@
 //! The problem as a nonlinear program.
 
-use super::{Constraint, Cost, MotionProblem, Taken};
+use super::{Constraint, Cost, MotionProblem, SampledTerm};
 use crate::term::{Node, Term};
 use crate::transcription::Transcription;
 use somersault_nlp::{Curvature, EvaluationError, Nlp, NoHessian, Structure};
@@ -20,13 +20,13 @@ impl<T: Transcription> MotionProblem<T> {
     pub fn costs(&mut self, z: &[f64]) -> Result<Vec<(String, f64)>, EvaluationError> {
         self.transcription.rollout(z)?;
         (0..self.costs.len())
-            .map(|c| Ok((self.costs[c].taken.term.name().to_owned(), self.cost(c)?)))
+            .map(|c| Ok((self.costs[c].sampled.term.name().to_owned(), self.cost(c)?)))
             .collect()
     }
 
     /// One part of the cost of the last rollout.
     fn cost(&mut self, c: usize) -> Result<f64, EvaluationError> {
-        let Cost { taken: Taken { term, nodes }, loss, integrated } = &mut self.costs[c];
+        let Cost { sampled: SampledTerm { term, nodes }, loss, integrated } = &mut self.costs[c];
         let rows = &mut self.work.value[..term.n_rows()];
         let mut sum = 0.0;
         for &k in &*nodes {
@@ -38,7 +38,8 @@ impl<T: Transcription> MotionProblem<T> {
     }
 
     fn constraint(&mut self, c: usize, values: &mut [f64]) -> Result<(), EvaluationError> {
-        let Constraint { taken: Taken { term, nodes }, integrated, first_row, .. } = &mut self.constraints[c];
+        let Constraint { sampled: SampledTerm { term, nodes }, integrated, first_row, .. } =
+            &mut self.constraints[c];
         let n_rows = term.n_rows();
         if *integrated {
             let (sums, rows) = (&mut values[*first_row..*first_row + n_rows], &mut self.work.value[..n_rows]);
@@ -67,7 +68,7 @@ impl<T: Transcription> MotionProblem<T> {
     fn seed_costs(&mut self, factor: f64) -> Result<(), EvaluationError> {
         let Self { transcription, costs, work, .. } = self;
         work.rollout.clear();
-        for Cost { taken: Taken { term, nodes }, loss, integrated } in costs {
+        for Cost { sampled: SampledTerm { term, nodes }, loss, integrated } in costs {
             let n_rows = term.n_rows();
             let (rows, seed) = (&mut work.value[..n_rows], &mut work.seed[..n_rows]);
             for &k in &*nodes {
@@ -89,7 +90,7 @@ impl<T: Transcription> MotionProblem<T> {
         let Self { transcription, constraints, work, .. } = self;
         let n_defects = work.rollout.defects.len();
         work.rollout.defects.copy_from_slice(&multipliers[..n_defects]);
-        for Constraint { taken: Taken { term, nodes }, integrated, first_row, .. } in constraints {
+        for Constraint { sampled: SampledTerm { term, nodes }, integrated, first_row, .. } in constraints {
             let n_rows = term.n_rows();
             for (set, &k) in nodes.iter().enumerate() {
                 let first = *first_row + if *integrated { 0 } else { set * n_rows };

@@ -3,7 +3,7 @@
 use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Shooting};
-use crate::dynamics::{Carry, HybridDynamics};
+use crate::dynamics::{GroupTransport, HybridDynamics};
 use crate::term::NodeGradient;
 use crate::transcription::{NodeSizes, RolloutGradient};
 use somersault_nlp::EvaluationError;
@@ -57,7 +57,7 @@ impl Work {
 /// q ⊕ δ with δ = h Σ f_i v_i: from the gradient `by` the moved position to those by q (left in `along`), by the v_i and,
 /// returned, by h.
 fn pull_move(
-    carry: &Carry,
+    transport: &GroupTransport,
     by: &[f64],
     factors: &Factors,
     h: f64,
@@ -69,8 +69,8 @@ fn pull_move(
 ) -> f64 {
     moving.copy_from_slice(by);
     along.copy_from_slice(by);
-    carry.jacobian_transposed(moving);
-    carry.along_transposed(along);
+    transport.jacobian_transposed(moving);
+    transport.along_transposed(along);
     let mut by_step = 0.0;
     for (i, factor) in factors.iter().enumerate().filter(|(_, f)| **f != 0.0) {
         for dof in passive {
@@ -207,7 +207,7 @@ impl<D: HybridDynamics> Shooting<D> {
                 state[1][*dof] -= defects[passive.len() + i];
             }
         }
-        segment.carry.jacobian_transposed(&mut state[0]);
+        segment.transport.jacobian_transposed(&mut state[0]);
         for (dof, variable) in &segment.position_variables {
             gradient[*variable] += state[0][*dof];
         }
@@ -236,9 +236,9 @@ impl<D: HybridDynamics> Shooting<D> {
                 motion.found(first + i)
             });
             for (m, factors) in tableau.end.iter().enumerate().rev() {
-                let carry = &motion.carries[first_move + n_stages - 1 + m];
+                let transport = &motion.transports[first_move + n_stages - 1 + m];
                 by_step +=
-                    pull_move(carry, &state[0], factors, h, velocities, slopes, moving, along, passive);
+                    pull_move(transport, &state[0], factors, h, velocities, slopes, moving, along, passive);
                 state[0].copy_from_slice(along);
             }
             for dof in &*passive {
@@ -260,9 +260,18 @@ impl<D: HybridDynamics> Shooting<D> {
             let velocities = std::array::from_fn(|i| motion.velocity(first + i));
             let (earlier, current) = stages.split_at_mut(s);
             let [by_position, by_velocity] = &current[0];
-            let carry = &motion.carries[first_move + s - 1];
-            by_step +=
-                pull_move(carry, by_position, &inner.position, h, velocities, slopes, moving, along, passive);
+            let transport = &motion.transports[first_move + s - 1];
+            by_step += pull_move(
+                transport,
+                by_position,
+                &inner.position,
+                h,
+                velocities,
+                slopes,
+                moving,
+                along,
+                passive,
+            );
             for dof in &*passive {
                 earlier[inner.from][0][*dof] += along[*dof];
                 earlier[0][1][*dof] += by_velocity[*dof];

@@ -5,7 +5,7 @@ use super::table::push_forward;
 use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Segment, Shooting};
-use crate::dynamics::{Carry, HybridDynamics};
+use crate::dynamics::{GroupTransport, HybridDynamics};
 use crate::transcription::{NodeSizes, NodeTangent, Visit};
 use nalgebra::DMatrix;
 use somersault_nlp::EvaluationError;
@@ -55,7 +55,7 @@ impl Work {
 
 /// Which of the moves of a step, with its factors and length.
 struct Move<'a> {
-    carry: &'a Carry,
+    transport: &'a GroupTransport,
     factors: &'a Factors,
     h: f64,
     /// Row of the duration, if it is free, and ∂h by it.
@@ -82,14 +82,14 @@ impl Move<'_> {
                 }
             }
         }
-        self.carry.each_row(moving, Carry::jacobian);
+        self.transport.each_row(moving, GroupTransport::jacobian);
         out.copy_from(from);
-        self.carry.each_row(out, Carry::along);
+        self.transport.each_row(out, GroupTransport::along);
         *out += &*moving;
     }
 }
 
-impl Carry {
+impl GroupTransport {
     fn each_row(&self, tangents: &mut DMatrix<f64>, apply: impl Fn(&Self, &mut [f64])) {
         if self.is_trivial() {
             return;
@@ -151,7 +151,7 @@ impl<D: HybridDynamics> Shooting<D> {
         for (dof, variable) in &segment.position_variables {
             work.state[0][(row(variable), *dof)] = 1.0;
         }
-        segment.carry.each_row(&mut work.state[0], Carry::jacobian);
+        segment.transport.each_row(&mut work.state[0], GroupTransport::jacobian);
         for (dof, variable) in &segment.velocity_variables {
             work.state[1][(row(variable), *dof)] = 1.0;
         }
@@ -309,8 +309,8 @@ impl<D: HybridDynamics> Shooting<D> {
         let duration = self.duration_row(segment);
         let Work { state, stages, moving, along, .. } = work;
         for (s, inner) in (1..n_stages).zip(tableau.stages) {
-            let carry = &self.stages.carries[first_move + s - 1];
-            let step_to = Move { carry, factors: &inner.position, h, duration };
+            let transport = &self.stages.transports[first_move + s - 1];
+            let step_to = Move { transport, factors: &inner.position, h, duration };
             step_to.push(&stages[inner.from].position, stages, velocities, &self.passive, moving, along);
             stages[s].position.copy_from(along);
             self.push_sum(first, &inner.velocity, h, duration, stages, along);
@@ -318,8 +318,8 @@ impl<D: HybridDynamics> Shooting<D> {
             self.push_stage(segment, step, s, &mut stages[s], false);
         }
         for (m, factors) in tableau.end.iter().enumerate() {
-            let carry = &self.stages.carries[first_move + n_stages - 1 + m];
-            let step_to = Move { carry, factors, h, duration };
+            let transport = &self.stages.transports[first_move + n_stages - 1 + m];
+            let step_to = Move { transport, factors, h, duration };
             step_to.push(&state[0], stages, velocities, &self.passive, moving, along);
             state[0].copy_from(along);
         }
@@ -369,10 +369,10 @@ impl<D: HybridDynamics> Shooting<D> {
         };
         // the end is not needed for anything else
         let ends = &mut before.state;
-        to.gap.each_row(&mut ends[0], Carry::jacobian);
+        to.gap.each_row(&mut ends[0], GroupTransport::jacobian);
         work.gap.copy_from(&work.state[0]);
-        to.gap.each_row(&mut work.gap, Carry::along);
-        to.gap.each_row(&mut work.gap, Carry::jacobian);
+        to.gap.each_row(&mut work.gap, GroupTransport::along);
+        to.gap.each_row(&mut work.gap, GroupTransport::jacobian);
         for (part, (end, start)) in ends.iter().zip([&work.gap, &work.state[1]]).enumerate() {
             for (i, dof) in self.passive.iter().enumerate() {
                 let defect = part * n_passive + i;

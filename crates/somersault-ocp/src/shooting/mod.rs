@@ -26,7 +26,7 @@ mod trajectory;
 pub use layout::Layout;
 pub use phase::{Drive, Duration, Phase, Scheme, Start};
 
-use crate::dynamics::{Carry, HybridDynamics};
+use crate::dynamics::{GroupTransport, HybridDynamics};
 use crate::error::{OcpError, expect_below, expect_room};
 use crate::term::Node;
 use crate::transcription::{NodeSizes, Outline, RolloutGradient, RolloutSecondDerivatives, Transcription};
@@ -86,12 +86,12 @@ struct Segment {
     position_variables: Vec<(usize, usize)>,
     velocity_variables: Vec<(usize, usize)>,
     /// Of the displacement at the start.
-    carry: Carry,
+    transport: GroupTransport,
     /// State at the end.
     end_position: Vec<f64>,
     end_velocity: Vec<f64>,
     /// Of the logarithm of the gap at the start; none for the first segment.
-    gap: Carry,
+    gap: GroupTransport,
     /// First defect of the gap at the start.
     first_defect: usize,
     /// Variables on which the nodes depend.
@@ -283,10 +283,10 @@ impl<D: HybridDynamics> Shooting<D> {
             velocity: if number == 0 { start.velocity.clone() } else { vec![0.0; start.velocity.len()] },
             position_variables,
             velocity_variables,
-            carry: Carry::new(dofs),
+            transport: GroupTransport::new(dofs),
             end_position: start.position.clone(),
             end_velocity: start.velocity.clone(),
-            gap: Carry::new(dofs),
+            gap: GroupTransport::new(dofs),
             first_defect,
             variables,
             gap_variables,

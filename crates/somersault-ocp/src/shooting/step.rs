@@ -259,8 +259,8 @@ impl<D: HybridDynamics> Shooting<D> {
                 let moves = tableau.stages.iter().map(|inner| &inner.position).chain(tableau.end);
                 for (m, factors) in moves.enumerate() {
                     self.displacement(first, factors, h);
-                    let carry = &mut self.stages.carries[node * moves_per_step(self.scheme) + m];
-                    carry.set(&self.dynamics, &self.backward.delta);
+                    let transport = &mut self.stages.transports[node * moves_per_step(self.scheme) + m];
+                    transport.set(&self.dynamics, &self.backward.delta);
                 }
             }
         }
@@ -271,7 +271,7 @@ impl<D: HybridDynamics> Shooting<D> {
             for (dof, variable) in &segment.position_variables {
                 backward.delta[*dof] = z[*variable];
             }
-            segment.carry.set(dynamics, &backward.delta);
+            segment.transport.set(dynamics, &backward.delta);
             if number > 0 {
                 self.gap_displacement(number)?;
                 let gap = &mut self.segments[number].gap;

@@ -1,7 +1,7 @@
 //! Room for a motion: the stages of its steps, and its nodes.
 
 use super::phase::Scheme;
-use crate::dynamics::{Carry, Dofs};
+use crate::dynamics::{Dofs, GroupTransport};
 use crate::term::Node;
 use crate::transcription::NodeSizes;
 
@@ -20,7 +20,7 @@ pub(super) struct Stages {
     channels: Vec<f64>,
     partials: Vec<f64>,
     /// Of the moves of each step.
-    pub(super) carries: Vec<Carry>,
+    pub(super) transports: Vec<GroupTransport>,
 }
 
 /// Moves from one point of the group to another in a step: to each stage but the first, and two to the end.
@@ -46,7 +46,7 @@ impl Stages {
             found: vec![0.0; count * n],
             channels: vec![0.0; count * 3 * sizes.n_channels],
             partials: vec![0.0; count * 3 * n * n],
-            carries: vec![Carry::new(dofs); n_nodes * moves_per_step(scheme)],
+            transports: vec![GroupTransport::new(dofs); n_nodes * moves_per_step(scheme)],
         }
     }
 

@@ -1,7 +1,7 @@
 //! What an accurate integration makes of a swing-up.
 
 use super::{CartPendulumProblem, SwingUp};
-use crate::verification::{Verification, VerificationError, Verified, verify_cancellable};
+use crate::verification::{Verification, VerificationError, VerifiedReport, verify_cancellable};
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Iteration, Nlp, NlpSolver, SolverError, Start};
 
@@ -48,9 +48,9 @@ impl CartPendulumProblem {
         solver: &dyn NlpSolver,
         start: &Start,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
-    ) -> Result<Verified<SwingUpVerification>, SolverError> {
+    ) -> Result<VerifiedReport<SwingUpVerification>, SolverError> {
         let report = solver.solve(program, start, on_iteration)?;
         let verification = self.verify(&report.z[..program.n_parameters()]);
-        Ok(Verified { report, verification })
+        Ok(VerifiedReport { report, verification })
     }
 }

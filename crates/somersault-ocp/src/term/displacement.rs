@@ -1,7 +1,7 @@
 //! Displacements of the positions on the groups of the joints.
 
 use super::{Node, NodeGradient, Term};
-use crate::dynamics::{Carry, HybridDynamics};
+use crate::dynamics::{GroupTransport, HybridDynamics};
 use crate::error::{OcpError, expect_below};
 use somersault_core::argument::{expect_finite, expect_length};
 use somersault_nlp::EvaluationError;
@@ -13,7 +13,7 @@ pub struct Displacement<D> {
     dynamics: D,
     reference: Vec<f64>,
     dofs: Vec<usize>,
-    carry: Carry,
+    transport: GroupTransport,
     difference: Vec<f64>,
     by_difference: Vec<f64>,
 }
@@ -28,7 +28,7 @@ impl<D: HybridDynamics> Displacement<D> {
             expect_below("dofs", *dof, n)?;
         }
         Ok(Self {
-            carry: Carry::new(dynamics.dofs()),
+            transport: GroupTransport::new(dynamics.dofs()),
             dynamics,
             reference: reference.to_vec(),
             dofs: dofs.to_vec(),
@@ -48,7 +48,7 @@ impl<D: HybridDynamics> Term for Displacement<D> {
     }
 
     fn is_linear(&self) -> bool {
-        self.carry.is_trivial()
+        self.transport.is_trivial()
     }
 
     fn evaluate(&mut self, node: &Node<'_>, rows: &mut [f64]) -> Result<(), EvaluationError> {
@@ -63,16 +63,16 @@ impl<D: HybridDynamics> Term for Displacement<D> {
         y: &[f64],
         gradient: &mut NodeGradient,
     ) -> Result<(), EvaluationError> {
-        let Self { dynamics, dofs, carry, difference, by_difference, .. } = self;
+        let Self { dynamics, dofs, transport, difference, by_difference, .. } = self;
         by_difference.fill(0.0);
         y.iter().zip(&*dofs).for_each(|(y, dof)| by_difference[*dof] += y);
-        if !carry.is_trivial() {
-            carry.set(dynamics, difference);
-            if !carry.invert_jacobian() {
+        if !transport.is_trivial() {
+            transport.set(dynamics, difference);
+            if !transport.invert_jacobian() {
                 let what = "the gradient of a displacement by a whole turn".to_owned();
                 return Err(EvaluationError::Undefined { what });
             }
-            carry.jacobian_transposed(by_difference);
+            transport.jacobian_transposed(by_difference);
         }
         gradient.position.iter_mut().zip(by_difference).for_each(|(g, by)| *g += *by);
         Ok(())

@@ -208,7 +208,7 @@ fn of_problem<const NX: usize, const N: usize>(problem: Arc<Problem>) -> Result<
     Ok(System::made(maker, description, n_controls, Origin::Problem(kept)))
 }
 
-/// The state–costate system of an optimal control problem of one's own: minimise ∫ ℓ(x, u) dt subject to dx/dt = f(x, u).
+/// The state–costate system of a user-defined optimal control problem: minimise ∫ ℓ(x, u) dt subject to dx/dt = f(x, u).
 ///
 /// Any dynamics, any running cost such that λᵀf + ℓ is strictly convex in u, and bounds on the controls: the control that
 /// minimises is found by a projected Newton's method, and where it reaches or leaves a bound is located.

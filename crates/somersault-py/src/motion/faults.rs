@@ -17,7 +17,7 @@ use somersault::motion::synthetic;
 ///     Of the line from the feet to the hands against the vertical in the last frame, rad.
 /// hip_opening : float
 ///     Least angle between trunk and thigh, rad.
-/// exit_share : float
+/// exit_fraction : float
 ///     Share of the duration after which the hip stays more than half open.
 /// asymmetry : float
 ///     Root mean square of left against right joint angles, rad; 0 in the plane.
@@ -40,11 +40,11 @@ impl DiveFaults {
     fn new(
         entry_angle: f64,
         hip_opening: f64,
-        exit_share: f64,
+        exit_fraction: f64,
         asymmetry: f64,
         roughness: f64,
     ) -> Result<Self, Error> {
-        let faults = analysis::DiveFaults { entry_angle, hip_opening, exit_share, asymmetry, roughness };
+        let faults = analysis::DiveFaults { entry_angle, hip_opening, exit_fraction, asymmetry, roughness };
         faults.validate()?;
         Ok(Self { faults })
     }
@@ -86,8 +86,8 @@ impl DiveFaults {
 
     /// float: Share of the duration after which the hip stays more than half open.
     #[getter]
-    fn exit_share(&self) -> f64 {
-        self.faults.exit_share
+    fn exit_fraction(&self) -> f64 {
+        self.faults.exit_fraction
     }
 
     /// float: Root mean square difference between left and right joints, rad.
@@ -104,15 +104,15 @@ impl DiveFaults {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64, f64, f64, f64)) {
         let f = &slf.get().faults;
-        (slf.get_type(), (f.entry_angle, f.hip_opening, f.exit_share, f.asymmetry, f.roughness))
+        (slf.get_type(), (f.entry_angle, f.hip_opening, f.exit_fraction, f.asymmetry, f.roughness))
     }
 
     fn __repr__(&self) -> String {
         let f = &self.faults;
         format!(
-            "DiveFaults(entry_angle={:.4}, hip_opening={:.4}, exit_share={:.4}, asymmetry={:.4}, \
+            "DiveFaults(entry_angle={:.4}, hip_opening={:.4}, exit_fraction={:.4}, asymmetry={:.4}, \
              roughness={:.3})",
-            f.entry_angle, f.hip_opening, f.exit_share, f.asymmetry, f.roughness
+            f.entry_angle, f.hip_opening, f.exit_fraction, f.asymmetry, f.roughness
         )
     }
 }
@@ -141,7 +141,7 @@ pub(super) fn configurations(
 ///     r, faults that are taken for none.
 /// entry_angle, hip_opening, asymmetry : float, optional
 ///     p, points/rad.
-/// exit_share : float, optional
+/// exit_fraction : float, optional
 ///     Points for the whole duration.
 /// roughness : float, optional
 ///     Points for a factor of e in the squared jerk.
@@ -164,14 +164,14 @@ pub(crate) struct SyntheticJudge {
 impl SyntheticJudge {
     #[new]
     #[pyo3(signature = (
-        reference, *, entry_angle=None, hip_opening=None, exit_share=None, asymmetry=None, roughness=None, noise=None,
+        reference, *, entry_angle=None, hip_opening=None, exit_fraction=None, asymmetry=None, roughness=None, noise=None,
         half_points=false
     ))]
     fn new(
         reference: &Bound<'_, DiveFaults>,
         entry_angle: Option<f64>,
         hip_opening: Option<f64>,
-        exit_share: Option<f64>,
+        exit_fraction: Option<f64>,
         asymmetry: Option<f64>,
         roughness: Option<f64>,
         noise: Option<f64>,
@@ -181,7 +181,7 @@ impl SyntheticJudge {
         let judge = synthetic::SyntheticJudge {
             entry_angle: entry_angle.unwrap_or(usual.entry_angle),
             hip_opening: hip_opening.unwrap_or(usual.hip_opening),
-            exit_share: exit_share.unwrap_or(usual.exit_share),
+            exit_fraction: exit_fraction.unwrap_or(usual.exit_fraction),
             asymmetry: asymmetry.unwrap_or(usual.asymmetry),
             roughness: roughness.unwrap_or(usual.roughness),
             noise: noise.unwrap_or(usual.noise),
@@ -261,7 +261,7 @@ impl SyntheticJudge {
         [
             ("entry_angle", judge.entry_angle),
             ("hip_opening", judge.hip_opening),
-            ("exit_share", judge.exit_share),
+            ("exit_fraction", judge.exit_fraction),
             ("asymmetry", judge.asymmetry),
             ("roughness", judge.roughness),
         ]

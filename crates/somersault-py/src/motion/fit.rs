@@ -3,11 +3,11 @@
 use super::markers::MarkerRecording;
 use super::matrix::{count, numbers_array};
 use super::motion_fit::MotionFit;
-use super::worker::attended_cancellable;
 use crate::convert::{a_type, array, entries_or_none, real_numbers, vector};
 use crate::error::Error;
 use crate::model::{Model, Which};
 use crate::ocp::EigenpostureBase;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, Shape};
@@ -291,7 +291,7 @@ impl MarkerFit {
 
     /// Fits all frames of a recording.
     ///
-    /// Markers of the recording that the model has not are left aside, those that the recording has not are missing.
+    /// Markers of the recording that the model has not are ignored, those that the recording has not are missing.
     /// Other Python threads run meanwhile. Ctrl-C raises at once and stops the fit.
     ///
     /// Parameters
@@ -313,7 +313,7 @@ impl MarkerFit {
         recording: &Bound<'_, MarkerRecording>,
     ) -> Result<MotionFit, Error> {
         let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
-        let motion = attended_cancellable(py, move |token| fit.fit_cancellable(&recording, token))?;
+        let motion = leave_on_signal(py, move |token| fit.fit_cancellable(&recording, token))?;
         Ok(MotionFit { fit: slf.clone().unbind(), motion })
     }
 

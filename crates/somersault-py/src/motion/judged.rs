@@ -1,14 +1,14 @@
-//! Judged motions of one's own.
+//! Sets of judged motions that users provide.
 
 use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix::{numbers_array, same_length};
 use super::readers::warn;
 use super::scoring::Performance;
-use super::worker::attended;
 use crate::convert::with_shape;
 use crate::error::Error;
 use crate::named_models::Diver;
+use crate::waiting::leave_on_signal;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -73,7 +73,7 @@ impl JudgedSet {
         Ok(found)
     }
 
-    /// list of bool: Whether motion or score are made up.
+    /// list of bool: Whether motion or score are synthetic.
     #[getter]
     fn synthetic(&self) -> Vec<bool> {
         self.set.list.motions.iter().map(|motion| motion.synthetic).collect()
@@ -85,7 +85,7 @@ impl JudgedSet {
         self.set.recordings.iter().cloned().map(|recording| MarkerRecording { recording }).collect()
     }
 
-    /// The motions to be scored, those that are made up labelled so.
+    /// The motions to be scored, synthetic ones labelled so.
     ///
     /// Returns
     /// -------
@@ -95,7 +95,7 @@ impl JudgedSet {
         Ok(found.into_iter().map(|performance| Performance { performance }).collect())
     }
 
-    /// Writes the list as ``judged.csv`` and its motions as CSV into a folder. What is made up says SYNTHETIC.
+    /// Writes the list as ``judged.csv`` and its motions as CSV into a folder. What is synthetic says SYNTHETIC.
     ///
     /// Parameters
     /// ----------
@@ -213,7 +213,7 @@ pub(crate) fn read_judged(
     let convention = convention(unit, up, forward)?;
     let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
     let options = JudgedOptions { convention, nan_is_gap, longest_gap, diver };
-    let set = attended(py, move || judged::load_set(path, &options).map_err(raised))?;
+    let set = leave_on_signal(py, move |_| judged::load_set(path, &options).map_err(raised))?;
     for (line, contradiction) in &set.contradictions {
         warn(py, &format!("line {line} of the list: {contradiction}"))?;
     }

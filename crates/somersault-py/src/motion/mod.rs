@@ -14,7 +14,6 @@ mod scoring;
 mod skeleton;
 mod synthetic;
 mod validation;
-mod worker;
 mod writers;
 
 pub(crate) use faults::{DiveFaults, SyntheticJudge};

@@ -1,10 +1,10 @@
 //! Principal components of motions, and motions in a base.
 
 use super::matrix::{count, matrices, matrix, matrix_array, numbers_array};
-use super::worker::attended;
 use crate::convert::{real_numbers, with_shape};
 use crate::error::Error;
 use crate::ocp::EigenpostureBase;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis::{self, WeightBounds, eigenpostures};
@@ -46,7 +46,7 @@ impl Pca {
         let samples = matrix("samples", samples)?;
         let most = samples.nrows().saturating_sub(1).min(samples.ncols());
         let n = n_components.map_or(Ok(most), |n| count("n_components", n))?;
-        Ok(Self { pca: attended(py, move || analysis::Pca::fit(&samples, n))? })
+        Ok(Self { pca: leave_on_signal(py, move |_| analysis::Pca::fit(&samples, n))? })
     }
 
     /// ndarray, shape (n_features,): Mean of the samples.
@@ -143,12 +143,12 @@ impl Pca {
     }
 
     fn __repr__(&self) -> String {
-        let share: f64 = self.pca.explained_variance_ratio().iter().sum();
+        let fraction: f64 = self.pca.explained_variance_ratio().iter().sum();
         format!(
             "<Pca: {} components of {} samples, {:.1} % of their variance>",
             self.pca.n_components(),
             self.pca.n_samples(),
-            100.0 * share
+            100.0 * fraction
         )
     }
 }
@@ -172,7 +172,7 @@ pub(crate) fn common_eigenpostures(
 ) -> Result<Pca, Error> {
     let (motions, n_eigenpostures) =
         (matrices("motions", motions)?, count("n_eigenpostures", n_eigenpostures)?);
-    Ok(Pca { pca: attended(py, move || eigenpostures::common(&motions, n_eigenpostures))? })
+    Ok(Pca { pca: leave_on_signal(py, move |_| eigenpostures::common(&motions, n_eigenpostures))? })
 }
 
 /// Eigenpostures of each motion by itself: the variant of the thesis (4.1.1).
@@ -195,7 +195,7 @@ pub(crate) fn eigenpostures_per_motion(
 ) -> Result<Vec<Pca>, Error> {
     let (motions, n_eigenpostures) =
         (matrices("motions", motions)?, count("n_eigenpostures", n_eigenpostures)?);
-    let found = attended(py, move || eigenpostures::per_motion(&motions, n_eigenpostures))?;
+    let found = leave_on_signal(py, move |_| eigenpostures::per_motion(&motions, n_eigenpostures))?;
     Ok(found.into_iter().map(|pca| Pca { pca }).collect())
 }
 
@@ -274,6 +274,6 @@ pub(crate) fn project(
         _ => return Err(Error::input(format!("`bounds` must be 'simplex' or 'none', found '{bounds}'"))),
     };
     let (base, postures) = (base.get().base.clone(), matrix("postures", postures)?);
-    let found = attended(py, move || analysis::project(&base, &postures, bounds))?;
+    let found = leave_on_signal(py, move |_| analysis::project(&base, &postures, bounds))?;
     Ok(Projection { weights: found.weights, distances: found.distances })
 }

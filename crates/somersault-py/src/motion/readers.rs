@@ -4,10 +4,10 @@ use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix;
 use super::skeleton::SkeletonRecording;
-use super::worker::attended;
 use crate::convert::a_type;
 use crate::error::Error;
 use crate::named_models::Diver;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use somersault::motion::readers::{self, MarkerOptions, Place, ReadError, bvh, c3d, joint_motion, trc};
 use somersault::multibody::models;
@@ -59,7 +59,7 @@ fn read<T: Send + 'static>(
     reader: impl FnOnce(&[u8]) -> Result<T, ReadError> + Send + 'static,
 ) -> Result<T, Error> {
     let (bytes, name) = bytes_of(source)?;
-    attended(source.py(), move || reader(&bytes).map_err(|error| Failed { error, name }))
+    leave_on_signal(source.py(), move |_| reader(&bytes).map_err(|error| Failed { error, name }))
 }
 
 /// Reads a BVH file: a tree of joints and how they turned.

@@ -3,9 +3,9 @@
 use super::markers::MarkerRecording;
 use super::matrix::{self, count, matrix, matrix_array, numbers_array, same_length};
 use super::pca::Pca;
-use super::worker::attended;
 use crate::convert::{entries, real_numbers};
 use crate::error::Error;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 use somersault::motion::nalgebra::Vector3;
@@ -92,13 +92,13 @@ impl Performance {
         self.performance.features().kind.to_string()
     }
 
-    /// bool: Whether it is labelled as made up.
+    /// bool: Whether it is labelled as synthetic.
     #[getter]
     fn synthetic(&self) -> bool {
         self.performance.is_synthetic()
     }
 
-    /// The same, labelled as made up; models and validations that use it carry the label on.
+    /// The same, labelled as synthetic; models and validations that use it carry the label on.
     ///
     /// Returns
     /// -------
@@ -373,7 +373,7 @@ impl ScoringModel {
     ) -> Result<Self, Error> {
         let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
         let options = ScoringOptions::or_thesis(options);
-        let model = attended(py, move || scoring::ScoringModel::train(&motions, &scores, &options))?;
+        let model = leave_on_signal(py, move |_| scoring::ScoringModel::train(&motions, &scores, &options))?;
         Ok(Self { model })
     }
 
@@ -445,7 +445,7 @@ impl ScoringModel {
         self.model.intercept()
     }
 
-    /// bool: Whether it has learnt from motions that are made up: then its scores say nothing about real ones.
+    /// bool: Whether it has learnt from synthetic motions: then its scores say nothing about real ones.
     #[getter]
     fn synthetic(&self) -> bool {
         self.model.is_synthetic()

@@ -6,10 +6,10 @@ use super::judged::JudgedSet;
 use super::markers::MarkerRecording;
 use super::matrix::{self, count, numbers_array};
 use super::scoring::Performance;
-use super::worker::{attended, attended_cancellable};
 use crate::convert::{array, real_numbers, vector, vector_array};
 use crate::error::Error;
 use crate::model::Model;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis;
@@ -26,7 +26,7 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 /// over_rotation : float, optional
 ///     How much farther the body turns till the entry, rad; negative: short.
 /// wobble, wobble_frequency, wobble_phase : float, optional
-///     Amplitude as a share of the fold, frequency, Hz, and phase, rad, of a wobble.
+///     Amplitude as a fraction of the fold, frequency, Hz, and phase, rad, of a wobble.
 /// asymmetry : float, optional
 ///     Share by which joints on the right fold more and those on the left less.
 /// duration : float, optional
@@ -35,7 +35,7 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 /// Raises
 /// ------
 /// InputError
-///     If a number is not finite, or a share not below 1.
+///     If a number is not finite, or a fraction not below 1.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct Perturbation {
@@ -91,7 +91,7 @@ impl Perturbation {
         self.perturbation.over_rotation
     }
 
-    /// float: Amplitude of the wobble as a share of the fold.
+    /// float: Amplitude of the wobble as a fraction of the fold.
     #[getter]
     fn wobble(&self) -> f64 {
         self.perturbation.wobble
@@ -220,7 +220,7 @@ impl SyntheticFlight {
         perturbation: &Bound<'_, Perturbation>,
     ) -> Result<SyntheticDive, Error> {
         let (flight, perturbation) = (self.flight.clone(), perturbation.get().perturbation);
-        Ok(SyntheticDive { dive: attended(py, move || flight.perturb(&perturbation))? })
+        Ok(SyntheticDive { dive: leave_on_signal(py, move |_| flight.perturb(&perturbation))? })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -360,7 +360,7 @@ impl SyntheticSet {
             |judge| judge.get().judge,
         );
         let (flight, markers) = (flight.flight.clone(), markers.get().markers.clone());
-        let set = attended_cancellable(py, move |token| {
+        let set = leave_on_signal(py, move |token| {
             synthetic::SyntheticSet::generate_cancellable(&flight, &markers, &judge, &options, token)
         })?;
         Ok(Self { set, judge })

@@ -2,9 +2,9 @@
 
 use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
-use super::worker::attended_cancellable;
 use crate::convert::{a_type, entries, real_numbers, with_shape};
 use crate::error::Error;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::scoring::{self, ValidationOptions};
@@ -156,7 +156,7 @@ impl Validation {
         self.validation.baselines.iter().cloned().map(|baseline| Baseline { baseline }).collect()
     }
 
-    /// bool: Whether some of the motions are made up.
+    /// bool: Whether some of the motions are synthetic.
     #[getter]
     fn synthetic(&self) -> bool {
         self.validation.synthetic
@@ -210,7 +210,7 @@ impl Validation {
 /// Bases, number of components and regression are made anew for each motion. The mean of the others falls where the score left
 /// out is high: it is correlated by −1 with any scores, and so in part are predictions, which contain it. So
 /// correlations are of what a prediction differs by from that mean. Scores that mean nothing still make them lean to the
-/// negative. Intervals are over resamples of the motions, each with models of its own; p-values are shares of shuffles of the
+/// negative. Intervals are over resamples of the motions, each with models of its own; p-values are fractions of shuffles of the
 /// scores that are correlated at least as much. Costs n⁴ for n motions a resample.
 ///
 /// Parameters
@@ -259,7 +259,7 @@ pub(crate) fn validate(
         let values = real_numbers(&format!("features['{name}']"), &values)?;
         named.push((name, values));
     }
-    let validation = attended_cancellable(py, move |token| {
+    let validation = leave_on_signal(py, move |token| {
         let features: Vec<(&str, &[f64])> =
             named.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
         scoring::validate_cancellable(&motions, &scores, &options, &choices, &features, token)

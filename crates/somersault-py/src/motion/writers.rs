@@ -4,8 +4,8 @@ use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix;
 use super::skeleton::SkeletonRecording;
-use super::worker::attended;
 use crate::error::Error;
+use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use somersault::motion::writers;
@@ -40,7 +40,7 @@ pub(crate) fn write_csv(
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
     let recording = recording.get().recording.clone();
-    put(path, attended(path.py(), move || writers::csv::write(&recording, &convention))?.as_bytes())
+    put(path, leave_on_signal(path.py(), move |_| writers::csv::write(&recording, &convention))?.as_bytes())
 }
 
 /// Writes markers as TRC, as OpenSim reads them, with all digits.
@@ -68,7 +68,10 @@ pub(crate) fn write_trc(
     let convention = convention(unit, up, forward)?;
     let name: String = matrix::path("path", path)?.getattr("name")?.extract()?;
     let recording = recording.get().recording.clone();
-    put(path, attended(path.py(), move || writers::trc::write(&recording, &name, &convention))?.as_bytes())
+    put(
+        path,
+        leave_on_signal(path.py(), move |_| writers::trc::write(&recording, &name, &convention))?.as_bytes(),
+    )
 }
 
 /// Writes markers as C3D, in single precision.
@@ -100,7 +103,7 @@ pub(crate) fn write_c3d(
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
     let recording = recording.get().recording.clone();
-    put(path, &attended(path.py(), move || writers::c3d::write(&recording, &convention))?)
+    put(path, &leave_on_signal(path.py(), move |_| writers::c3d::write(&recording, &convention))?)
 }
 
 /// Writes a skeleton and its motion as BVH.
@@ -133,7 +136,7 @@ pub(crate) fn write_bvh(
 ) -> Result<(), Error> {
     let convention = convention(unit, up, forward)?;
     let recording = recording.get().recording.clone();
-    put(path, attended(path.py(), move || writers::bvh::write(&recording, &convention))?.as_bytes())
+    put(path, leave_on_signal(path.py(), move |_| writers::bvh::write(&recording, &convention))?.as_bytes())
 }
 
 /// Writes a motion in the format of DeepMimic, without lengths.
@@ -156,5 +159,5 @@ pub(crate) fn write_joint_motion(
     recording: &Bound<'_, SkeletonRecording>,
 ) -> Result<(), Error> {
     let recording = recording.get().recording.clone();
-    put(path, attended(path.py(), move || writers::joint_motion::write(&recording))?.as_bytes())
+    put(path, leave_on_signal(path.py(), move |_| writers::joint_motion::write(&recording))?.as_bytes())
 }

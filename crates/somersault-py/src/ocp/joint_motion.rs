@@ -121,8 +121,8 @@ impl EigenpostureBase {
 
 /// A joint motion whose channels are uniform B-splines; conditions at its ends hold for all parameters.
 ///
-/// Channels are the weights of a base of eigenpostures, or the joints themselves. Time is the share of the duration, in
-/// [0, 1]; rates are by the share.
+/// Channels are the weights of a base of eigenpostures, or the joints themselves. Time is the fraction of the duration, in
+/// [0, 1]; rates are by the fraction.
 ///
 /// Parameters
 /// ----------
@@ -279,32 +279,32 @@ impl SplineMotion {
     /// Parameters
     /// ----------
     /// parameters : array_like, shape (n_parameters,)
-    /// share : float or array_like, shape (n,)
-    ///     Share of the duration.
+    /// fraction : float or array_like, shape (n,)
+    ///     Fraction of the duration.
     /// derivative : int, optional
-    ///     0 for the channels, r for their r-th derivative by the share.
+    ///     0 for the channels, r for their r-th derivative by the fraction.
     ///
     /// Returns
     /// -------
     /// ndarray, shape (n_channels,) or (n, n_channels)
-    #[pyo3(signature = (parameters, share, derivative=0))]
+    #[pyo3(signature = (parameters, fraction, derivative=0))]
     fn __call__<'py>(
         &self,
         py: Python<'py>,
         parameters: &Bound<'py, PyAny>,
-        share: &Bound<'py, PyAny>,
+        fraction: &Bound<'py, PyAny>,
         #[pyo3(from_py_with = integer)] derivative: i64,
     ) -> Result<Bound<'py, PyAny>, Error> {
         let derivative = index("derivative", derivative)?;
         let coefficients = self.coefficients_of(parameters)?;
-        let (single, shares) = times("share", share)?;
-        let shares = finite_all("share", shares)?;
+        let (single, fractions) = times("fraction", fraction)?;
+        let fractions = finite_all("fraction", fractions)?;
         let n = self.motion.n_channels();
-        let mut channels = vec![0.0; n * shares.len()];
-        for (share, out) in shares.iter().zip(channels.chunks_exact_mut(n)) {
-            self.motion.channels_into(&coefficients, *share, derivative, out);
+        let mut channels = vec![0.0; n * fractions.len()];
+        for (fraction, out) in fractions.iter().zip(channels.chunks_exact_mut(n)) {
+            self.motion.channels_into(&coefficients, *fraction, derivative, out);
         }
-        let shape: &[usize] = if single { &[n] } else { &[shares.len(), n] };
+        let shape: &[usize] = if single { &[n] } else { &[fractions.len(), n] };
         Ok(array(py, channels, shape)?.into_any())
     }
 
@@ -312,7 +312,7 @@ impl SplineMotion {
     ///
     /// Parameters
     /// ----------
-    /// share : array_like, shape (n,)
+    /// fraction : array_like, shape (n,)
     /// samples : array_like, shape (n, n_channels)
     ///
     /// Returns
@@ -321,17 +321,17 @@ impl SplineMotion {
     fn fit<'py>(
         &self,
         py: Python<'py>,
-        share: &Bound<'py, PyAny>,
+        fraction: &Bound<'py, PyAny>,
         samples: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
-        let shares = finite_all("share", real_numbers("share", share)?)?;
+        let fractions = finite_all("fraction", real_numbers("fraction", fraction)?)?;
         let n = self.motion.n_channels();
-        // the shape follows from the shares, which may be what is wrong
-        let samples = with_shape("samples", &[shares.len(), n], samples)
-            .map_err(|error| error.with_names(&[("samples", "samples` of each `share")]))?;
+        // the shape follows from the fractions, which may be what is wrong
+        let samples = with_shape("samples", &[fractions.len(), n], samples)
+            .map_err(|error| error.with_names(&[("samples", "samples` of each `fraction")]))?;
         let samples = finite_all("samples", samples)?;
         let samples: Vec<&[f64]> = samples.chunks_exact(n).collect();
-        Ok(numpy::PyArray1::from_vec(py, self.motion.fit(&shares, &samples)?).into_any())
+        Ok(numpy::PyArray1::from_vec(py, self.motion.fit(&fractions, &samples)?).into_any())
     }
 
     fn __repr__(&self) -> String {

@@ -4,8 +4,7 @@ use super::arguments::tolerance;
 use super::solver::Report;
 use super::verification::Verifier;
 use crate::error::Error;
-use crate::waiting::{Cancellation, attend};
-use pyo3::exceptions::PyKeyboardInterrupt;
+use crate::waiting::{Cancellation, attend, deliver};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::nlp::{
@@ -39,18 +38,10 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
         let cancellation = Cancellation::at(self.deadline);
         let solve = || many.try_solve::<N, Error>(&make, starts, || cancellation.token.is_cancelled());
         let found = attend(py, |raised| cancellation.raise(raised), solve)??;
-        match cancellation.raised() {
-            Some(error) if !(self.returned && error.is_instance_of::<PyKeyboardInterrupt>(py)) => {
-                Err(error.clone_ref(py).into())
-            }
-            raised => SearchResult::of(
-                py,
-                found,
-                cancellation.token.has_expired() && raised.is_none(),
-                reported,
-                verifier,
-            ),
-        }
+        let raised = cancellation.raised().map(|raised| raised.clone_ref(py));
+        let is_late = cancellation.token.has_expired() && raised.is_none();
+        let result = SearchResult::of(py, found, is_late, reported, verifier)?;
+        deliver(py, raised, self.returned, result)
     }
 }
 

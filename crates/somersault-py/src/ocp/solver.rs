@@ -4,20 +4,16 @@ use super::arguments::{limit, tolerance};
 use super::verification::{Verifier, judgement};
 use crate::error::Error;
 use crate::plan::{check_callable, returns_interrupted};
-use crate::waiting::{Cancellation, attend};
+use crate::waiting::{SignalTimer, deliver, with_solution};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
-use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{
     self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, Nlp, NlpSolver,
     SolverError, Sqp, Start, Status,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// How often a solve looks whether it is to stop.
-const ATTENTION: Duration = Duration::from_millis(50);
 
 /// What a solver found: always the best iterate, with the residuals it has, and what an accurate integration makes of it.
 ///
@@ -294,7 +290,7 @@ impl SolverArguments<'_, '_> {
 
     /// Solves. Without Python code in the program or a callback the interpreter is released.
     ///
-    /// An cancellation ends the solve; its best iterate is returned, or is the attribute `report` of the exception.
+    /// An interruption ends the solve; its best iterate is the attribute `solution` of the exception, or is returned.
     pub(crate) fn solve(
         &self,
         py: Python<'_>,
@@ -332,14 +328,11 @@ impl SolverArguments<'_, '_> {
                     Ok(error) => *error,
                     Err(other) => Error::evaluation(other.to_string()).into(),
                 };
-                return Err(with_report(py, error, verified(*report)));
+                return Err(with_solution(py, error, verified(*report)));
             }
             Err(error) => return Err(error.into()),
         };
-        match watcher.into_raised(py, returned) {
-            Some(error) => Err(with_report(py, error, report)),
-            None => Ok(report),
-        }
+        deliver(py, watcher.into_raised(), returned, report)
     }
 }
 
@@ -347,7 +340,7 @@ impl SolverArguments<'_, '_> {
 pub(crate) struct Watcher {
     callback: Option<Py<PyAny>>,
     raised: Option<PyErr>,
-    last_look: Instant,
+    timer: SignalTimer,
 }
 
 impl Watcher {
@@ -356,7 +349,7 @@ impl Watcher {
             check_callable("callback", "callback(iteration, z, cost, residual)", callback)?;
         }
         let callback = callback.map(|f| f.clone().unbind());
-        Ok(Self { callback, raised: None, last_look: Instant::now() })
+        Ok(Self { callback, raised: None, timer: SignalTimer::start() })
     }
 
     /// Whether Ctrl-C has ended the solve.
@@ -366,12 +359,11 @@ impl Watcher {
 
     /// Whether the solve is to go on.
     pub(crate) fn look(&mut self, iteration: &Iteration<'_>) -> Flow {
-        if self.callback.is_none() && self.last_look.elapsed() < ATTENTION {
+        if self.callback.is_none() && !self.timer.is_due() {
             return Flow::Continue;
         }
-        self.last_look = Instant::now();
         let looked = Python::attach(|py| {
-            py.check_signals()?;
+            self.timer.look(py)?;
             self.callback.as_ref().map_or(Ok(false), |f| asks_to_stop(py, f, iteration))
         });
         match looked {
@@ -391,32 +383,10 @@ impl Watcher {
         }
     }
 
-    /// What was raised, unless it is an cancellation that ends in a result.
-    pub(crate) fn into_raised(self, py: Python<'_>, returned: bool) -> Option<PyErr> {
-        self.raised.filter(|error| !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py)))
+    /// What was raised.
+    pub(crate) fn into_raised(self) -> Option<PyErr> {
+        self.raised
     }
-}
-
-/// Works without the interpreter for as long as no signal ends it; then what its handler raised comes out.
-pub(crate) fn attended<T: Send, E: Send + Into<Error>>(
-    py: Python<'_>,
-    work: impl FnOnce(&CancellationToken) -> Result<T, E> + Send,
-) -> Result<T, Error> {
-    let cancellation = Cancellation::default();
-    let found = attend(py, |raised| cancellation.raise(raised), || work(&cancellation.token))?;
-    match cancellation.raised() {
-        Some(error) => Err(error.clone_ref(py).into()),
-        None => found.map_err(Into::into),
-    }
-}
-
-/// The exception, with the report as its attribute.
-fn with_report(py: Python<'_>, error: PyErr, report: Report) -> Error {
-    if let Ok(report) = Py::new(py, report) {
-        // An exception that takes no attributes is still the one to raise.
-        let _ = error.value(py).setattr("report", report);
-    }
-    error.into()
 }
 
 fn asks_to_stop(py: Python<'_>, callback: &Py<PyAny>, iteration: &Iteration<'_>) -> PyResult<bool> {

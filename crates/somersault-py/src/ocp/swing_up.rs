@@ -3,12 +3,13 @@
 use super::arguments::{count, integer, integer_or_none, seed_of, starts_or_none};
 use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
-use super::solver::{Report, SolverArguments, attended};
-use super::verification::{SwingUpVerification, Unverified, Verifier};
+use super::solver::{Report, SolverArguments};
+use super::verification::{SwingUpVerification, VerificationFailure, Verifier};
 use crate::convert::{array, entries_or_none, finite, numbers_or_one, with_shape};
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::returns_interrupted;
+use crate::waiting::cancel_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::multibody::models::CartPendulum;
@@ -96,7 +97,9 @@ impl CartPendulumProblem {
         let (problem, cost) = (self.problem.clone(), report.cost);
         let z = report.z[..self.n_variables()].to_vec();
         Some(Verifier::new(move |py| {
-            let found = attended(py, |token| problem.verify_cancellable(&z, token).map_err(Unverified))?;
+            let found = cancel_on_signal(py, |token| {
+                problem.verify_cancellable(&z, token).map_err(VerificationFailure)
+            })?;
             Ok(SwingUpVerification::of(py, found, cost)?.into_any())
         }))
     }
@@ -311,15 +314,15 @@ impl CartPendulumProblem {
     ///     s.
     /// callback : callable, optional
     ///     ``callback(iteration, z, cost, residual)`` after each step; the solve stops where it returns true.
-    /// on_interrupt : {'return', 'raise'}, optional
-    ///     What Ctrl-C does: return the best iterate, or raise with it as the attribute ``report``.
+    /// on_interrupt : {'raise', 'return'}, optional
+    ///     What Ctrl-C does: raise with the best iterate as the attribute ``solution``, or return it.
     ///
     /// Returns
     /// -------
     /// Report
     ///     With the best iterate, whatever the status.
     #[pyo3(signature = (
-        z=None, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="return"
+        z=None, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="raise"
     ))]
     fn solve(
         &self,
@@ -366,14 +369,14 @@ impl CartPendulumProblem {
     ///     Amplitude of the first half wave, m; that of the m-th is an m-th of it.
     /// distance_tol : float, optional
     ///     Two minima are the same if no variable differs by more, relative to its size where that is above 1.
-    /// on_interrupt : {'return', 'raise'}, optional
-    ///     What Ctrl-C does: return what has been found, or raise.
+    /// on_interrupt : {'raise', 'return'}, optional
+    ///     What Ctrl-C does: raise with what has been found as the attribute ``solution``, or return it.
     ///
     /// Returns
     /// -------
     /// SearchResult
     #[pyo3(signature = (
-        n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, on_interrupt="return"
+        n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, on_interrupt="raise"
     ))]
     fn search(
         &self,
@@ -453,7 +456,9 @@ impl CartPendulumProblem {
             .clone()
             .evaluate(&z, &mut [])
             .map_err(|error| Error::evaluation(error.to_string()))?;
-        let found = attended(py, |token| self.problem.verify_cancellable(&z, token).map_err(Unverified))?;
+        let found = cancel_on_signal(py, |token| {
+            self.problem.verify_cancellable(&z, token).map_err(VerificationFailure)
+        })?;
         Ok(SwingUpVerification::of(py, found, cost)?)
     }
 

@@ -244,10 +244,10 @@ impl SwingUpVerification {
 }
 
 /// Why a motion could not be integrated anew.
-pub(crate) struct Unverified(pub(crate) VerificationError);
+pub(crate) struct VerificationFailure(pub(crate) VerificationError);
 
-impl From<Unverified> for Error {
-    fn from(Unverified(error): Unverified) -> Self {
+impl From<VerificationFailure> for Error {
+    fn from(VerificationFailure(error): VerificationFailure) -> Self {
         match error {
             VerificationError::Problem(error) => error.into(),
             VerificationError::Integration(error) => error.into(),

@@ -188,9 +188,9 @@ impl DiveProgram {
         if let Some(column) = self.extra.duration {
             inputs[(MOMENTUM + 1, column)] = self.momentum(z);
         }
-        let bent = self.path.curvature(&last, &arrival, &inputs)?;
+        let second = self.path.curvature(&last, &arrival, &inputs)?;
         for j in 0..z.len() {
-            (0..=j).for_each(|i| hessian[entry(i, j)] += 0.5 * (bent[(i, j)] + bent[(j, i)]));
+            (0..=j).for_each(|i| hessian[entry(i, j)] += 0.5 * (second[(i, j)] + second[(j, i)]));
         }
         if let (Some(i), Some(j)) = (self.extra.momentum, self.extra.duration) {
             self.angle_row.fill(0.0);

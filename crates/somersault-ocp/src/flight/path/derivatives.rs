@@ -85,7 +85,7 @@ impl OrientationPath {
     }
 
     /// Takes the derivatives at the start of a step to its end, and past a restart there.
-    pub(in crate::flight) fn carry(&self, step: usize, derivatives: &mut NodeDerivatives) {
+    pub(in crate::flight) fn transport(&self, step: usize, derivatives: &mut NodeDerivatives) {
         self.carry_to_arrival(step, derivatives);
         self.pass(step + 1, derivatives);
     }

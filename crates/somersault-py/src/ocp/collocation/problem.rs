@@ -261,9 +261,9 @@ impl CollocationProblem {
     /// callback : callable, optional
     ///     ``callback(iteration, z, cost, residual)`` after each step of the solver; the search stops where it
     ///     returns true.
-    /// on_interrupt : {'return', 'raise'}, optional
-    ///     What Ctrl-C does: return the best iterate, or raise with it as the attribute ``result``.
-    ///     An iteration that takes longer than 0.4 s is not waited for: KeyboardInterrupt is raised without a result.
+    /// on_interrupt : {'raise', 'return'}, optional
+    ///     What Ctrl-C does: raise with the best iterate as the attribute ``solution``, or return it.
+    ///     An iteration that takes longer than 0.4 s is not waited for: KeyboardInterrupt is raised without it.
     ///
     /// Returns
     /// -------
@@ -271,7 +271,7 @@ impl CollocationProblem {
     ///     With the best motion found, whatever the status.
     #[pyo3(signature = (
         guess=None, *, tol=1e-6, n_intervals=40, n_points=4, max_meshes=20, max_iterations=None, max_time=None,
-        callback=None, on_interrupt="return"
+        callback=None, on_interrupt="raise"
     ))]
     fn solve(
         &self,

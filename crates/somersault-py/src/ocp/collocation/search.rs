@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::ocp::arguments::{count, limit, tolerance};
 use crate::ocp::solver::{Watcher, duration};
 use crate::plan::returns_interrupted;
-use crate::waiting::attend_or_leave;
+use crate::waiting::{attend_or_leave, deliver};
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
@@ -80,13 +80,6 @@ impl SearchOptions<'_, '_> {
             }
         }
         let result = result(report)?;
-        match watcher.into_raised(py, returned) {
-            Some(error) => {
-                // An exception that takes no attributes is still the one to raise.
-                let _ = error.value(py).setattr("result", result);
-                Err(error.into())
-            }
-            None => Ok(result),
-        }
+        deliver(py, watcher.into_raised(), returned, result)
     }
 }

@@ -4,7 +4,7 @@ use crate::convert::{array, real_numbers, with_shape};
 use crate::error::Error;
 use crate::ocp::solver::{Report, Watcher};
 use crate::plan::returns_interrupted;
-use crate::waiting::{Cancellation, attend, together};
+use crate::waiting::{Cancellation, attend, deliver, together};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::nlp::{self, Flow, Iteration};
@@ -39,10 +39,7 @@ impl LiteralDive {
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: nlp::Report| if interrupted { report.interrupted() } else { report };
         let found = dive::LiteralDive { report: found.report.map(reported), ..found };
-        match watcher.into_raised(py, returned) {
-            Some(error) => Err(error.into()),
-            None => Ok(Self(found)),
-        }
+        deliver(py, watcher.into_raised(), returned, Self(found))
     }
 
     fn rows<'py>(&self, py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {

@@ -16,9 +16,8 @@ use crate::convert::{entries_or_none, with_shape};
 use crate::error::Error;
 use crate::named_models::Diver;
 use crate::plan::returns_interrupted;
-use crate::waiting::{Cancellation, attend};
+use crate::waiting::{Cancellation, attend, deliver};
 use plan::{Course, Plan};
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
@@ -47,7 +46,7 @@ use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchE
 /// channels : {'weights', 'joints'}, optional
 ///     Splines for the weights, or one for each joint, which then keeps to its limits.
 /// windows : sequence of tuple of float, optional
-///     For each channel the shares of the duration between which it may differ from zero.
+///     For each channel the fractions of the duration between which it may differ from zero.
 /// square_out : float, optional
 ///     Share of the duration at which twists and tilt must be what they are at the entry.
 /// n_par : int, optional
@@ -81,7 +80,7 @@ use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchE
 /// n_pieces : int, optional
 ///     Into how many pieces intervals of the splines are cut for the bounds on the channels; 2 unless given.
 /// template : sequence of tuple, optional
-///     A rough course to start from: ``(share, posture)`` with shares that rise from 0 to 1.
+///     A rough course to start from: ``(fraction, posture)`` with fractions that rise from 0 to 1.
 ///
 /// Raises
 /// ------
@@ -165,10 +164,10 @@ impl Dive {
         PyTuple::new(py, &self.plan.names)
     }
 
-    /// list of tuple, or None: The template, as share and posture.
+    /// list of tuple, or None: The template, as fraction and posture.
     #[getter]
     fn template(&self) -> Option<Vec<(f64, String)>> {
-        let name = |frame: &KeyFrame| (frame.share, self.plan.names[frame.posture].clone());
+        let name = |frame: &KeyFrame| (frame.fraction, self.plan.names[frame.posture].clone());
         self.plan.key_frames_or_own().map(|frames| frames.iter().map(name).collect())
     }
 
@@ -214,7 +213,7 @@ impl Dive {
     /// Parameters
     /// ----------
     /// template : sequence of tuple, optional
-    ///     ``(share, posture)``; that of the dive unless given.
+    ///     ``(fraction, posture)``; that of the dive unless given.
     ///
     /// Returns
     /// -------
@@ -250,8 +249,8 @@ impl Dive {
     /// callback : callable, optional
     ///     ``callback(iteration, z, cost, residual)`` after each step of each stage; the search stops where it returns
     ///     true.
-    /// on_interrupt : {'return', 'raise'}, optional
-    ///     What Ctrl-C does: return the best iterate, or raise with it as the attribute ``solution``.
+    /// on_interrupt : {'raise', 'return'}, optional
+    ///     What Ctrl-C does: raise with the best iterate as the attribute ``solution``, or return it.
     ///
     /// Returns
     /// -------
@@ -259,7 +258,7 @@ impl Dive {
     ///     The best iterate, whatever the status.
     #[pyo3(signature = (
         z=None, *, soft_weights=None, tol=None, max_iterations=None, max_time=None, callback=None,
-        on_interrupt="return"
+        on_interrupt="raise"
     ))]
     fn solve(
         slf: &Bound<'_, Self>,
@@ -299,10 +298,7 @@ impl Dive {
             report = report.interrupted();
         }
         let solution = DiveSolution::of(slf, report)?;
-        match watcher.into_raised(py, returned) {
-            Some(error) => Err(with_solution(py, error, solution)),
-            None => Ok(solution),
-        }
+        deliver(py, watcher.into_raised(), returned, solution)
     }
 
     /// Searches from several starts in parallel: the template, and others whose inner key frames are moved.
@@ -318,10 +314,10 @@ impl Dive {
     /// Returns
     /// -------
     /// list of DiveSolution
-    ///     One for each start: the successes first, and of these the cheapest. After Ctrl-C or when the time
-    ///     is over, one for each start that had begun.
+    ///     One for each start: the successes first, and of these the cheapest. When the time is over or after
+    ///     Ctrl-C, one for each start that had begun.
     #[pyo3(signature = (
-        n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="return"
+        n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="raise"
     ))]
     fn search(
         slf: &Bound<'_, Self>,
@@ -358,11 +354,6 @@ impl Dive {
         let all = || templates.par_iter().with_max_len(1).filter_map(from).collect::<Result<Vec<_>, _>>();
         let reports = attend(py, |raised| cancellation.raise(raised), all)??;
         let raised = cancellation.raised();
-        if let Some(error) = raised
-            && !(returned && error.is_instance_of::<PyKeyboardInterrupt>(py))
-        {
-            return Err(error.clone_ref(py).into());
-        }
         let ended = |report: Report| match report.status {
             Status::Stopped if raised.is_none() && cancellation.token.has_expired() => {
                 Report { status: Status::TimeLimit, ..report }
@@ -381,7 +372,8 @@ impl Dive {
         solutions.sort_by(|(failed, a), (other, b)| {
             failed.cmp(other).then(a.report.cost.total_cmp(&b.report.cost))
         });
-        Ok(solutions.into_iter().map(|(_, solution)| solution).collect())
+        let solutions = solutions.into_iter().map(|(_, solution)| solution).collect();
+        deliver(py, raised.map(|raised| raised.clone_ref(py)), returned, solutions)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -390,7 +382,7 @@ impl Dive {
         let options = dive.options(py)?;
         options.set_item("first", plan.dive.first)?;
         options.set_item("last", plan.dive.last)?;
-        let frame = |frame: &KeyFrame| (frame.share, frame.posture);
+        let frame = |frame: &KeyFrame| (frame.fraction, frame.posture);
         if let Some(template) = &plan.template {
             options.set_item("template", template.iter().map(frame).collect::<Vec<_>>())?;
         }
@@ -484,13 +476,4 @@ impl Dive {
         search.hard.max_iterations = most.unwrap_or(search.hard.max_iterations);
         Ok(search)
     }
-}
-
-/// The exception, with the solution as its attribute.
-fn with_solution(py: Python<'_>, error: PyErr, solution: DiveSolution) -> Error {
-    if let Ok(solution) = Py::new(py, solution) {
-        // an exception that takes no attributes is still the one to raise
-        let _ = error.value(py).setattr("solution", solution);
-    }
-    error.into()
 }

@@ -153,10 +153,10 @@ impl Plan {
 
     pub(super) fn key_frames(&self, template: &Bound<'_, PyAny>) -> Result<Vec<KeyFrame>, Error> {
         let refused =
-            |_| Error::input("`template` must be tuples (share, posture), of which something is no tuple");
+            |_| Error::input("`template` must be tuples (fraction, posture), of which something is no tuple");
         let frames: Vec<(f64, Bound<'_, PyAny>)> = template.extract().map_err(refused)?;
-        let frame = |(share, posture): (f64, Bound<'_, PyAny>)| {
-            Ok(KeyFrame { share, posture: self.posture("template", &posture)? })
+        let frame = |(fraction, posture): (f64, Bound<'_, PyAny>)| {
+            Ok(KeyFrame { fraction, posture: self.posture("template", &posture)? })
         };
         frames.into_iter().map(frame).collect()
     }

@@ -4,8 +4,9 @@ use super::{Dive, DiveVerification, LiteralDive};
 use crate::convert::array;
 use crate::error::Error;
 use crate::ocp::arguments::{count, integer};
-use crate::ocp::solver::{Report, attended, status_name};
+use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verifier, judgement};
+use crate::waiting::cancel_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::nlp;
@@ -34,8 +35,11 @@ impl DiveSolution {
     pub(super) fn of(dive: &Bound<'_, Dive>, report: nlp::Report) -> Result<Self, Error> {
         let (judged, z) = (dive.get().program.clone(), report.z.clone());
         let verifier = Verifier::new(move |py| {
-            Ok(Py::new(py, DiveVerification(attended(py, |token| judged.report_cancellable(&z, token))?))?
-                .into_any())
+            Ok(Py::new(
+                py,
+                DiveVerification(cancel_on_signal(py, |token| judged.report_cancellable(&z, token))?),
+            )?
+            .into_any())
         });
         Self::with_verifier(dive, report, verifier)
     }
@@ -324,7 +328,7 @@ impl DiveSolution {
     ///     N; 200 in the thesis.
     /// optimise : bool, optional
     ///     Solve anew instead of rolling this motion out.
-    /// on_interrupt : {'return', 'raise'}, optional
+    /// on_interrupt : {'raise', 'return'}, optional
     ///     As of `Dive.solve`.
     ///
     /// Returns
@@ -342,7 +346,7 @@ impl DiveSolution {
     /// >>> literal = ocp.dive_107b().solve().literal()
     /// >>> bool(abs(literal.momentum_change) > 0.01)
     /// True
-    #[pyo3(signature = (n_steps=200, *, optimise=false, on_interrupt="return"))]
+    #[pyo3(signature = (n_steps=200, *, optimise=false, on_interrupt="raise"))]
     fn literal(
         &self,
         py: Python<'_>,

@@ -20,7 +20,7 @@ pub(crate) struct DiveVerification(pub(super) DiveReport);
 #[pymethods]
 impl DiveVerification {
     /// bool: Whether it is the dive requested: both integrations agree with the motion that was found and with each other to
-    /// `allowed` rad at all its times, and the angular momentum is kept to this share of its scale; somersaults, twists and
+    /// `allowed` rad at all its times, and the angular momentum is kept to this fraction of its scale; somersaults, twists and
     /// tilt at the entry are those requested to `allowed` rad; limbs keep their clearance at all times.
     #[getter]
     fn confirmed(&self) -> bool {

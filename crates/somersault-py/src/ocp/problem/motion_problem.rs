@@ -250,15 +250,15 @@ impl MotionProblem {
     ///     s.
     /// callback : callable, optional
     ///     ``callback(iteration, z, cost, residual)`` after each step; the solve stops where it returns true.
-    /// on_interrupt : {'return', 'raise'}, optional
-    ///     What Ctrl-C does: return the best iterate, or raise with it as the attribute ``report``.
+    /// on_interrupt : {'raise', 'return'}, optional
+    ///     What Ctrl-C does: raise with the best iterate as the attribute ``solution``, or return it.
     ///
     /// Returns
     /// -------
     /// Report
     ///     With the best iterate, whatever the status.
     #[pyo3(signature = (
-        z, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="return"
+        z, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="raise"
     ))]
     fn solve(
         &self,
@@ -306,15 +306,15 @@ impl MotionProblem {
     ///     As of `solve`, for each start.
     /// max_time : float, optional
     ///     Of all starts, s.
-    /// on_interrupt : {'return', 'raise'}, optional
-    ///     What Ctrl-C does: return what has been found, or raise.
+    /// on_interrupt : {'raise', 'return'}, optional
+    ///     What Ctrl-C does: raise with what has been found as the attribute ``solution``, or return it.
     ///
     /// Returns
     /// -------
     /// SearchResult
     #[pyo3(signature = (
         n_starts=16, *, z=None, starts=None, seed=0, reach=None, distance_tol=1e-4, solver="sqp", tol=None,
-        max_iterations=None, max_time=None, on_interrupt="return"
+        max_iterations=None, max_time=None, on_interrupt="raise"
     ))]
     fn search(
         &self,

@@ -4,9 +4,9 @@ use super::{Constraint, Cost, Phase};
 use crate::convert::numbers_or_one;
 use crate::error::Error;
 use crate::model::Model;
-use crate::ocp::solver::attended;
 use crate::ocp::term::sizes_of;
-use crate::ocp::verification::{Unverified, Verification, Verifier};
+use crate::ocp::verification::{Verification, VerificationFailure, Verifier};
+use crate::waiting::cancel_on_signal;
 use pyo3::prelude::*;
 use somersault::multibody::Split;
 use somersault::nlp::{self, Bounds};
@@ -125,8 +125,8 @@ impl PosedMotion {
 
     pub(super) fn verify(&self, py: Python<'_>, z: &[f64]) -> Result<Verification, Error> {
         let mut shooting = self.shooting()?;
-        let found = attended(py, |token| {
-            verify_cancellable(&mut shooting, self.dynamics.model(), z, token).map_err(Unverified)
+        let found = cancel_on_signal(py, |token| {
+            verify_cancellable(&mut shooting, self.dynamics.model(), z, token).map_err(VerificationFailure)
         })?;
         Ok(Verification::of(found))
     }
