@@ -3,7 +3,7 @@
 use super::frame::{FitStatus, FrameFit, FrameFitter};
 use super::problem::{Targets, expect_not_cancelled};
 use super::starts::Starts;
-use super::{FitError, FitOptions, MarkerSet, Scale, minima};
+use super::{FitError, MarkerFit, Scale, minima};
 use crate::recording::MarkerRecording;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

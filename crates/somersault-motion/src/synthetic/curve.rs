@@ -16,11 +16,11 @@ struct Channel {
     side: f64,
 }
 
-/// The joints over the share of the duration.
+/// The joints over the fraction of the duration.
 #[derive(Debug, Clone)]
 pub(super) struct FoldCurve {
     channels: Vec<Channel>,
-    /// Middle of the fold and exit, in shares of the duration.
+    /// Middle of the fold and exit, as fractions of the duration.
     middle: f64,
     exit: f64,
     /// Of the unperturbed flight, s.
@@ -37,7 +37,7 @@ impl FoldCurve {
     pub(super) fn try_new(model: &Model, times: &[f64], positions: &[f64]) -> Result<Self, SyntheticError> {
         let n_q = model.n_positions();
         let (first, duration) = (times[0], times[times.len() - 1] - times[0]);
-        let shares: Vec<f64> = times.iter().map(|t| (t - first) / duration).collect();
+        let fractions: Vec<f64> = times.iter().map(|t| (t - first) / duration).collect();
         let mut channels = Vec::new();
         for (body, link) in model.links().iter().enumerate().skip(1) {
             let at = model.positions_of(body);
@@ -50,17 +50,17 @@ impl FoldCurve {
             }
             let joint: Vec<f64> = positions.chunks_exact(n_q).map(|q| q[at.start]).collect();
             let (first, rise) = (joint[0], joint[joint.len() - 1] - joint[0]);
-            let fold = joint.iter().zip(&shares).map(|(s, u)| Vector1::new(s - first - rise * u)).collect();
+            let fold = joint.iter().zip(&fractions).map(|(s, u)| Vector1::new(s - first - rise * u)).collect();
             let side = match link.name() {
                 name if name.starts_with("right_") => 1.0,
                 name if name.starts_with("left_") => -1.0,
                 _ => 0.0,
             };
-            channels.push(Channel { first, rise, fold: CubicSpline::try_new(shares.clone(), fold)?, side });
+            channels.push(Channel { first, rise, fold: CubicSpline::try_new(fractions.clone(), fold)?, side });
         }
-        let share = |k: u32| f64::from(k) / f64::from(SAMPLES);
+        let fraction = |k: u32| f64::from(k) / f64::from(SAMPLES);
         let size = |u: f64| channels.iter().map(|c| c.fold.evaluate(u)[0].powi(2)).sum::<f64>().sqrt();
-        let sizes: Vec<f64> = (0..=SAMPLES).map(|k| size(share(k))).collect();
+        let sizes: Vec<f64> = (0..=SAMPLES).map(|k| size(fraction(k))).collect();
         let half = 0.5 * sizes.iter().copied().fold(0.0, f64::max);
         if half < 1e-9 {
             return Err(SyntheticError::NoFold);
@@ -82,7 +82,7 @@ impl FoldCurve {
         if inside { Ok(()) } else { Err(SyntheticError::ExitDelay { found, least, greatest }) }
     }
 
-    /// β and its derivative at the share `u`, `delay` being a share too.
+    /// β and its derivative at the fraction `u`, `delay` being a fraction too.
     fn delay(&self, u: f64, delay: f64) -> [f64; 2] {
         let peak = self.exit + delay;
         let (from, to) = if u < peak { (self.middle, peak) } else { (1.0, peak) };
@@ -104,17 +104,17 @@ impl FoldCurve {
         q: &mut [f64],
         v: &mut [f64],
     ) {
-        let share = t / duration;
-        let [delay, slope] = self.delay(share, perturbation.exit_delay / self.duration);
+        let fraction = t / duration;
+        let [delay, slope] = self.delay(fraction, perturbation.exit_delay / self.duration);
         let frequency = TAU * perturbation.wobble_frequency;
         let (sine, cosine) = (frequency * t + perturbation.wobble_phase).sin_cos();
         let size = 1.0 - perturbation.looseness + perturbation.wobble * sine;
         let size_rate = perturbation.wobble * frequency * cosine;
         for ((channel, q), v) in self.channels.iter().zip(q).zip(v) {
             let of_side = 1.0 + channel.side * perturbation.asymmetry;
-            let fold = channel.fold.evaluate(share - delay)[0] * of_side;
-            let fold_rate = channel.fold.derivative(share - delay)[0] * of_side * (1.0 - slope) / duration;
-            *q = channel.first + channel.rise * share + size * fold;
+            let fold = channel.fold.evaluate(fraction - delay)[0] * of_side;
+            let fold_rate = channel.fold.derivative(fraction - delay)[0] * of_side * (1.0 - slope) / duration;
+            *q = channel.first + channel.rise * fraction + size * fold;
             *v = channel.rise / duration + size * fold_rate + size_rate * fold;
         }
     }
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
     use somersault_multibody::models::{Diver, Posture};
 
-    /// In the plane, from posture A into posture H by w = sin⁴, which is half at shares 0.318 and 0.682.
+    /// In the plane, from posture A into posture H by w = sin⁴, which is half at fractions 0.318 and 0.682.
     fn curve() -> FoldCurve {
         let diver = Diver::planar();
         let [a, h] = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap());

@@ -8,19 +8,19 @@ use somersault_core::argument::{expect_finite, expect_range};
 pub struct Perturbation {
     /// How much later the fold opens, s; negative earlier.
     pub exit_delay: f64,
-    /// ℓ, share by which the fold is smaller: a loose pike. Negative: tighter, maybe beyond the joints' ranges.
+    /// ℓ, fraction by which the fold is smaller: a loose pike. Negative: tighter, maybe beyond the joints' ranges.
     pub looseness: f64,
     /// How much farther the body turns till the entry, rad; negative: short.
     pub over_rotation: f64,
-    /// A, amplitude of the wobble as a share of the fold.
+    /// A, amplitude of the wobble as a fraction of the fold.
     pub wobble: f64,
     /// f, of the wobble, Hz.
     pub wobble_frequency: f64,
     /// φ, of the wobble, rad.
     pub wobble_phase: f64,
-    /// a, share by which joints named `right_…` fold more and those named `left_…` less.
+    /// a, fraction by which joints named `right_…` fold more and those named `left_…` less.
     pub asymmetry: f64,
-    /// d, share by which the flight lasts longer.
+    /// d, fraction by which the flight lasts longer.
     pub duration: f64,
 }
 

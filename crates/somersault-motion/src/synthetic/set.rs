@@ -50,8 +50,8 @@ impl SyntheticOptions {
     fn draw(&self, rng: &mut impl Rng) -> Perturbation {
         let [least, greatest] = &self.perturbations;
         let mut between = |of: fn(&Perturbation) -> f64| {
-            let share: f64 = rng.random_range(0.0..1.0);
-            of(least) + share * (of(greatest) - of(least))
+            let fraction: f64 = rng.random_range(0.0..1.0);
+            of(least) + fraction * (of(greatest) - of(least))
         };
         Perturbation {
             exit_delay: between(|p| p.exit_delay),

@@ -9,7 +9,6 @@ use super::nearest::{Approach, Approaches};
 use super::program::requested;
 use super::{DiveError, DiveProgram, PeakTorque};
 use crate::flight::joints_active;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::cancel::CancellationToken;
 use somersault_core::lie::so3::{angle_between, normalized_xyzw};
