@@ -8,7 +8,6 @@ use crate::joint::Joint;
 use crate::link::Link;
 use crate::model::Model;
 use nalgebra::Vector3;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::collections::HashSet;
 
 /// Collects the bodies of a model.
@@ -88,12 +87,14 @@ impl Model {
 }
 
 /// A model as files hold it.
-#[derive(Serialize, Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
 struct Parts {
     gravity: Vector3<f64>,
     links: Vec<Link>,
 }
 
+#[cfg(feature = "serde")]
 impl Parts {
     fn build(self) -> Result<Model, ModelError> {
         let mut builder = Model::builder().with_gravity(self.gravity);
@@ -104,14 +105,16 @@ impl Parts {
     }
 }
 
-impl Serialize for Model {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+#[cfg(feature = "serde")]
+impl serde::Serialize for Model {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         Parts { gravity: self.standard_gravity, links: self.links().to_vec() }.serialize(serializer)
     }
 }
 
-impl<'de> Deserialize<'de> for Model {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for Model {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         Parts::deserialize(deserializer)?.build().map_err(serde::de::Error::custom)
     }
 }

@@ -4,11 +4,11 @@ use crate::error::ModelError;
 use crate::joint::Joint;
 use crate::spatial::Transform;
 use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
 use somersault_core::Inertia;
 
 /// Mass, centre of mass and inertia of a body in its own frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MassProperties {
     /// Mass, kg.
     pub mass: f64,
@@ -43,7 +43,8 @@ impl MassProperties {
 }
 
 /// One body with the joint that carries it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Link {
     pub(crate) name: String,
     pub(crate) parent: Option<String>,

@@ -50,13 +50,19 @@ impl FoldCurve {
             }
             let joint: Vec<f64> = positions.chunks_exact(n_q).map(|q| q[at.start]).collect();
             let (first, rise) = (joint[0], joint[joint.len() - 1] - joint[0]);
-            let fold = joint.iter().zip(&fractions).map(|(s, u)| Vector1::new(s - first - rise * u)).collect();
+            let fold =
+                joint.iter().zip(&fractions).map(|(s, u)| Vector1::new(s - first - rise * u)).collect();
             let side = match link.name() {
                 name if name.starts_with("right_") => 1.0,
                 name if name.starts_with("left_") => -1.0,
                 _ => 0.0,
             };
-            channels.push(Channel { first, rise, fold: CubicSpline::try_new(fractions.clone(), fold)?, side });
+            channels.push(Channel {
+                first,
+                rise,
+                fold: CubicSpline::try_new(fractions.clone(), fold)?,
+                side,
+            });
         }
         let fraction = |k: u32| f64::from(k) / f64::from(SAMPLES);
         let size = |u: f64| channels.iter().map(|c| c.fold.evaluate(u)[0].powi(2)).sum::<f64>().sqrt();
