@@ -14,7 +14,7 @@ use somersault_testkit::trees::Random;
 use std::f64::consts::FRAC_PI_2;
 use std::hint::black_box;
 
-/// Start of the thesis' motion, from the continuation of `crates/somersault-ftla/tests/extremals.rs`.
+/// Start of the thesis' motion, from the continuation of `crates/somersault-ftla/tests/ftla/extremals.rs`.
 const START: [f64; 8] = [
     -FRAC_PI_2,
     0.05,

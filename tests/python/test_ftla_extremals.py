@@ -43,7 +43,7 @@ def test_the_thesis_motion_comes_from_its_ends_and_fold_alone(found: ftla.Contin
     assert extremal.residual <= 1e-10 and found.n_iterations > 2 and found.n_evaluations > 1000
     low, high = extremal.hamiltonian_range()
     assert high - low < 1e-10
-    # crates/somersault-ftla/tests/extremals.rs
+    # crates/somersault-ftla/tests/ftla/extremals.rs
     assert extremal.cost() == pytest.approx(0.321777232, abs=2e-9)
     np.testing.assert_allclose(extremal(5.0), MIDDLE, atol=6e-4)
     np.testing.assert_allclose(extremal.nodes[[0, -1], :4], [INITIAL, FINAL], atol=1e-14)

@@ -1,4 +1,4 @@
-"""Finite-time Lyapunov exponents of the two-link arm in 60 digits: the literals of tests/spectrum.rs.
+"""Finite-time Lyapunov exponents of the two-link arm in 60 digits: the literals of tests/ftla/spectrum.rs.
 
     pip install mpmath gmpy2
     python exponents.py 1 2 3.5 5        forward from START

@@ -1,9 +1,7 @@
 //! Controls that reach their bounds: crossings of the flow, its transition matrix through them, and the thesis' arm with
 //! weaker motors against collocation.
 
-mod common;
-
-use common::{ArmProblem, arm_motion, arm_nodes};
+use crate::common::{ArmProblem, arm_motion, arm_nodes};
 use nalgebra::{Matrix2, SVector, Vector1, Vector2};
 use somersault_core::Scalar;
 use somersault_ftla::continuation::{Continuation, Member};
@@ -131,7 +129,7 @@ fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once(
     let arm = ArmMinimumTorque::default().try_with_torque_limits([0.38, 0.05]).expect("positive");
     let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
     let generic = StateCostate::<_, 4, 2, 8>::try_new(problem).expect("ordered bounds");
-    let p = SVector::from(common::START);
+    let p = SVector::from(crate::common::START);
     let tolerances = Tolerances { relative: 1e-11, absolute: 1e-13 };
     let closed = VariationalFlow::try_new(&arm, tolerances).expect("in range");
     let generic = VariationalFlow::try_new(&generic, tolerances).expect("in range");

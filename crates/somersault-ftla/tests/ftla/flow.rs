@@ -1,8 +1,6 @@
 //! The variational flow against closed forms, group properties, and itself at other tolerances.
 
-mod common;
-
-use common::{Random, START};
+use crate::common::{Random, START};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::flow::{Chain, FlowError, Tolerances, VariationalFlow};

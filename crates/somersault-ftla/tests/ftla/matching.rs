@@ -1,8 +1,6 @@
 //! Grid search and least-squares match of the thesis' arm from round values, and their polish.
 
-mod common;
-
-use common::arm_nodes;
+use crate::common::arm_nodes;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::Limits;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};

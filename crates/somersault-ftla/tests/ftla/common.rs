@@ -1,5 +1,4 @@
 //! What several of these tests share.
-#![allow(dead_code)] // each test file is a crate of its own and uses a part
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
 use somersault_core::Scalar;
@@ -81,7 +80,7 @@ pub(crate) const START: [f64; 8] = [
     -0.12234910357574813,
 ];
 
-/// The thesis' motion by 41 nodes, as tests/extremals.rs finds it: time and p.
+/// The thesis' motion by 41 nodes, as tests/ftla/extremals.rs finds it: time and p.
 pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
     let text = include_str!("../reference/arm_nodes.txt");
     let numbers =

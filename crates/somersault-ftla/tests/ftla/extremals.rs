@@ -1,8 +1,6 @@
 //! Extremals to rounding from their boundary states: the thesis' arm from rest, and the regulators in closed form.
 
-mod common;
-
-use common::{arm_motion, arm_nodes};
+use crate::common::{arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2, Vector4};
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::cold_start::{ArmTravel, TreeTravel};

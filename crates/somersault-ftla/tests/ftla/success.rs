@@ -1,8 +1,6 @@
 //! What success means: the same in all units, Hamiltonians that are constant, limits of a search, trials without a value.
 
-mod common;
-
-use common::{ArmProblem, arm_nodes};
+use crate::common::{ArmProblem, arm_nodes};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
@@ -171,7 +169,7 @@ impl DifferentiatedProblem<2, 1> for Wrong {
 
 #[test]
 fn a_wrong_derivative_is_no_success() {
-    let mut random = common::Random::new(8);
+    let mut random = crate::common::Random::new(8);
     let solve = |entry: (usize, usize), part: f64| {
         let system = StateCostate::<_, 2, 1, 4>::try_new(Wrong { entry, part }).expect("no bounds");
         cold_start(&system, &[1.0, 0.0], &[0.2, 0.1], 4.0, &Continuation::default()).expect("well posed")

@@ -1,9 +1,6 @@
 //! Exponents and vectors against linear systems, extended precision and the literature; splittings and subspaces.
 
-mod common;
-mod extended;
-
-use common::{Linear, Random, START, arm_nodes};
+use crate::common::{Linear, Random, START, arm_nodes};
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 use somersault_ftla::flow::{FlowError, Tolerances, VariationalFlow};
 use somersault_ftla::placement::rank_held_costates;
@@ -106,7 +103,9 @@ fn all_eight_exponents_are_those_of_extended_precision_at_both_ends_and_the_midd
     let flow = VariationalFlow::try_new(&arm, TIGHT).expect("in range");
     let nodes = arm_nodes();
     // the literals of another program in 60 digits
-    for (found, literal) in extended::exponents(&SVector::from(START), 5.0)[4..].iter().zip(REFERENCE[3].1) {
+    for (found, literal) in
+        crate::extended::exponents(&SVector::from(START), 5.0)[4..].iter().zip(REFERENCE[3].1)
+    {
         assert!((found - literal).abs() < 1e-13, "{found} {literal}");
     }
     let panels = [(nodes[0].1, 1.0), (nodes[20].1, 1.0), (nodes[20].1, -1.0), (nodes[40].1, -1.0)];
@@ -114,7 +113,7 @@ fn all_eight_exponents_are_those_of_extended_precision_at_both_ends_and_the_midd
         let direction = if sign > 0.0 { TimeDirection::Forward } else { TimeDirection::Backward };
         for mut s in spectra(&flow, &p, direction, &[1.0, 2.5, 5.0]).expect("regular") {
             s.exponents.as_mut_slice().sort_by(f64::total_cmp);
-            for (found, expected) in s.exponents.iter().zip(extended::exponents(&p, sign * s.time)) {
+            for (found, expected) in s.exponents.iter().zip(crate::extended::exponents(&p, sign * s.time)) {
                 assert!((found - expected).abs() < 1e-8, "{direction:?} {}: {found}, {expected}", s.time);
             }
         }

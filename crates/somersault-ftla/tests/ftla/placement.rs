@@ -1,8 +1,6 @@
 //! Placement on the slow manifolds: the regulator in closed form, the arm near and far from its optimum, and failures.
 
-mod common;
-
-use common::{Random, START, arm_motion, arm_nodes};
+use crate::common::{Random, START, arm_motion, arm_nodes};
 use nalgebra::{SVector, Vector2};
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::flow::{Tolerances, VariationalFlow};

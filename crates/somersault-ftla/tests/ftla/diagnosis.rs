@@ -1,9 +1,7 @@
 //! Diagnoses of linear systems whose exponents are known, of growth like powers of time, of what is no control problem, and
 //! in other units.
 
-mod common;
-
-use common::{Linear, Random, arm_nodes};
+use crate::common::{Linear, Random, arm_nodes};
 use nalgebra::{SMatrix, SVector};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::spectrum::{

@@ -1,8 +1,6 @@
 //! State–costate systems: one problem written in three ways, differences, the thesis' appendix F, and what is refused.
 
-mod common;
-
-use common::{ArmProblem, Random, arm_problem, matrix_gap};
+use crate::common::{ArmProblem, Random, arm_problem, matrix_gap};
 use nalgebra::{SMatrix, SVector, Vector1, Vector2};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;

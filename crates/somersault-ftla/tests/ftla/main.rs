@@ -1,0 +1,13 @@
+//! One binary for all tests of the crate, which instantiate and link the same code.
+
+mod common;
+mod diagnosis;
+mod extended;
+mod extremals;
+mod flow;
+mod limits;
+mod matching;
+mod placement;
+mod spectrum;
+mod success;
+mod system;
