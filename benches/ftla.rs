@@ -4,7 +4,7 @@
 //! `cargo bench --bench ftla`; the throughput is in points per second on one core, the cold start on all.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use nalgebra::SVector;
+use nalgebra::DVector;
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
 use somersault::ftla::flow::{Tolerances, VariationalFlow};
@@ -31,8 +31,8 @@ fn transition_matrices(c: &mut Criterion) {
     let tolerances = Tolerances { relative: 1e-9, absolute: 1e-9 };
     let flow = VariationalFlow::try_new(&arm, tolerances).expect("tolerances in range");
     let mut random = Random::new(35);
-    let cloud: Vec<SVector<f64, 8>> = (0..100)
-        .map(|_| SVector::from(START) + SVector::from_column_slice(&random.numbers(8, 1e-4)))
+    let cloud: Vec<DVector<f64>> = (0..100)
+        .map(|_| DVector::from_row_slice(&START) + DVector::from_vec(random.numbers(8, 1e-4)))
         .collect();
     let mut group = c.benchmark_group("transition");
     group.throughput(Throughput::Elements(cloud.len() as u64));

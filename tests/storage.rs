@@ -118,12 +118,11 @@ fn optimal_motions_come_back_to_the_bit() {
 #[test]
 fn extremals_come_back_to_the_bit() {
     let found = ArmTravel::default().solve(&Continuation::default()).unwrap().continued.extremal;
-    let again: Extremal<8> = comes_back(&found);
+    let again: Extremal = comes_back(&found);
     assert_eq!(again, found);
-    assert!(matches!(
-        from_bytes::<Extremal<4>>(&to_bytes(&found).unwrap()),
-        Err(StorageError::Damaged { .. })
-    ));
+    let mut torn = found;
+    torn.nodes[0] = torn.nodes[0].rows(0, 4).into_owned();
+    assert!(matches!(from_bytes::<Extremal>(&to_bytes(&torn).unwrap()), Err(StorageError::Damaged { .. })));
 }
 
 #[test]

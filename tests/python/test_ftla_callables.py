@@ -169,12 +169,15 @@ def pendulum(wrong: str = "", entry: int = 0, part: float = 0.0) -> ftla.System:
     )
 
 
+def test_right_derivatives_are_accepted() -> None:
+    assert ftla.cold_start(pendulum(), [1.0, 0.0], [0.2, 0.1], 2.0).success
+
+
 WRONG = [("jacobian", (1, 3, 4, 5)), ("gradient", (0, 1, 2)), ("hessian", (0, 4, 8))]
 
 
 @pytest.mark.parametrize(("name", "entry"), [(name, k) for name, entries in WRONG for k in entries])
 def test_a_derivative_off_by_a_thousandth_is_refused(name: str, entry: int) -> None:
-    assert ftla.cold_start(pendulum(), [1.0, 0.0], [0.2, 0.1], 2.0).success
     rng = np.random.default_rng(entry)
     for part in (1e-3, *10.0 ** rng.uniform(-3.0, -1.0, 2) * rng.choice([-1.0, 1.0], 2)):
         # the gradient by a control of zero is right; the Hessian is what does not fit it
@@ -298,13 +301,45 @@ def test_systems_that_cannot_be_made_are_refused() -> None:
         ftla.System(1.0, jacobian, 2)  # type: ignore[arg-type]
     with pytest.raises(errors.InputError, match="`control` must be a callable"):
         ftla.System(field, jacobian, 2, control=3)  # type: ignore[arg-type]
-    with pytest.raises(
-        errors.InputError, match=r"`dimension` must be one of \[2, 4, 6, 8, 10, 12, 16, 20, 24\]"
-    ):
-        ftla.System(field, jacobian, 3)
+    for dimension in (0, 257, 10**9):
+        with pytest.raises(errors.InputError, match=f"`dimension` must be from 1 to 256, found {dimension}"):
+            ftla.System(field, jacobian, dimension)
+    odd = ftla.System(lambda p: -p, lambda p: -np.eye(3), 3)
+    with pytest.raises(errors.InputError, match="as many costates as states, found 3 numbers"):
+        ftla.cold_start(odd, [1.0], [0.0], 1.0)
 
 
-@pytest.mark.parametrize("dimension", [2, 4, 6, 8, 10, 12, 16, 20, 24])
+@pytest.mark.parametrize("dimension", [1, 3, 7])
+def test_a_field_may_have_an_odd_dimension(dimension: int) -> None:
+    rates = np.arange(1.0, dimension + 1.0)
+    flow = ftla.VariationalFlow(ftla.System(lambda p: rates * p, lambda p: np.diag(rates), dimension))
+    spectrum = flow.spectrum(np.zeros(dimension), 3.0)
+    np.testing.assert_allclose(spectrum.exponents, rates, rtol=1e-9)
+    assert flow.transition(np.ones(dimension), 0.5).matrix.shape == (dimension, dimension)
+
+
+@pytest.mark.parametrize("n_states", [7, 32])
+def test_a_problem_of_many_states_is_solved(n_states: int) -> None:
+    # regulators side by side, each with a rate of its own
+    a = np.linspace(0.5, 1.5, n_states)
+    eye = np.eye(n_states)
+    system = ftla.state_costate(
+        lambda x, u: -a * x + u,
+        lambda x, u: 0.5 * (x @ x + u @ u),
+        n_states,
+        n_states,
+        jacobian=lambda x, u: np.hstack([-np.diag(a), eye]),
+        gradient=lambda x, u: np.concatenate([x, u]),
+        hessian=lambda x, u, costate: np.eye(2 * n_states),
+    )
+    assert system.dimension == 2 * n_states
+    found = ftla.cold_start(system, np.ones(n_states), np.zeros(n_states), 12.0)
+    assert found.success, found.message
+    # the solution of the Riccati equation for an endless horizon
+    np.testing.assert_allclose(found.extremal.nodes[0, n_states:], np.sqrt(1.0 + a * a) - a, rtol=1e-8)
+
+
+@pytest.mark.parametrize("dimension", [2, 4, 6, 8, 10, 12, 14, 16, 20, 24, 32, 64])
 def test_every_dimension_is_there(dimension: int) -> None:
     n = dimension // 2
     rates = np.kron(RATES, np.eye(n)) * np.tile(np.arange(1.0, n + 1.0), 2)[:, None]

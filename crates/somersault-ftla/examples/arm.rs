@@ -9,7 +9,7 @@ use serde_json::json;
 use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::{Continuation, Continued};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
-use somersault_ftla::nalgebra::SVector;
+use somersault_ftla::nalgebra::DVector;
 use somersault_ftla::shooting::Status;
 use somersault_ftla::system::{ArmMinimumTorque, HamiltonianSystem};
 use somersault_testkit::trees::Random;
@@ -18,11 +18,11 @@ use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
 use std::time::Instant;
 
-fn cost(found: &Continued<8>, system: &ArmMinimumTorque) -> Result<f64, Box<dyn Error>> {
+fn cost(found: &Continued, system: &ArmMinimumTorque) -> Result<f64, Box<dyn Error>> {
     Ok(found.extremal.cost(&VariationalFlow::try_new(system, Tolerances::default())?)?)
 }
 
-fn solve(travel: &ArmTravel) -> Result<Continued<8>, Box<dyn Error>> {
+fn solve(travel: &ArmTravel) -> Result<Continued, Box<dyn Error>> {
     let found = travel.solve(&Continuation::default())?.continued;
     if found.s == 1.0 && found.extremal.status == Status::Converged {
         Ok(found)
@@ -79,10 +79,10 @@ fn cold(runs: usize) -> Result<(), Box<dyn Error>> {
 
 fn cloud(count: usize, repeats: usize) -> Result<(), Box<dyn Error>> {
     let arm = ArmMinimumTorque::default();
-    let start = solve(&ArmTravel::default())?.extremal.nodes[0];
+    let start = solve(&ArmTravel::default())?.extremal.nodes[0].clone();
     let mut random = Random::new(35);
-    let mut near = || start + SVector::<f64, 8>::from_column_slice(&random.numbers(8, 1e-4));
-    let points: Vec<SVector<f64, 8>> = (0..count).map(|_| near()).collect();
+    let mut near = || &start + DVector::from_vec(random.numbers(8, 1e-4));
+    let points: Vec<DVector<f64>> = (0..count).map(|_| near()).collect();
     let flow = VariationalFlow::try_new(&arm, Tolerances { relative: 1e-9, absolute: 1e-9 })?;
     let mut matrices = Vec::new();
     for _ in 0..repeats {

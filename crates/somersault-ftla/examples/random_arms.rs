@@ -19,12 +19,12 @@ use std::time::Instant;
 const SOLVED: f64 = 1e-8;
 
 /// The largest defect at the tightest tolerance, and the cost.
-fn confirm(system: &ArmMinimumTorque, extremal: &Extremal<8>) -> Result<(f64, f64), Box<dyn Error>> {
+fn confirm(system: &ArmMinimumTorque, extremal: &Extremal) -> Result<(f64, f64), Box<dyn Error>> {
     let flow = VariationalFlow::try_new(system, Tolerances { relative: 1e-14, absolute: 1e-16 })?;
     let (mut defect, mut cost) = (0.0f64, 0.0);
     for (pair, times) in extremal.nodes.windows(2).zip(extremal.times.windows(2)) {
         let (end, part) = flow.cost(&pair[0], times[1] - times[0])?;
-        defect = defect.max((end - pair[1]).amax());
+        defect = defect.max((end - &pair[1]).amax());
         cost += part;
     }
     Ok((defect, cost))
@@ -44,7 +44,7 @@ fn solve(travel: &Travel) -> Result<Value, Box<dyn Error>> {
     let (defect, cost) = if arrived { confirm(&system, extremal)? } else { (f64::NAN, f64::NAN) };
     let [low, high] = extremal.range_of(|p| system.hamiltonian(p));
     let ends = [[-half, 0.05, 0.0, 0.0], [half, 0.05, 0.0, 0.0]];
-    let nodes = [extremal.nodes[0], extremal.nodes[extremal.nodes.len() - 1]];
+    let nodes = [&extremal.nodes[0], &extremal.nodes[extremal.nodes.len() - 1]];
     let off = (0..2).flat_map(|e| (0..4).map(move |i| (e, i))).map(|(e, i)| (nodes[e][i] - ends[e][i]).abs());
     let off = off.fold(0.0, f64::max);
     Ok(json!({

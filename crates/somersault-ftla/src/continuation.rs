@@ -11,26 +11,26 @@ use crate::budget::{Budget, Limit};
 use crate::flow::{FlowError, Work};
 use crate::shooting::{End, Extremal, Shooting, ShootingError, Status};
 use crate::system::VectorField;
-use nalgebra::SVector;
+use nalgebra::DVector;
 use somersault_core::argument::ArgumentError;
 use std::fmt;
 
 /// One member of a family.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Member<S, const N: usize> {
+pub struct Member<S> {
     /// The system.
     pub system: S,
     /// Conditions at both ends.
-    pub ends: [End<N>; 2],
+    pub ends: [End; 2],
     /// Time between them.
     pub horizon: f64,
 }
 
 /// Where a continuation ended.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Continued<const N: usize> {
+pub struct Continued {
     /// The last solution; its status tells whether it was polished where `s` = 1.
-    pub extremal: Extremal<N>,
+    pub extremal: Extremal,
     /// How far that solution is on the way, over all stages: one if the continuation arrived.
     pub s: f64,
     /// What it was doing last.
@@ -110,14 +110,14 @@ impl fmt::Display for Reason {
     }
 }
 
-impl<const N: usize> Continued<N> {
+impl Continued {
     /// Whether the last member was reached and polished.
     pub fn arrived(&self) -> bool {
         self.s == 1.0 && self.extremal.status == Status::Converged
     }
 
     /// One solve, without a continuation.
-    pub(crate) fn of_one(extremal: Extremal<N>, stage: Stage, budget: &Budget) -> Self {
+    pub(crate) fn of_one(extremal: Extremal, stage: Stage, budget: &Budget) -> Self {
         let reason = reason_of(&extremal, budget);
         let s = if reason.is_none() { 1.0 } else { 0.0 };
         Self { extremal, s, stage, reason, steps: [1, 0], iterations: 0, work: Work::default() }
@@ -171,31 +171,32 @@ impl Continuation {
     ///
     /// The first pair must be a rest: the same state at both ends, at which staying without control costs nothing, so that
     /// λ = 0 solves it. For an arm that folds the stages are to rest folded, to travel folded, and to unfold at the ends.
-    pub fn through<S: VectorField<N> + Sync + Clone, const N: usize>(
+    pub fn through<S: VectorField + Sync + Clone>(
         &self,
         system: &S,
         stages: &[[Vec<f64>; 2]],
         horizon: f64,
         fractions: &[f64],
-    ) -> Result<Continued<N>, ShootingError> {
+    ) -> Result<Continued, ShootingError> {
         self.through_within(&self.polish.limits.start(), system, stages, horizon, fractions)
     }
 
     /// The same as a part of a search that has begun.
-    pub(crate) fn through_within<S: VectorField<N> + Sync + Clone, const N: usize>(
+    pub(crate) fn through_within<S: VectorField + Sync + Clone>(
         &self,
         budget: &Budget,
         system: &S,
         stages: &[[Vec<f64>; 2]],
         horizon: f64,
         fractions: &[f64],
-    ) -> Result<Continued<N>, ShootingError> {
+    ) -> Result<Continued, ShootingError> {
         if stages.len() < 2 {
             return Err(ArgumentError::Length { argument: "stages", expected: 2, found: stages.len() }.into());
         }
         for end in stages.iter().flatten() {
-            if end.len() != N / 2 {
-                let (expected, found) = (N / 2, end.len());
+            let expected = system.dimension() / 2;
+            if end.len() != expected {
+                let found = end.len();
                 return Err(ArgumentError::Length { argument: "stages", expected, found }.into());
             }
             if let Some(&found) = end.iter().find(|x| !x.is_finite()) {
@@ -204,7 +205,7 @@ impl Continuation {
         }
         let at_rest = rest_of(system, stages)?;
         let mut nodes = vec![at_rest; fractions.len()];
-        let mut total: Option<Continued<N>> = None;
+        let mut total: Option<Continued> = None;
         let legs = stages.len() - 1;
         for (k, pair) in stages.windows(2).enumerate() {
             let ends = |s: f64| {
@@ -249,26 +250,26 @@ impl Continuation {
     }
 
     /// Follows `family` from nodes that solve the member s = 0; `fractions` ascend from 0 to 1.
-    pub fn follow<S: VectorField<N> + Sync, const N: usize>(
+    pub fn follow<S: VectorField + Sync>(
         &self,
-        family: impl Fn(f64) -> Member<S, N>,
+        family: impl Fn(f64) -> Member<S>,
         fractions: &[f64],
-        start: &[SVector<f64, N>],
-    ) -> Result<Continued<N>, ShootingError> {
+        start: &[DVector<f64>],
+    ) -> Result<Continued, ShootingError> {
         self.follow_within(&self.polish.limits.start(), Stage::Family, family, fractions, start)
     }
 
     /// The same as a part, `stage`, of a search that has begun.
-    pub(crate) fn follow_within<S: VectorField<N> + Sync, const N: usize>(
+    pub(crate) fn follow_within<S: VectorField + Sync>(
         &self,
         budget: &Budget,
         stage: Stage,
-        family: impl Fn(f64) -> Member<S, N>,
+        family: impl Fn(f64) -> Member<S>,
         fractions: &[f64],
-        start: &[SVector<f64, N>],
-    ) -> Result<Continued<N>, ShootingError> {
+        start: &[DVector<f64>],
+    ) -> Result<Continued, ShootingError> {
         self.polish.check_tolerance()?;
-        let solve = |shooting: &Shooting, s: f64, guess: &[SVector<f64, N>]| {
+        let solve = |shooting: &Shooting, s: f64, guess: &[DVector<f64>]| {
             let member = family(s);
             let times: Vec<f64> = fractions.iter().map(|f| f * member.horizon).collect();
             shooting.solve_within(budget, &member.system, &member.ends, &times, guess)
@@ -276,7 +277,7 @@ impl Continuation {
         let mut best = solve(&self.on_the_way, 0.0, start)?;
         let (mut s, mut step, mut steps) = (0.0, self.first_step, [0, 0]);
         let (mut iterations, mut work) = (best.iterations, best.work);
-        let mut before: Option<(f64, Vec<SVector<f64, N>>)> = None;
+        let mut before: Option<(f64, Vec<DVector<f64>>)> = None;
         let mut reason = reason_of(&best, budget);
         while s < 1.0 && reason.is_none() {
             let target = if s + 1.01 * step >= 1.0 { 1.0 } else { s + step };
@@ -334,7 +335,7 @@ impl Continuation {
 }
 
 /// Why a member does not count as solved; none if it does.
-fn reason_of<const N: usize>(found: &Extremal<N>, budget: &Budget) -> Option<Reason> {
+fn reason_of(found: &Extremal, budget: &Budget) -> Option<Reason> {
     match (found.status, budget.reached()) {
         (Status::Converged, _) => None,
         (Status::LimitReached, Some(limit)) => Some(Reason::Limit(limit)),
@@ -357,22 +358,19 @@ const STILL: f64 = 1e-6;
 ///
 /// The field there is held against what it would be if terms of it did not cancel, Σ |Dᵢⱼ| sⱼ with s the largest values of
 /// the states in all stages, so that units do not matter.
-fn rest_of<S: VectorField<N>, const N: usize>(
-    system: &S,
-    stages: &[[Vec<f64>; 2]],
-) -> Result<SVector<f64, N>, ShootingError> {
+fn rest_of<S: VectorField>(system: &S, stages: &[[Vec<f64>; 2]]) -> Result<DVector<f64>, ShootingError> {
     let [initial, last] = &stages[0];
-    let at_rest = SVector::from_fn(|i, _| if i < N / 2 { initial[i] } else { 0.0 });
+    let n = system.dimension() / 2;
+    let states = |of: &dyn Fn(usize) -> f64| DVector::from_fn(2 * n, |i, _| if i < n { of(i) } else { 0.0 });
+    let at_rest = states(&|i| initial[i]);
     if initial != last {
         return Err(ShootingError::NoRest { rate: f64::INFINITY });
     }
-    let (field, jacobian) = system.linearize(&at_rest);
-    let reach = SVector::<f64, N>::from_fn(|i, _| {
-        if i < N / 2 { stages.iter().flatten().fold(0.0, |m: f64, x| m.max(x[i].abs())) } else { 0.0 }
-    });
+    let (field, jacobian) = system.linearize(at_rest.as_slice());
+    let reach = states(&|i| stages.iter().flatten().fold(0.0, |m: f64, x| m.max(x[i].abs())));
     let terms = jacobian.abs() * reach;
     // a field without a value is told by the first motion
-    match (0..N).map(|i| field[i].abs()).zip(&terms).find(|(rate, terms)| *rate > STILL * **terms) {
+    match field.iter().map(|h| h.abs()).zip(&terms).find(|(rate, terms)| *rate > STILL * **terms) {
         Some((rate, _)) => Err(ShootingError::NoRest { rate }),
         None => Ok(at_rest),
     }

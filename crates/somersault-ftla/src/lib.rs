@@ -7,7 +7,7 @@
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
-//! | p = (x, λ) | state and costate, N = 2n numbers | `SVector<f64, N>` |
+//! | p = (x, λ) | state and costate, 2n numbers | `DVector<f64>`, and `&[f64]` where a field is evaluated |
 //! | ṗ = h(p), D = ∂h/∂p | field and Jacobian (8.9), (8.11) | [`system::VectorField`] |
 //! | H* | Hamiltonian at the optimal control | [`system::HamiltonianSystem`] |
 //! | Φ(T, p) | transition matrix, and its factors | [`flow::VariationalFlow`], [`flow::Chain`] |
@@ -21,7 +21,7 @@
 //! use somersault_ftla::system::LinearRegulator;
 //!
 //! let flow = VariationalFlow::try_new(&LinearRegulator, Tolerances::default())?;
-//! let found = spectra(&flow, &[1.0, 0.4].into(), TimeDirection::Forward, &[1.0, 2.0, 4.0])?;
+//! let found = spectra(&flow, &vec![1.0, 0.4].into(), TimeDirection::Forward, &[1.0, 2.0, 4.0])?;
 //! assert!((found[2].exponents[1] - 2f64.sqrt()).abs() < 1e-10);
 //! assert!(diagnose(&found, 40.0)?.is_hyper_sensitive());
 //! # Ok::<(), Box<dyn std::error::Error>>(())

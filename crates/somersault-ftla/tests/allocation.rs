@@ -1,28 +1,33 @@
-//! Runs of the flow allocate nothing.
+//! Steps of the flow allocate nothing: a long run takes as many pieces of memory as a short one.
 
-use nalgebra::SVector;
-use somersault_ftla::flow::{Chain, Tolerances, VariationalFlow};
+use nalgebra::dvector;
+use somersault_ftla::flow::{Tolerances, VariationalFlow};
 use somersault_ftla::system::ArmMinimumTorque;
 use somersault_testkit::allocations::{Counting, allocations};
+use std::f64::consts::FRAC_PI_2;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
 #[test]
-fn runs_allocate_nothing() {
-    let arm = ArmMinimumTorque::default();
-    let flow =
-        VariationalFlow::try_new(&arm, Tolerances { relative: 1e-9, absolute: 1e-11 }).expect("in range");
-    let p = SVector::from([-0.5 * std::f64::consts::PI, 0.05, 0.0, 0.0, -0.2, 0.0, -1.3, -0.1]);
-    let mut chain = Chain::new();
-    let times = [1.0, 2.0, 3.0];
-    // the first call reads the tableau and makes room in the chain
-    flow.chain_into(&p, &times, 100.0, &mut chain).expect("regular");
-    let found = allocations(|| {
-        flow.transition(&p, 2.0).expect("regular");
-        flow.state(&p, -0.5).expect("regular");
-        flow.cost(&p, 1.0).expect("regular");
-        flow.chain_into(&p, &times, 100.0, &mut chain).expect("regular");
-    });
-    assert_eq!(found, 0);
+fn steps_allocate_nothing() {
+    let free = ArmMinimumTorque::default();
+    let limited = free.try_with_torque_limits([0.38, 0.05]).expect("positive");
+    let p = dvector![-FRAC_PI_2, 0.05, 0.0, 0.0, -0.2, -0.013, -1.33, -0.12];
+    for arm in [free, limited] {
+        let tolerances = Tolerances { relative: 1e-9, absolute: 1e-11 };
+        let flow = VariationalFlow::try_new(&arm, tolerances).expect("in range");
+        let runs: [&dyn Fn(f64) -> usize; 3] = [
+            &|t| flow.transition_counted(&p, t).expect("regular").1.steps,
+            &|t| usize::from(flow.state(&p, t).is_ok()),
+            &|t| usize::from(flow.cost(&p, t).is_ok()),
+        ];
+        // within one piece of the field: another one is a few numbers more
+        assert_eq!(flow.switches(&p, 0.05).expect("regular").len(), 0);
+        assert!(runs[0](0.05) > runs[0](1e-3), "the longer run has more steps");
+        for run in runs {
+            let [short, long] = [1e-3, 0.05].map(|t| allocations(|| _ = run(t)));
+            assert_eq!(short, long);
+        }
+    }
 }

@@ -65,11 +65,8 @@ kinds! {
     "motion":
     somersault_motion::fit::MotionFit: "fitted motion",
     somersault_motion::scoring::ScoringModel: "scoring model",
-}
-
-#[cfg(feature = "ftla")]
-impl<const N: usize> Stored for somersault_ftla::shooting::Extremal<N> {
-    const KIND: &'static str = "extremal";
+    "ftla":
+    somersault_ftla::shooting::Extremal: "extremal",
 }
 
 /// Why a thing could not be written or read.

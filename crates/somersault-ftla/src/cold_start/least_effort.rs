@@ -5,33 +5,45 @@
 //! by Gauss' rule of four points. Levenberg and Marquardt's method goes down from any motion; its normal equations couple
 //! neighbouring knots only and are solved by Cholesky's factorisation of the band, O(K Q³) for K knots.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use somersault_core::quadrature::GAUSS_4;
 
-/// q, q̇ and q̈ at one time.
-pub(crate) type Motion<const Q: usize> = [SVector<f64, Q>; 3];
-
 /// u with its derivatives by q, q̇ and q̈.
-pub(crate) struct Torque<const Q: usize> {
-    pub(crate) u: SVector<f64, Q>,
-    pub(crate) by: [SMatrix<f64, Q, Q>; 3],
+pub(crate) struct Torque {
+    pub(crate) u: Vec<f64>,
+    pub(crate) by: [DMatrix<f64>; 3],
+}
+
+impl Torque {
+    fn new(degrees: usize) -> Self {
+        Self { u: vec![0.0; degrees], by: std::array::from_fn(|_| DMatrix::zeros(degrees, degrees)) }
+    }
+
+    /// Gives every entry one value.
+    pub(crate) fn fill(&mut self, value: f64) {
+        self.u.fill(value);
+        self.by.iter_mut().for_each(|by| by.fill(value));
+    }
 }
 
 /// What gives the torques of a motion.
-pub(super) trait Driven<const Q: usize> {
+pub(super) trait Driven {
     /// γ of each torque.
-    fn weights(&self) -> [f64; Q];
+    fn weights(&self) -> Vec<f64>;
 
-    fn torque(&self, motion: &Motion<Q>) -> Torque<Q>;
+    /// Writes the torque of `motion`, that is q, q̇ and q̈ one after the other.
+    fn torque_into(&self, motion: &[f64], torque: &mut Torque);
 }
 
 /// Part of an interval over which λ̇_v is taken.
 const SIDE: f64 = 1e-3;
 
 /// A motion by its knots.
-pub(super) struct Spline<const Q: usize> {
+pub(super) struct Spline {
+    pub(super) degrees: usize,
     pub(super) times: Vec<f64>,
-    pub(super) knots: Vec<Motion<Q>>,
+    /// q, q̇ and q̈ of each knot, one after the other.
+    pub(super) knots: Vec<f64>,
 }
 
 /// Powers of s of the quintics that have one of q, q̇, q̈ at 0 or at 1 equal to one and the others zero.
@@ -59,62 +71,79 @@ fn shapes(s: f64, h: f64) -> [[f64; 6]; 3] {
     shapes
 }
 
-impl<const Q: usize> Spline<Q> {
-    /// q, q̇ and q̈ in interval `k` at s in [0, 1].
-    pub(super) fn at(&self, k: usize, s: f64) -> Motion<Q> {
-        let shapes = shapes(s, self.times[k + 1] - self.times[k]);
-        let values = |j: usize| self.knots[k + j / 3][j % 3];
-        shapes.map(|row| (0..6).fold(SVector::zeros(), |sum, j| sum + values(j) * row[j]))
+impl Spline {
+    /// Writes q, q̇ and q̈ in interval `k` at s in [0, 1].
+    pub(super) fn at(&self, k: usize, s: f64, motion: &mut [f64]) {
+        self.shaped(k, &shapes(s, self.times[k + 1] - self.times[k]), motion);
+    }
+
+    fn shaped(&self, k: usize, shapes: &[[f64; 6]; 3], motion: &mut [f64]) {
+        let q = self.degrees;
+        let knots = &self.knots[3 * q * k..3 * q * (k + 2)];
+        for (row, out) in shapes.iter().zip(motion.chunks_exact_mut(q)) {
+            out.fill(0.0);
+            for (shape, values) in row.iter().zip(knots.chunks_exact(q)) {
+                out.iter_mut().zip(values).for_each(|(out, value)| *out += shape * value);
+            }
+        }
     }
 
     /// Goes down to less effort ½ ∫ Σ γᵢuᵢ² with q and q̇ held at both ends until a step wins less than a part `enough`, and
     /// returns the steps made.
     pub(super) fn descend(
         &mut self,
-        driven: &impl Driven<Q>,
+        driven: &impl Driven,
         enough: f64,
         max_steps: usize,
         goes_on: impl Fn() -> bool,
     ) -> usize {
+        let q = self.degrees;
         let weights = driven.weights();
-        let block = 3 * Q;
-        let size = self.knots.len() * block;
-        let held = |i: usize| i < 2 * Q || (i >= size - block && i < size - Q);
-        let cost_of = |spline: &Self| {
+        let block = 3 * q;
+        let size = self.knots.len();
+        let held = |i: usize| i < 2 * q || (i >= size - block && i < size - q);
+        let (mut torque, mut motion) = (Torque::new(q), vec![0.0; block]);
+        let mut cost_of = |spline: &Self| {
             let mut cost = 0.0;
             for (k, s, w) in spline.points() {
-                let u = driven.torque(&spline.at(k, s)).u;
-                cost += 0.5 * w * (0..Q).map(|i| weights[i] * u[i] * u[i]).sum::<f64>();
+                spline.at(k, s, &mut motion);
+                driven.torque_into(&motion, &mut torque);
+                cost += 0.5 * w * weights.iter().zip(&torque.u).map(|(g, u)| g * u * u).sum::<f64>();
             }
             cost
         };
         let mut cost = cost_of(self);
         let mut damping = 1e-3;
         let mut band = Band::new(size, 2 * block);
+        let (mut torque, mut motion) = (Torque::new(q), vec![0.0; block]);
+        let (mut gradient, mut move_by) = (vec![0.0; size], vec![0.0; size]);
+        // u by the twice three vectors of an interval, column by column, and one of the columns weighed
+        let (mut slopes, mut weighed) = (vec![0.0; 2 * block * q], vec![0.0; q]);
+        let mut trial = Self { degrees: q, times: self.times.clone(), knots: self.knots.clone() };
         for step in 0..max_steps {
             if !goes_on() {
                 return step;
             }
             band.clear();
-            let mut gradient = vec![0.0; size];
+            gradient.fill(0.0);
             for (k, s, w) in self.points() {
                 let shapes = shapes(s, self.times[k + 1] - self.times[k]);
-                let Torque { u, by } = driven.torque(&self.at(k, s));
-                // u by the twice three vectors of the interval
-                let slope = |j: usize| (0..3).fold(SMatrix::zeros(), |sum, d| sum + by[d] * shapes[d][j]);
-                let slopes: [SMatrix<f64, Q, Q>; 6] = std::array::from_fn(slope);
-                let scaled = SVector::<f64, Q>::from_fn(|i, _| w * weights[i]);
-                for (j, slope) in slopes.iter().enumerate() {
-                    let weighed = slope.transpose() * SMatrix::from_diagonal(&scaled);
-                    let part = weighed * u;
-                    (0..Q).for_each(|i| gradient[k * block + j * Q + i] += part[i]);
-                    for (l, other) in slopes.iter().enumerate().take(j + 1) {
-                        let product = weighed * other;
-                        for r in 0..Q {
-                            for c in 0..Q {
-                                band.add(k * block + j * Q + r, k * block + l * Q + c, product[(r, c)]);
-                            }
-                        }
+                self.shaped(k, &shapes, &mut motion);
+                driven.torque_into(&motion, &mut torque);
+                for (j, slope) in slopes.chunks_exact_mut(q * q).enumerate() {
+                    slope.fill(0.0);
+                    for (by, shapes) in torque.by.iter().zip(&shapes) {
+                        slope.iter_mut().zip(by.iter()).for_each(|(sum, by)| *sum += by * shapes[j]);
+                    }
+                }
+                for (a, column) in slopes.chunks_exact(q).enumerate() {
+                    for (weighed, (slope, weight)) in weighed.iter_mut().zip(column.iter().zip(&weights)) {
+                        *weighed = slope * (w * weight);
+                    }
+                    gradient[k * block + a] += dot(&weighed, &torque.u);
+                    let row = band.row_from(k * block + a, k * block);
+                    for (entry, other) in row.zip(slopes.chunks_exact(q)) {
+                        *entry += dot(&weighed, other);
                     }
                 }
             }
@@ -127,18 +156,18 @@ impl<const Q: usize> Spline<Q> {
                 if !goes_on() {
                     return step;
                 }
-                let mut move_by = gradient.clone();
+                move_by.copy_from_slice(&gradient);
                 if !band.solve_damped(damping, &mut move_by) {
                     damping *= 8.0;
                     continue;
                 }
-                let mut trial = Self { times: self.times.clone(), knots: self.knots.clone() };
-                for (i, delta) in move_by.iter().enumerate() {
-                    trial.knots[i / block][i % block / Q][i % Q] -= delta;
+                for (moved, (knot, delta)) in trial.knots.iter_mut().zip(self.knots.iter().zip(&move_by)) {
+                    *moved = knot - delta;
                 }
                 let tried = cost_of(&trial);
                 if tried < cost {
-                    (cost, self.knots) = (tried, trial.knots);
+                    cost = tried;
+                    std::mem::swap(&mut self.knots, &mut trial.knots);
                     damping = (0.2 * damping).max(1e-12);
                     break;
                 }
@@ -152,14 +181,16 @@ impl<const Q: usize> Spline<Q> {
     }
 
     /// p at the knots, with the costates for which the torques are optimal: λ_v = −MΓu and λ_q = C_vᵀμ − λ̇_v, μ = −Γu.
-    pub(super) fn nodes<const N: usize>(&self, driven: &impl Driven<Q>) -> Vec<SVector<f64, N>> {
-        const { assert!(N == 4 * Q) };
-        let weights = SVector::<f64, Q>::from(driven.weights());
+    pub(super) fn nodes(&self, driven: &impl Driven) -> Vec<DVector<f64>> {
+        let q = self.degrees;
+        let weights = DVector::from_vec(driven.weights());
         // λ_v, and C_vᵀμ
-        let costates = |motion: &Motion<Q>| {
-            let Torque { u, by: [_, rate, inertia] } = driven.torque(motion);
-            let mu = -u.component_mul(&weights);
-            [inertia * mu, rate.tr_mul(&mu)]
+        let costates = |motion: &[f64]| {
+            let mut torque = Torque::new(q);
+            driven.torque_into(motion, &mut torque);
+            let Torque { u, by: [_, rate, inertia] } = torque;
+            let mu = -DVector::from_vec(u).component_mul(&weights);
+            [inertia * &mu, rate.tr_mul(&mu)]
         };
         let intervals = self.times.len() - 1;
         let node = |k: usize| {
@@ -173,13 +204,16 @@ impl<const Q: usize> Spline<Q> {
                 (1.0 - SIDE, SIDE)
             };
             let time = |k: usize, s: f64| self.times[k] + s * (self.times[k + 1] - self.times[k]);
-            let [[first, _], [last, _]] =
-                [self.at(early, before), self.at(late, after)].map(|motion| costates(&motion));
+            let mut motion = vec![0.0; 3 * q];
+            let [[first, _], [last, _]] = [(early, before), (late, after)].map(|(k, s)| {
+                self.at(k, s, &mut motion);
+                costates(&motion)
+            });
             let rate = (last - first) / (time(late, after) - time(early, before));
-            let knot = &self.knots[k];
+            let knot = &self.knots[3 * q * k..3 * q * (k + 1)];
             let [of_rates, of_angles] = costates(knot);
-            let parts = [knot[0], knot[1], of_angles - rate, of_rates];
-            SVector::from_fn(|i, _| parts[i / Q][i % Q])
+            let costates = (of_angles - rate).into_iter().chain(&of_rates).copied().collect::<Vec<_>>();
+            DVector::from_iterator(4 * q, knot[..2 * q].iter().copied().chain(costates))
         };
         (0..self.times.len()).map(node).collect()
     }
@@ -207,11 +241,9 @@ impl Band {
         self.rows.fill(0.0);
     }
 
-    /// Adds to entry (i, j) if it is in the lower half.
-    fn add(&mut self, i: usize, j: usize, value: f64) {
-        if j <= i {
-            self.rows[i * self.width + (i - j)] += value;
-        }
+    /// The entries of row `i` in columns `first` to `i`.
+    fn row_from(&mut self, i: usize, first: usize) -> impl Iterator<Item = &mut f64> {
+        self.rows[i * self.width..][..=i - first].iter_mut().rev()
     }
 
     /// Row and column `i` become those of the identity.
@@ -257,4 +289,8 @@ impl Band {
         }
         true
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -14,85 +14,101 @@ use crate::continuation::{Continuation, Continued, Member, Stage};
 use crate::shooting::{End, ShootingError, Status, graded_times};
 use crate::system::{Piece, SystemError, VectorField};
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::ArgumentError;
 
 /// A field on the way from its linearisation to itself.
 #[derive(Debug)]
-struct Blend<'a, S, const N: usize> {
+struct Blend<'a, S> {
     system: &'a S,
-    at: SVector<f64, N>,
-    field: SVector<f64, N>,
-    jacobian: SMatrix<f64, N, N>,
+    at: DVector<f64>,
+    field: DVector<f64>,
+    jacobian: DMatrix<f64>,
     s: f64,
 }
 
-impl<'a, S: VectorField<N>, const N: usize> Blend<'a, S, N> {
-    fn at(system: &'a S, at: SVector<f64, N>, s: f64) -> Self {
-        let (field, jacobian) = system.linearize(&at);
-        Self { system, at, field, jacobian, s }
+impl<'a, S: VectorField> Blend<'a, S> {
+    fn at(system: &'a S, at: &DVector<f64>, s: f64) -> Self {
+        let (field, jacobian) = system.linearize(at.as_slice());
+        Self { system, at: at.clone(), field, jacobian, s }
     }
 
-    fn mixed(&self, field: SVector<f64, N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        field * self.s + (self.field + self.jacobian * (p - self.at)) * (1.0 - self.s)
+    /// Mixes the field at `p` in `h` with the linear one.
+    fn mix(&self, p: &[f64], h: &mut [f64]) {
+        for (i, h) in h.iter_mut().enumerate() {
+            let parts = p.iter().zip(&self.at).enumerate();
+            let linear =
+                parts.fold(self.field[i], |sum, (j, (p, at))| sum + self.jacobian[(i, j)] * (p - at));
+            *h = *h * self.s + linear * (1.0 - self.s);
+        }
     }
 
-    fn bent(&self, jacobian: SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-        jacobian * self.s + self.jacobian * (1.0 - self.s)
+    /// The same for a Jacobian.
+    fn mix_jacobian(&self, d: &mut DMatrix<f64>) {
+        d.zip_apply(&self.jacobian, |d: &mut f64, linear: f64| *d = *d * self.s + linear * (1.0 - self.s));
     }
 }
 
-impl<S: VectorField<N>, const N: usize> VectorField<N> for Blend<'_, S, N> {
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.mixed(self.system.field(p), p)
+impl<S: VectorField> VectorField for Blend<'_, S> {
+    fn dimension(&self) -> usize {
+        self.system.dimension()
     }
 
-    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.bent(self.system.jacobian(p))
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        self.system.field_into(p, h);
+        self.mix(p, h);
     }
 
-    fn linearize(&self, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        let (field, jacobian) = self.system.linearize(p);
-        (self.mixed(field, p), self.bent(jacobian))
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        self.system.jacobian_into(p, d);
+        self.mix_jacobian(d);
+    }
+
+    fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.system.linearize_into(p, h, d);
+        self.mix(p, h);
+        self.mix_jacobian(d);
     }
 
     fn n_switches(&self) -> usize {
         self.system.n_switches()
     }
 
-    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
+    fn piece(&self, p: &[f64]) -> Piece {
         self.system.piece(p)
     }
 
-    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.mixed(self.system.field_in(piece, p), p)
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        self.system.field_in(piece, p, h);
+        self.mix(p, h);
     }
 
-    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        let (field, jacobian) = self.system.linearize_in(piece, p);
-        (self.mixed(field, p), self.bent(jacobian))
+    fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.system.linearize_in(piece, p, h, d);
+        self.mix(p, h);
+        self.mix_jacobian(d);
     }
 
-    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.system.margins(piece, p)
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
+        self.system.margins_into(piece, p, margins);
     }
 
-    fn next_piece(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Piece<N> {
+    fn next_piece(&self, piece: &Piece, p: &[f64]) -> Piece {
         self.system.next_piece(piece, p)
     }
 
     /// s H + (1 − s) (H(p̄) + ∇H·δ + ½ δᵀ∇²H δ), δ = p − p̄, with ∇H = −J h and ∇²H = −J D.
-    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
-        let n = N / 2;
-        let delta = p - self.at;
-        let linear = self.field + self.jacobian * delta * 0.5;
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
+        let n = p.len() / 2;
+        let delta = DVector::from_column_slice(p) - &self.at;
+        let linear = &self.field + &self.jacobian * &delta * 0.5;
         // δᵀ(−J v), v = (vₓ, v_λ): δₓ·(−v_λ) + δ_λ·vₓ
         let part: f64 = (0..n).map(|i| delta[n + i] * linear[i] - delta[i] * linear[n + i]).sum();
-        let (here, there) = (self.system.conserved(p)?, self.system.conserved(&self.at)?);
+        let (here, there) = (self.system.conserved(p)?, self.system.conserved(self.at.as_slice())?);
         Some(self.s * here + (1.0 - self.s) * (there + part))
     }
 
-    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
+    fn fault(&self, p: &[f64]) -> Option<SystemError> {
         self.system.fault(p)
     }
 }
@@ -104,17 +120,18 @@ const SEGMENTS: [[f64; 2]; 2] = [[0.5, 4.0], [0.25, 1.0]];
 const MOST: f64 = 2e4;
 
 /// Both ends, if they and the horizon are ones.
-pub(super) fn expect_states<const N: usize>(
+pub(super) fn expect_states(
+    dimension: usize,
     states: [&[f64]; 2],
     horizon: f64,
-) -> Result<[End<N>; 2], ShootingError> {
+) -> Result<[End; 2], ShootingError> {
     if !horizon.is_finite() || horizon <= 0.0 {
         let allowed = "positive and finite";
         return Err(ArgumentError::OutOfRange { argument: "horizon", allowed, found: horizon }.into());
     }
     let end = |argument, x: &[f64]| {
-        if x.len() != N / 2 {
-            return Err(ArgumentError::Length { argument, expected: N / 2, found: x.len() }.into());
+        if 2 * x.len() != dimension {
+            return Err(ArgumentError::Length { argument, expected: dimension / 2, found: x.len() }.into());
         }
         match x.iter().find(|x| !x.is_finite()) {
             Some(&found) => {
@@ -130,64 +147,63 @@ pub(super) fn expect_states<const N: usize>(
 /// its extremal has converged; its counts are of all attempts.
 ///
 /// States that are to be free are not meant; several extremals may join two states, and this finds one of them.
-pub fn cold_start<S: VectorField<N> + Sync, const N: usize>(
+pub fn cold_start<S: VectorField + Sync>(
     system: &S,
     initial: &[f64],
     last: &[f64],
     horizon: f64,
     continuation: &Continuation,
-) -> Result<Continued<N>, ShootingError> {
+) -> Result<Continued, ShootingError> {
     cold_start_within(&continuation.polish.limits.start(), system, initial, last, horizon, continuation)
 }
 
 /// The same as a part of a search that has begun.
-pub(super) fn cold_start_within<S: VectorField<N> + Sync, const N: usize>(
+pub(super) fn cold_start_within<S: VectorField + Sync>(
     budget: &Budget,
     system: &S,
     initial: &[f64],
     last: &[f64],
     horizon: f64,
     continuation: &Continuation,
-) -> Result<Continued<N>, ShootingError> {
-    let ends = expect_states::<N>([initial, last], horizon)?;
-    let node =
-        |weight: f64| {
-            SVector::<f64, N>::from_fn(|i, _| {
-                if i < N / 2 { initial[i] + weight * (last[i] - initial[i]) } else { 0.0 }
-            })
-        };
+) -> Result<Continued, ShootingError> {
+    let dimension = system.dimension();
+    let ends = expect_states(dimension, [initial, last], horizon)?;
+    let state = |weight: f64| initial.iter().zip(last).map(move |(from, to)| from + weight * (to - from));
+    let node = |weight: f64| {
+        DVector::from_iterator(dimension, state(weight).chain(std::iter::repeat_n(0.0, initial.len())))
+    };
     let middle = node(0.5);
     // eigenvalues of D come as ±: √‖D²‖ is as large as the fastest, and near it in units in which D is balanced
-    let (_, mut jacobian) = system.linearize(&middle);
+    let (_, mut jacobian) = system.linearize(middle.as_slice());
     if jacobian.iter().all(|d| d.is_finite()) {
         balance_parlett_reinsch(&mut jacobian);
     }
-    let rate = (jacobian * jacobian).norm().sqrt();
-    let mut found: Option<Continued<N>> = None;
+    let rate = (&jacobian * &jacobian).norm().sqrt();
+    let mut found: Option<Continued> = None;
     let mut failed = None;
     for [shortest, longest] in SEGMENTS {
         let part = |factor: f64| (factor / rate).min(0.1 * horizon).max(horizon / MOST);
         let fractions = graded_times(1.0, part(shortest) / horizon, part(longest) / horizon)?;
-        let attempt = |stage: Stage, at: SVector<f64, N>, ends: [End<N>; 2]| {
-            let bend = |s: f64| Member { system: Blend::at(system, at, s), ends, horizon };
-            continuation.follow_within(budget, stage, bend, &fractions, &vec![at; fractions.len()])
+        let attempt = |stage: Stage, at: &DVector<f64>, ends: &[End; 2]| {
+            let bend = |s: f64| Member { system: Blend::at(system, at, s), ends: ends.clone(), horizon };
+            continuation.follow_within(budget, stage, bend, &fractions, &vec![at.clone(); fractions.len()])
         };
         let from_start = || {
             let start = node(0.0);
-            let bent = attempt(Stage::LinearisedAtStart, start, [ends[0]; 2])?;
+            let bent = attempt(Stage::LinearisedAtStart, &start, &[ends[0].clone(), ends[0].clone()])?;
             if !bent.arrived() {
                 return Ok(bent);
             }
             let apart = |s: f64| {
-                let ends = [ends[0], End::from_values(node(s).iter().copied())];
-                Member { system: Blend::at(system, start, 1.0), ends, horizon }
+                let ends = [ends[0].clone(), End::from_values(state(s))];
+                Member { system: Blend::at(system, &start, 1.0), ends, horizon }
             };
             let moved =
                 continuation.follow_within(budget, Stage::Apart, apart, &fractions, &bent.extremal.nodes)?;
             Ok(moved.after(&bent))
         };
-        let attempts: [&dyn Fn() -> Result<Continued<N>, ShootingError>; 2] =
-            [&|| attempt(Stage::Linearised, middle, ends), &from_start];
+        let attempts: [&dyn Fn() -> Result<Continued, ShootingError>; 2] =
+            [&|| attempt(Stage::Linearised, &middle, &ends), &from_start];
         for attempt in attempts {
             let next = match attempt() {
                 Ok(next) => found.as_ref().map_or(next.clone(), |before| next.after(before)),

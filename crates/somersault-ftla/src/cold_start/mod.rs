@@ -21,21 +21,21 @@ use crate::continuation::{Continuation, Continued, Member, Stage};
 use crate::flow::Work;
 use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
 use crate::system::{ArmMinimumTorque, OptimalControlSystem, VectorField};
+pub(crate) use least_effort::Torque;
 use least_effort::{Driven, Spline};
-pub(crate) use least_effort::{Motion, Torque};
 pub use linearised::cold_start;
-use nalgebra::{SVector, Vector2};
+use nalgebra::DVector;
 use somersault_core::argument::ArgumentError;
 use std::f64::consts::PI;
 pub use tree::TreeTravel;
 
-impl Driven<2> for ArmMinimumTorque {
-    fn weights(&self) -> [f64; 2] {
-        self.weights()
+impl Driven for ArmMinimumTorque {
+    fn weights(&self) -> Vec<f64> {
+        self.weights().to_vec()
     }
 
-    fn torque(&self, motion: &Motion<2>) -> Torque<2> {
-        self.inverse_dynamics(motion)
+    fn torque_into(&self, motion: &[f64], torque: &mut Torque) {
+        self.inverse_dynamics(motion, torque);
     }
 }
 
@@ -71,7 +71,7 @@ impl Default for ArmTravel {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Travelled {
     /// The extremal with the counts of all attempts, the steps of the descents among its iterations.
-    pub continued: Continued<8>,
+    pub continued: Continued,
     /// The arm whose motion that is: with the limits reached, where the continuation to the limits broke off.
     pub system: ArmMinimumTorque,
 }
@@ -110,7 +110,7 @@ impl ArmTravel {
 
     /// The same with every arm as `watch` returns it: a system that equals the arm until it is to stop, from when on its
     /// field is NaN. Whatever runs then ends.
-    pub fn solve_as<W: VectorField<8> + Sync + Clone>(
+    pub fn solve_as<W: VectorField + Sync + Clone>(
         &self,
         continuation: &Continuation,
         watch: impl Fn(ArmMinimumTorque) -> W,
@@ -138,13 +138,12 @@ impl ArmTravel {
         let free = self.system.without_torque_limits();
         let watched = watch(free);
         let budget = continuation.polish.limits.start();
-        let goes_on =
-            || budget.reached().is_none() && watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
+        let goes_on = || budget.reached().is_none() && watched.field(&[0.0; 8]).iter().all(|h| h.is_finite());
         let mut reached = free;
         let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
         let mut spent = Spent::default();
         let mut direct = None;
-        let mut best: Option<Continued<8>> = None;
+        let mut best: Option<Continued> = None;
         for (longest, folding) in ATTEMPTS {
             if !goes_on() {
                 break;
@@ -179,11 +178,12 @@ impl ArmTravel {
             for p in &found.extremal.nodes {
                 let mut u = [0.0; 2];
                 // the controls of the arm are two
-                let _ = free.control_into(p, &mut u);
+                let _ = free.control_into(p.as_slice(), &mut u);
                 peaks = [peaks[0].max(u[0].abs()), peaks[1].max(u[1].abs())];
             }
             let limited = |s: f64| free.limited_towards(limits, peaks, s);
-            let family = |s: f64| Member { system: watch(limited(s)), ends, horizon: self.horizon };
+            let family =
+                |s: f64| Member { system: watch(limited(s)), ends: ends.clone(), horizon: self.horizon };
             let fractions: Vec<f64> = found.extremal.times.iter().map(|t| t / self.horizon).collect();
             let nodes = &found.extremal.nodes;
             found = match continuation.follow_within(&budget, Stage::Limits, family, &fractions, nodes) {
@@ -198,15 +198,15 @@ impl ArmTravel {
     }
 
     /// By continuation from other problems, where shooting fails from the splines; `best` is what that left.
-    fn led<W: VectorField<8> + Sync + Clone>(
+    fn led<W: VectorField + Sync + Clone>(
         &self,
         budget: &Budget,
         continuation: &Continuation,
         watched: &W,
         watch: &impl Fn(ArmMinimumTorque) -> W,
         ends: [Vec<f64>; 2],
-        best: Option<Continued<8>>,
-    ) -> Result<Continued<8>, ShootingError> {
+        best: Option<Continued>,
+    ) -> Result<Continued, ShootingError> {
         let folded = match (self.by_continuation(budget, continuation, watched, ends), best) {
             (Ok(folded), _) => folded,
             (Err(_), Some(best)) => best,
@@ -223,13 +223,13 @@ impl ArmTravel {
     }
 
     /// By way of travelling folded.
-    fn by_continuation<S: VectorField<8> + Sync + Clone>(
+    fn by_continuation<S: VectorField + Sync + Clone>(
         &self,
         budget: &Budget,
         continuation: &Continuation,
         system: &S,
         ends: [Vec<f64>; 2],
-    ) -> Result<Continued<8>, ShootingError> {
+    ) -> Result<Continued, ShootingError> {
         let rest = |angle: f64| vec![angle, self.fold, 0.0, 0.0];
         let middle = rest(0.5 * (self.initial[0] + self.last[0]));
         let folded = [rest(self.initial[0]), rest(self.last[0])];
@@ -241,12 +241,12 @@ impl ArmTravel {
 
     /// By way of the thesis' problem folded to the same side, whose parameters, ends and horizon go to these; nothing if
     /// that is not solved.
-    fn by_thesis<W: VectorField<8> + Sync>(
+    fn by_thesis<W: VectorField + Sync>(
         &self,
         budget: &Budget,
         continuation: &Continuation,
         watch: &impl Fn(ArmMinimumTorque) -> W,
-    ) -> Result<Option<Continued<8>>, ShootingError> {
+    ) -> Result<Option<Continued>, ShootingError> {
         let thesis = Self { fold: PI.copysign(self.fold), ..Self::default() };
         let end = |[one, two]: [f64; 2]| End::from_values([one, two, 0.0, 0.0].into_iter());
         let times = graded_times(thesis.horizon, 0.25 * LED, LED)?;
@@ -272,20 +272,15 @@ impl ArmTravel {
     }
 
     /// Nodes from the motion of least effort, and the steps that it took.
-    fn guess(
-        &self,
-        times: &[f64],
-        folding: f64,
-        goes_on: &impl Fn() -> bool,
-    ) -> (Vec<SVector<f64, 8>>, usize) {
-        let knots = times.iter().map(|&t| self.folded(t, folding)).collect();
-        let mut spline = Spline { times: times.to_vec(), knots };
+    fn guess(&self, times: &[f64], folding: f64, goes_on: &impl Fn() -> bool) -> (Vec<DVector<f64>>, usize) {
+        let knots = times.iter().flat_map(|&t| self.folded(t, folding)).collect();
+        let mut spline = Spline { degrees: 2, times: times.to_vec(), knots };
         let steps = spline.descend(&self.system, ENOUGH, 100, goes_on);
         (spline.nodes(&self.system), steps)
     }
 
     /// θ₁ by the cubic between the ends, θ₂ folding in a part `folding` of the time and unfolding in as much.
-    fn folded(&self, t: f64, folding: f64) -> Motion<2> {
+    fn folded(&self, t: f64, folding: f64) -> [f64; 6] {
         let (x, way, h) = (t / self.horizon, self.last[0] - self.initial[0], self.horizon);
         let one = [
             self.initial[0] + way * x * x * (3.0 - 2.0 * x),
@@ -302,6 +297,6 @@ impl ArmTravel {
             sign * turn * 20.0 * y * z.powi(3) / duration,
             turn * 20.0 * z * z * (1.0 - 4.0 * y) / (duration * duration),
         ];
-        [0, 1, 2].map(|d| Vector2::new(one[d], two[d]))
+        [one[0], two[0], one[1], two[1], one[2], two[2]]
     }
 }

@@ -4,20 +4,19 @@
 //! tells the costates, as for the arm. What is passive is driven at first, at the weight γ/(1 − s), and released as s goes
 //! to one; then limits come down from the largest torques to their own.
 
-use super::least_effort::{Driven, Motion, Spline, Torque};
+use super::least_effort::{Driven, Spline, Torque};
 use super::linearised::{cold_start_within, expect_states};
 use super::{DIRECT, Spent};
 use crate::budget::Budget;
 use crate::continuation::{Continuation, Continued, Member, Stage};
 use crate::shooting::{End, Shooting, ShootingError, graded_times};
 use crate::system::{OptimalControlSystem, TreeMinimumTorque, VectorField};
-use nalgebra::SVector;
 
-/// From state to state in a given time; `N` = 4`Q` for `Q` degrees of freedom.
+/// From state to state in a given time.
 #[derive(Debug, Clone, Copy)]
-pub struct TreeTravel<'a, const Q: usize, const N: usize> {
+pub struct TreeTravel<'a> {
     /// The tree with its cost, its limits and what is passive.
-    pub system: &'a TreeMinimumTorque<N>,
+    pub system: &'a TreeMinimumTorque,
     /// Coordinates and velocities at the start.
     pub initial: &'a [f64],
     /// Those at the end.
@@ -35,42 +34,41 @@ const ENOUGH: f64 = 1e-9;
 /// The largest defect of a guess, relative to the size of its entry.
 const ROUGH: f64 = 0.1;
 
-impl<const Q: usize, const N: usize> Driven<Q> for TreeMinimumTorque<N> {
-    fn weights(&self) -> [f64; Q] {
-        std::array::from_fn(|i| self.weights()[i])
+impl Driven for TreeMinimumTorque {
+    fn weights(&self) -> Vec<f64> {
+        self.weights().to_vec()
     }
 
-    fn torque(&self, motion: &Motion<Q>) -> Torque<Q> {
-        self.inverse_dynamics(motion)
+    fn torque_into(&self, motion: &[f64], torque: &mut Torque) {
+        self.inverse_dynamics(motion, torque);
     }
 }
 
-impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
+impl TreeTravel<'_> {
     /// Solves with the settings of `continuation`, from a cubic between the ends. What comes back has arrived if its `s` is
     /// one and its extremal has converged; its counts are of all attempts.
     ///
     /// A tree with joints that turn freely, and one of which shooting fails from the spline, starts by
     /// [`cold_start`].
-    pub fn solve(&self, continuation: &Continuation) -> Result<Continued<N>, ShootingError> {
+    pub fn solve(&self, continuation: &Continuation) -> Result<Continued, ShootingError> {
         self.solve_as(continuation, |tree| tree)
     }
 
     /// The same with every tree as `watch` returns it: a system that equals the tree until it is to stop, from when on its
     /// field is NaN. Whatever runs then ends.
-    pub fn solve_as<W: VectorField<N> + Sync>(
+    pub fn solve_as<W: VectorField + Sync>(
         &self,
         continuation: &Continuation,
-        watch: impl Fn(TreeMinimumTorque<N>) -> W,
-    ) -> Result<Continued<N>, ShootingError> {
-        const { assert!(N == 4 * Q) };
+        watch: impl Fn(TreeMinimumTorque) -> W,
+    ) -> Result<Continued, ShootingError> {
         continuation.polish.check_tolerance()?;
-        let ends = expect_states::<N>([self.initial, self.last], self.horizon)?;
+        let ends = expect_states(self.system.dimension(), [self.initial, self.last], self.horizon)?;
         let whole = watch(self.system.clone());
         let budget = continuation.polish.limits.start();
         let mut spent = Spent::default();
         let mut found = None;
         if self.system.is_flat() {
-            found = self.by_spline(&budget, continuation, &watch, ends, &mut spent)?;
+            found = self.by_spline(&budget, continuation, &watch, &ends, &mut spent)?;
         }
         let mut found = match found {
             Some(found) => found,
@@ -85,33 +83,33 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
         Ok(found)
     }
 
-    fn by_spline<W: VectorField<N> + Sync>(
+    fn by_spline<W: VectorField + Sync>(
         &self,
         budget: &Budget,
         continuation: &Continuation,
-        watch: &impl Fn(TreeMinimumTorque<N>) -> W,
-        ends: [End<N>; 2],
+        watch: &impl Fn(TreeMinimumTorque) -> W,
+        ends: &[End; 2],
         spent: &mut Spent,
-    ) -> Result<Option<Continued<N>>, ShootingError> {
+    ) -> Result<Option<Continued>, ShootingError> {
         let driven = self.system.released(0.0);
         let watched = watch(driven.clone());
-        let goes_on =
-            || budget.reached().is_none() && watched.field(&SVector::zeros()).iter().all(|h| h.is_finite());
+        let zero = vec![0.0; self.system.dimension()];
+        let goes_on = || budget.reached().is_none() && watched.field(&zero).iter().all(|h| h.is_finite());
         let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
         // only propagates
         let judging = Shooting { max_iterations: 0, ..shooting };
-        let mut best: Option<Continued<N>> = None;
+        let mut best: Option<Continued> = None;
         for (k, part) in ATTEMPTS.into_iter().enumerate() {
             if !goes_on() {
                 break;
             }
             let longest = part * self.horizon;
             let times = graded_times(self.horizon, 0.25 * longest, longest)?;
-            let knots = times.iter().map(|&t| self.cubic(t)).collect();
-            let mut spline = Spline::<Q> { times: times.clone(), knots };
+            let knots = times.iter().flat_map(|&t| self.cubic(t)).collect();
+            let mut spline = Spline { degrees: self.initial.len() / 2, times: times.clone(), knots };
             spent.iterations += spline.descend(&driven, ENOUGH, 100, goes_on);
             let nodes = spline.nodes(&driven);
-            let Ok(guess) = judging.solve_within(budget, &watched, &ends, &times, &nodes) else {
+            let Ok(guess) = judging.solve_within(budget, &watched, ends, &times, &nodes) else {
                 spent.failures += 1;
                 continue;
             };
@@ -120,7 +118,7 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
                 spent.failures += 1;
                 continue;
             }
-            let Ok(extremal) = shooting.solve_within(budget, &watched, &ends, &times, &nodes) else {
+            let Ok(extremal) = shooting.solve_within(budget, &watched, ends, &times, &nodes) else {
                 spent.failures += 1;
                 continue;
             };
@@ -145,17 +143,17 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
     }
 
     /// Without the torques that are not there, and with the limits.
-    fn restricted<W: VectorField<N> + Sync>(
+    fn restricted<W: VectorField + Sync>(
         &self,
         budget: &Budget,
         continuation: &Continuation,
-        watch: &impl Fn(TreeMinimumTorque<N>) -> W,
-        ends: [End<N>; 2],
-        mut found: Continued<N>,
-    ) -> Continued<N> {
+        watch: &impl Fn(TreeMinimumTorque) -> W,
+        ends: &[End; 2],
+        mut found: Continued,
+    ) -> Continued {
         let fractions: Vec<f64> = found.extremal.times.iter().map(|t| t / self.horizon).collect();
-        let lead = |stage: Stage, found: Continued<N>, of: &dyn Fn(f64) -> TreeMinimumTorque<N>| {
-            let family = |s: f64| Member { system: watch(of(s)), ends, horizon: self.horizon };
+        let lead = |stage: Stage, found: Continued, of: &dyn Fn(f64) -> TreeMinimumTorque| {
+            let family = |s: f64| Member { system: watch(of(s)), ends: ends.clone(), horizon: self.horizon };
             match continuation.follow_within(budget, stage, family, &fractions, &found.extremal.nodes) {
                 Ok(led) => led.after(&found),
                 Err(error) => Continued { s: 0.0, ..found.stopped(stage, error, budget) },
@@ -165,10 +163,11 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
             found = lead(Stage::Release, found, &|s| self.system.released(s));
         }
         if found.arrived() && self.system.torque_limits().iter().any(|limit| limit.is_finite()) {
-            let (free, mut peaks, mut u) = (self.system.released(1.0), [0.0f64; Q], [0.0; Q]);
+            let free = self.system.released(1.0);
+            let (mut peaks, mut u) = (vec![0.0f64; free.n_controls()], vec![0.0; free.n_controls()]);
             for p in &found.extremal.nodes {
                 // the controls are as many as the degrees of freedom; without a value they leave the peaks
-                let _ = free.control_into(p, &mut u);
+                let _ = free.control_into(p.as_slice(), &mut u);
                 peaks.iter_mut().zip(&u).for_each(|(peak, u)| *peak = peak.max(u.abs()));
             }
             found = lead(Stage::Limits, found, &|s| self.system.limited_from(&peaks, s));
@@ -176,15 +175,19 @@ impl<const Q: usize, const N: usize> TreeTravel<'_, Q, N> {
         found
     }
 
-    /// The cubic between the ends.
-    fn cubic(&self, t: f64) -> Motion<Q> {
-        let (h, s) = (self.horizon, t / self.horizon);
-        let part = |x: &[f64], first: usize| SVector::<f64, Q>::from_column_slice(&x[first..first + Q]);
-        let [from, to] = [self.initial, self.last].map(|x| [part(x, 0), part(x, Q) * h]);
-        let way = to[0] - from[0];
-        // from[0] + from[1] s + b s² + c s³
-        let (b, c) = (way * 3.0 - from[1] * 2.0 - to[1], from[1] + to[1] - way * 2.0);
-        let place = from[0] + from[1] * s + b * (s * s) + c * (s * s * s);
-        [place, (from[1] + b * (2.0 * s) + c * (3.0 * s * s)) / h, (b * 2.0 + c * (6.0 * s)) / (h * h)]
+    /// The cubic between the ends: q, q̇ and q̈.
+    fn cubic(&self, t: f64) -> Vec<f64> {
+        let (h, s, n) = (self.horizon, t / self.horizon, self.initial.len() / 2);
+        let mut motion = vec![0.0; 3 * n];
+        for i in 0..n {
+            let [from, to] = [self.initial, self.last].map(|x| [x[i], x[n + i] * h]);
+            let way = to[0] - from[0];
+            // from[0] + from[1] s + b s² + c s³
+            let (b, c) = (way * 3.0 - from[1] * 2.0 - to[1], from[1] + to[1] - way * 2.0);
+            motion[i] = from[0] + from[1] * s + b * (s * s) + c * (s * s * s);
+            motion[n + i] = (from[1] + b * (2.0 * s) + c * (3.0 * s * s)) / h;
+            motion[2 * n + i] = (b * 2.0 + c * (6.0 * s)) / (h * h);
+        }
+        motion
     }
 }

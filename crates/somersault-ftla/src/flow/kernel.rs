@@ -7,12 +7,15 @@ use super::{FlowError, Tolerances, VariationalFlow, Work};
 use crate::budget::Budget;
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
-use nalgebra::{ArrayStorage, SMatrix, SVector};
-use rows::{Rows, combine, identity, is_finite, multiply_add};
+use nalgebra::{DMatrix, DVector};
+use rows::{combine, identity, is_finite, multiply_add};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
 use switching::{Ahead, Watch};
 
 const STAGES: usize = 12;
+
+/// In place of a size that the compiler knows: any other one.
+const ANY: usize = 0;
 
 /// Of four steps.
 const EVALUATIONS_BETWEEN_REPORTS: usize = 4 * STAGES;
@@ -25,13 +28,17 @@ pub(super) enum Progress {
     Switched,
 }
 
-pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
+/// A run. `MATRIX` says whether it carries Φ.
+///
+/// Everything that a step needs lies here from the start: steps allocate nothing.
+pub(super) struct Kernel<'a, S, const MATRIX: bool> {
     system: &'a S,
+    n: usize,
     tableau: &'static Tableau,
     error: &'static ErrorWeights,
     relative: f64,
     /// In each entry of the state.
-    absolute: SVector<f64, N>,
+    absolute: Vec<f64>,
     /// In the integral.
     integral_tolerance: f64,
     max_steps: usize,
@@ -39,104 +46,157 @@ pub(super) struct Kernel<'a, S, const N: usize, const MATRIX: bool> {
     /// Evaluations that the budget knows of.
     reported: usize,
     pub(super) t: f64,
-    pub(super) state: SVector<f64, N>,
+    pub(super) state: Vec<f64>,
     /// Φ.
-    rows: Rows<N>,
+    rows: Vec<f64>,
     pub(super) integral: f64,
     pub(super) work: Work,
     /// The piece of the field that steps are made in.
-    pub(super) piece: Piece<N>,
+    pub(super) piece: Piece,
     /// Whether to come back where a piece ends.
     pub(super) stops_at_switches: bool,
-    watch: Watch<N>,
+    watch: Watch,
     /// The next step size, with the sign of the direction.
     h: f64,
     /// D at the current state, to restart Φ without an evaluation.
-    jacobian: SMatrix<f64, N, N>,
-    states: [SVector<f64, N>; STAGES],
-    row_slopes: [Rows<N>; STAGES],
+    jacobian: DMatrix<f64>,
+    /// The slopes of the stages, one after the other, of state, Φ and integral.
+    slopes: Vec<f64>,
+    row_slopes: Vec<f64>,
     integrands: [f64; STAGES],
+    /// State and Φ of a stage, and then those at the end of a trial.
+    next: Vec<f64>,
+    next_rows: Vec<f64>,
+    scratch: Scratch,
+}
+
+/// What is kept from before a step, and what errors are summed in.
+struct Scratch {
+    stage_jacobian: DMatrix<f64>,
+    first_slope: Vec<f64>,
+    first_row_slope: Vec<f64>,
+    /// Two estimates of the error of the state, then of one of Φ.
+    estimates: [Vec<f64>; 2],
+    row_estimates: [Vec<f64>; 2],
+    /// Sums over columns.
+    sums: [Vec<f64>; 3],
 }
 
 /// Steps whose loops over columns are compiled for the widest vectors of the machine. A closure would not do: it is not
 /// inlined into what is compiled for them.
-struct Steps<'k, 'a, S, F, const N: usize, const MATRIX: bool> {
-    kernel: &'k mut Kernel<'a, S, N, MATRIX>,
+struct Steps<'k, 'a, S, F, const MATRIX: bool> {
+    kernel: &'k mut Kernel<'a, S, MATRIX>,
     end: f64,
     growth: f64,
     integrand: F,
 }
 
-impl<S, F, const N: usize, const MATRIX: bool> pulp::WithSimd for Steps<'_, '_, S, F, N, MATRIX>
+impl<S, F, const MATRIX: bool> pulp::WithSimd for Steps<'_, '_, S, F, MATRIX>
 where
-    S: VectorField<N>,
-    F: Fn(&Piece<N>, &SVector<f64, N>) -> f64,
+    S: VectorField,
+    F: Fn(&Piece, &[f64]) -> f64,
 {
     type Output = Result<Progress, FlowError>;
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) -> Self::Output {
-        self.kernel.steps::<V>(self.end, self.growth, self.integrand)
+        let Self { kernel, end, growth, integrand } = self;
+        // loops of a length that the compiler knows are half as long again as quick at these sizes
+        match kernel.n {
+            2 => kernel.steps::<V, 2>(end, growth, integrand),
+            4 => kernel.steps::<V, 4>(end, growth, integrand),
+            6 => kernel.steps::<V, 6>(end, growth, integrand),
+            8 => kernel.steps::<V, 8>(end, growth, integrand),
+            _ => kernel.steps::<V, ANY>(end, growth, integrand),
+        }
     }
 }
 
-impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N, MATRIX> {
+impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     pub(super) fn start(
-        flow: &VariationalFlow<'a, S, N>,
-        p: &SVector<f64, N>,
+        flow: &VariationalFlow<'a, S>,
+        p: &DVector<f64>,
         duration: f64,
     ) -> Result<Self, FlowError> {
         let (tableau, error) = Tableau::dop853();
         let (system, Tolerances { relative, absolute }) = (flow.system, flow.tolerances);
+        let n = p.len();
+        // without Φ its numbers are none
+        let square = if MATRIX { n * n } else { 0 };
+        let side = if MATRIX { n } else { 0 };
+        let zeros = |size: usize| vec![0.0; size];
+        let mut rows = zeros(square);
+        if MATRIX {
+            identity(&mut rows, n);
+        }
         let mut kernel = Self {
             system,
+            n,
             tableau,
             error,
             relative,
-            absolute: flow.scale.state * absolute,
+            absolute: flow.scale.state.iter().map(|scale| scale * absolute).collect(),
             integral_tolerance: flow.scale.cost * absolute,
             max_steps: flow.max_steps,
             budget: flow.budget,
             reported: 0,
             t: 0.0,
-            state: *p,
-            rows: identity(),
+            state: p.as_slice().to_vec(),
+            rows,
             integral: 0.0,
             work: Work::default(),
-            piece: system.piece(p),
+            piece: system.piece(p.as_slice()),
             stops_at_switches: false,
-            watch: Watch::default(),
+            watch: Watch::new(system.n_switches(), n),
             h: 0.0,
-            jacobian: SMatrix::zeros(),
-            states: [SVector::zeros(); STAGES],
-            row_slopes: [[[0.0; N]; N]; STAGES],
+            jacobian: DMatrix::zeros(side, side),
+            slopes: zeros(STAGES * n),
+            row_slopes: zeros(STAGES * square),
             integrands: [0.0; STAGES],
+            next: zeros(n),
+            next_rows: zeros(square),
+            scratch: Scratch {
+                stage_jacobian: DMatrix::zeros(side, side),
+                first_slope: zeros(n),
+                first_row_slope: zeros(square),
+                estimates: [zeros(n), zeros(n)],
+                row_estimates: [zeros(square), zeros(square)],
+                sums: [zeros(side), zeros(side), zeros(side)],
+            },
         };
-        if !kernel.first_stage::<pulp::Scalar>() {
+        if !kernel.first_stage::<pulp::Scalar, ANY>() {
             return Err(kernel.non_finite());
         }
         kernel.h = kernel.first_step_size().min(duration.abs()).copysign(duration);
         if system.n_switches() > 0 {
-            kernel.watch = kernel.watch(&kernel.piece, p, &kernel.states[0], kernel.h);
+            kernel.watch_here();
         }
         Ok(kernel)
     }
 
     /// Continues with Φ = 1 from here.
     pub(super) fn restart_matrix(&mut self) {
-        self.rows = identity();
-        self.row_slopes[0] = self.jacobian.transpose().data.0;
+        let n = self.n;
+        identity(&mut self.rows, n);
+        for (i, row) in self.row_slopes[..n * n].chunks_exact_mut(n).enumerate() {
+            row.iter_mut().zip(self.jacobian.row(i).iter()).for_each(|(slope, d)| *slope = *d);
+        }
+    }
+
+    /// p.
+    pub(super) fn point(&self) -> DVector<f64> {
+        DVector::from_column_slice(&self.state)
     }
 
     /// Φ.
-    pub(super) fn matrix(&self) -> SMatrix<f64, N, N> {
-        SMatrix::from_array_storage(ArrayStorage(self.rows)).transpose()
+    pub(super) fn matrix(&self) -> DMatrix<f64> {
+        DMatrix::from_row_slice(self.n, self.n, &self.rows)
     }
 
     pub(super) fn run(
         &mut self,
         end: f64,
-        integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
+        integrand: impl Fn(&Piece, &[f64]) -> f64,
     ) -> Result<(), FlowError> {
         self.advance(end, f64::INFINITY, integrand).map(|_| ())
     }
@@ -146,7 +206,7 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         &mut self,
         end: f64,
         growth: f64,
-        integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
+        integrand: impl Fn(&Piece, &[f64]) -> f64,
     ) -> Result<Progress, FlowError> {
         let progress = pulp::Arch::new().dispatch(Steps { kernel: self, end, growth, integrand });
         if let Some(budget) = self.budget {
@@ -157,19 +217,21 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     }
 
     #[inline(always)]
-    fn steps<V: pulp::Simd>(
+    fn steps<V: pulp::Simd, const N: usize>(
         &mut self,
         end: f64,
         growth: f64,
-        integrand: impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
+        integrand: impl Fn(&Piece, &[f64]) -> f64,
     ) -> Result<Progress, FlowError> {
+        let n = if N == ANY { self.n } else { N };
+        let square = if MATRIX { n * n } else { 0 };
         let mut rejected = false;
         // a step to a minimum of a margin
         let mut cut: Option<f64> = None;
         while self.t != end {
             if self.work.steps + self.work.rejected >= self.max_steps {
                 let (t, steps) = (self.t, self.work.steps);
-                return Err(FlowError::TooManySteps { t, state: self.state.as_slice().to_vec(), steps });
+                return Err(FlowError::TooManySteps { t, state: self.state.clone(), steps });
             }
             self.report()?;
             let left = end - self.t;
@@ -188,10 +250,10 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 return Err(if self.work.rejected > 0 && !self.stages_are_finite() {
                     self.non_finite()
                 } else {
-                    FlowError::StepUnderflow { t: self.t, state: self.state.as_slice().to_vec() }
+                    FlowError::StepUnderflow { t: self.t, state: self.state.clone() }
                 });
             }
-            let (mut state, mut rows, size) = self.trial::<V>(h, &integrand);
+            let size = self.trial::<V, N>(h, &integrand);
             let limit = if rejected { 1.0 } else { 6.0 };
             // a NaN counts as far too large
             let factor =
@@ -202,11 +264,11 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 rejected = true;
                 continue;
             }
-            let before = (self.state, self.rows, self.states[0], self.row_slopes[0], self.piece);
-            let mut watch = self.watch;
+            // the piece that a step leads to, where it leads to another one
+            let mut entered = None;
             if self.system.n_switches() > 0 {
-                match self.ahead(h, &state) {
-                    Ahead::Smooth(then) => watch = then,
+                match self.ahead(h) {
+                    Ahead::Smooth => {}
                     Ahead::Minimum(size) => {
                         self.work.rejected += 1;
                         cut = Some(size);
@@ -214,15 +276,23 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                     }
                     Ahead::End(size) => {
                         (last, h) = (last && size == h, size);
-                        (state, rows, _) = self.trial::<V>(h, &integrand);
-                        self.piece = self.system.next_piece(&self.piece, &state);
+                        self.trial::<V, N>(h, &integrand);
+                        entered = Some(self.system.next_piece(&self.piece, &self.next));
                     }
                 }
             }
             let gain = self.combine_scalar(self.tableau.weights());
-            (self.state, self.rows) = (state, rows);
-            if !self.first_stage::<V>() {
-                (self.state, self.rows, self.states[0], self.row_slopes[0], self.piece) = before;
+            self.scratch.first_slope.copy_from_slice(&self.slopes[..n]);
+            self.scratch.first_row_slope.copy_from_slice(&self.row_slopes[..square]);
+            self.swap();
+            let before = entered.map(|next| std::mem::replace(&mut self.piece, next));
+            if !self.first_stage::<V, N>() {
+                self.swap();
+                self.slopes[..n].copy_from_slice(&self.scratch.first_slope);
+                self.row_slopes[..square].copy_from_slice(&self.scratch.first_row_slope);
+                if let Some(before) = before {
+                    self.piece = before;
+                }
                 self.work.rejected += 1;
                 self.h = 0.2 * h;
                 rejected = true;
@@ -238,19 +308,29 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
                 h * factor
             };
             rejected = false;
-            self.watch = watch;
-            if self.piece != before.4 {
-                self.work.switches += 1;
-                self.watch = self.watch(&self.piece, &self.state, &self.states[0], self.h);
-                if self.stops_at_switches && self.t != end {
-                    return Ok(Progress::Switched);
+            match before {
+                Some(before) if before != self.piece => {
+                    self.work.switches += 1;
+                    self.watch_here();
+                    if self.stops_at_switches && self.t != end {
+                        return Ok(Progress::Switched);
+                    }
                 }
+                // an end of the piece that leads back into it
+                Some(_) => {}
+                None => self.watch.arrive(),
             }
             if MATRIX && growth.is_finite() && self.t != end && self.spread() > growth {
                 return Ok(Progress::Grown);
             }
         }
         Ok(Progress::Arrived)
+    }
+
+    /// Exchanges the point that the kernel is at with that at the end of a trial.
+    fn swap(&mut self) {
+        std::mem::swap(&mut self.state, &mut self.next);
+        std::mem::swap(&mut self.rows, &mut self.next_rows);
     }
 
     /// Tells the budget what has been spent, every few steps: a look at the clock costs as much as an evaluation.
@@ -263,79 +343,84 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
         budget.spend(self.work.evaluations - self.reported);
         self.reported = self.work.evaluations;
         match budget.reached() {
-            Some(limit) => {
-                Err(FlowError::LimitReached { limit, t: self.t, state: self.state.as_slice().to_vec() })
-            }
+            Some(limit) => Err(FlowError::LimitReached { limit, t: self.t, state: self.state.clone() }),
             None => Ok(()),
         }
     }
 
     /// How far Φ stretches or shrinks: its largest entry, or the inverse of the smallest part of a column that the columns
     /// before it do not have.
-    fn spread(&self) -> f64 {
-        let matrix = self.matrix();
-        let (_, r) = orthonormalise::<1, N>(matrix);
-        let smallest = (0..N).fold(f64::INFINITY, |m, j| m.min(r[(j, j)]));
-        matrix.amax().max(1.0 / smallest)
+    fn spread(&mut self) -> f64 {
+        // the scratch of a step is free between steps
+        let Scratch { stage_jacobian: q, sums: [diagonal, ..], .. } = &mut self.scratch;
+        q.copy_from_slice(&self.rows);
+        // what lies by rows is the transpose by columns
+        q.transpose_mut();
+        let largest = q.amax();
+        orthonormalise::<1>(q, |i, j, part| {
+            if i == j {
+                diagonal[i] = part;
+            }
+        });
+        let smallest = diagonal.iter().copied().fold(f64::INFINITY, f64::min);
+        largest.max(1.0 / smallest)
     }
 
     /// Slopes at the current state; false if they are not finite.
     #[inline(always)]
-    fn first_stage<V: pulp::Simd>(&mut self) -> bool {
+    fn first_stage<V: pulp::Simd, const N: usize>(&mut self) -> bool {
+        let n = if N == ANY { self.n } else { N };
         self.work.evaluations += 1;
+        let slope = &mut self.slopes[..n];
         if MATRIX {
-            let (field, jacobian) = self.system.linearize_in(&self.piece, &self.state);
-            self.states[0] = field;
-            self.jacobian = jacobian;
-            self.system.tangent(&jacobian, &self.rows, &mut self.row_slopes[0], multiply_add::<V>);
+            let row_slope = &mut self.row_slopes[..n * n];
+            self.system.linearize_in(&self.piece, &self.state[..n], slope, &mut self.jacobian);
+            let d = &self.jacobian.as_slice()[..n * n];
+            self.system.tangent(n, d, &self.rows[..n * n], row_slope, multiply_add::<V>);
         } else {
-            self.states[0] = self.system.field_in(&self.piece, &self.state);
+            self.system.field_in(&self.piece, &self.state[..n], slope);
         }
-        self.states[0].sum().is_finite() && (!MATRIX || is_finite(&self.row_slopes[0]))
+        self.slopes[..n].iter().sum::<f64>().is_finite()
+            && (!MATRIX || is_finite(&self.row_slopes[..n * n], n))
     }
 
-    /// One step of size h from the slopes at the current state: state, Φ, and the error in units of the tolerance.
+    /// One step of size h from the slopes at the current state, to `next` and `next_rows`; the error in units of the
+    /// tolerance.
     #[inline(always)]
-    fn trial<V: pulp::Simd>(
+    fn trial<V: pulp::Simd, const N: usize>(
         &mut self,
         h: f64,
-        integrand: &impl Fn(&Piece<N>, &SVector<f64, N>) -> f64,
-    ) -> (SVector<f64, N>, Rows<N>, f64) {
+        integrand: &impl Fn(&Piece, &[f64]) -> f64,
+    ) -> f64 {
+        let n = if N == ANY { self.n } else { N };
+        let square = if MATRIX { n * n } else { 0 };
         self.integrands[0] = integrand(&self.piece, &self.state);
-        let mut rows = [[0.0; N]; N];
         for i in 1..STAGES {
             let row = self.tableau.row(i);
-            let state = self.combine_state::<V>(row, h);
+            combine::<V>(Some(&self.state[..n]), &self.slopes, row, h, &mut self.next[..n]);
+            let slope = &mut self.slopes[i * n..(i + 1) * n];
             if MATRIX {
                 // before the field, whose latency it fills
-                combine::<V, N>(&self.rows, &self.row_slopes, row, h, &mut rows);
-                let (field, jacobian) = self.system.linearize_in(&self.piece, &state);
-                self.states[i] = field;
-                self.system.tangent(&jacobian, &rows, &mut self.row_slopes[i], multiply_add::<V>);
+                let next_rows = &mut self.next_rows[..square];
+                combine::<V>(Some(&self.rows[..square]), &self.row_slopes, row, h, next_rows);
+                let d = &mut self.scratch.stage_jacobian;
+                self.system.linearize_in(&self.piece, &self.next[..n], slope, d);
+                let d = &d.as_slice()[..square];
+                let row_slope = &mut self.row_slopes[i * square..(i + 1) * square];
+                self.system.tangent(n, d, next_rows, row_slope, multiply_add::<V>);
             } else {
-                self.states[i] = self.system.field_in(&self.piece, &state);
+                self.system.field_in(&self.piece, &self.next[..n], slope);
             }
-            self.integrands[i] = integrand(&self.piece, &state);
+            self.integrands[i] = integrand(&self.piece, &self.next);
         }
         self.work.evaluations += STAGES - 1;
         let weights = self.tableau.weights();
-        let state = self.combine_state::<V>(weights, h);
+        combine::<V>(Some(&self.state[..n]), &self.slopes, weights, h, &mut self.next[..n]);
         if MATRIX {
-            combine::<V, N>(&self.rows, &self.row_slopes, weights, h, &mut rows);
+            let next_rows = &mut self.next_rows[..square];
+            combine::<V>(Some(&self.rows[..square]), &self.row_slopes, weights, h, next_rows);
         }
-        let size = self.error_of::<V>(h, &state, &rows);
-        (state, rows, size)
-    }
-
-    #[inline(always)]
-    fn combine_state<V: pulp::Simd>(&self, row: &[(usize, f64)], h: f64) -> SVector<f64, N> {
-        let mut sum = SVector::<f64, N>::zeros();
-        for &(j, a) in row {
-            for i in 0..N {
-                sum[i] = multiply_add::<V>(a, self.states[j][i], sum[i]);
-            }
-        }
-        self.state + sum * h
+        self.error_of::<V, N>(h)
     }
 
     fn combine_scalar(&self, row: &[(usize, f64)]) -> f64 {
@@ -345,50 +430,55 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     /// The estimate of Hairer, Nørsett and Wanner, II.10: e₅²/√(e₅² + e₃²/100) in root mean square, the largest of state,
     /// columns of Φ and integral.
     #[inline(always)]
-    fn error_of<V: pulp::Simd>(&self, h: f64, state: &SVector<f64, N>, rows: &Rows<N>) -> f64 {
-        let (relative, absolute) = (self.relative, &self.absolute);
+    fn error_of<V: pulp::Simd, const N: usize>(&mut self, h: f64) -> f64 {
+        let n = if N == ANY { self.n } else { N };
+        let (relative, square) = (self.relative, n * n);
         // a pair without a second estimate has none of its weights
-        let correction = self.error.correction().unwrap_or(&[]);
+        let (main, correction) = (self.error.main(), self.error.correction().unwrap_or(&[]));
+        let Scratch { estimates: [e5, e3], row_estimates, sums, .. } = &mut self.scratch;
+        let (e5, e3) = (&mut e5[..n], &mut e3[..n]);
+        combine::<V>(None, &self.slopes, main, 1.0, e5);
+        combine::<V>(None, &self.slopes, correction, 1.0, e3);
+        let (absolute, state, next) = (&self.absolute[..n], &self.state[..n], &self.next[..n]);
         let (mut fifth, mut third) = (0.0, 0.0);
-        let (mut e5, mut e3) = (SVector::<f64, N>::zeros(), SVector::<f64, N>::zeros());
-        for &(j, a) in self.error.main() {
-            e5 += self.states[j] * a;
-        }
-        for &(j, a) in correction {
-            e3 += self.states[j] * a;
-        }
-        for i in 0..N {
-            let scale = absolute[i] + relative * self.state[i].abs().max(state[i].abs());
+        for i in 0..n {
+            let scale = absolute[i] + relative * state[i].abs().max(next[i].abs());
             fifth += (e5[i] / scale).powi(2);
             third += (e3[i] / scale).powi(2);
         }
-        let mut size = ratio(fifth, third, N);
+        let mut size = ratio(fifth, third, n);
         if MATRIX {
-            let none = [[0.0; N]; N];
-            let (mut e5, mut e3) = (none, none);
-            combine::<V, N>(&none, &self.row_slopes, self.error.main(), 1.0, &mut e5);
-            combine::<V, N>(&none, &self.row_slopes, correction, 1.0, &mut e3);
-            let (mut fifth, mut third, mut large) = ([0.0; N], [0.0; N], [f64::MIN_POSITIVE; N]);
-            for i in 0..N {
-                for c in 0..N {
-                    fifth[c] = multiply_add::<V>(e5[i][c], e5[i][c], fifth[c]);
-                    third[c] = multiply_add::<V>(e3[i][c], e3[i][c], third[c]);
-                    large[c] = large[c].max(self.rows[i][c].abs()).max(rows[i][c].abs());
+            let [e5, e3] = row_estimates;
+            let (e5, e3) = (&mut e5[..square], &mut e3[..square]);
+            combine::<V>(None, &self.row_slopes, main, 1.0, e5);
+            combine::<V>(None, &self.row_slopes, correction, 1.0, e3);
+            let [fifth, third, large] = sums;
+            let (fifth, third, large) = (&mut fifth[..n], &mut third[..n], &mut large[..n]);
+            fifth.fill(0.0);
+            third.fill(0.0);
+            large.fill(f64::MIN_POSITIVE);
+            let (before, after) = (&self.rows[..square], &self.next_rows[..square]);
+            for i in 0..n {
+                let row = i * n..(i + 1) * n;
+                let (e5, e3) = (&e5[row.clone()], &e3[row.clone()]);
+                let (before, after) = (&before[row.clone()], &after[row]);
+                for c in 0..n {
+                    fifth[c] = multiply_add::<V>(e5[c], e5[c], fifth[c]);
+                    third[c] = multiply_add::<V>(e3[c], e3[c], third[c]);
+                    large[c] = large[c].max(before[c].abs()).max(after[c].abs());
                 }
             }
-            for c in 0..N {
+            for c in 0..n {
                 let scale = (relative * large[c]).powi(-2);
-                size = larger(size, ratio(fifth[c] * scale, third[c] * scale, N));
+                size = larger(size, ratio(fifth[c] * scale, third[c] * scale, n));
             }
         }
         let scale =
             self.integral_tolerance + relative * self.integral.abs().max((h * self.integrands[0]).abs());
-        let main = self.combine_scalar(self.error.main());
-        if main != 0.0 && scale > 0.0 {
-            size = larger(
-                size,
-                ratio((main / scale).powi(2), (self.combine_scalar(correction) / scale).powi(2), 1),
-            );
+        let of_integral = self.combine_scalar(main);
+        if of_integral != 0.0 && scale > 0.0 {
+            let parts = [of_integral, self.combine_scalar(correction)].map(|part| (part / scale).powi(2));
+            size = larger(size, ratio(parts[0], parts[1], 1));
         }
         h.abs() * size
     }
@@ -398,30 +488,30 @@ impl<'a, S: VectorField<N>, const N: usize, const MATRIX: bool> Kernel<'a, S, N,
     fn first_step_size(&self) -> f64 {
         let (relative, absolute) = (self.relative, &self.absolute);
         let mut rate = 0.0f64;
-        for i in 0..N {
-            let slope = self.states[0][i].abs();
+        for i in 0..self.n {
+            let slope = self.slopes[i].abs();
             rate =
                 rate.max(slope / (absolute[i] / relative + self.state[i].abs()).max(slope.min(1.0) * 1e-2));
         }
         if MATRIX {
             // ‖D‖ grows with the choice of units, √‖D²‖ less so
-            rate = rate.max((self.jacobian * self.jacobian).amax().sqrt());
+            rate = rate.max((&self.jacobian * &self.jacobian).amax().sqrt());
         }
         if rate > 0.0 { 2.0 * relative.powf(0.125) / rate } else { f64::MAX }
     }
 
     fn fields_are_finite(&self) -> bool {
-        self.states.iter().all(|k| k.sum().is_finite())
+        self.slopes.chunks_exact(self.n).all(|k| k.iter().sum::<f64>().is_finite())
     }
 
     fn stages_are_finite(&self) -> bool {
-        self.fields_are_finite() && (!MATRIX || self.row_slopes.iter().all(is_finite))
+        self.fields_are_finite() && is_finite(&self.row_slopes, self.n)
     }
 
     fn non_finite(&self) -> FlowError {
         let quantity = if self.fields_are_finite() { "Jacobian" } else { "field" };
         let source = self.system.fault(&self.state);
-        FlowError::NonFinite { quantity, t: self.t, state: self.state.as_slice().to_vec(), source }
+        FlowError::NonFinite { quantity, t: self.t, state: self.state.clone(), source }
     }
 }
 

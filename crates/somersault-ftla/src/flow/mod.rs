@@ -9,15 +9,15 @@
 //!
 //! Where a control reaches or leaves a bound the field has a kink. Steps end there ([`Piece`]); Φ has no jump.
 //!
-//! Runs allocate nothing: the stages are on the stack, 96 N (N + 1) bytes, and a chain is written into one that the
-//! caller keeps. The coefficients are those of `somersault-integrators`.
+//! A run takes its memory at its start, some 20 N (N + 1) numbers for N of a point; its steps allocate nothing. The
+//! coefficients are those of `somersault-integrators`.
 
 mod kernel;
 
 use crate::budget::{Budget, Limit};
 use crate::system::{OptimalControlSystem, Piece, SystemError, VectorField};
 use kernel::{Kernel, Progress};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use somersault_core::argument::ArgumentError;
 
@@ -113,23 +113,23 @@ impl std::ops::AddAssign for Work {
 }
 
 /// The end of a run with its transition matrix, ∂p(t + T)/∂p(t).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Transition<const N: usize> {
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Transition {
     /// T, negative backward in time.
     pub duration: f64,
     /// p(t + T).
-    pub end: SVector<f64, N>,
+    pub end: DVector<f64>,
     /// Φ(T, p).
-    pub matrix: SMatrix<f64, N, N>,
+    pub matrix: DMatrix<f64>,
 }
 
-impl<const N: usize> Transition<N> {
+impl Transition {
     /// The largest |φᵢᵀJφⱼ − J_ij| / max(1, ‖φᵢ‖‖φⱼ‖) over columns φ of Φ; zero for a symplectic matrix.
     pub fn symplecticity_defect(&self) -> f64 {
-        let (n, phi) = (N / 2, &self.matrix);
-        let norm: SVector<f64, N> = SVector::from_fn(|i, _| phi.column(i).norm());
+        let (n, phi) = (self.matrix.nrows() / 2, &self.matrix);
+        let norm: Vec<f64> = phi.column_iter().map(|column| column.norm()).collect();
         let mut defect = 0.0f64;
-        for i in 0..N {
+        for i in 0..norm.len() {
             for j in 0..i {
                 let form: f64 =
                     (0..n).map(|k| phi[(k, i)] * phi[(n + k, j)] - phi[(n + k, i)] * phi[(k, j)]).sum();
@@ -143,8 +143,8 @@ impl<const N: usize> Transition<N> {
 
 /// Factors of a transition matrix, in the order of time: Φ = Φ_K ⋯ Φ₁.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Chain<const N: usize> {
-    pub(crate) links: Vec<Transition<N>>,
+pub struct Chain {
+    pub(crate) links: Vec<Transition>,
     /// Number of links up to each of the times asked for.
     pub(crate) marks: Vec<usize>,
     pub(crate) times: Vec<f64>,
@@ -152,14 +152,14 @@ pub struct Chain<const N: usize> {
     pub work: Work,
 }
 
-impl<const N: usize> Chain<N> {
+impl Chain {
     /// An empty chain.
     pub fn new() -> Self {
-        Self { links: Vec::new(), marks: Vec::new(), times: Vec::new(), work: Work::default() }
+        Self::default()
     }
 
     /// A chain of given factors, with a mark after each: the segments of a motion known by its nodes.
-    pub fn from_links(links: Vec<Transition<N>>) -> Self {
+    pub fn from_links(links: Vec<Transition>) -> Self {
         let marks = (1..=links.len()).collect();
         let times =
             links.iter().scan(0.0, |t, link| Some(std::mem::replace(t, *t + link.duration) + link.duration));
@@ -168,7 +168,7 @@ impl<const N: usize> Chain<N> {
     }
 
     /// The factors.
-    pub fn links(&self) -> &[Transition<N>] {
+    pub fn links(&self) -> &[Transition] {
         &self.links
     }
 
@@ -178,37 +178,35 @@ impl<const N: usize> Chain<N> {
     }
 
     /// The factors up to time number `mark`.
-    pub fn until(&self, mark: usize) -> &[Transition<N>] {
+    pub fn until(&self, mark: usize) -> &[Transition] {
         &self.links[..self.marks[mark]]
     }
 }
 
 /// Integrates a field with its transition matrix, forward and, for a negative duration, backward.
 #[derive(Debug)]
-pub struct VariationalFlow<'a, S, const N: usize> {
+pub struct VariationalFlow<'a, S> {
     system: &'a S,
     tolerances: Tolerances,
     max_steps: usize,
-    scale: Scale<N>,
+    scale: Scale,
     budget: Option<&'a Budget>,
 }
 
 /// The units in which absolute tolerances count.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Scale<const N: usize> {
-    state: SVector<f64, N>,
+#[derive(Debug, Clone, PartialEq)]
+struct Scale {
+    state: DVector<f64>,
     cost: f64,
 }
 
-impl<S, const N: usize> Clone for VariationalFlow<'_, S, N> {
+impl<S> Clone for VariationalFlow<'_, S> {
     fn clone(&self) -> Self {
-        *self
+        Self { scale: self.scale.clone(), ..*self }
     }
 }
 
-impl<S, const N: usize> Copy for VariationalFlow<'_, S, N> {}
-
-impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
+impl<'a, S: VectorField> VariationalFlow<'a, S> {
     /// A flow of at most 100 000 steps a run. The relative tolerance must be in [1e-15, 0.1], the absolute one not negative.
     pub fn try_new(system: &'a S, tolerances: Tolerances) -> Result<Self, FlowError> {
         let Tolerances { relative, absolute } = tolerances;
@@ -220,13 +218,13 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
             let allowed = "finite and not negative";
             return Err(ArgumentError::OutOfRange { argument: "absolute", allowed, found: absolute }.into());
         }
-        let scale = Scale { state: SVector::repeat(1.0), cost: 1.0 };
+        let scale = Scale { state: DVector::repeat(system.dimension(), 1.0), cost: 1.0 };
         Ok(Self { system, tolerances, max_steps: 100_000, scale, budget: None })
     }
 
     /// With the absolute tolerance in units of `state` for each entry of p and of `cost` for the cost, all positive; one
     /// unless given. What is computed does then not depend on the units that a problem is written in.
-    pub fn with_scale(self, state: SVector<f64, N>, cost: f64) -> Self {
+    pub fn with_scale(self, state: DVector<f64>, cost: f64) -> Self {
         Self { scale: Scale { state, cost }, ..self }
     }
 
@@ -251,26 +249,26 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
     }
 
     /// p(T), without Φ.
-    pub fn state(&self, p: &SVector<f64, N>, duration: f64) -> Result<SVector<f64, N>, FlowError> {
+    pub fn state(&self, p: &DVector<f64>, duration: f64) -> Result<DVector<f64>, FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
         kernel.run(duration, nothing)?;
-        Ok(kernel.state)
+        Ok(kernel.point())
     }
 
     /// p(T) and Φ(T, p).
-    pub fn transition(&self, p: &SVector<f64, N>, duration: f64) -> Result<Transition<N>, FlowError> {
+    pub fn transition(&self, p: &DVector<f64>, duration: f64) -> Result<Transition, FlowError> {
         self.transition_counted(p, duration).map(|(transition, _)| transition)
     }
 
     /// p(T) and Φ(T, p), with what they cost.
     pub fn transition_counted(
         &self,
-        p: &SVector<f64, N>,
+        p: &DVector<f64>,
         duration: f64,
-    ) -> Result<(Transition<N>, Work), FlowError> {
+    ) -> Result<(Transition, Work), FlowError> {
         let mut kernel = self.kernel::<true>(p, duration)?;
         kernel.run(duration, nothing)?;
-        Ok((Transition { duration, end: kernel.state, matrix: kernel.matrix() }, kernel.work))
+        Ok((Transition { duration, end: kernel.point(), matrix: kernel.matrix() }, kernel.work))
     }
 
     /// Factors of Φ up to the last of `times`, with a link ended at each of them and wherever Φ has come to
@@ -280,10 +278,10 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
     /// of sixteen in a link.
     pub fn chain_into(
         &self,
-        p: &SVector<f64, N>,
+        p: &DVector<f64>,
         times: &[f64],
         growth: f64,
-        chain: &mut Chain<N>,
+        chain: &mut Chain,
     ) -> Result<(), FlowError> {
         let Some(&last) = times.last() else {
             return Err(ArgumentError::OutOfRange {
@@ -318,7 +316,7 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
             loop {
                 let progress = kernel.advance(time, growth, nothing)?;
                 let duration = kernel.t - link_start;
-                chain.links.push(Transition { duration, end: kernel.state, matrix: kernel.matrix() });
+                chain.links.push(Transition { duration, end: kernel.point(), matrix: kernel.matrix() });
                 kernel.restart_matrix();
                 link_start = kernel.t;
                 if progress == Progress::Arrived {
@@ -333,21 +331,27 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
     }
 
     /// Where the motion from `p` goes from one smooth piece of the field to the next, with the piece that begins there.
-    pub fn switches(&self, p: &SVector<f64, N>, duration: f64) -> Result<Vec<(f64, Piece<N>)>, FlowError> {
+    pub fn switches(&self, p: &DVector<f64>, duration: f64) -> Result<Vec<(f64, Piece)>, FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
         kernel.stops_at_switches = true;
         let mut found = Vec::new();
         while kernel.advance(duration, f64::INFINITY, nothing)? == Progress::Switched {
-            found.push((kernel.t, kernel.piece));
+            found.push((kernel.t, kernel.piece.clone()));
         }
         Ok(found)
     }
 
     fn kernel<const MATRIX: bool>(
         &self,
-        p: &SVector<f64, N>,
+        p: &DVector<f64>,
         duration: f64,
-    ) -> Result<Kernel<'a, S, N, MATRIX>, FlowError> {
+    ) -> Result<Kernel<'a, S, MATRIX>, FlowError> {
+        let expected = self.system.dimension();
+        for (argument, found) in [("p", p.len()), ("scale", self.scale.state.len())] {
+            if found != expected {
+                return Err(ArgumentError::Length { argument, expected, found }.into());
+            }
+        }
         if !duration.is_finite() {
             return Err(ArgumentError::OutOfRange {
                 argument: "duration",
@@ -364,16 +368,16 @@ impl<'a, S: VectorField<N>, const N: usize> VariationalFlow<'a, S, N> {
 }
 
 /// The integrand of runs without a cost: a closure for each of them would have each compiled anew.
-fn nothing<const N: usize>(_: &Piece<N>, _: &SVector<f64, N>) -> f64 {
+fn nothing(_: &Piece, _: &[f64]) -> f64 {
     0.0
 }
 
-impl<S: OptimalControlSystem<N>, const N: usize> VariationalFlow<'_, S, N> {
+impl<S: OptimalControlSystem> VariationalFlow<'_, S> {
     /// p(T) and the cost ∫ ℓ(p, u*) dt on the way, by the weights of the step and to the tolerance of the state;
     /// backward in time the cost is negative.
-    pub fn cost(&self, p: &SVector<f64, N>, duration: f64) -> Result<(SVector<f64, N>, f64), FlowError> {
+    pub fn cost(&self, p: &DVector<f64>, duration: f64) -> Result<(DVector<f64>, f64), FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
         kernel.run(duration, |piece, p| self.system.running_cost_in(piece, p))?;
-        Ok((kernel.state, kernel.integral))
+        Ok((kernel.point(), kernel.integral))
     }
 }

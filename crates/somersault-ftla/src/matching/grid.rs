@@ -9,7 +9,7 @@
 use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
 use crate::budget::Limits;
 use crate::system::HamiltonianSystem;
-use nalgebra::SVector;
+use nalgebra::DVector;
 use rayon::prelude::*;
 use somersault_core::argument::ArgumentError;
 
@@ -28,13 +28,16 @@ pub struct GridSearch {
     pub limits: Limits,
 }
 
+/// Costates that a grid may have: of three values each there are half a million points at each end.
+const MOST_HELD: usize = 12;
+
 impl GridSearch {
     /// Runs the search around the costates that `matching` was given.
-    pub fn run<S: HamiltonianSystem<N> + Sync, const N: usize>(
+    pub fn run<S: HamiltonianSystem + Sync>(
         &self,
-        matching: &Matching<'_, S, N>,
-    ) -> Result<Matched<N>, MatchingError> {
-        Matching::<S, N>::check_search(self.tolerance, self.max_rounds)?;
+        matching: &Matching<'_, S>,
+    ) -> Result<Matched, MatchingError> {
+        Matching::<S>::check_search(self.tolerance, self.max_rounds)?;
         let held = matching.held().to_vec();
         for spacing in &self.spacing {
             if spacing.len() != held.len() {
@@ -47,14 +50,18 @@ impl GridSearch {
                 );
             }
         }
+        if held.len() > MOST_HELD {
+            let (argument, allowed, found) = ("held", "at most 12 costates for a grid", held.len() as f64);
+            return Err(ArgumentError::OutOfRange { argument, allowed, found }.into());
+        }
         let budget = self.limits.start();
         let matching = &matching.within(&budget);
-        let mut center = matching.ends.map(|p| held.iter().map(|&i| p[N / 2 + i]).collect::<Vec<f64>>());
-        let mut near = matching.ends;
+        let mut center = matching.ends.each_ref().map(|p| held_of(&held, p));
+        let mut near = matching.ends.clone();
         let mut scale = [1.0f64; 2];
         let points = 3usize.pow(held.len() as u32);
         let mut counts = Counts::default();
-        let mut best: Option<([Branch<N>; 2], f64)> = None;
+        let mut best: Option<([Branch; 2], f64)> = None;
         let status = loop {
             if counts.rounds == self.max_rounds {
                 break MatchStatus::MaxRounds;
@@ -66,7 +73,7 @@ impl GridSearch {
                 let spacing = self.spacing[which].iter().enumerate();
                 spacing.map(|(k, s)| center[which][k] + digit(k) * s * scale[which]).collect()
             };
-            let branches: Vec<Option<Branch<N>>> = (0..2 * points)
+            let branches: Vec<Option<Branch>> = (0..2 * points)
                 .into_par_iter()
                 .map(|index| {
                     let (which, point) = (index / points, index % points);
@@ -77,7 +84,7 @@ impl GridSearch {
             for (i, first) in branches[..points].iter().enumerate() {
                 for (j, second) in branches[points..].iter().enumerate() {
                     let (Some(first), Some(second)) = (first, second) else { continue };
-                    let mismatch = (first.meeting - second.meeting).norm();
+                    let mismatch = (&first.meeting - &second.meeting).norm();
                     if least.is_none_or(|(_, _, m)| mismatch < m) {
                         least = Some((i, j, mismatch));
                     }
@@ -89,7 +96,7 @@ impl GridSearch {
             };
             let pair = [branches[i].clone(), branches[points + j].clone()];
             if let [Some(first), Some(second)] = pair {
-                near = [first.end, second.end];
+                near = [first.end.clone(), second.end.clone()];
                 if best.as_ref().is_none_or(|(_, m)| mismatch < *m) {
                     best = Some(([first, second], mismatch));
                 }
@@ -127,6 +134,6 @@ impl Default for GridSearch {
 }
 
 /// The held costates of `p`.
-pub(super) fn held_of<const N: usize>(held: &[usize], p: &SVector<f64, N>) -> Vec<f64> {
-    held.iter().map(|&i| p[N / 2 + i]).collect()
+pub(super) fn held_of(held: &[usize], p: &DVector<f64>) -> Vec<f64> {
+    held.iter().map(|&i| p[p.len() / 2 + i]).collect()
 }

@@ -42,11 +42,11 @@ fn ended(budget: &Budget) -> MatchStatus {
 
 impl LeastSquares {
     /// Runs the match from the costates that `matching` was given.
-    pub fn run<S: HamiltonianSystem<N> + Sync, const N: usize>(
+    pub fn run<S: HamiltonianSystem + Sync>(
         &self,
-        matching: &Matching<'_, S, N>,
-    ) -> Result<Matched<N>, MatchingError> {
-        Matching::<S, N>::check_search(self.tolerance, self.max_rounds)?;
+        matching: &Matching<'_, S>,
+    ) -> Result<Matched, MatchingError> {
+        Matching::<S>::check_search(self.tolerance, self.max_rounds)?;
         let budget = self.limits.start();
         let matching = &matching.within(&budget);
         let held = matching.held();
@@ -68,7 +68,7 @@ impl LeastSquares {
             }
         }
         let mut z = vec![0.0; unknowns];
-        let starts = matching.ends.map(|p| held_of(held, &p));
+        let starts = matching.ends.each_ref().map(|p| held_of(held, p));
         for k in 0..m {
             z[slots[k]] = starts[1][k];
             z[k] = if shared[k] { 0.5 * (starts[0][k] + starts[1][k]) } else { starts[0][k] };
@@ -77,17 +77,17 @@ impl LeastSquares {
             (0..m).map(|k| if which == 0 { z[k] } else { z[slots[k]] }).collect()
         };
         let mut counts = Counts::default();
-        let both = |z: &[f64], near: &[_; 2], counts: &Counts| -> Option<[Branch<N>; 2]> {
+        let both = |z: &[f64], near: &[_; 2], counts: &Counts| -> Option<[Branch; 2]> {
             let (first, second) = rayon::join(
                 || matching.branch(0, &values(z, 0), &near[0], &counts.evaluations).ok(),
                 || matching.branch(1, &values(z, 1), &near[1], &counts.evaluations).ok(),
             );
             Some([first?, second?])
         };
-        let residual = |branches: [&Branch<N>; 2]| -> DVector<f64> {
-            let gap = branches[0].meeting - branches[1].meeting;
-            let energy = branches.map(|branch| matching.flow.system().hamiltonian(&branch.end));
-            DVector::from_iterator(N + 1, gap.iter().copied().chain([energy[0] - energy[1]]))
+        let residual = |branches: [&Branch; 2]| -> DVector<f64> {
+            let gap = &branches[0].meeting - &branches[1].meeting;
+            let energy = branches.map(|branch| matching.flow.system().hamiltonian(branch.end.as_slice()));
+            DVector::from_iterator(gap.len() + 1, gap.iter().copied().chain([energy[0] - energy[1]]))
         };
         counts.branches += 2;
         let Some(mut branches) = both(&z, &matching.ends, &counts) else {
@@ -97,7 +97,7 @@ impl LeastSquares {
         };
         let status = loop {
             let r = residual([&branches[0], &branches[1]]);
-            if (branches[0].meeting - branches[1].meeting).norm() <= self.tolerance {
+            if (&branches[0].meeting - &branches[1].meeting).norm() <= self.tolerance {
                 break MatchStatus::Matched;
             }
             if unknowns == 0 {
@@ -110,7 +110,7 @@ impl LeastSquares {
                 break MatchStatus::LimitReached;
             }
             counts.rounds += 1;
-            let near = [branches[0].end, branches[1].end];
+            let near = [branches[0].end.clone(), branches[1].end.clone()];
             let largest = z.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
             // costates that are all zero say nothing of their size
             let size = if largest > 0.0 { largest } else { 1e-3 };

@@ -22,7 +22,7 @@ use crate::flow::{FlowError, VariationalFlow};
 use crate::placement::{Placement, PlacementStatus};
 use crate::spectrum::TimeDirection;
 use crate::system::HamiltonianSystem;
-use nalgebra::SVector;
+use nalgebra::DVector;
 use somersault_core::argument::ArgumentError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -55,9 +55,9 @@ pub enum MatchStatus {
 
 /// What is to be matched: end states, horizon, and how ends are placed and followed.
 #[derive(Debug, Clone)]
-pub struct Matching<'a, S, const N: usize> {
-    flow: VariationalFlow<'a, S, N>,
-    ends: [SVector<f64, N>; 2],
+pub struct Matching<'a, S> {
+    flow: VariationalFlow<'a, S>,
+    ends: [DVector<f64>; 2],
     horizon: f64,
     match_time: f64,
     placements: [Placement; 2],
@@ -66,24 +66,24 @@ pub struct Matching<'a, S, const N: usize> {
 
 /// One end followed to t_m.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Branch<const N: usize> {
+pub(crate) struct Branch {
     /// The placed end.
-    pub(crate) end: SVector<f64, N>,
+    pub(crate) end: DVector<f64>,
     /// Times and points of the end and after each correction, from the end to t_m.
-    pub(crate) course: Vec<(f64, SVector<f64, N>)>,
+    pub(crate) course: Vec<(f64, DVector<f64>)>,
     /// p(t_m).
-    pub(crate) meeting: SVector<f64, N>,
+    pub(crate) meeting: DVector<f64>,
 }
 
 /// A pair of ends whose motions nearly meet.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Matched<const N: usize> {
+pub struct Matched {
     /// How the search ended.
     pub status: MatchStatus,
     /// Placed ends, at t₀ and t_f; the best pair found.
-    pub ends: [SVector<f64, N>; 2],
+    pub ends: [DVector<f64>; 2],
     /// p⁺(t_m) and p⁻(t_m).
-    pub meeting: [SVector<f64, N>; 2],
+    pub meeting: [DVector<f64>; 2],
     /// ‖p⁺(t_m) − p⁻(t_m)‖.
     pub mismatch: f64,
     /// Rounds of the search.
@@ -93,20 +93,20 @@ pub struct Matched<const N: usize> {
     /// Spectra and segments computed for them.
     pub flow_evaluations: usize,
     /// Times and points of each end and after each of its corrections, from the end to t_m; empty without a start.
-    pub courses: [Vec<(f64, SVector<f64, N>)>; 2],
+    pub courses: [Vec<(f64, DVector<f64>)>; 2],
 }
 
-impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
+impl<'a, S: HamiltonianSystem> Matching<'a, S> {
     /// From state `initial` at 0 to `last` at `horizon`, met in the middle; `placements` are for the two ends and must hold
     /// the same costates. The costates of `guess` at both ends start the placements.
     pub fn try_new(
-        flow: VariationalFlow<'a, S, N>,
+        flow: VariationalFlow<'a, S>,
         states: [&[f64]; 2],
         guess: [&[f64]; 2],
         horizon: f64,
         placements: [Placement; 2],
     ) -> Result<Self, MatchingError> {
-        let n = N / 2;
+        let n = flow.system().dimension() / 2;
         for (argument, given) in [("states", states), ("guess", guess)] {
             for part in given {
                 if part.len() != n {
@@ -129,7 +129,7 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
             let (expected, found) = (placements[0].held().len(), placements[1].held().len());
             return Err(ArgumentError::Length { argument: "held", expected, found }.into());
         }
-        let end = |k: usize| SVector::from_fn(|i, _| if i < n { states[k][i] } else { guess[k][i - n] });
+        let end = |k: usize| DVector::from_iterator(2 * n, states[k].iter().chain(guess[k]).copied());
         Ok(Self {
             flow,
             ends: [end(0), end(1)],
@@ -161,13 +161,13 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
     }
 
     /// The same within the limits of a search.
-    fn within<'b>(&self, budget: &'b Budget) -> Matching<'b, S, N>
+    fn within<'b>(&self, budget: &'b Budget) -> Matching<'b, S>
     where
         'a: 'b,
     {
         Matching {
-            flow: self.flow.within(budget),
-            ends: self.ends,
+            flow: self.flow.clone().within(budget),
+            ends: self.ends.clone(),
             horizon: self.horizon,
             match_time: self.match_time,
             placements: self.placements.clone(),
@@ -201,13 +201,14 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         &self,
         which: usize,
         held: &[f64],
-        near: &SVector<f64, N>,
+        near: &DVector<f64>,
         evaluations: &AtomicUsize,
-    ) -> Result<Branch<N>, PlacementStatus> {
-        let mut p = *near;
-        self.held().iter().zip(held).for_each(|(&i, &value)| p[N / 2 + i] = value);
+    ) -> Result<Branch, PlacementStatus> {
+        let mut p = near.clone();
+        let n = p.len() / 2;
+        self.held().iter().zip(held).for_each(|(&i, &value)| p[n + i] = value);
         let placement = &self.placements[which];
-        let place = |p: &SVector<f64, N>| {
+        let place = |p: &DVector<f64>| {
             // near a placed point the last averaging time alone will do
             for attempt in [&placement.without_schedule(), placement] {
                 let placed = attempt.place(&self.flow, p);
@@ -221,18 +222,18 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
             }
             Err(PlacementStatus::Stalled)
         };
-        let follow = |p: &SVector<f64, N>, duration: f64| {
+        let follow = |p: &DVector<f64>, duration: f64| {
             evaluations.fetch_add(1, Ordering::Relaxed);
             self.flow.state(p, duration).map_err(PlacementStatus::Flow)
         };
         let mut t = if which == 0 { 0.0 } else { self.horizon };
         p = place(&p)?;
-        let end = p;
-        let mut course = vec![(t, p)];
+        let end = p.clone();
+        let mut course = vec![(t, p.clone())];
         for &time in &self.corrections[which] {
             p = place(&follow(&p, time - t)?)?;
             t = time;
-            course.push((t, p));
+            course.push((t, p.clone()));
         }
         let meeting = follow(&p, self.match_time - t)?;
         Ok(Branch { end, course, meeting })
@@ -241,31 +242,31 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
     /// The motion of two courses at `times`, as [`Matched::nodes`] has it.
     pub fn nodes(
         &self,
-        courses: &[Vec<(f64, SVector<f64, N>)>; 2],
+        courses: &[Vec<(f64, DVector<f64>)>; 2],
         times: &[f64],
-    ) -> Result<Vec<SVector<f64, N>>, FlowError> {
+    ) -> Result<Vec<DVector<f64>>, FlowError> {
         let at = |&t: &f64| {
             let late = t > self.match_time;
             let course = courses[usize::from(late)].iter().rev();
-            let reached = course.copied().find(|(from, _)| if late { *from >= t } else { *from <= t });
+            let reached = course.into_iter().find(|(from, _)| if late { *from >= t } else { *from <= t });
             let (argument, allowed) = ("times", "within the horizon of a match that has a motion");
             let (from, p) = reached.ok_or(FlowError::Argument(ArgumentError::OutOfRange {
                 argument,
                 allowed,
                 found: t,
             }))?;
-            self.flow.state(&p, t - from)
+            self.flow.state(p, t - from)
         };
         times.iter().map(at).collect()
     }
 
-    fn report(&self, branches: [&Branch<N>; 2], status: MatchStatus, counts: Counts) -> Matched<N> {
-        let meeting = branches.map(|branch| branch.meeting);
+    fn report(&self, branches: [&Branch; 2], status: MatchStatus, counts: Counts) -> Matched {
+        let meeting = branches.map(|branch| branch.meeting.clone());
         Matched {
             status,
-            ends: branches.map(|branch| branch.end),
+            ends: branches.map(|branch| branch.end.clone()),
+            mismatch: (&meeting[0] - &meeting[1]).norm(),
             meeting,
-            mismatch: (meeting[0] - meeting[1]).norm(),
             rounds: counts.rounds,
             branches: counts.branches,
             flow_evaluations: counts.evaluations.load(Ordering::Relaxed),
@@ -273,11 +274,11 @@ impl<'a, S: HamiltonianSystem<N>, const N: usize> Matching<'a, S, N> {
         }
     }
 
-    fn unmatched(&self, status: MatchStatus, counts: Counts) -> Matched<N> {
+    fn unmatched(&self, status: MatchStatus, counts: Counts) -> Matched {
         Matched {
             status,
-            ends: self.ends,
-            meeting: [SVector::repeat(f64::NAN); 2],
+            ends: self.ends.clone(),
+            meeting: self.ends.each_ref().map(|p| DVector::repeat(p.len(), f64::NAN)),
             mismatch: f64::INFINITY,
             rounds: counts.rounds,
             branches: counts.branches,
@@ -294,14 +295,14 @@ struct Counts {
     evaluations: AtomicUsize,
 }
 
-impl<const N: usize> Matched<N> {
+impl Matched {
     /// The matched motion at `times`, a guess for shooting: forward from the start up to the corrections, backward from the
     /// end.
-    pub fn nodes<S: HamiltonianSystem<N>>(
+    pub fn nodes<S: HamiltonianSystem>(
         &self,
-        matching: &Matching<'_, S, N>,
+        matching: &Matching<'_, S>,
         times: &[f64],
-    ) -> Result<Vec<SVector<f64, N>>, FlowError> {
+    ) -> Result<Vec<DVector<f64>>, FlowError> {
         matching.nodes(&self.courses, times)
     }
 }

@@ -7,7 +7,7 @@ use super::{Placement, PlacementStatus};
 use crate::flow::{FlowError, VariationalFlow};
 use crate::shooting::Extremal;
 use crate::system::VectorField;
-use nalgebra::SVector;
+use nalgebra::DVector;
 use rayon::prelude::*;
 use somersault_core::argument::ArgumentError;
 
@@ -32,11 +32,11 @@ const LOOKS: usize = 400;
 impl Placement {
     /// For each of `sizes`, how long the motion from the start of `optimum` plus size times `error`, and from where placement
     /// takes that point, stay within `bound` of the optimum in every state. In parallel over the sizes.
-    pub fn following<S: VectorField<N> + Sync, const N: usize>(
+    pub fn following<S: VectorField + Sync>(
         &self,
-        flow: &VariationalFlow<'_, S, N>,
-        optimum: &Extremal<N>,
-        error: &SVector<f64, N>,
+        flow: &VariationalFlow<'_, S>,
+        optimum: &Extremal,
+        error: &DVector<f64>,
         sizes: &[f64],
         bound: f64,
     ) -> Result<Vec<Following>, FlowError> {
@@ -48,29 +48,33 @@ impl Placement {
         if let Some(&found) = sizes.iter().find(|size| !size.is_finite()) {
             return Err(ArgumentError::OutOfRange { argument: "sizes", allowed: "finite", found }.into());
         }
+        let expected = flow.system().dimension();
+        if error.len() != expected {
+            return Err(ArgumentError::Length { argument: "error", expected, found: error.len() }.into());
+        }
         let (first, last) = (optimum.times[0], optimum.times[optimum.times.len() - 1]);
         let step = (last - first) / LOOKS as f64;
         let looks = (0..=LOOKS).into_par_iter().map(|k| optimum.at(flow, first + step * k as f64));
         let course = looks.collect::<Result<Vec<_>, FlowError>>()?;
-        let followed = |start: &SVector<f64, N>| {
-            let mut p = *start;
+        let followed = |start: &DVector<f64>| {
+            let mut p = start.clone();
             for (k, there) in course.iter().enumerate().skip(1) {
                 match flow.state(&p, step) {
-                    Ok(next) if (next - there).rows(0, N / 2).amax() <= bound => p = next,
+                    Ok(next) if (&next - there).rows(0, next.len() / 2).amax() <= bound => p = next,
                     Ok(_) | Err(_) => return step * (k - 1) as f64,
                 }
             }
             last - first
         };
         let of = |&size: &f64| {
-            let start = course[0] + error * size;
+            let start = &course[0] + error * size;
             let placed = self.place(flow, &start);
             Following {
                 size,
                 without_placement: followed(&start),
                 with_placement: followed(&placed.p),
                 status: placed.status,
-                left: (placed.p - course[0]).amax(),
+                left: (&placed.p - &course[0]).amax(),
             }
         };
         Ok(sizes.par_iter().map(of).collect())

@@ -30,7 +30,7 @@ pub use following::Following;
 use crate::flow::{FlowError, VariationalFlow};
 use crate::spectrum::{Diagnosis, Spectrum, SplittingDims, Subspace, TimeDirection};
 use crate::system::VectorField;
-use nalgebra::{DMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use search::Search;
 use somersault_core::argument::ArgumentError;
 
@@ -50,6 +50,16 @@ pub enum PlacementError {
         fast: usize,
         /// n.
         expected: usize,
+    },
+    /// There are too many choices of costates to rank.
+    #[error("{solved} of {costates} costates to be solved for can be chosen in more than {allowed} ways")]
+    Choices {
+        /// n.
+        costates: usize,
+        /// Costates solved for.
+        solved: usize,
+        /// The most that are ranked.
+        allowed: usize,
     },
     /// Dimensions do not add up.
     #[error(transparent)]
@@ -174,9 +184,9 @@ impl PlacementStatus {
 
 /// A placed point, or the best one found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Placed<const N: usize> {
+pub struct Placed {
     /// The point at the last averaging time that was placed, or where that failed first.
-    pub p: SVector<f64, N>,
+    pub p: DVector<f64>,
     /// How it ended; on failure at the first averaging time not reached.
     pub status: PlacementStatus,
     /// Angle between h and the slow subspace, rad.
@@ -184,7 +194,7 @@ pub struct Placed<const N: usize> {
     /// Averaging time of point and angle.
     pub time: f64,
     /// The spectrum there, if the motion could be followed.
-    pub spectrum: Option<Spectrum<N>>,
+    pub spectrum: Option<Spectrum>,
     /// Iterations over all averaging times.
     pub iterations: usize,
     /// Spectra computed.
@@ -195,17 +205,23 @@ pub struct Placed<const N: usize> {
 const HALVINGS: usize = 6;
 
 impl Placement {
-    /// `held` are the numbers, from 0, of the costates that are held; with the fast directions they must add up to n.
+    /// For points of `dimension` = 2n numbers, the sum of `dims`. `held` are the numbers, from 0, of the costates that are
+    /// held; with the fast directions they must add up to n.
     ///
     /// By default Newton's method to 1e-8 rad in at most 30 iterations for each averaging time.
-    pub fn try_new<const N: usize>(
+    pub fn try_new(
+        dimension: usize,
         direction: TimeDirection,
         dims: SplittingDims,
         held: &[usize],
         schedule: Schedule,
     ) -> Result<Self, PlacementError> {
-        dims.check::<N>()?;
-        let n = N / 2;
+        dims.check(dimension)?;
+        if !dimension.is_multiple_of(2) {
+            let (allowed, found) = ("even: as many costates as states", dimension as f64);
+            return Err(ArgumentError::OutOfRange { argument: "dimension", allowed, found }.into());
+        }
+        let n = dimension / 2;
         for (i, &h) in held.iter().enumerate() {
             if h >= n || held[..i].contains(&h) {
                 let allowed = "different numbers of costates";
@@ -253,15 +269,13 @@ impl Placement {
     }
 
     /// Places `p`.
-    pub fn place<S: VectorField<N>, const N: usize>(
-        &self,
-        flow: &VariationalFlow<'_, S, N>,
-        p: &SVector<f64, N>,
-    ) -> Placed<N> {
-        let solved = (0..N / 2).filter(|i| !self.held.contains(i)).map(|i| N / 2 + i).collect();
+    pub fn place<S: VectorField>(&self, flow: &VariationalFlow<'_, S>, p: &DVector<f64>) -> Placed {
+        let n = p.len() / 2;
+        let solved = (0..n).filter(|i| !self.held.contains(i)).map(|i| n + i).collect();
         let mut search = Search { placement: self, flow, solved, iterations: 0, flow_evaluations: 0 };
+        let expected = self.dims.stable + self.dims.center + self.dims.unstable;
         let mut placed = Placed {
-            p: *p,
+            p: p.clone(),
             status: PlacementStatus::Placed,
             angle: f64::NAN,
             time: 0.0,
@@ -269,6 +283,10 @@ impl Placement {
             iterations: 0,
             flow_evaluations: 0,
         };
+        if p.len() != expected {
+            let error = ArgumentError::Length { argument: "p", expected, found: p.len() };
+            return Placed { status: PlacementStatus::Flow(error.into()), ..placed };
+        }
         'times: for &time in &self.schedule.0 {
             let mut target = time;
             let mut halvings = 0;
@@ -302,27 +320,39 @@ impl Placement {
     }
 }
 
+/// Most choices of costates that are ranked.
+const MOST_CHOICES: usize = 1_000_000;
+
 /// Every choice of costates to hold, best first, with the smallest singular value of the fast directions' components along
 /// the costates solved for: near zero where these cannot move the field out of the fast directions (10.1). Without fast
-/// directions all are held, and nothing limits them.
-pub fn rank_held_costates<const N: usize>(slow: &Subspace<N>) -> Vec<(Vec<usize>, f64)> {
-    let (n, fast) = (N / 2, slow.complement());
+/// directions all are held, and nothing limits them. More than a million choices are refused.
+pub fn rank_held_costates(slow: &Subspace) -> Result<Vec<(Vec<usize>, f64)>, PlacementError> {
+    let (n, fast) = (slow.dimension() / 2, slow.complement());
     let basis: Vec<_> = fast.basis().collect();
-    if basis.len() > n {
-        return Vec::new();
+    let k = basis.len();
+    if k > n {
+        return Ok(Vec::new());
     }
-    if basis.is_empty() {
-        return vec![((0..n).collect(), f64::INFINITY)];
+    if k == 0 {
+        return Ok(vec![((0..n).collect(), f64::INFINITY)]);
     }
-    let choices = (0u32..1 << n).filter(|bits| bits.count_ones() as usize == basis.len());
-    let mut ranked: Vec<(Vec<usize>, f64)> = choices
-        .map(|bits| {
-            let (solved, held): (Vec<usize>, Vec<usize>) = (0..n).partition(|i| bits >> i & 1 == 1);
-            let part = DMatrix::from_fn(basis.len(), basis.len(), |i, j| basis[i][n + solved[j]]);
-            let smallest = part.singular_values().iter().copied().fold(f64::INFINITY, f64::min);
-            (held, smallest)
-        })
-        .collect();
-    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
-    ranked
+    // each factor leaves a whole number, the number of choices of i + 1 out of n − k + i + 1
+    let choices = (0..k).try_fold(1usize, |count, i| Some(count.checked_mul(n - k + i + 1)? / (i + 1)));
+    if choices.is_none_or(|choices| choices > MOST_CHOICES) {
+        return Err(PlacementError::Choices { costates: n, solved: k, allowed: MOST_CHOICES });
+    }
+    let mut ranked = Vec::new();
+    let mut solved: Vec<usize> = (0..k).collect();
+    loop {
+        let part = DMatrix::from_fn(k, k, |i, j| basis[i][n + solved[j]]);
+        let smallest = part.singular_values().iter().copied().fold(f64::INFINITY, f64::min);
+        ranked.push(((0..n).filter(|i| !solved.contains(i)).collect(), smallest));
+        // the next choice: the first number that has room above it moves up, and those below it start again
+        let room = |i: usize| solved[i] + 1 < if i + 1 < k { solved[i + 1] } else { n };
+        let Some(moving) = (0..k).find(|&i| room(i)) else { break };
+        solved[moving] += 1;
+        (0..moving).for_each(|i| solved[i] = i);
+    }
+    ranked.sort_by(|a: &(Vec<usize>, f64), b| b.1.total_cmp(&a.1));
+    Ok(ranked)
 }

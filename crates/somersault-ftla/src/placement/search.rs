@@ -4,14 +4,14 @@ use super::{Method, Placed, Placement, PlacementStatus};
 use crate::flow::{FlowError, VariationalFlow};
 use crate::spectrum::{Spectrum, Subspace, slow_subspace, spectrum};
 use crate::system::VectorField;
-use nalgebra::{DMatrix, DVector, SVector};
+use nalgebra::{DMatrix, DVector};
 
 /// Angle below which Newton's method is tried, rad.
 const NEAR: f64 = 0.01;
 
-pub(super) struct Search<'a, S, const N: usize> {
+pub(super) struct Search<'a, S> {
     pub(super) placement: &'a Placement,
-    pub(super) flow: &'a VariationalFlow<'a, S, N>,
+    pub(super) flow: &'a VariationalFlow<'a, S>,
     /// Entries of p that are solved for.
     pub(super) solved: Vec<usize>,
     pub(super) iterations: usize,
@@ -20,27 +20,28 @@ pub(super) struct Search<'a, S, const N: usize> {
 
 /// A point with the fast directions there.
 #[derive(Clone)]
-struct Point<const N: usize> {
-    p: SVector<f64, N>,
-    h: SVector<f64, N>,
-    spectrum: Spectrum<N>,
-    fast: Subspace<N>,
+struct Point {
+    p: DVector<f64>,
+    h: DVector<f64>,
+    spectrum: Spectrum,
+    fast: Subspace,
     angle: f64,
 }
 
-impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
-    fn point(&mut self, p: &SVector<f64, N>, time: f64) -> Result<Point<N>, FlowError> {
+impl<S: VectorField> Search<'_, S> {
+    fn point(&mut self, p: &DVector<f64>, time: f64) -> Result<Point, FlowError> {
         self.flow_evaluations += 1;
         let spectrum = spectrum(self.flow, p, self.placement.direction, time)?;
         let slow = slow_subspace(&spectrum, self.placement.dims);
-        let h = self.flow.system().field(p);
-        Ok(Point { p: *p, h, spectrum, fast: slow.complement(), angle: slow.angle_to(&h) })
+        let h = self.flow.system().field(p.as_slice());
+        let angle = slow.angle_to(&h);
+        Ok(Point { p: p.clone(), h, spectrum, fast: slow.complement(), angle })
     }
 
     /// Places for one averaging time.
-    pub(super) fn at(&mut self, p: &SVector<f64, N>, time: f64) -> Placed<N> {
-        let done = |point: Option<Point<N>>, status| Placed {
-            p: point.as_ref().map_or(*p, |q| q.p),
+    pub(super) fn at(&mut self, p: &DVector<f64>, time: f64) -> Placed {
+        let done = |point: Option<Point>, status| Placed {
+            p: point.as_ref().map_or_else(|| p.clone(), |q| q.p.clone()),
             angle: point.as_ref().map_or(f64::NAN, |q| q.angle),
             spectrum: point.map(|q| q.spectrum),
             status,
@@ -81,29 +82,28 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
     }
 
     /// Wᵀ D by the costates solved for.
-    fn slope(&self, fast: &Subspace<N>, p: &SVector<f64, N>) -> DMatrix<f64> {
-        let jacobian = self.flow.system().jacobian(p);
+    fn slope(&self, fast: &Subspace, p: &DVector<f64>) -> DMatrix<f64> {
+        let jacobian = self.flow.system().jacobian(p.as_slice());
         let mut slope = DMatrix::zeros(fast.dim(), self.solved.len());
         for (j, &entry) in self.solved.iter().enumerate() {
             let projected = fast.project(&jacobian.column(entry).into_owned());
-            (0..fast.dim()).for_each(|i| slope[(i, j)] = projected[i]);
+            slope.set_column(j, &projected);
         }
         slope
     }
 
-    fn moved(&self, p: &SVector<f64, N>, step: &DVector<f64>, fraction: f64) -> SVector<f64, N> {
-        let mut p = *p;
+    fn moved(&self, p: &DVector<f64>, step: &DVector<f64>, fraction: f64) -> DVector<f64> {
+        let mut p = p.clone();
         self.solved.iter().zip(step.iter()).for_each(|(&entry, d)| p[entry] += fraction * d);
         p
     }
 
     /// One round of algorithms 1 and 2: Wᵀh = 0 by Newton's method with W held.
-    fn with_basis_held(&mut self, at: &Point<N>, time: f64) -> Result<Point<N>, PlacementStatus> {
-        let mut p = at.p;
+    fn with_basis_held(&mut self, at: &Point, time: f64) -> Result<Point, PlacementStatus> {
+        let mut p = at.p.clone();
         let size = at.h.norm();
         for _ in 0..20 {
-            let h = self.flow.system().field(&p);
-            let residual = -head(&at.fast.project(&h), at.fast.dim());
+            let residual = -at.fast.project(&self.flow.system().field(p.as_slice()));
             if residual.norm() <= 1e-3 * self.placement.tolerance * size {
                 break;
             }
@@ -115,26 +115,28 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
     }
 
     /// ŴᵀP h in the basis of `frame`.
-    fn residual(frame: &Subspace<N>, at: &Point<N>) -> DVector<f64> {
-        let projected = at.fast.basis().fold(SVector::zeros(), |sum, w| sum + w * w.dot(&at.h));
-        head(&frame.project(&projected), frame.dim())
+    fn residual(frame: &Subspace, at: &Point) -> DVector<f64> {
+        let zero = DVector::zeros(at.h.len());
+        let projected = at.fast.basis().fold(zero, |sum, w| sum + &w * w.dot(&at.h));
+        frame.project(&projected)
     }
 
     fn slope_by_differences(
         &mut self,
-        frame: &Subspace<N>,
-        at: &Point<N>,
+        frame: &Subspace,
+        at: &Point,
         time: f64,
     ) -> Result<DMatrix<f64>, PlacementStatus> {
         let residual = Self::residual(frame, at);
-        let costates = at.p.rows(N / 2, N / 2).amax();
+        let n = at.p.len() / 2;
+        let costates = at.p.rows(n, n).amax();
         let mut slope = DMatrix::zeros(frame.dim(), frame.dim());
         for j in 0..frame.dim() {
             let entry = self.solved[j];
             // costates that are all zero say nothing of their size
             let size = if costates > 0.0 { at.p[entry].abs().max(0.1 * costates) } else { 1e-6 };
             let step = 1e-7 * size;
-            let mut p = at.p;
+            let mut p = at.p.clone();
             p[entry] += step;
             let beside = self.point(&p, time).map_err(PlacementStatus::Flow)?;
             let change = Self::residual(frame, &beside) - &residual;
@@ -146,19 +148,20 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
     /// One damped step; `slope` is that of the last step, corrected by what the step did (Broyden), or none.
     fn newton(
         &mut self,
-        at: &Point<N>,
+        at: &Point,
         time: f64,
-        slope: &mut Option<(Subspace<N>, DMatrix<f64>)>,
-    ) -> Result<Point<N>, PlacementStatus> {
+        slope: &mut Option<(Subspace, DMatrix<f64>)>,
+    ) -> Result<Point, PlacementStatus> {
         if let Some((frame, old)) = slope.take()
             && let Some(step) = old.clone().lu().solve(&-Self::residual(&frame, at))
             && let Ok(next) = self.point(&self.moved(&at.p, &step, 1.0), time)
             && next.angle < 0.2 * at.angle
         {
-            *slope = Some((frame, updated(old, &step, &Self::residual(&frame, &next))));
+            let corrected = updated(old, &step, &Self::residual(&frame, &next));
+            *slope = Some((frame, corrected));
             return Ok(next);
         }
-        let frame = at.fast;
+        let frame = at.fast.clone();
         let fresh = self.slope_by_differences(&frame, at, time)?;
         let full = fresh
             .clone()
@@ -171,7 +174,8 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
             match self.point(&self.moved(&at.p, &full, fraction), time) {
                 Ok(next) if next.angle < (1.0 - 0.1 * fraction) * at.angle => {
                     if fraction == 1.0 {
-                        *slope = Some((frame, updated(fresh, &full, &Self::residual(&frame, &next))));
+                        let corrected = updated(fresh, &full, &Self::residual(&frame, &next));
+                        *slope = Some((frame, corrected));
                     }
                     return Ok(next);
                 }
@@ -188,8 +192,4 @@ impl<S: VectorField<N>, const N: usize> Search<'_, S, N> {
 fn updated(slope: DMatrix<f64>, step: &DVector<f64>, residual: &DVector<f64>) -> DMatrix<f64> {
     let square = step.norm_squared();
     if square > 0.0 { slope + residual * step.transpose() / square } else { slope }
-}
-
-fn head<const N: usize>(v: &SVector<f64, N>, dim: usize) -> DVector<f64> {
-    DVector::from_fn(dim, |i, _| v[i])
 }

@@ -13,11 +13,13 @@
 
 use super::End;
 use crate::flow::Transition;
-use nalgebra::SVector;
+use nalgebra::DVector;
 
 /// The factorisation; kept, so that several right-hand sides can be solved.
 #[derive(Debug)]
-pub(super) struct Elimination<const N: usize> {
+pub(super) struct Elimination {
+    /// N.
+    dimension: usize,
     /// For each interval, n + N rows by 2N columns, column by column: reflectors and R, then E over C.
     blocks: Vec<f64>,
     /// 2/vᵀv of each reflector.
@@ -25,10 +27,10 @@ pub(super) struct Elimination<const N: usize> {
     /// The last N by N block, with its reflectors.
     last: Vec<f64>,
     last_scales: Vec<f64>,
-    ends: Option<[End<N>; 2]>,
+    ends: Option<[End; 2]>,
     rhs: Vec<f64>,
     /// Of each entry of p: the unknowns and the rows are divided by it, so that units do not matter.
-    scale: SVector<f64, N>,
+    scale: DVector<f64>,
     intervals: usize,
 }
 
@@ -36,120 +38,120 @@ pub(super) struct Elimination<const N: usize> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Singular;
 
-impl<const N: usize> Elimination<N> {
-    const ROWS: usize = N + N / 2;
-
-    pub(super) fn new() -> Self {
+impl Elimination {
+    pub(super) fn new(dimension: usize) -> Self {
         Self {
+            dimension,
             blocks: Vec::new(),
             scales: Vec::new(),
             last: Vec::new(),
             last_scales: Vec::new(),
             ends: None,
             rhs: Vec::new(),
-            scale: SVector::repeat(1.0),
+            scale: DVector::repeat(dimension, 1.0),
             intervals: 0,
         }
     }
 
     pub(super) fn factor(
         &mut self,
-        links: &[Transition<N>],
-        ends: &[End<N>; 2],
-        scale: &SVector<f64, N>,
+        links: &[Transition],
+        ends: &[End; 2],
+        scale: &DVector<f64>,
     ) -> Result<(), Singular> {
-        let (n, rows) = (N / 2, Self::ROWS);
-        self.scale = *scale;
-        let size = rows * 2 * N;
+        let dim = self.dimension;
+        let (n, rows) = (dim / 2, dim + dim / 2);
+        self.scale.copy_from(scale);
+        let size = rows * 2 * dim;
         self.intervals = links.len();
-        self.ends = Some(*ends);
+        self.ends = Some(ends.clone());
         self.blocks.clear();
         self.blocks.resize(links.len() * size, 0.0);
         self.scales.clear();
-        self.scales.resize(links.len() * N, 0.0);
-        let mut known = vec![0.0; n * N];
+        self.scales.resize(links.len() * dim, 0.0);
+        let mut known = vec![0.0; n * dim];
         for i in 0..n {
             known[ends[0].columns[i] * n + i] = 1.0;
         }
         for (k, link) in links.iter().enumerate() {
             let block = &mut self.blocks[k * size..(k + 1) * size];
-            for j in 0..N {
+            for j in 0..dim {
                 let column = &mut block[j * rows..(j + 1) * rows];
                 column[..n].copy_from_slice(&known[j * n..(j + 1) * n]);
-                for i in 0..N {
+                for i in 0..dim {
                     column[n + i] = link.matrix[(i, j)] * scale[j] / scale[i];
                 }
-                block[(N + j) * rows + n + j] = -1.0;
+                block[(dim + j) * rows + n + j] = -1.0;
             }
-            triangularise(block, rows, N, 2 * N, &mut self.scales[k * N..(k + 1) * N])?;
-            for j in 0..N {
-                known[j * n..(j + 1) * n].copy_from_slice(&block[(N + j) * rows + N..(N + j + 1) * rows]);
+            triangularise(block, rows, dim, 2 * dim, &mut self.scales[k * dim..(k + 1) * dim])?;
+            for j in 0..dim {
+                known[j * n..(j + 1) * n]
+                    .copy_from_slice(&block[(dim + j) * rows + dim..(dim + j + 1) * rows]);
             }
         }
         self.last.clear();
-        self.last.resize(N * N, 0.0);
+        self.last.resize(dim * dim, 0.0);
         self.last_scales.clear();
-        self.last_scales.resize(N, 0.0);
-        for j in 0..N {
-            self.last[j * N..j * N + n].copy_from_slice(&known[j * n..(j + 1) * n]);
+        self.last_scales.resize(dim, 0.0);
+        for j in 0..dim {
+            self.last[j * dim..j * dim + n].copy_from_slice(&known[j * n..(j + 1) * n]);
         }
         for i in 0..n {
-            self.last[ends[1].columns[i] * N + n + i] = 1.0;
+            self.last[ends[1].columns[i] * dim + n + i] = 1.0;
         }
-        triangularise(&mut self.last, N, N, N, &mut self.last_scales)
+        triangularise(&mut self.last, dim, dim, dim, &mut self.last_scales)
     }
 
-    /// Corrections for the defects `defect` and the boundary residuals of `first` and `last`, such that nodes plus
+    /// Corrections for the defects and the boundary residuals of `nodes`, such that nodes plus
     /// corrections solve the linearised equations.
     pub(super) fn solve(
         &mut self,
-        defects: &[SVector<f64, N>],
-        first: &SVector<f64, N>,
-        last: &SVector<f64, N>,
-        out: &mut Vec<SVector<f64, N>>,
+        defects: &[DVector<f64>],
+        nodes: &[DVector<f64>],
+        out: &mut Vec<DVector<f64>>,
     ) {
-        let (n, rows) = (N / 2, Self::ROWS);
-        let (size, intervals) = (rows * 2 * N, self.intervals);
+        let dim = self.dimension;
+        let (n, rows) = (dim / 2, dim + dim / 2);
+        let (size, intervals) = (rows * 2 * dim, self.intervals);
         let Some(ends) = &self.ends else { return };
         self.rhs.clear();
-        self.rhs.resize(intervals * N, 0.0);
+        self.rhs.resize(intervals * dim, 0.0);
         let mut known = vec![0.0; rows];
         for i in 0..n {
             let column = ends[0].columns[i];
-            known[i] = (ends[0].values[i] - first[column]) / self.scale[column];
+            known[i] = (ends[0].values[i] - nodes[0][column]) / self.scale[column];
         }
         for k in 0..intervals {
             let block = &self.blocks[k * size..(k + 1) * size];
-            for i in 0..N {
+            for i in 0..dim {
                 known[n + i] = -defects[k][i] / self.scale[i];
             }
-            reflect(block, rows, &self.scales[k * N..(k + 1) * N], &mut known);
-            self.rhs[k * N..(k + 1) * N].copy_from_slice(&known[..N]);
-            known.copy_within(N.., 0);
+            reflect(block, rows, &self.scales[k * dim..(k + 1) * dim], &mut known);
+            self.rhs[k * dim..(k + 1) * dim].copy_from_slice(&known[..dim]);
+            known.copy_within(dim.., 0);
         }
         for i in 0..n {
             let column = ends[1].columns[i];
-            known[n + i] = (ends[1].values[i] - last[column]) / self.scale[column];
+            known[n + i] = (ends[1].values[i] - nodes[intervals][column]) / self.scale[column];
         }
-        let mut tail = known[..N].to_vec();
-        reflect(&self.last, N, &self.last_scales, &mut tail);
+        let mut tail = known[..dim].to_vec();
+        reflect(&self.last, dim, &self.last_scales, &mut tail);
         out.clear();
-        out.resize(intervals + 1, SVector::zeros());
-        let mut next = SVector::<f64, N>::from_column_slice(&tail);
-        back_substitute(&self.last, N, &mut next);
-        out[intervals] = next;
+        out.resize(intervals + 1, DVector::zeros(dim));
+        out[intervals].copy_from_slice(&tail);
+        back_substitute(&self.last, dim, out[intervals].as_mut_slice());
         for k in (0..intervals).rev() {
             let block = &self.blocks[k * size..(k + 1) * size];
-            let mut delta = SVector::<f64, N>::from_column_slice(&self.rhs[k * N..(k + 1) * N]);
-            for j in 0..N {
-                let coupling = &block[(N + j) * rows..(N + j) * rows + N];
-                for i in 0..N {
+            let (before, after) = out.split_at_mut(k + 1);
+            let (delta, next) = (&mut before[k], &after[0]);
+            delta.copy_from_slice(&self.rhs[k * dim..(k + 1) * dim]);
+            for j in 0..dim {
+                let coupling = &block[(dim + j) * rows..(dim + j) * rows + dim];
+                for i in 0..dim {
                     delta[i] -= coupling[i] * next[j];
                 }
             }
-            back_substitute(block, rows, &mut delta);
-            out[k] = delta;
-            next = delta;
+            back_substitute(block, rows, delta.as_mut_slice());
         }
         out.iter_mut().for_each(|delta| delta.component_mul_assign(&self.scale));
     }
@@ -202,8 +204,8 @@ fn reflect(block: &[f64], rows: usize, scales: &[f64], x: &mut [f64]) {
     }
 }
 
-fn back_substitute<const N: usize>(block: &[f64], rows: usize, x: &mut SVector<f64, N>) {
-    for j in (0..N).rev() {
+fn back_substitute(block: &[f64], rows: usize, x: &mut [f64]) {
+    for j in (0..x.len()).rev() {
         x[j] /= block[j * rows + j];
         for i in 0..j {
             x[i] -= block[j * rows + i] * x[j];

@@ -18,7 +18,7 @@ use crate::budget::{Budget, Limits};
 use crate::flow::{FlowError, Tolerances, Transition, VariationalFlow, Work};
 use crate::system::{OptimalControlSystem, VectorField};
 use elimination::Elimination;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use somersault_core::argument::{ArgumentError, expect_positive};
@@ -51,53 +51,46 @@ pub enum ShootingError {
 }
 
 /// The n conditions at one end: each state is given, or free with its costate zero.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct End<const N: usize> {
+#[derive(Debug, Clone, PartialEq)]
+pub struct End {
     /// Of each condition, the entry of p.
-    columns: [usize; N],
-    values: [f64; N],
+    columns: Vec<usize>,
+    values: Vec<f64>,
 }
 
-impl<const N: usize> End<N> {
-    /// All n = N/2 states given.
+impl End {
+    /// All n states given.
     pub fn try_state(x: &[f64]) -> Result<Self, ShootingError> {
-        if x.len() != N / 2 {
-            return Err(ArgumentError::Length { argument: "x", expected: N / 2, found: x.len() }.into());
+        match x.iter().find(|x| !x.is_finite()) {
+            Some(&found) => Err(ArgumentError::OutOfRange { argument: "x", allowed: "finite", found }.into()),
+            None => Ok(Self::from_values(x.iter().copied())),
         }
-        let mut end = Self { columns: std::array::from_fn(|i| i), values: [0.0; N] };
-        for (i, &found) in x.iter().enumerate() {
-            if !found.is_finite() {
-                return Err(ArgumentError::OutOfRange { argument: "x", allowed: "finite", found }.into());
-            }
-            end.values[i] = found;
-        }
-        Ok(end)
     }
 
     pub(crate) fn from_values(x: impl Iterator<Item = f64>) -> Self {
-        let mut end = Self { columns: std::array::from_fn(|i| i), values: [0.0; N] };
-        x.take(N / 2).enumerate().for_each(|(i, value)| end.values[i] = value);
-        end
+        let values: Vec<f64> = x.collect();
+        Self { columns: (0..values.len()).collect(), values }
     }
 
     /// State `i` < n is free, its costate zero.
     pub fn with_free(mut self, i: usize) -> Result<Self, ShootingError> {
-        if i >= N / 2 {
+        let n = self.values.len();
+        if i >= n {
             let allowed = "the number of a state";
             return Err(ArgumentError::OutOfRange { argument: "i", allowed, found: i as f64 }.into());
         }
-        (self.columns[i], self.values[i]) = (N / 2 + i, 0.0);
+        (self.columns[i], self.values[i]) = (n + i, 0.0);
         Ok(self)
     }
 
     /// The given states, zero where free.
     pub fn state(&self) -> &[f64] {
-        &self.values[..N / 2]
+        &self.values
     }
 
     /// Raises `largest` to what is missing in each entry that a condition is on.
-    fn residual_into(&self, p: &SVector<f64, N>, largest: &mut SVector<f64, N>) {
-        for (&column, &value) in self.columns.iter().zip(&self.values).take(N / 2) {
+    fn residual_into(&self, p: &DVector<f64>, largest: &mut DVector<f64>) {
+        for (&column, &value) in self.columns.iter().zip(&self.values) {
             largest[column] = largest[column].max((p[column] - value).abs());
         }
     }
@@ -148,14 +141,14 @@ impl fmt::Display for Status {
 
 /// A motion by its nodes, with how well it satisfies the conditions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts<N>")]
-pub struct Extremal<const N: usize> {
+#[serde(try_from = "Parts")]
+pub struct Extremal {
     /// Times of the nodes.
     pub times: Vec<f64>,
     /// p at those times.
-    pub nodes: Vec<SVector<f64, N>>,
+    pub nodes: Vec<DVector<f64>>,
     /// Transition of each segment at the last accepted nodes.
-    pub links: Vec<Transition<N>>,
+    pub links: Vec<Transition>,
     /// How the solve ended.
     pub status: Status,
     /// The largest entry of a defect or end condition, relative to the size of that entry over the motion.
@@ -175,10 +168,10 @@ pub struct Extremal<const N: usize> {
 
 /// An extremal as files hold it.
 #[derive(Deserialize)]
-struct Parts<const N: usize> {
+struct Parts {
     times: Vec<f64>,
-    nodes: Vec<SVector<f64, N>>,
-    links: Vec<Transition<N>>,
+    nodes: Vec<DVector<f64>>,
+    links: Vec<Transition>,
     status: Status,
     residual: f64,
     floor: f64,
@@ -188,10 +181,10 @@ struct Parts<const N: usize> {
     work: Work,
 }
 
-impl<const N: usize> TryFrom<Parts<N>> for Extremal<N> {
+impl TryFrom<Parts> for Extremal {
     type Error = &'static str;
 
-    fn try_from(parts: Parts<N>) -> Result<Self, Self::Error> {
+    fn try_from(parts: Parts) -> Result<Self, Self::Error> {
         let Parts {
             times,
             nodes,
@@ -206,6 +199,11 @@ impl<const N: usize> TryFrom<Parts<N>> for Extremal<N> {
         } = parts;
         if nodes.len() < 2 || times.len() != nodes.len() || links.len() + 1 != nodes.len() {
             return Err("`nodes` must be two at least, `times` as many, and `links` one less");
+        }
+        let n = nodes[0].len();
+        let fits = |link: &Transition| link.end.len() == n && link.matrix.shape() == (n, n);
+        if !nodes.iter().all(|node| node.len() == n) || !links.iter().all(fits) {
+            return Err("`nodes` and `links` must be of one dimension");
         }
         Ok(Self {
             times,
@@ -222,18 +220,19 @@ impl<const N: usize> TryFrom<Parts<N>> for Extremal<N> {
     }
 }
 
-impl<const N: usize> Extremal<N> {
+impl Extremal {
     /// The size of each entry of p over the motion, in which residuals are measured; see [`Shooting`].
-    pub fn scale(&self) -> SVector<f64, N> {
+    pub fn scale(&self) -> DVector<f64> {
         scale_of(&self.nodes, &self.links)
     }
 
     /// A guess for which nothing was left to spend: its links are unknown, and so is its residual.
-    fn not_propagated(times: &[f64], nodes: Vec<SVector<f64, N>>) -> Self {
+    fn not_propagated(times: &[f64], nodes: Vec<DVector<f64>>) -> Self {
+        let n = nodes[0].len();
         let unknown = |pair: &[f64]| Transition {
             duration: pair[1] - pair[0],
-            end: SVector::repeat(f64::NAN),
-            matrix: SMatrix::repeat(f64::NAN),
+            end: DVector::repeat(n, f64::NAN),
+            matrix: DMatrix::repeat(n, n, f64::NAN),
         };
         Self {
             times: times.to_vec(),
@@ -250,9 +249,11 @@ impl<const N: usize> Extremal<N> {
     }
 
     /// The smallest and the largest value of `f` over the nodes and the ends of the segments.
-    pub fn range_of(&self, f: impl Fn(&SVector<f64, N>) -> f64) -> [f64; 2] {
+    pub fn range_of(&self, f: impl Fn(&[f64]) -> f64) -> [f64; 2] {
         let points = self.nodes.iter().chain(self.links.iter().map(|link| &link.end));
-        points.map(f).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
+        points
+            .map(|p| f(p.as_slice()))
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
     }
 
     /// Says of what solves a member on the way that it is no solution of the problem asked for.
@@ -263,29 +264,31 @@ impl<const N: usize> Extremal<N> {
     }
 
     /// ∫ ℓ dt over the segments, by `flow` with its absolute tolerance in the scale of the motion and of its cost.
-    pub fn cost<S: OptimalControlSystem<N>>(
-        &self,
-        flow: &VariationalFlow<'_, S, N>,
-    ) -> Result<f64, FlowError> {
+    pub fn cost<S: OptimalControlSystem>(&self, flow: &VariationalFlow<'_, S>) -> Result<f64, FlowError> {
+        let (expected, found) = (flow.system().dimension(), self.nodes[0].len());
+        if found != expected {
+            return Err(ArgumentError::Length { argument: "nodes", expected, found }.into());
+        }
         let horizon = self.times[self.times.len() - 1] - self.times[0];
-        let largest = self.nodes.iter().fold(0.0, |m: f64, p| m.max(flow.system().running_cost(p).abs()));
+        let largest =
+            self.nodes.iter().fold(0.0, |m: f64, p| m.max(flow.system().running_cost(p.as_slice()).abs()));
         let cost = if largest > 0.0 && largest.is_finite() { largest * horizon } else { 1.0 };
-        let flow = flow.with_scale(self.scale(), cost);
+        let flow = flow.clone().with_scale(self.scale(), cost);
         let segments = self.nodes.iter().zip(self.times.windows(2));
         segments.map(|(p, t)| flow.cost(p, t[1] - t[0]).map(|(_, cost)| cost)).sum()
     }
 
     /// p(t), from the last node before, by `flow` with its absolute tolerance in the scale of the motion; `t` is cut off at
     /// the ends.
-    pub fn at<S: VectorField<N>>(
+    pub fn at<S: VectorField>(
         &self,
-        flow: &VariationalFlow<'_, S, N>,
+        flow: &VariationalFlow<'_, S>,
         t: f64,
-    ) -> Result<SVector<f64, N>, FlowError> {
+    ) -> Result<DVector<f64>, FlowError> {
         let last = self.nodes.len() - 1;
         let t = t.clamp(self.times[0], self.times[last]);
         let k = self.times.partition_point(|s| *s <= t).clamp(1, last) - 1;
-        flow.with_scale(self.scale(), 1.0).state(&self.nodes[k], t - self.times[k])
+        flow.clone().with_scale(self.scale(), 1.0).state(&self.nodes[k], t - self.times[k])
     }
 }
 
@@ -350,23 +353,23 @@ const SHORTEST: f64 = 1e-5;
 const NEAR_FLOOR: f64 = 8.0;
 
 /// A propagated list of nodes.
-struct Shot<const N: usize> {
-    links: Vec<Transition<N>>,
-    defects: Vec<SVector<f64, N>>,
+struct Shot {
+    links: Vec<Transition>,
+    defects: Vec<DVector<f64>>,
     /// Of each entry, the largest defect or end residual.
-    largest: SVector<f64, N>,
+    largest: DVector<f64>,
 }
 
-impl<const N: usize> Shot<N> {
-    fn residual(&self, scale: &SVector<f64, N>) -> f64 {
+impl Shot {
+    fn residual(&self, scale: &DVector<f64>) -> f64 {
         self.largest.component_div(scale).amax()
     }
 }
 
 /// What the propagation of a list of nodes needs besides them.
-struct Segments<'a, S, const N: usize> {
+struct Segments<'a, S> {
     system: &'a S,
-    ends: &'a [End<N>; 2],
+    ends: &'a [End; 2],
     times: &'a [f64],
     flow: Tolerances,
     budget: &'a Budget,
@@ -376,32 +379,32 @@ struct Segments<'a, S, const N: usize> {
 
 impl Shooting {
     /// From the guess `nodes` at `times`, with conditions at both ends.
-    pub fn solve<S, const N: usize>(
+    pub fn solve<S>(
         &self,
         system: &S,
-        ends: &[End<N>; 2],
+        ends: &[End; 2],
         times: &[f64],
-        nodes: &[SVector<f64, N>],
-    ) -> Result<Extremal<N>, ShootingError>
+        nodes: &[DVector<f64>],
+    ) -> Result<Extremal, ShootingError>
     where
-        S: VectorField<N> + Sync,
+        S: VectorField + Sync,
     {
         self.solve_within(&self.limits.start(), system, ends, times, nodes)
     }
 
     /// The same as a part of a search that has begun.
-    pub(crate) fn solve_within<S, const N: usize>(
+    pub(crate) fn solve_within<S>(
         &self,
         budget: &Budget,
         system: &S,
-        ends: &[End<N>; 2],
+        ends: &[End; 2],
         times: &[f64],
-        nodes: &[SVector<f64, N>],
-    ) -> Result<Extremal<N>, ShootingError>
+        nodes: &[DVector<f64>],
+    ) -> Result<Extremal, ShootingError>
     where
-        S: VectorField<N> + Sync,
+        S: VectorField + Sync,
     {
-        self.check(times, nodes)?;
+        self.check(system.dimension(), ends, times, nodes)?;
         let (evaluations, work) = (0, Work::default());
         let mut segments = Segments { system, ends, times, flow: self.flow, budget, evaluations, work };
         let mut relative = 1e-5f64.max(self.flow.relative);
@@ -413,7 +416,7 @@ impl Shooting {
             Err((_, FlowError::LimitReached { .. })) => return Ok(Extremal::not_propagated(times, nodes)),
             Err((segment, source)) => return Err(ShootingError::Guess { segment, source }),
         };
-        let mut elimination = Elimination::<N>::new();
+        let mut elimination = Elimination::new(system.dimension());
         let (mut step, mut simplified) = (Vec::new(), Vec::new());
         let mut trial = nodes.clone();
         let mut fraction = 1.0f64;
@@ -442,8 +445,7 @@ impl Shooting {
             if elimination.factor(&shot.links, ends, &scale).is_err() {
                 break Status::Singular;
             }
-            let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
-            elimination.solve(&shot.defects, &first, &last, &mut step);
+            elimination.solve(&shot.defects, &nodes, &mut step);
             let length = norm(&step, &scale);
             if !length.is_finite() {
                 break Status::Singular;
@@ -452,11 +454,11 @@ impl Shooting {
             fraction = (4.0 * fraction).min(1.0);
             loop {
                 for (t, (p, d)) in trial.iter_mut().zip(nodes.iter().zip(&step)) {
-                    *t = p + d * fraction;
+                    t.copy_from(p);
+                    t.axpy(fraction, d, 1.0);
                 }
                 if let Ok(next) = segments.shoot(&trial, &scale, relative) {
-                    let (first, last) = (trial[0], trial[trial.len() - 1]);
-                    elimination.solve(&next.defects, &first, &last, &mut simplified);
+                    elimination.solve(&next.defects, &trial, &mut simplified);
                     let shorter = norm(&simplified, &scale) <= (1.0 - 0.25 * fraction) * length;
                     if shorter || next.residual(&scale) <= self.tolerance {
                         std::mem::swap(&mut nodes, &mut trial);
@@ -517,11 +519,28 @@ impl Shooting {
         Err(ShootingError::Argument(ArgumentError::OutOfRange { argument, allowed, found: self.tolerance }))
     }
 
-    fn check<const N: usize>(&self, times: &[f64], nodes: &[SVector<f64, N>]) -> Result<(), ShootingError> {
+    fn check(
+        &self,
+        dimension: usize,
+        ends: &[End; 2],
+        times: &[f64],
+        nodes: &[DVector<f64>],
+    ) -> Result<(), ShootingError> {
         let argument = |argument, allowed, found| {
             Err(ShootingError::Argument(ArgumentError::OutOfRange { argument, allowed, found }))
         };
         self.check_tolerance()?;
+        if !dimension.is_multiple_of(2) {
+            return argument("system", "of as many costates as states", dimension as f64);
+        }
+        if let Some(end) = ends.iter().find(|end| 2 * end.values.len() != dimension) {
+            let (expected, found) = (dimension / 2, end.values.len());
+            return Err(ArgumentError::Length { argument: "x", expected, found }.into());
+        }
+        if let Some(node) = nodes.iter().find(|node| node.len() != dimension) {
+            let found = node.len();
+            return Err(ArgumentError::Length { argument: "nodes", expected: dimension, found }.into());
+        }
         if times.len() < 2 {
             return Err(ArgumentError::Length { argument: "times", expected: 2, found: times.len() }.into());
         }
@@ -546,19 +565,19 @@ impl Shooting {
     }
 }
 
-impl<S: VectorField<N> + Sync, const N: usize> Segments<'_, S, N> {
+impl<S: VectorField + Sync> Segments<'_, S> {
     fn shoot(
         &mut self,
-        nodes: &[SVector<f64, N>],
-        scale: &SVector<f64, N>,
+        nodes: &[DVector<f64>],
+        scale: &DVector<f64>,
         relative: f64,
-    ) -> Result<Shot<N>, (usize, FlowError)> {
+    ) -> Result<Shot, (usize, FlowError)> {
         let Self { system, ends, times, budget, .. } = *self;
         self.evaluations += nodes.len() - 1;
         let absolute = self.flow.absolute * (relative / self.flow.relative);
         let flow = VariationalFlow::try_new(system, Tolerances { relative, absolute }).map_err(|e| (0, e))?;
         // a guess may ask for a motion that runs off; it is not worth many steps
-        let flow = flow.with_max_steps(2000).with_scale(*scale, 1.0).within(budget);
+        let flow = flow.with_max_steps(2000).with_scale(scale.clone(), 1.0).within(budget);
         let segments = (0..times.len() - 1).into_par_iter().with_min_len(4);
         let propagated: Result<Vec<_>, _> = segments
             .map(|k| flow.transition_counted(&nodes[k], times[k + 1] - times[k]).map_err(|e| (k, e)))
@@ -569,8 +588,11 @@ impl<S: VectorField<N> + Sync, const N: usize> Segments<'_, S, N> {
             links.push(link);
             self.work += cost;
         }
-        let defects: Vec<SVector<f64, N>> = links.iter().zip(&nodes[1..]).map(|(l, p)| l.end - p).collect();
-        let mut largest = defects.iter().fold(SVector::zeros(), |m: SVector<f64, N>, d| m.sup(&d.abs()));
+        let defects: Vec<DVector<f64>> = links.iter().zip(&nodes[1..]).map(|(l, p)| &l.end - p).collect();
+        let mut largest = DVector::zeros(scale.len());
+        for defect in &defects {
+            largest.zip_apply(defect, |most: &mut f64, d: f64| *most = most.max(d.abs()));
+        }
         ends[0].residual_into(&nodes[0], &mut largest);
         ends[1].residual_into(&nodes[nodes.len() - 1], &mut largest);
         Ok(Shot { links, defects, largest })
@@ -581,21 +603,25 @@ impl<S: VectorField<N> + Sync, const N: usize> Segments<'_, S, N> {
 const FELT: f64 = 1e-3;
 
 /// The size of each entry of p over the motion, as [`Shooting`] says.
-fn scale_of<const N: usize>(nodes: &[SVector<f64, N>], links: &[Transition<N>]) -> SVector<f64, N> {
+fn scale_of(nodes: &[DVector<f64>], links: &[Transition]) -> DVector<f64> {
     let points = nodes.iter().chain(links.iter().map(|link| &link.end));
-    let size = points.fold(SVector::<f64, N>::zeros(), |m, p| m.sup(&p.abs()));
+    let n = nodes[0].len();
+    let mut size = DVector::<f64>::zeros(n);
+    for p in points {
+        size.zip_apply(p, |most: &mut f64, x: f64| *most = most.max(x.abs()));
+    }
     let horizon: f64 = links.iter().map(|link| link.duration.abs()).sum();
     // the largest rate at which an entry moves another one, in the sizes of those
-    let mut felt = SVector::<f64, N>::zeros();
+    let mut felt = DVector::<f64>::zeros(n);
     for link in links {
         let over = horizon / link.duration.abs();
-        for j in 0..N {
-            for i in (0..N).filter(|&i| i != j && size[i] > 0.0) {
+        for j in 0..n {
+            for i in (0..n).filter(|&i| i != j && size[i] > 0.0) {
                 felt[j] = felt[j].max(link.matrix[(i, j)].abs() / size[i] * over);
             }
         }
     }
-    SVector::from_fn(|j, _| {
+    DVector::from_fn(n, |j, _| {
         let floor = if felt[j] > 0.0 { FELT / felt[j] } else { 0.0 };
         let scale = size[j].max(floor);
         // of a motion that rests at zero nothing is known
@@ -604,12 +630,7 @@ fn scale_of<const N: usize>(nodes: &[SVector<f64, N>], links: &[Transition<N>]) 
 }
 
 /// The residual that rounding and the error of the segments leave: a relative error of each entry at a node, carried on by Φ.
-fn floor_of<const N: usize>(
-    nodes: &[SVector<f64, N>],
-    links: &[Transition<N>],
-    scale: &SVector<f64, N>,
-    relative: f64,
-) -> f64 {
+fn floor_of(nodes: &[DVector<f64>], links: &[Transition], scale: &DVector<f64>, relative: f64) -> f64 {
     let error = relative + f64::EPSILON;
     nodes.iter().zip(links).fold(0.0, |m: f64, (p, link)| {
         let carried = link.matrix.abs() * p.abs() * error;
@@ -618,27 +639,27 @@ fn floor_of<const N: usize>(
 }
 
 /// The range of H over nodes and ends of segments, relative to the largest Σ |∂H/∂pᵢ| sᵢ there, s the scale.
-fn drift_of<S: VectorField<N>, const N: usize>(
+fn drift_of<S: VectorField>(
     system: &S,
-    nodes: &[SVector<f64, N>],
-    links: &[Transition<N>],
-    scale: &SVector<f64, N>,
+    nodes: &[DVector<f64>],
+    links: &[Transition],
+    scale: &DVector<f64>,
 ) -> Option<f64> {
     let (mut low, mut high, mut terms) = (f64::INFINITY, f64::NEG_INFINITY, 0.0f64);
     for p in nodes.iter().chain(links.iter().map(|link| &link.end)) {
-        let value = system.conserved(p)?;
+        let value = system.conserved(p.as_slice())?;
         if !value.is_finite() {
             return Some(f64::NAN);
         }
-        let field = system.field(p);
+        let (field, n) = (system.field(p.as_slice()), p.len());
         (low, high) = (low.min(value), high.max(value));
-        terms = terms.max((0..N).map(|i| field[i].abs() * scale[(i + N / 2) % N]).sum());
+        terms = terms.max((0..n).map(|i| field[i].abs() * scale[(i + n / 2) % n]).sum());
     }
     let range = high - low;
     // where nothing moves H has no terms, and does not change
     Some(if range > 0.0 { range / terms } else { 0.0 })
 }
 
-fn norm<const N: usize>(step: &[SVector<f64, N>], scale: &SVector<f64, N>) -> f64 {
+fn norm(step: &[DVector<f64>], scale: &DVector<f64>) -> f64 {
     (step.iter().map(|d| d.component_div(scale).norm_squared()).sum::<f64>() / step.len() as f64).sqrt()
 }

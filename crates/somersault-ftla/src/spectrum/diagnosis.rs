@@ -13,7 +13,7 @@
 //! [balanced](Spectrum::balanced) ones, so that the unit of the cost says nothing.
 
 use super::{Spectrum, SpectrumError, SplittingDims};
-use nalgebra::SVector;
+use nalgebra::DVector;
 use std::fmt;
 
 /// Time constants that the gap must have, and gain in a doubling of the averaging time, for a splitting to count as found.
@@ -177,18 +177,22 @@ impl fmt::Display for Digits {
 ///
 /// That a problem is not hyper-sensitive is said only if the averaging times reach half of the horizon, or the largest rate
 /// acts for few time constants on it.
-pub fn diagnose<const N: usize>(spectra: &[Spectrum<N>], horizon: f64) -> Result<Diagnosis, SpectrumError> {
+pub fn diagnose(spectra: &[Spectrum], horizon: f64) -> Result<Diagnosis, SpectrumError> {
     if !horizon.is_finite() || horizon <= 0.0 {
         return Err(SpectrumError::Horizon { found: horizon });
     }
     for pair in spectra.windows(2) {
+        let (expected, found) = (pair[0].exponents.len(), pair[1].exponents.len());
+        if found != expected {
+            return Err(SpectrumError::Sizes { expected, found });
+        }
         let (before, after) = (pair[0].time, pair[1].time);
         if pair[0].direction != pair[1].direction || before.is_nan() || after.is_nan() || before >= after {
             return Err(SpectrumError::Order { before, after });
         }
     }
     let last = spectra.last().ok_or(SpectrumError::Empty)?;
-    let growths: Vec<Growth<N>> = spectra.iter().map(Growth::of).collect();
+    let growths: Vec<Growth> = spectra.iter().map(Growth::of).collect();
     let views: Vec<View> = (0..growths.len()).filter_map(|i| view(&growths, i)).collect();
     let settled = views.last().filter(|view| view.settled);
     let best = settled.and_then(|last| {
@@ -238,15 +242,15 @@ pub fn diagnose<const N: usize>(spectra: &[Spectrum<N>], horizon: f64) -> Result
 const PAIRED: f64 = 1e-3;
 
 /// ℓ at one averaging time, ascending.
-#[derive(Debug, Clone, Copy)]
-struct Growth<const N: usize> {
+#[derive(Debug, Clone)]
+struct Growth {
     time: f64,
-    logs: SVector<f64, N>,
+    logs: DVector<f64>,
 }
 
-impl<const N: usize> Growth<N> {
-    fn of(spectrum: &Spectrum<N>) -> Self {
-        let mut logs = spectrum.balanced * (spectrum.direction.sign() * spectrum.time);
+impl Growth {
+    fn of(spectrum: &Spectrum) -> Self {
+        let mut logs = &spectrum.balanced * (spectrum.direction.sign() * spectrum.time);
         logs.as_mut_slice().sort_by(f64::total_cmp);
         Self { time: spectrum.time, logs }
     }
@@ -259,23 +263,23 @@ impl<const N: usize> Growth<N> {
     /// The dimensions of the widest gaps above and below zero, if they have enough time constants.
     fn widest(&self) -> Option<SplittingDims> {
         let [lower, upper] = widest(&self.logs, |k| self.gap(k))?;
-        (self.gap(lower).min(self.gap(upper)) >= ENOUGH).then(|| dims_of::<N>([lower, upper]))
+        (self.gap(lower).min(self.gap(upper)) >= ENOUGH).then(|| dims_of(self.logs.len(), [lower, upper]))
     }
 }
 
 /// The largest gaps below and above zero, as the numbers of the first direction that is not stable and of the first unstable
 /// one; none where they are not in that order. A gap counts for no more than what is beyond it grows or shrinks.
-fn widest<const N: usize>(logs: &SVector<f64, N>, gap: impl Fn(usize) -> f64) -> Option<[usize; 2]> {
+fn widest(logs: &DVector<f64>, gap: impl Fn(usize) -> f64) -> Option<[usize; 2]> {
     let largest = |strength: &dyn Fn(usize) -> f64| {
-        (1..N).filter(|&k| strength(k) > 0.0).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))
+        (1..logs.len()).filter(|&k| strength(k) > 0.0).max_by(|&a, &b| strength(a).total_cmp(&strength(b)))
     };
     let upper = largest(&|k| gap(k).min(logs[k]))?;
     let lower = largest(&|k| gap(k).min(-logs[k - 1]))?;
     (lower <= upper).then_some([lower, upper])
 }
 
-fn dims_of<const N: usize>([lower, upper]: [usize; 2]) -> SplittingDims {
-    SplittingDims { stable: lower, center: upper - lower, unstable: N - upper }
+fn dims_of(n: usize, [lower, upper]: [usize; 2]) -> SplittingDims {
+    SplittingDims { stable: lower, center: upper - lower, unstable: n - upper }
 }
 
 /// The gaps that grow most at one averaging time.
@@ -299,13 +303,13 @@ impl View {
 }
 
 /// None where the averaging times do not go down to a quarter of that of number `at`.
-fn view<const N: usize>(growths: &[Growth<N>], at: usize) -> Option<View> {
+fn view(growths: &[Growth], at: usize) -> Option<View> {
     let now = &growths[at];
     let half = interpolated(growths, 0.5 * now.time)?;
     let quarter = interpolated(growths, 0.25 * now.time)?;
-    let gained = now.logs - half.logs;
+    let gained = &now.logs - &half.logs;
     let Some(first) = widest(&gained, |k| now.gap(k) - half.gap(k)) else {
-        return Some(View { at, first: [0, N], gaps: [0.0; 2], grows: false, settled: false });
+        return Some(View { at, first: [0, gained.len()], gaps: [0.0; 2], grows: false, settled: false });
     };
     let gaps = first.map(|k| now.gap(k));
     let gains = first.map(|k| now.gap(k) - half.gap(k));
@@ -321,30 +325,25 @@ fn view<const N: usize>(growths: &[Growth<N>], at: usize) -> Option<View> {
 }
 
 /// ℓ between averaging times.
-fn interpolated<const N: usize>(growths: &[Growth<N>], time: f64) -> Option<Growth<N>> {
+fn interpolated(growths: &[Growth], time: f64) -> Option<Growth> {
     // a time that differs by rounding is the same
     let after = growths.iter().position(|growth| growth.time >= time * (1.0 - 1e-12))?;
     let right = &growths[after];
     if right.time <= time * (1.0 + 1e-12) {
-        return Some(*right);
+        return Some(right.clone());
     }
     let left = &growths[after.checked_sub(1)?];
     let part = (time - left.time) / (right.time - left.time);
-    Some(Growth { time, logs: left.logs + (right.logs - left.logs) * part })
+    Some(Growth { time, logs: &left.logs + (&right.logs - &left.logs) * part })
 }
 
-fn of_view<const N: usize>(
-    spectrum: &Spectrum<N>,
-    growth: &Growth<N>,
-    view: &View,
-    horizon: f64,
-) -> Diagnosis {
+fn of_view(spectrum: &Spectrum, growth: &Growth, view: &View, horizon: f64) -> Diagnosis {
     let [lower, upper] = view.first;
     let mut rates = spectrum.rates();
     rates.as_mut_slice().sort_by(f64::total_cmp);
     let gaps = view.first.map(|k| rates[k] - rates[k - 1]);
     Diagnosis {
-        dims: dims_of::<N>(view.first),
+        dims: dims_of(growth.logs.len(), view.first),
         fast_rates: [-rates[lower - 1], rates[upper]],
         balanced_rates: [-growth.logs[lower - 1], growth.logs[upper]].map(|log| log / growth.time),
         center_rate: (lower..upper).fold(0.0, |m: f64, k| m.max(rates[k].abs())),
@@ -355,7 +354,7 @@ fn of_view<const N: usize>(
 }
 
 /// Without a splitting, at the longest averaging time.
-fn of_nothing<const N: usize>(growth: &Growth<N>, horizon: f64) -> Diagnosis {
+fn of_nothing(growth: &Growth, horizon: f64) -> Diagnosis {
     let Growth { time, logs } = growth;
     let gaps = match widest(logs, |k| growth.gap(k)) {
         Some(first) => first.map(|k| growth.gap(k) / time),
@@ -363,7 +362,7 @@ fn of_nothing<const N: usize>(growth: &Growth<N>, horizon: f64) -> Diagnosis {
     };
     Diagnosis {
         verdict: Verdict::Insensitive,
-        dims: SplittingDims { stable: 0, center: N, unstable: 0 },
+        dims: SplittingDims { stable: 0, center: logs.len(), unstable: 0 },
         time: *time,
         fast_rates: [0.0; 2],
         balanced_rates: [0.0; 2],

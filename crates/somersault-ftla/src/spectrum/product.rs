@@ -14,35 +14,45 @@
 
 use crate::flow::Transition;
 use crate::gram_schmidt::orthonormalise;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 
 /// ln σ in descending order, with the right singular vectors as columns.
-pub(super) fn decompose<const N: usize>(links: &[Transition<N>]) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-    let mut q = SMatrix::<f64, N, N>::identity();
+pub(super) fn decompose(links: &[Transition]) -> (DVector<f64>, DMatrix<f64>) {
+    let n = links.first().map_or(0, |link| link.matrix.nrows());
+    let mut q = DMatrix::<f64>::identity(n, n);
+    let mut product = q.clone();
     for link in links {
-        q = orthonormalise::<2, N>(link.matrix * q).0;
+        link.matrix.mul_to(&q, &mut product);
+        orthonormalise::<2>(&mut product, |_, _, _| ());
+        std::mem::swap(&mut q, &mut product);
     }
     for link in links.iter().rev() {
-        q = orthonormalise::<2, N>(link.matrix.transpose() * q).0;
+        link.matrix.tr_mul_to(&q, &mut product);
+        orthonormalise::<2>(&mut product, |_, _, _| ());
+        std::mem::swap(&mut q, &mut product);
     }
     // R = diag(exp(logs)) U
-    let mut logs = SVector::<f64, N>::zeros();
-    let mut u = SMatrix::<f64, N, N>::identity();
-    let mut basis = q;
+    let mut logs = DVector::<f64>::zeros(n);
+    let mut before = logs.clone();
+    let mut u = DMatrix::<f64>::identity(n, n);
+    let (mut r, mut rows) = (u.clone(), u.clone());
+    let mut basis = q.clone();
     for link in links {
-        let (next, r) = orthonormalise::<2, N>(link.matrix * basis);
-        basis = next;
+        link.matrix.mul_to(&basis, &mut product);
+        r.fill(0.0);
+        orthonormalise::<2>(&mut product, |i, j, part| r[(i, j)] += part);
+        std::mem::swap(&mut basis, &mut product);
         // diag(d) U ← R diag(d) U, row by row: each row keeps its own scale
-        let before = logs;
-        let mut rows = SMatrix::<f64, N, N>::zeros();
-        for i in 0..N {
-            for k in i..N {
+        before.copy_from(&logs);
+        rows.fill(0.0);
+        for i in 0..n {
+            for k in i..n {
                 // a direction that is decoupled stays so, however large the ratio of sizes
                 if r[(i, k)] == 0.0 {
                     continue;
                 }
                 let factor = r[(i, k)] * (before[k] - before[i]).exp();
-                for j in k..N {
+                for j in k..n {
                     rows[(i, j)] += factor * u[(k, j)];
                 }
             }
@@ -50,25 +60,29 @@ pub(super) fn decompose<const N: usize>(links: &[Transition<N>]) -> (SVector<f64
             rows.row_mut(i).unscale_mut(size);
             logs[i] = before[i] + size.ln();
         }
-        u = rows;
+        std::mem::swap(&mut u, &mut rows);
     }
+    // by columns, which lie together
+    u.transpose_mut();
     jacobi(&mut logs, &mut u);
-    // the rows of u are right singular vectors in the basis q
-    let mut order: [usize; N] = std::array::from_fn(|i| i);
+    // the columns of u are right singular vectors in the basis q
+    let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| logs[j].total_cmp(&logs[i]));
-    let vectors = q * u.transpose();
-    (SVector::from_fn(|i, _| logs[order[i]]), SMatrix::from_fn(|i, j| vectors[(i, order[j])]))
+    let vectors = q * u;
+    (DVector::from_fn(n, |i, _| logs[order[i]]), DMatrix::from_fn(n, n, |i, j| vectors[(i, order[j])]))
 }
 
-/// Rotates rows of diag(exp(logs)) U, from the left, until they are orthogonal; then they are of unit norm in U.
-fn jacobi<const N: usize>(logs: &mut SVector<f64, N>, u: &mut SMatrix<f64, N, N>) {
+/// Rotates the rows of diag(exp(logs)) U, from the left, until they are orthogonal; then they are of unit norm in U. `u` is
+/// Uᵀ.
+fn jacobi(logs: &mut DVector<f64>, u: &mut DMatrix<f64>) {
+    let n = logs.len();
     for _sweep in 0..40 {
         let mut largest = 0.0f64;
-        for i in 0..N {
-            for j in i + 1..N {
+        for i in 0..n {
+            for j in i + 1..n {
                 // the larger row first
                 let (i, j) = if logs[i] >= logs[j] { (i, j) } else { (j, i) };
-                let cosine = u.row(i).dot(&u.row(j));
+                let cosine = u.column(i).dot(&u.column(j));
                 largest = largest.max(cosine.abs());
                 if cosine.abs() <= 2.0 * f64::EPSILON {
                     continue;
@@ -80,15 +94,17 @@ fn jacobi<const N: usize>(logs: &mut SVector<f64, N>, u: &mut SMatrix<f64, N, N>
                 let tangent = 1.0 / (zeta + zeta.signum() * zeta.hypot(ratio));
                 let t = ratio * tangent;
                 let c = 1.0 / t.hypot(1.0);
-                let (row_i, row_j) = (u.row(i).into_owned(), u.row(j).into_owned());
                 // a uᵢ' = c (a uᵢ + t b uⱼ), b uⱼ' = c (b uⱼ − t a uᵢ)
-                let new_i = (row_i + row_j * (t * ratio)) * c;
-                let new_j = (row_j - row_i * tangent) * c;
-                let (size_i, size_j) = (new_i.norm(), new_j.norm());
-                logs[i] += size_i.ln();
-                logs[j] += size_j.ln();
-                u.set_row(i, &(new_i / size_i));
-                u.set_row(j, &(new_j / size_j));
+                for k in 0..n {
+                    let (at_i, at_j) = (u[(k, i)], u[(k, j)]);
+                    u[(k, i)] = (at_i + at_j * (t * ratio)) * c;
+                    u[(k, j)] = (at_j - at_i * tangent) * c;
+                }
+                for k in [i, j] {
+                    let size = u.column(k).norm();
+                    logs[k] += size.ln();
+                    u.column_mut(k).unscale_mut(size);
+                }
             }
         }
         if largest <= 4.0 * f64::EPSILON {

@@ -1,13 +1,13 @@
 //! Linear subspaces by orthonormal bases.
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// A subspace of ℝᴺ. It holds an orthonormal basis of the whole space, whose first columns span it and whose others span
+/// A subspace of ℝⁿ. It holds an orthonormal basis of the whole space, whose first columns span it and whose others span
 /// its complement; nothing else computes a complement.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Subspace<const N: usize> {
-    basis: SMatrix<f64, N, N>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Subspace {
+    basis: DMatrix<f64>,
     dim: usize,
 }
 
@@ -15,44 +15,45 @@ pub struct Subspace<const N: usize> {
 const DEPENDENT: f64 = 1e-10;
 
 /// With its largest entry one, so that no square over- or underflows; zero and what is not finite stay.
-fn scaled<const N: usize>(v: &SVector<f64, N>) -> SVector<f64, N> {
+fn scaled(v: &DVector<f64>) -> DVector<f64> {
     let largest = v.amax();
     // the quotient, since the inverse of a subnormal number is infinite
-    if largest > 0.0 && largest.is_finite() { v / largest } else { *v }
+    if largest > 0.0 && largest.is_finite() { v / largest } else { v.clone() }
 }
 
-impl<const N: usize> Subspace<N> {
+impl Subspace {
     /// Spanned by some columns of an orthogonal matrix.
-    pub(super) fn of_columns(orthogonal: &SMatrix<f64, N, N>, columns: Range<usize>) -> Self {
-        let mut basis = *orthogonal;
-        let others = (0..N).filter(|j| !columns.contains(j));
+    pub(super) fn of_columns(orthogonal: &DMatrix<f64>, columns: Range<usize>) -> Self {
+        let mut basis = orthogonal.clone();
+        let others = (0..basis.ncols()).filter(|j| !columns.contains(j));
         for (to, from) in columns.clone().chain(others).enumerate() {
             basis.set_column(to, &orthogonal.column(from));
         }
         Self { basis, dim: columns.len() }
     }
 
-    /// Spanned by any vectors; those that depend on others to ten digits add nothing.
-    pub fn spanned_by(vectors: &[SVector<f64, N>]) -> Self {
-        let mut basis = SMatrix::<f64, N, N>::zeros();
+    /// Spanned by any vectors of `dimension` entries; those that depend on others to ten digits add nothing.
+    pub fn spanned_by(dimension: usize, vectors: &[DVector<f64>]) -> Self {
+        let n = dimension;
+        let mut basis = DMatrix::<f64>::zeros(n, n);
         let mut found = 0;
-        let units = (0..N).map(|i| SVector::<f64, N>::from_fn(|j, _| if i == j { 1.0 } else { 0.0 }));
+        let units = (0..n).map(|i| DVector::from_fn(n, |j, _| if i == j { 1.0 } else { 0.0 }));
         let mut dim = 0;
-        for (k, vector) in vectors.iter().copied().chain(units).enumerate() {
-            if found == N {
+        for (k, vector) in vectors.iter().map(scaled).chain(units).enumerate() {
+            if found == n {
                 break;
             }
-            let vector = scaled(&vector);
             let size = vector.norm();
             let mut rest = vector;
             for _ in 0..2 {
                 for j in 0..found {
-                    let column = basis.column(j).into_owned();
-                    rest -= column * column.dot(&rest);
+                    let column = basis.column(j);
+                    let part = column.dot(&rest);
+                    rest.axpy(-part, &column, 1.0);
                 }
             }
             // the unit vectors fill up with what is furthest from dependent: any that keeps a digit
-            let limit = if k < vectors.len() { DEPENDENT } else { 0.5 / (N as f64).sqrt() };
+            let limit = if k < vectors.len() { DEPENDENT } else { 0.5 / (n as f64).sqrt() };
             let left = rest.norm();
             if left > limit * size && size > 0.0 {
                 basis.set_column(found, &(rest / left));
@@ -63,40 +64,47 @@ impl<const N: usize> Subspace<N> {
         Self { basis, dim }
     }
 
+    /// The dimension of the space that it lies in.
+    pub fn dimension(&self) -> usize {
+        self.basis.nrows()
+    }
+
     /// Its dimension.
     pub fn dim(&self) -> usize {
         self.dim
     }
 
     /// Orthonormal vectors that span it.
-    pub fn basis(&self) -> impl Iterator<Item = SVector<f64, N>> + '_ {
+    pub fn basis(&self) -> impl Iterator<Item = DVector<f64>> + '_ {
         (0..self.dim).map(|j| self.basis.column(j).into_owned())
     }
 
     /// The orthogonal complement.
     pub fn complement(&self) -> Self {
-        let basis = SMatrix::from_fn(|i, j| self.basis[(i, (j + self.dim) % N)]);
-        Self { basis, dim: N - self.dim }
+        let n = self.dimension();
+        let basis = DMatrix::from_fn(n, n, |i, j| self.basis[(i, (j + self.dim) % n)]);
+        Self { basis, dim: n - self.dim }
     }
 
-    /// What is common to both: the complement of what either complement spans.
+    /// What is common to both, which must lie in one space: the complement of what either complement spans.
     pub fn intersection(&self, other: &Self) -> Self {
         let vectors: Vec<_> = self.complement().basis().chain(other.complement().basis()).collect();
-        Self::spanned_by(&vectors).complement()
+        Self::spanned_by(self.dimension(), &vectors).complement()
     }
 
-    /// Coordinates of the projection of `v`, in the first [`dim`](Self::dim) entries.
-    pub fn project(&self, v: &SVector<f64, N>) -> SVector<f64, N> {
-        SVector::from_fn(|j, _| if j < self.dim { self.basis.column(j).dot(v) } else { 0.0 })
+    /// Coordinates of the projection of `v`.
+    pub fn project(&self, v: &DVector<f64>) -> DVector<f64> {
+        self.basis.columns(0, self.dim).tr_mul(v)
     }
 
     /// The angle between `v` and the subspace, rad: asin(‖Wᵀv‖/‖v‖) with W a basis of the complement.
-    pub fn angle_to(&self, v: &SVector<f64, N>) -> f64 {
+    pub fn angle_to(&self, v: &DVector<f64>) -> f64 {
         let v = scaled(v);
-        self.complement().project(&v).norm().atan2(self.project(&v).norm())
+        let beyond = self.basis.columns_range(self.dim..).tr_mul(&v);
+        beyond.norm().atan2(self.project(&v).norm())
     }
 
-    /// The principal angles with `other`, rad, ascending, as many as the smaller dimension. Small ones keep their digits.
+    /// The principal angles with `other` in the same space, rad, ascending, as many as the smaller dimension. Small ones keep their digits.
     pub fn angles(&self, other: &Self) -> Vec<f64> {
         let (small, large) = if self.dim <= other.dim { (self, other) } else { (other, self) };
         if small.dim == 0 {

@@ -14,8 +14,8 @@ use super::piece::{Bounds, expect_limit};
 use super::{
     HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
 };
-use crate::cold_start::{Motion, Torque};
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use crate::cold_start::Torque;
+use nalgebra::{DMatrix, Matrix2, Vector2};
 use somersault_core::argument::{ArgumentError, expect_positive};
 use somersault_multibody::models::TwoLinkArm;
 
@@ -107,18 +107,18 @@ impl ArmMinimumTorque {
     }
 
     #[inline(always)]
-    fn pose(&self, p: &SVector<f64, 8>) -> Pose {
+    fn pose(&self, p: &[f64]) -> Pose {
         self.pose_on(|i, free| self.bounds(i).side(free), p)
     }
 
     #[inline(always)]
-    fn pose_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> Pose {
-        self.pose_on(|i, _| piece.sides[i], p)
+    fn pose_in(&self, piece: &Piece, p: &[f64]) -> Pose {
+        self.pose_on(|i, _| piece.side(i), p)
     }
 
     /// With each control on the side that `side` gives for it and its value without limits.
     #[inline(always)]
-    fn pose_on(&self, side: impl Fn(usize, f64) -> Side, p: &SVector<f64, 8>) -> Pose {
+    fn pose_on(&self, side: impl Fn(usize, f64) -> Side, p: &[f64]) -> Pose {
         let [a, b, d] = self.inertia;
         let (sin, cos) = p[1].sin_cos();
         let (b_sin, b_cos) = (b * sin, b * cos);
@@ -176,16 +176,20 @@ impl ArmMinimumTorque {
         Self::new_unchecked(arm, pair(self.weights, other.weights))
     }
 
-    /// u = M q̈ + C with its derivatives by q, q̇ and q̈.
-    pub(crate) fn inverse_dynamics(&self, [q, v, a]: &Motion<2>) -> Torque<2> {
-        let pose = self.pose(&SVector::from([q.x, q.y, v.x, v.y, 0.0, 0.0, 0.0, 0.0]));
+    /// u = M q̈ + C with its derivatives by q, q̇ and q̈, at the six numbers of a motion.
+    pub(crate) fn inverse_dynamics(&self, motion: &[f64], torque: &mut Torque) {
+        let (q, v, a) = (&motion[..2], &motion[2..4], Vector2::new(motion[4], motion[5]));
+        let pose = self.pose(&[q[0], q[1], v[0], v[1], 0.0, 0.0, 0.0, 0.0]);
         let [base, _, d] = self.inertia;
         let inertia = Matrix2::new(base + 2.0 * pose.b_cos, d + pose.b_cos, d + pose.b_cos, d);
         let turned = Vector2::new(2.0 * a.x + a.y, a.x) * -pose.b_sin;
         // without costates the acceleration is −M⁻¹C
         let u = inertia * (a - pose.acceleration);
         let by_angle = Matrix2::from_columns(&[Vector2::zeros(), turned + pose.c_angle]);
-        Torque { u, by: [by_angle, pose.c_rate, inertia] }
+        torque.u.copy_from_slice(u.as_slice());
+        for (by, part) in torque.by.iter_mut().zip([by_angle, pose.c_rate, inertia]) {
+            by.copy_from_slice(part.as_slice());
+        }
     }
 
     #[inline(always)]
@@ -194,15 +198,15 @@ impl ArmMinimumTorque {
     }
 
     #[inline(always)]
-    fn field_at(pose: &Pose, p: &SVector<f64, 8>) -> SVector<f64, 8> {
+    fn field_at(pose: &Pose, p: &[f64], h: &mut [f64]) {
         let rate = pose.c_rate.tr_mul(&pose.mu);
         let turn = pose.mu.dot(&(pose.turned + pose.c_angle));
         let a = &pose.acceleration;
-        SVector::from([p[2], p[3], a.x, a.y, 0.0, turn, rate.x - p[4], rate.y - p[5]])
+        h.copy_from_slice(&[p[2], p[3], a.x, a.y, 0.0, turn, rate.x - p[4], rate.y - p[5]]);
     }
 
     #[inline(always)]
-    fn jacobian_at(pose: &Pose, p: &SVector<f64, 8>) -> SMatrix<f64, 8, 8> {
+    fn jacobian_at(pose: &Pose, p: &[f64], d: &mut DMatrix<f64>) {
         let Pose {
             b_cos, b_sin, inverse, turned, c_angle, c_rate, mu, compliance, acceleration: acc, ..
         } = pose;
@@ -221,49 +225,55 @@ impl ArmMinimumTorque {
         let rate_angle = c_rate_angle.tr_mul(mu) + c_rate.tr_mul(&mu_angle);
         let mixed = -2.0 * b_sin * mu.x;
 
-        let mut d = SMatrix::zeros();
-        d[(0, 2)] = 1.0;
-        d[(1, 3)] = 1.0;
-        d[(6, 4)] = -1.0;
-        d[(7, 5)] = -1.0;
-        d[(5, 1)] = turn_angle;
-        d[(6, 2)] = 2.0 * b_sin * mu.y;
-        d[(6, 3)] = mixed;
-        d[(7, 2)] = mixed;
-        d[(7, 3)] = mixed;
+        let Some(d) = d.as_mut_slice().as_chunks_mut::<8>().0.first_chunk_mut::<8>() else { return };
+        *d = [[0.0; 8]; 8];
+        d[2][0] = 1.0;
+        d[3][1] = 1.0;
+        d[4][6] = -1.0;
+        d[5][7] = -1.0;
+        d[1][5] = turn_angle;
+        d[2][6] = 2.0 * b_sin * mu.y;
+        d[3][6] = mixed;
+        d[2][7] = mixed;
+        d[3][7] = mixed;
         for i in 0..2 {
-            d[(2 + i, 1)] = acc_angle[i];
-            d[(5, 6 + i)] = -acc_angle[i];
-            d[(5, 2 + i)] = rate_angle[i];
-            d[(6 + i, 1)] = rate_angle[i];
+            d[1][2 + i] = acc_angle[i];
+            d[6 + i][5] = -acc_angle[i];
+            d[2 + i][5] = rate_angle[i];
+            d[1][6 + i] = rate_angle[i];
             for j in 0..2 {
-                d[(2 + i, 2 + j)] = acc_rate[(i, j)];
-                d[(6 + j, 6 + i)] = -acc_rate[(i, j)];
-                d[(2 + i, 6 + j)] = acc_costate[(i, j)];
+                d[2 + j][2 + i] = acc_rate[(i, j)];
+                d[6 + i][6 + j] = -acc_rate[(i, j)];
+                d[6 + j][2 + i] = acc_costate[(i, j)];
             }
         }
-        d
     }
 }
 
-impl VectorField<8> for ArmMinimumTorque {
-    #[inline]
-    fn field(&self, p: &SVector<f64, 8>) -> SVector<f64, 8> {
-        Self::field_at(&self.pose(p), p)
+impl VectorField for ArmMinimumTorque {
+    #[inline(always)]
+    fn dimension(&self) -> usize {
+        8
     }
 
     #[inline]
-    fn jacobian(&self, p: &SVector<f64, 8>) -> SMatrix<f64, 8, 8> {
-        Self::jacobian_at(&self.pose(p), p)
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        Self::field_at(&self.pose(p), p, h);
+    }
+
+    #[inline]
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        Self::jacobian_at(&self.pose(p), p, d);
     }
 
     #[inline(always)]
-    fn linearize(&self, p: &SVector<f64, 8>) -> (SVector<f64, 8>, SMatrix<f64, 8, 8>) {
+    fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         let pose = self.pose(p);
-        (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
+        Self::field_at(&pose, p, h);
+        Self::jacobian_at(&pose, p, d);
     }
 
-    fn conserved(&self, p: &SVector<f64, 8>) -> Option<f64> {
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         Some(self.hamiltonian(p))
     }
 
@@ -272,46 +282,53 @@ impl VectorField<8> for ArmMinimumTorque {
         if self.limits.iter().any(|limit| limit.is_finite()) { 2 } else { 0 }
     }
 
-    fn piece(&self, p: &SVector<f64, 8>) -> Piece<8> {
+    fn piece(&self, p: &[f64]) -> Piece {
         let mu = self.pose(p).mu;
-        let mut piece = Piece::FREE;
-        (0..2).for_each(|i| piece.sides[i] = self.bounds(i).side(-mu[i] / self.weights[i]));
-        piece
+        (0..2).map(|i| self.bounds(i).side(-mu[i] / self.weights[i])).collect()
     }
 
     #[inline]
-    fn field_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> SVector<f64, 8> {
-        Self::field_at(&self.pose_in(piece, p), p)
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        Self::field_at(&self.pose_in(piece, p), p, h);
     }
 
     #[inline(always)]
-    fn linearize_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> (SVector<f64, 8>, SMatrix<f64, 8, 8>) {
+    fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         let pose = self.pose_in(piece, p);
-        (Self::field_at(&pose, p), Self::jacobian_at(&pose, p))
+        Self::field_at(&pose, p, h);
+        Self::jacobian_at(&pose, p, d);
     }
 
-    fn margins(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> SVector<f64, 8> {
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
         let Pose { mu, torque, .. } = self.pose_in(piece, p);
-        let slope = |i: usize| self.weights[i] * torque[i] + mu[i];
-        let margin = |i: usize| self.bounds(i).margin(piece.sides[i], torque[i], slope(i));
-        SVector::from_fn(|i, _| if i < 2 { margin(i) } else { f64::INFINITY })
+        for (i, margin) in margins.iter_mut().enumerate() {
+            let slope = self.weights[i] * torque[i] + mu[i];
+            *margin = self.bounds(i).margin(piece.side(i), torque[i], slope);
+        }
     }
 
     /// Rows 1, 2 and 5 of D are those of θ̇ and λ̇₁ = 0; columns 1, 5 and 6 hold nothing but ∂λ̇_v/∂λ_q = −1.
     #[inline(always)]
     fn tangent(
         &self,
-        d: &SMatrix<f64, 8, 8>,
-        phi: &[[f64; 8]; 8],
-        out: &mut [[f64; 8]; 8],
+        _: usize,
+        d: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
         multiply_add: impl Fn(f64, f64, f64) -> f64,
     ) {
+        let (d, phi, out) = (d.as_chunks::<8>().0, phi.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
+        let (Some(d), Some(phi), Some(out)) =
+            (d.first_chunk::<8>(), phi.first_chunk::<8>(), out.first_chunk_mut::<8>())
+        else {
+            return;
+        };
         (out[0], out[1], out[4]) = (phi[2], phi[3], [0.0; 8]);
         for (i, start) in [(2, None), (3, None), (5, None), (6, Some(4)), (7, Some(5))] {
             let mut sum = start.map_or([0.0; 8], |k: usize| phi[k].map(|x| -x));
             for k in [1, 2, 3, 6, 7] {
                 for c in 0..8 {
-                    sum[c] = multiply_add(d[(i, k)], phi[k][c], sum[c]);
+                    sum[c] = multiply_add(d[k][i], phi[k][c], sum[c]);
                 }
             }
             out[i] = sum;
@@ -319,8 +336,8 @@ impl VectorField<8> for ArmMinimumTorque {
     }
 }
 
-impl HamiltonianSystem<8> for ArmMinimumTorque {
-    fn hamiltonian(&self, p: &SVector<f64, 8>) -> f64 {
+impl HamiltonianSystem for ArmMinimumTorque {
+    fn hamiltonian(&self, p: &[f64]) -> f64 {
         let pose = self.pose(p);
         p[4] * p[2]
             + p[5] * p[3]
@@ -330,23 +347,23 @@ impl HamiltonianSystem<8> for ArmMinimumTorque {
     }
 }
 
-impl OptimalControlSystem<8> for ArmMinimumTorque {
+impl OptimalControlSystem for ArmMinimumTorque {
     fn n_controls(&self) -> usize {
         2
     }
 
-    fn control_into(&self, p: &SVector<f64, 8>, u: &mut [f64]) -> Result<(), SystemError> {
+    fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
         expect_controls(u, 2)?;
         u.copy_from_slice(self.pose(p).torque.as_slice());
         Ok(())
     }
 
-    fn running_cost(&self, p: &SVector<f64, 8>) -> f64 {
+    fn running_cost(&self, p: &[f64]) -> f64 {
         self.effort(&self.pose(p))
     }
 
     #[inline]
-    fn running_cost_in(&self, piece: &Piece<8>, p: &SVector<f64, 8>) -> f64 {
+    fn running_cost_in(&self, piece: &Piece, p: &[f64]) -> f64 {
         self.effort(&self.pose_in(piece, p))
     }
 }

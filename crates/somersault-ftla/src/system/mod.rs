@@ -20,7 +20,7 @@ pub use scalar::{CubicRegulator, LinearRegulator};
 pub use state_costate::{ControlProblem, DifferentiatedProblem, ProblemDerivatives, StateCostate};
 pub use tree::TreeMinimumTorque;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::ArgumentError;
 use somersault_multibody::{DynamicsError, ModelError};
 
@@ -66,47 +66,75 @@ pub enum SystemError {
     Dynamics(#[from] DynamicsError),
 }
 
-/// An autonomous field ṗ = h(p) with its Jacobian.
+/// An autonomous field ṗ = h(p) with its Jacobian. Points are as many numbers as its dimension.
 ///
-/// Where the field has no value it returns NaN, and [`fault`](Self::fault) says why.
-pub trait VectorField<const N: usize> {
-    /// h(p).
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N>;
+/// Where the field has no value it writes NaN, and [`fault`](Self::fault) says why.
+pub trait VectorField {
+    /// How many numbers a point has.
+    fn dimension(&self) -> usize;
 
-    /// D = ∂h/∂p.
-    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N>;
+    /// Writes h(p) to `h`.
+    fn field_into(&self, p: &[f64], h: &mut [f64]);
+
+    /// Writes D = ∂h/∂p to `d`, every entry of it.
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>);
 
     /// Field and Jacobian at once, for systems in which they share work.
     #[inline(always)]
-    fn linearize(&self, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        (self.field(p), self.jacobian(p))
+    fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.field_into(p, h);
+        self.jacobian_into(p, d);
     }
 
-    /// D Φ into `out`, both by rows. For systems that know where D is zero; the default does not. `multiply_add` is
-    /// a b + c in the way that is quickest on the machine.
+    /// h(p).
+    fn field(&self, p: &[f64]) -> DVector<f64> {
+        let mut h = DVector::zeros(self.dimension());
+        self.field_into(p, h.as_mut_slice());
+        h
+    }
+
+    /// D(p).
+    fn jacobian(&self, p: &[f64]) -> DMatrix<f64> {
+        let mut d = DMatrix::zeros(self.dimension(), self.dimension());
+        self.jacobian_into(p, &mut d);
+        d
+    }
+
+    /// h(p) and D(p).
+    fn linearize(&self, p: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+        let n = self.dimension();
+        let (mut h, mut d) = (DVector::zeros(n), DMatrix::zeros(n, n));
+        self.linearize_into(p, h.as_mut_slice(), &mut d);
+        (h, d)
+    }
+
+    /// D Φ into `out`, for D of `n` columns one after the other, and the others by rows. For systems that know where D is zero;
+    /// the default does not. `multiply_add` is a b + c in the way that is quickest on the machine.
     #[inline(always)]
     fn tangent(
         &self,
-        d: &SMatrix<f64, N, N>,
-        phi: &[[f64; N]; N],
-        out: &mut [[f64; N]; N],
+        n: usize,
+        d: &[f64],
+        phi: &[f64],
+        out: &mut [f64],
         multiply_add: impl Fn(f64, f64, f64) -> f64,
     ) where
         Self: Sized,
     {
-        for i in 0..N {
-            let mut sum = [0.0; N];
-            for k in 0..N {
-                for c in 0..N {
-                    sum[c] = multiply_add(d[(i, k)], phi[k][c], sum[c]);
+        for i in 0..n {
+            let out = &mut out[i * n..(i + 1) * n];
+            out.fill(0.0);
+            for k in 0..n {
+                let (entry, phi) = (d[k * n + i], &phi[k * n..(k + 1) * n]);
+                for c in 0..n {
+                    out[c] = multiply_add(entry, phi[c], out[c]);
                 }
             }
-            out[i] = sum;
         }
     }
 
-    /// Number of switches, at most `N`. Where there are any the field is continuous, but smooth only in each [`Piece`], and
-    /// the methods below must be there too.
+    /// Number of switches. Where there are any the field is continuous, but smooth only in each [`Piece`], and the methods
+    /// below must be there too.
     #[inline(always)]
     fn n_switches(&self) -> usize {
         0
@@ -114,44 +142,49 @@ pub trait VectorField<const N: usize> {
 
     /// The piece that `p` lies in.
     #[inline(always)]
-    fn piece(&self, _p: &SVector<f64, N>) -> Piece<N> {
+    fn piece(&self, _p: &[f64]) -> Piece {
         Piece::FREE
     }
 
-    /// h of one piece, which goes on smoothly beyond it.
+    /// Writes h of one piece, which goes on smoothly beyond it.
     #[inline(always)]
-    fn field_in(&self, _piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.field(p)
+    fn field_in(&self, _piece: &Piece, p: &[f64], h: &mut [f64]) {
+        self.field_into(p, h);
     }
 
-    /// h and D of one piece.
+    /// Writes h and D of one piece.
     #[inline(always)]
-    fn linearize_in(&self, _piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        self.linearize(p)
+    fn linearize_in(&self, _piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.linearize_into(p, h, d);
     }
 
-    /// Of each switch, a smooth function that is positive where the piece holds and zero where it ends.
-    fn margins(&self, _piece: &Piece<N>, _p: &SVector<f64, N>) -> SVector<f64, N> {
-        SVector::repeat(f64::INFINITY)
+    /// Writes, of each switch, a smooth function that is positive where the piece holds and zero where it ends.
+    fn margins_into(&self, _piece: &Piece, _p: &[f64], margins: &mut [f64]) {
+        margins.fill(f64::INFINITY);
+    }
+
+    /// The margins of all switches.
+    fn margins(&self, piece: &Piece, p: &[f64]) -> Vec<f64> {
+        let mut margins = vec![f64::INFINITY; self.n_switches()];
+        self.margins_into(piece, p, &mut margins);
+        margins
     }
 
     /// The piece that follows at `p`, just beyond the end of `piece`: switches with a negative margin change their side, a
     /// free one to the side on which its margin is larger.
-    fn next_piece(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Piece<N> {
+    fn next_piece(&self, piece: &Piece, p: &[f64]) -> Piece {
         let margins = self.margins(piece, p);
-        let mut next = *piece;
+        let mut next = piece.clone();
         for i in (0..self.n_switches()).filter(|&i| margins[i] < 0.0) {
-            let [lower, upper] = [Side::Lower, Side::Upper].map(|side| {
-                let mut other = *piece;
-                other.sides[i] = side;
-                self.margins(&other, p)[i]
-            });
+            let [lower, upper] =
+                [Side::Lower, Side::Upper].map(|side| self.margins(&piece.with(i, side), p)[i]);
             // a bound at infinity has no margin
-            next.sides[i] = match piece.sides[i] {
+            let side = match piece.side(i) {
                 Side::Free if upper.is_nan() || lower > upper => Side::Lower,
                 Side::Free => Side::Upper,
                 Side::Lower | Side::Upper => Side::Free,
             };
+            next.set(i, side);
         }
         next
     }
@@ -159,37 +192,42 @@ pub trait VectorField<const N: usize> {
     /// H(p) where the field is known to be Hamiltonian, to be constant along its motions; none where nothing is known to be.
     ///
     /// Without a default: a system that hands on another one's field and forgets this would lose the check that it is for.
-    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64>;
+    fn conserved(&self, p: &[f64]) -> Option<f64>;
 
     /// Why there is no value at `p`, if there is none.
-    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
+    fn fault(&self, p: &[f64]) -> Option<SystemError> {
         let finite = self.field(p).iter().all(|h| h.is_finite());
         (!finite).then_some(SystemError::NonFinite)
     }
 }
 
 /// A field h = J ∇H with J = (0, 1; −1, 0): its flow conserves H and its transition matrices are symplectic.
-pub trait HamiltonianSystem<const N: usize>: VectorField<N> {
+pub trait HamiltonianSystem: VectorField {
     /// H(p).
-    fn hamiltonian(&self, p: &SVector<f64, N>) -> f64;
+    fn hamiltonian(&self, p: &[f64]) -> f64;
 }
 
 /// The state–costate system of an optimal control problem.
-pub trait OptimalControlSystem<const N: usize>: HamiltonianSystem<N> {
+pub trait OptimalControlSystem: HamiltonianSystem {
     /// Number of controls.
     fn n_controls(&self) -> usize;
 
     /// Writes the optimal control u*(p) to `u`, of [`n_controls`](Self::n_controls) entries.
-    fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError>;
+    fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError>;
 
     /// ℓ at the optimal control.
-    fn running_cost(&self, p: &SVector<f64, N>) -> f64;
+    fn running_cost(&self, p: &[f64]) -> f64;
 
     /// ℓ at the control of one piece of the field.
     #[inline(always)]
-    fn running_cost_in(&self, _piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+    fn running_cost_in(&self, _piece: &Piece, p: &[f64]) -> f64 {
         self.running_cost(p)
     }
+}
+
+/// A field without a value.
+fn no_field(h: &mut [f64]) {
+    h.fill(f64::NAN);
 }
 
 fn expect_controls(u: &[f64], expected: usize) -> Result<(), SystemError> {

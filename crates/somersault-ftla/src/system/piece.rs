@@ -28,21 +28,46 @@ pub enum Side {
     Upper,
 }
 
-/// One smooth piece of a field over N numbers: of each of its switches, at most N, a side.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Piece<const N: usize> {
-    /// The sides; those past the number of switches stay free.
-    pub sides: [Side; N],
+/// One smooth piece of a field: of each of its switches a side.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Piece {
+    /// The sides up to the last one that is not free.
+    sides: Vec<Side>,
 }
 
-impl<const N: usize> Piece<N> {
+impl Piece {
     /// Every control between its bounds.
-    pub const FREE: Self = Self { sides: [Side::Free; N] };
+    pub const FREE: Self = Self { sides: Vec::new() };
+
+    /// The side of switch `i`.
+    #[inline(always)]
+    pub fn side(&self, i: usize) -> Side {
+        self.sides.get(i).copied().unwrap_or(Side::Free)
+    }
+
+    /// Puts switch `i` on another side.
+    pub fn set(&mut self, i: usize, side: Side) {
+        if i >= self.sides.len() {
+            self.sides.resize(i + 1, Side::Free);
+        }
+        self.sides[i] = side;
+        let bound = self.sides.iter().rposition(|side| *side != Side::Free);
+        self.sides.truncate(bound.map_or(0, |last| last + 1));
+    }
+
+    /// The same with switch `i` on another side.
+    pub fn with(&self, i: usize, side: Side) -> Self {
+        let mut other = self.clone();
+        other.set(i, side);
+        other
+    }
 }
 
-impl<const N: usize> Default for Piece<N> {
-    fn default() -> Self {
-        Self::FREE
+impl FromIterator<Side> for Piece {
+    fn from_iter<I: IntoIterator<Item = Side>>(sides: I) -> Self {
+        let mut piece = Self::FREE;
+        sides.into_iter().enumerate().for_each(|(i, side)| piece.set(i, side));
+        piece
     }
 }
 

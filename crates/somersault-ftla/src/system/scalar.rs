@@ -12,7 +12,7 @@
 //! optimal control problems*, Optimal Control Applications and Methods 21 (2000).
 
 use super::{HamiltonianSystem, OptimalControlSystem, SystemError, VectorField, expect_controls};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::DMatrix;
 
 /// ẋ = −x + u with cost ½ ∫ x² + u² dt.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -22,63 +22,73 @@ pub struct LinearRegulator;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CubicRegulator;
 
-impl VectorField<2> for LinearRegulator {
-    fn field(&self, p: &Vector2<f64>) -> Vector2<f64> {
-        Vector2::new(-p.x - p.y, -p.x + p.y)
+impl VectorField for LinearRegulator {
+    fn dimension(&self) -> usize {
+        2
     }
 
-    fn jacobian(&self, _: &Vector2<f64>) -> Matrix2<f64> {
-        Matrix2::new(-1.0, -1.0, -1.0, 1.0)
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        h.copy_from_slice(&[-p[0] - p[1], -p[0] + p[1]]);
     }
 
-    fn conserved(&self, p: &Vector2<f64>) -> Option<f64> {
+    fn jacobian_into(&self, _: &[f64], d: &mut DMatrix<f64>) {
+        // column by column
+        d.copy_from_slice(&[-1.0, -1.0, -1.0, 1.0]);
+    }
+
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         Some(self.hamiltonian(p))
     }
 }
 
-impl HamiltonianSystem<2> for LinearRegulator {
-    fn hamiltonian(&self, p: &Vector2<f64>) -> f64 {
-        0.5 * (p.x * p.x - p.y * p.y) - p.x * p.y
+impl HamiltonianSystem for LinearRegulator {
+    fn hamiltonian(&self, p: &[f64]) -> f64 {
+        0.5 * (p[0] * p[0] - p[1] * p[1]) - p[0] * p[1]
     }
 }
 
-impl VectorField<2> for CubicRegulator {
-    fn field(&self, p: &Vector2<f64>) -> Vector2<f64> {
-        let square = p.x * p.x;
-        Vector2::new(-p.x * square - p.y, -p.x + 3.0 * square * p.y)
+impl VectorField for CubicRegulator {
+    fn dimension(&self) -> usize {
+        2
     }
 
-    fn jacobian(&self, p: &Vector2<f64>) -> Matrix2<f64> {
-        let stretch = 3.0 * p.x * p.x;
-        Matrix2::new(-stretch, -1.0, -1.0 + 6.0 * p.x * p.y, stretch)
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        let square = p[0] * p[0];
+        h.copy_from_slice(&[-p[0] * square - p[1], -p[0] + 3.0 * square * p[1]]);
     }
 
-    fn conserved(&self, p: &Vector2<f64>) -> Option<f64> {
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        let stretch = 3.0 * p[0] * p[0];
+        // column by column
+        d.copy_from_slice(&[-stretch, -1.0 + 6.0 * p[0] * p[1], -1.0, stretch]);
+    }
+
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         Some(self.hamiltonian(p))
     }
 }
 
-impl HamiltonianSystem<2> for CubicRegulator {
-    fn hamiltonian(&self, p: &Vector2<f64>) -> f64 {
-        0.5 * (p.x * p.x - p.y * p.y) - p.y * p.x.powi(3)
+impl HamiltonianSystem for CubicRegulator {
+    fn hamiltonian(&self, p: &[f64]) -> f64 {
+        0.5 * (p[0] * p[0] - p[1] * p[1]) - p[1] * p[0].powi(3)
     }
 }
 
 macro_rules! regulator {
     ($($name:ty),*) => {$(
-        impl OptimalControlSystem<2> for $name {
+        impl OptimalControlSystem for $name {
             fn n_controls(&self) -> usize {
                 1
             }
 
-            fn control_into(&self, p: &Vector2<f64>, u: &mut [f64]) -> Result<(), SystemError> {
+            fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
                 expect_controls(u, 1)?;
-                u[0] = -p.y;
+                u[0] = -p[1];
                 Ok(())
             }
 
-            fn running_cost(&self, p: &Vector2<f64>) -> f64 {
-                0.5 * p.norm_squared()
+            fn running_cost(&self, p: &[f64]) -> f64 {
+                0.5 * (p[0] * p[0] + p[1] * p[1])
             }
         }
     )*};

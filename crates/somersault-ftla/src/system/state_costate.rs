@@ -17,211 +17,219 @@
 
 use super::piece::Bounds;
 use super::{
-    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
+    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls, no_field,
 };
-use nalgebra::{Cholesky, SMatrix, SVector};
+use nalgebra::{Cholesky, DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 
-/// Dynamics and running cost of an optimal control problem with `NX` states and `NU` controls, written over a scalar
-/// so that derivatives follow.
-pub trait ControlProblem<const NX: usize, const NU: usize> {
-    /// f(x, u).
-    fn dynamics<T: Scalar>(&self, x: &SVector<T, NX>, u: &SVector<T, NU>) -> SVector<T, NX>;
+/// Dynamics and running cost of an optimal control problem, written over a scalar so that derivatives follow.
+pub trait ControlProblem {
+    /// Number of states.
+    fn n_states(&self) -> usize;
+
+    /// Number of controls.
+    fn n_controls(&self) -> usize;
+
+    /// Writes f(x, u) to `f`.
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]);
 
     /// ℓ(x, u), such that λᵀf + ℓ is strictly convex in u.
-    fn running_cost<T: Scalar>(&self, x: &SVector<T, NX>, u: &SVector<T, NU>) -> T;
+    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T;
 
     /// Lower and upper bounds of the controls.
-    fn bounds(&self) -> [SVector<f64, NU>; 2] {
-        [SVector::repeat(f64::NEG_INFINITY), SVector::repeat(f64::INFINITY)]
+    fn bounds(&self) -> [Vec<f64>; 2] {
+        [vec![f64::NEG_INFINITY; self.n_controls()], vec![f64::INFINITY; self.n_controls()]]
     }
 }
 
 /// A problem with the derivatives that its state–costate system needs, K = λᵀf + ℓ. Every [`ControlProblem`] is one, by
 /// hyper-dual numbers; to be implemented where derivatives come from elsewhere.
-pub trait DifferentiatedProblem<const NX: usize, const NU: usize> {
-    /// f(x, u).
-    fn rate(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> SVector<f64, NX>;
+pub trait DifferentiatedProblem {
+    /// Numbers of states and of controls.
+    fn sizes(&self) -> [usize; 2];
+
+    /// Writes f(x, u) to `f`.
+    fn rate_into(&self, x: &[f64], u: &[f64], f: &mut [f64]);
 
     /// ℓ(x, u).
-    fn cost(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> f64;
+    fn cost(&self, x: &[f64], u: &[f64]) -> f64;
 
-    /// K, K_u and K_uu.
-    fn by_control(
+    /// K, and writes K_u and K_uu.
+    fn by_control_into(
         &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> (f64, SVector<f64, NU>, SMatrix<f64, NU, NU>);
+        x: &[f64],
+        costate: &[f64],
+        u: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> f64;
 
-    /// K_x.
-    fn by_state(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> SVector<f64, NX>;
+    /// Writes K_x to `slope`.
+    fn by_state_into(&self, x: &[f64], costate: &[f64], u: &[f64], slope: &mut [f64]);
 
     /// First derivatives of f and second ones of K.
-    fn derivatives(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> ProblemDerivatives<NX, NU>;
-
-    /// Number of controls; those beyond it, if any, fill up.
-    fn n_controls(&self) -> usize {
-        NU
-    }
+    fn derivatives(&self, x: &[f64], costate: &[f64], u: &[f64]) -> ProblemDerivatives;
 
     /// Lower and upper bounds of the controls.
-    fn control_bounds(&self) -> [SVector<f64, NU>; 2];
+    fn control_bounds(&self) -> [Vec<f64>; 2];
 }
 
 /// First derivatives of f and second ones of K, by (x, u).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ProblemDerivatives<const NX: usize, const NU: usize> {
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProblemDerivatives {
     /// f_x.
-    pub f_x: SMatrix<f64, NX, NX>,
+    pub f_x: DMatrix<f64>,
     /// f_u.
-    pub f_u: SMatrix<f64, NX, NU>,
+    pub f_u: DMatrix<f64>,
     /// K_xx.
-    pub k_xx: SMatrix<f64, NX, NX>,
+    pub k_xx: DMatrix<f64>,
     /// K_xu.
-    pub k_xu: SMatrix<f64, NX, NU>,
+    pub k_xu: DMatrix<f64>,
 }
 
-impl<P: ControlProblem<NX, NU>, const NX: usize, const NU: usize> DifferentiatedProblem<NX, NU> for P {
-    fn rate(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> SVector<f64, NX> {
-        self.dynamics(x, u)
+/// K = λᵀf + ℓ over a scalar, with f in `f`.
+fn k_over<P: ControlProblem, T: Scalar>(problem: &P, x: &[T], costate: &[f64], u: &[T], f: &mut [T]) -> T {
+    problem.dynamics(x, u, f);
+    let terms = f.iter().zip(costate);
+    terms.fold(problem.running_cost(x, u), |sum, (f, costate)| sum + *f * nalgebra::convert(*costate))
+}
+
+fn seeded<T: Scalar>(values: &[f64], of: impl Fn(f64) -> T) -> Vec<T> {
+    values.iter().map(|&value| of(value)).collect()
+}
+
+impl<P: ControlProblem> DifferentiatedProblem for P {
+    fn sizes(&self) -> [usize; 2] {
+        [self.n_states(), self.n_controls()]
     }
 
-    fn cost(&self, x: &SVector<f64, NX>, u: &SVector<f64, NU>) -> f64 {
+    fn rate_into(&self, x: &[f64], u: &[f64], f: &mut [f64]) {
+        self.dynamics(x, u, f);
+    }
+
+    fn cost(&self, x: &[f64], u: &[f64]) -> f64 {
         self.running_cost(x, u)
     }
 
-    fn by_control(
+    fn by_control_into(
         &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> (f64, SVector<f64, NU>, SMatrix<f64, NU, NU>) {
-        let (x, costate) = (x.map(HyperDual64::from_re), costate.map(HyperDual64::from_re));
-        let (mut gradient, mut hessian) = (SVector::<f64, NU>::zeros(), SMatrix::<f64, NU, NU>::zeros());
+        x: &[f64],
+        costate: &[f64],
+        u: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> f64 {
+        let (x, mut u) = (seeded(x, HyperDual64::from_re), seeded(u, HyperDual64::from_re));
+        let mut f = x.clone();
         let mut value = 0.0;
-        for i in 0..NU {
+        for i in 0..u.len() {
+            u[i].eps1 = 1.0;
             for j in 0..=i {
-                let mut seeded = u.map(HyperDual64::from_re);
-                seeded[i].eps1 = 1.0;
-                seeded[j].eps2 = 1.0;
-                let k = self.dynamics(&x, &seeded).dot(&costate) + self.running_cost(&x, &seeded);
+                u[j].eps2 = 1.0;
+                let k = k_over(self, &x, costate, &u, &mut f);
+                u[j].eps2 = 0.0;
                 value = k.re;
                 gradient[i] = k.eps1;
                 hessian[(i, j)] = k.eps1eps2;
                 hessian[(j, i)] = k.eps1eps2;
             }
+            u[i].eps1 = 0.0;
         }
-        (value, gradient, hessian)
+        value
     }
 
-    fn by_state(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> SVector<f64, NX> {
-        let (x, costate, u) = (x.map(Dual64::from_re), costate.map(Dual64::from_re), u.map(Dual64::from_re));
-        SVector::from_fn(|i, _| {
-            let mut seeded = x;
-            seeded[i].eps = 1.0;
-            (self.dynamics(&seeded, &u).dot(&costate) + self.running_cost(&seeded, &u)).eps
-        })
+    fn by_state_into(&self, x: &[f64], costate: &[f64], u: &[f64], slope: &mut [f64]) {
+        let (mut x, u) = (seeded(x, Dual64::from_re), seeded(u, Dual64::from_re));
+        let mut f = x.clone();
+        for (i, slope) in slope.iter_mut().enumerate() {
+            x[i].eps = 1.0;
+            *slope = k_over(self, &x, costate, &u, &mut f).eps;
+            x[i].eps = 0.0;
+        }
     }
 
-    fn derivatives(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NU>,
-    ) -> ProblemDerivatives<NX, NU> {
-        let mut d = ProblemDerivatives::<NX, NU> {
-            f_x: SMatrix::zeros(),
-            f_u: SMatrix::zeros(),
-            k_xx: SMatrix::zeros(),
-            k_xu: SMatrix::zeros(),
+    fn derivatives(&self, x: &[f64], costate: &[f64], u: &[f64]) -> ProblemDerivatives {
+        let [n, m] = self.sizes();
+        let mut d = ProblemDerivatives {
+            f_x: DMatrix::zeros(n, n),
+            f_u: DMatrix::zeros(n, m),
+            k_xx: DMatrix::zeros(n, n),
+            k_xu: DMatrix::zeros(n, m),
         };
-        let (x, u) = (x.map(HyperDual64::from_re), u.map(HyperDual64::from_re));
-        for i in 0..NX {
+        let (mut x, mut u) = (seeded(x, HyperDual64::from_re), seeded(u, HyperDual64::from_re));
+        let mut f = x.clone();
+        for i in 0..n {
+            x[i].eps1 = 1.0;
             for j in 0..=i {
-                let mut seeded = x;
-                seeded[i].eps1 = 1.0;
-                seeded[j].eps2 = 1.0;
-                let f = self.dynamics(&seeded, &u);
-                let cost = self.running_cost(&seeded, &u);
-                let second = (0..NX).map(|r| costate[r] * f[r].eps1eps2).sum::<f64>() + cost.eps1eps2;
+                x[j].eps2 = 1.0;
+                let second = k_over(self, &x, costate, &u, &mut f).eps1eps2;
+                x[j].eps2 = 0.0;
                 d.k_xx[(i, j)] = second;
                 d.k_xx[(j, i)] = second;
-                d.f_x.set_column(i, &f.map(|f| f.eps1));
+                (0..n).for_each(|r| d.f_x[(r, i)] = f[r].eps1);
             }
-            for j in 0..NU {
-                let (mut seeded, mut control) = (x, u);
-                seeded[i].eps1 = 1.0;
-                control[j].eps2 = 1.0;
-                let f = self.dynamics(&seeded, &control);
-                let cost = self.running_cost(&seeded, &control);
-                d.k_xu[(i, j)] = (0..NX).map(|r| costate[r] * f[r].eps1eps2).sum::<f64>() + cost.eps1eps2;
-                d.f_u.set_column(j, &f.map(|f| f.eps2));
+            for j in 0..m {
+                u[j].eps2 = 1.0;
+                d.k_xu[(i, j)] = k_over(self, &x, costate, &u, &mut f).eps1eps2;
+                u[j].eps2 = 0.0;
+                (0..n).for_each(|r| d.f_u[(r, j)] = f[r].eps2);
             }
+            x[i].eps1 = 0.0;
         }
         d
     }
 
-    fn control_bounds(&self) -> [SVector<f64, NU>; 2] {
+    fn control_bounds(&self) -> [Vec<f64>; 2] {
         self.bounds()
     }
 }
 
-/// The state–costate system of a [`ControlProblem`], or of a [`DifferentiatedProblem`], p = (x, λ) of `N` = 2 `NX` numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StateCostate<P, const NX: usize, const NU: usize, const N: usize> {
+/// The state–costate system of a [`ControlProblem`], or of a [`DifferentiatedProblem`]: p = (x, λ), two numbers for each state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StateCostate<P> {
     problem: P,
-    lower: SVector<f64, NU>,
-    upper: SVector<f64, NU>,
+    bounds: Vec<Bounds>,
 }
 
 /// A control with what its minimisation knows of it.
-struct Control<const NU: usize> {
-    u: SVector<f64, NU>,
+struct Control {
+    u: DVector<f64>,
     /// K_u.
-    gradient: SVector<f64, NU>,
+    gradient: DVector<f64>,
     /// The inverse of K_FF, zero in rows and columns of controls at a bound.
-    inverse: SMatrix<f64, NU, NU>,
+    inverse: DMatrix<f64>,
 }
 
 /// Iterations of the minimisation over the controls.
 const MAX_ITERATIONS: usize = 60;
 
-impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize>
-    StateCostate<P, NX, NU, N>
-{
-    const DIMENSIONS: () = assert!(N == 2 * NX && NU <= N, "N must be 2 NX, and NU not larger");
-
-    /// Fails if a lower bound is NaN or not below its upper bound.
+impl<P: DifferentiatedProblem> StateCostate<P> {
+    /// Fails without a state or a control, or if a lower bound is NaN or not below its upper bound.
     pub fn try_new(problem: P) -> Result<Self, SystemError> {
-        const { Self::DIMENSIONS };
-        let [lower, upper] = problem.control_bounds();
-        for i in 0..NU {
-            if lower[i].is_nan() || upper[i].is_nan() || lower[i] >= upper[i] {
-                let allowed = "below the upper bound";
-                return Err(
-                    ArgumentError::OutOfRange { argument: "lower bound", allowed, found: lower[i] }.into()
-                );
+        let [n, m] = problem.sizes();
+        for (argument, found) in [("n_states", n), ("n_controls", m)] {
+            if found == 0 {
+                let found = found as f64;
+                return Err(ArgumentError::OutOfRange { argument, allowed: "positive", found }.into());
             }
         }
-        Ok(Self { problem, lower, upper })
+        let [lower, upper] = problem.control_bounds();
+        for (argument, found) in [("lower bound", lower.len()), ("upper bound", upper.len())] {
+            if found != m {
+                return Err(ArgumentError::Length { argument, expected: m, found }.into());
+            }
+        }
+        let bounds: Vec<Bounds> =
+            lower.into_iter().zip(upper).map(|(lower, upper)| Bounds { lower, upper }).collect();
+        for &Bounds { lower: found, upper } in &bounds {
+            if found.is_nan() || upper.is_nan() || found >= upper {
+                let allowed = "below the upper bound";
+                return Err(ArgumentError::OutOfRange { argument: "lower bound", allowed, found }.into());
+            }
+        }
+        Ok(Self { problem, bounds })
     }
 
     /// The problem.
@@ -230,61 +238,57 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
     }
 
     /// u*(p).
-    pub fn control(&self, p: &SVector<f64, N>) -> Result<SVector<f64, NU>, SystemError> {
-        let (x, costate) = Self::halves(p);
-        Ok(self.minimise(&x, &costate, None)?.u)
+    pub fn control(&self, p: &[f64]) -> Result<DVector<f64>, SystemError> {
+        let (x, costate) = p.split_at(self.n_states());
+        Ok(self.minimise(x, costate, None)?.u)
     }
 
-    #[inline(always)]
-    fn halves(p: &SVector<f64, N>) -> (SVector<f64, NX>, SVector<f64, NX>) {
-        (SVector::from_fn(|i, _| p[i]), SVector::from_fn(|i, _| p[NX + i]))
+    fn n_states(&self) -> usize {
+        self.problem.sizes()[0]
     }
 
-    fn k(&self, x: &SVector<f64, NX>, costate: &SVector<f64, NX>, u: &SVector<f64, NU>) -> f64 {
-        self.problem.rate(x, u).dot(costate) + self.problem.cost(x, u)
-    }
-
-    fn bounds(&self, i: usize) -> Bounds {
-        Bounds { lower: self.lower[i], upper: self.upper[i] }
+    fn k(&self, x: &[f64], costate: &[f64], u: &DVector<f64>, f: &mut [f64]) -> f64 {
+        self.problem.rate_into(x, u.as_slice(), f);
+        let work: f64 = f.iter().zip(costate).map(|(f, costate)| f * costate).sum();
+        work + self.problem.cost(x, u.as_slice())
     }
 
     /// The least K within the bounds, or in `piece`.
-    fn minimise(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        piece: Option<&Piece<N>>,
-    ) -> Result<Control<NU>, SystemError> {
+    fn minimise(&self, x: &[f64], costate: &[f64], piece: Option<&Piece>) -> Result<Control, SystemError> {
+        let m = self.bounds.len();
         let limit = |i: usize, bound: f64, none: f64| match piece {
-            Some(piece) => self.bounds(i).control(piece.sides[i], none),
+            Some(piece) => self.bounds[i].control(piece.side(i), none),
             None => bound,
         };
-        let lower = SVector::<f64, NU>::from_fn(|i, _| limit(i, self.lower[i], f64::NEG_INFINITY));
-        let upper = SVector::<f64, NU>::from_fn(|i, _| limit(i, self.upper[i], f64::INFINITY));
-        let mut u = SVector::<f64, NU>::zeros().sup(&lower).inf(&upper);
+        let lower = DVector::from_fn(m, |i, _| limit(i, self.bounds[i].lower, f64::NEG_INFINITY));
+        let upper = DVector::from_fn(m, |i, _| limit(i, self.bounds[i].upper, f64::INFINITY));
+        let mut u = DVector::zeros(m).sup(&lower).inf(&upper);
+        let mut f = vec![0.0; x.len()];
+        let (mut gradient, mut hessian) = (DVector::zeros(m), DMatrix::zeros(m, m));
         let mut size = f64::INFINITY;
         for _ in 0..MAX_ITERATIONS {
-            let (value, gradient, hessian) = self.problem.by_control(x, costate, &u);
+            let at = u.as_slice();
+            let value = self.problem.by_control_into(x, costate, at, gradient.as_mut_slice(), &mut hessian);
             if !(value.is_finite() && gradient.iter().chain(hessian.iter()).all(|g| g.is_finite())) {
                 return Err(SystemError::NonFinite);
             }
-            let free: [bool; NU] = std::array::from_fn(|i| {
+            let free = |i: usize| {
                 lower[i] < upper[i]
                     && !(u[i] <= lower[i] && gradient[i] > 0.0 || u[i] >= upper[i] && gradient[i] < 0.0)
-            });
-            let inverse = invert_free(&hessian, &free)?;
-            let newton = -(inverse * gradient);
-            size = (0..NU).filter(|&i| free[i]).fold(0.0, |m, i| gradient[i].abs().max(m));
+            };
+            let inverse = invert_free(&hessian, free)?;
+            let newton = -(&inverse * &gradient);
+            size = (0..m).filter(|&i| free(i)).fold(0.0, |m, i| gradient[i].abs().max(m));
             let rounding =
                 newton.iter().zip(&u).all(|(d, u)| d.abs() <= 4.0 * f64::EPSILON * u.abs().max(1e-3));
             if rounding {
                 return Ok(Control { u, gradient, inverse });
             }
-            let trial = |step: f64| (u + newton * step).sup(&lower).inf(&upper);
+            let trial = |step: f64| (&u + &newton * step).sup(&lower).inf(&upper);
             let accepted = (0..40).map(|k| trial(0.5f64.powi(k))).find(|w| {
-                let change = self.k(x, costate, w) - value;
+                let change = self.k(x, costate, w, &mut f) - value;
                 // below rounding of K the Newton step is better than what K can tell
-                change <= 1e-4 * gradient.dot(&(w - u)) + 8.0 * f64::EPSILON * value.abs().max(1.0)
+                change <= 1e-4 * gradient.dot(&(w - &u)) + 8.0 * f64::EPSILON * value.abs().max(1.0)
             });
             match accepted {
                 Some(next) if next != u => u = next,
@@ -294,161 +298,167 @@ impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N
         Err(SystemError::ControlNotConverged { gradient: size, iterations: MAX_ITERATIONS })
     }
 
-    fn try_field(
-        &self,
-        p: &SVector<f64, N>,
-        piece: Option<&Piece<N>>,
-    ) -> Result<SVector<f64, N>, SystemError> {
-        let (x, costate) = Self::halves(p);
-        let u = self.minimise(&x, &costate, piece)?.u;
-        let (f, slope) = (self.problem.rate(&x, &u), self.problem.by_state(&x, &costate, &u));
-        Ok(SVector::from_fn(|i, _| if i < NX { f[i] } else { -slope[i - NX] }))
+    fn try_field(&self, p: &[f64], piece: Option<&Piece>, h: &mut [f64]) -> Result<(), SystemError> {
+        let n = self.n_states();
+        let (x, costate) = p.split_at(n);
+        let u = self.minimise(x, costate, piece)?.u;
+        let (rate, slope) = h.split_at_mut(n);
+        self.problem.rate_into(x, u.as_slice(), rate);
+        self.problem.by_state_into(x, costate, u.as_slice(), slope);
+        slope.iter_mut().for_each(|slope| *slope = -*slope);
+        Ok(())
     }
 
     fn try_jacobian(
         &self,
-        p: &SVector<f64, N>,
-        piece: Option<&Piece<N>>,
-    ) -> Result<SMatrix<f64, N, N>, SystemError> {
-        let (x, costate) = Self::halves(p);
-        let Control { u, inverse, .. } = self.minimise(&x, &costate, piece)?;
-        let d = self.problem.derivatives(&x, &costate, &u);
-        let u_x = -(inverse * d.k_xu.transpose());
-        let u_costate = -(inverse * d.f_u.transpose());
-        let blocks = [
-            [d.f_x + d.f_u * u_x, d.f_u * u_costate],
-            [-d.k_xx - d.k_xu * u_x, -d.f_x.transpose() - d.k_xu * u_costate],
-        ];
-        Ok(SMatrix::from_fn(|i, j| blocks[i / NX][j / NX][(i % NX, j % NX)]))
+        p: &[f64],
+        piece: Option<&Piece>,
+        d: &mut DMatrix<f64>,
+    ) -> Result<(), SystemError> {
+        let n = self.n_states();
+        let (x, costate) = p.split_at(n);
+        let Control { u, inverse, .. } = self.minimise(x, costate, piece)?;
+        let ProblemDerivatives { f_x, f_u, k_xx, k_xu } = self.problem.derivatives(x, costate, u.as_slice());
+        let u_x = -(&inverse * k_xu.transpose());
+        let u_costate = -(&inverse * f_u.transpose());
+        d.view_mut((0, 0), (n, n)).copy_from(&(&f_x + &f_u * &u_x));
+        d.view_mut((0, n), (n, n)).copy_from(&(&f_u * &u_costate));
+        d.view_mut((n, 0), (n, n)).copy_from(&(-k_xx - &k_xu * &u_x));
+        d.view_mut((n, n), (n, n)).copy_from(&(-f_x.transpose() - &k_xu * &u_costate));
+        Ok(())
+    }
+
+    fn write_field(&self, p: &[f64], piece: Option<&Piece>, h: &mut [f64]) {
+        if self.try_field(p, piece, h).is_err() {
+            no_field(h);
+        }
+    }
+
+    fn write_jacobian(&self, p: &[f64], piece: Option<&Piece>, d: &mut DMatrix<f64>) {
+        if self.try_jacobian(p, piece, d).is_err() {
+            d.fill(f64::NAN);
+        }
     }
 }
 
 /// The inverse of the rows and columns of `hessian` that are free, filled up with zeros.
-fn invert_free<const M: usize>(
-    hessian: &SMatrix<f64, M, M>,
-    free: &[bool; M],
-) -> Result<SMatrix<f64, M, M>, SystemError> {
-    let padded = SMatrix::<f64, M, M>::from_fn(|i, j| match (free[i] && free[j], i == j) {
+fn invert_free(hessian: &DMatrix<f64>, free: impl Fn(usize) -> bool) -> Result<DMatrix<f64>, SystemError> {
+    let m = hessian.nrows();
+    let padded = DMatrix::from_fn(m, m, |i, j| match (free(i) && free(j), i == j) {
         (true, _) => hessian[(i, j)],
         (false, true) => 1.0,
         (false, false) => 0.0,
     });
-    let scale = (0..M).fold(0.0, |m: f64, i| m.max(padded[(i, i)].abs()));
+    let scale = (0..m).fold(0.0, |m: f64, i| m.max(padded[(i, i)].abs()));
     // pivots of LDLᵀ, to name the first that is not positive
-    let mut rest = padded;
-    for k in 0..M {
+    let mut rest = padded.clone();
+    for k in 0..m {
         let pivot = rest[(k, k)];
         if pivot.is_nan() || pivot <= 16.0 * f64::EPSILON * scale {
             return Err(SystemError::SingularControlHessian { control: k, pivot });
         }
-        for i in k + 1..M {
-            for j in k + 1..M {
+        for i in k + 1..m {
+            for j in k + 1..m {
                 rest[(i, j)] -= rest[(i, k)] * rest[(k, j)] / pivot;
             }
         }
     }
     let mut inverse = Cholesky::new(padded).ok_or(SystemError::NonFinite)?.inverse();
-    for i in (0..M).filter(|&i| !free[i]) {
+    for i in (0..m).filter(|&i| !free(i)) {
         inverse[(i, i)] = 0.0;
     }
     Ok(inverse)
 }
 
-impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> VectorField<N>
-    for StateCostate<P, NX, NU, N>
-{
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.try_field(p, None).unwrap_or_else(|_| SVector::repeat(f64::NAN))
+impl<P: DifferentiatedProblem> VectorField for StateCostate<P> {
+    fn dimension(&self) -> usize {
+        2 * self.n_states()
     }
 
-    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.try_jacobian(p, None).unwrap_or_else(|_| SMatrix::repeat(f64::NAN))
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        self.write_field(p, None, h);
+    }
+
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        self.write_jacobian(p, None, d);
     }
 
     fn n_switches(&self) -> usize {
-        if (0..NU).all(|i| self.lower[i] == f64::NEG_INFINITY && self.upper[i] == f64::INFINITY) {
-            0
-        } else {
-            NU
-        }
+        let unbounded = |b: &Bounds| b.lower == f64::NEG_INFINITY && b.upper == f64::INFINITY;
+        if self.bounds.iter().all(unbounded) { 0 } else { self.bounds.len() }
     }
 
-    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
-        let (x, costate) = Self::halves(p);
-        let mut piece = Piece::FREE;
-        if let Ok(Control { u, gradient, .. }) = self.minimise(&x, &costate, None) {
-            for i in 0..NU {
-                piece.sides[i] = match (u[i] <= self.lower[i], u[i] >= self.upper[i]) {
-                    (true, _) if gradient[i] > 0.0 => Side::Lower,
-                    (_, true) if gradient[i] < 0.0 => Side::Upper,
-                    (_, _) => Side::Free,
-                };
-            }
-        }
-        piece
-    }
-
-    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.try_field(p, Some(piece)).unwrap_or_else(|_| SVector::repeat(f64::NAN))
-    }
-
-    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        let jacobian = self.try_jacobian(p, Some(piece)).unwrap_or_else(|_| SMatrix::repeat(f64::NAN));
-        (self.field_in(piece, p), jacobian)
-    }
-
-    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        let (x, costate) = Self::halves(p);
-        let Ok(Control { u, gradient, .. }) = self.minimise(&x, &costate, Some(piece)) else {
-            return SVector::repeat(f64::NAN);
+    fn piece(&self, p: &[f64]) -> Piece {
+        let (x, costate) = p.split_at(self.n_states());
+        let Ok(Control { u, gradient, .. }) = self.minimise(x, costate, None) else { return Piece::FREE };
+        let side = |(i, bounds): (usize, &Bounds)| match (u[i] <= bounds.lower, u[i] >= bounds.upper) {
+            (true, _) if gradient[i] > 0.0 => Side::Lower,
+            (_, true) if gradient[i] < 0.0 => Side::Upper,
+            (_, _) => Side::Free,
         };
-        let margin = |i: usize| self.bounds(i).margin(piece.sides[i], u[i], gradient[i]);
-        SVector::from_fn(|i, _| if i < NU { margin(i) } else { f64::INFINITY })
+        self.bounds.iter().enumerate().map(side).collect()
     }
 
-    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        self.write_field(p, Some(piece), h);
+    }
+
+    fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.write_field(p, Some(piece), h);
+        self.write_jacobian(p, Some(piece), d);
+    }
+
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
+        let (x, costate) = p.split_at(self.n_states());
+        let Ok(Control { u, gradient, .. }) = self.minimise(x, costate, Some(piece)) else {
+            return margins.fill(f64::NAN);
+        };
+        for (i, margin) in margins.iter_mut().enumerate() {
+            *margin = self.bounds[i].margin(piece.side(i), u[i], gradient[i]);
+        }
+    }
+
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         Some(self.hamiltonian(p))
     }
 
-    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
-        match self.try_field(p, None) {
-            Ok(field) => (!field.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite),
+    fn fault(&self, p: &[f64]) -> Option<SystemError> {
+        let mut h = vec![0.0; p.len()];
+        match self.try_field(p, None, &mut h) {
+            Ok(()) => (!h.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite),
             Err(error) => Some(error),
         }
     }
 }
 
-impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize> HamiltonianSystem<N>
-    for StateCostate<P, NX, NU, N>
-{
-    fn hamiltonian(&self, p: &SVector<f64, N>) -> f64 {
-        let (x, costate) = Self::halves(p);
-        self.minimise(&x, &costate, None).map_or(f64::NAN, |c| self.k(&x, &costate, &c.u))
+impl<P: DifferentiatedProblem> HamiltonianSystem for StateCostate<P> {
+    fn hamiltonian(&self, p: &[f64]) -> f64 {
+        let (x, costate) = p.split_at(self.n_states());
+        let mut f = vec![0.0; x.len()];
+        self.minimise(x, costate, None).map_or(f64::NAN, |c| self.k(x, costate, &c.u, &mut f))
     }
 }
 
-impl<P: DifferentiatedProblem<NX, NU>, const NX: usize, const NU: usize, const N: usize>
-    OptimalControlSystem<N> for StateCostate<P, NX, NU, N>
-{
+impl<P: DifferentiatedProblem> OptimalControlSystem for StateCostate<P> {
     fn n_controls(&self) -> usize {
-        self.problem.n_controls()
+        self.bounds.len()
     }
 
-    fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError> {
-        let count = self.problem.n_controls();
-        expect_controls(u, count)?;
-        u.copy_from_slice(&self.control(p)?.as_slice()[..count]);
+    fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
+        expect_controls(u, self.bounds.len())?;
+        u.copy_from_slice(self.control(p)?.as_slice());
         Ok(())
     }
 
-    fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
-        let (x, costate) = Self::halves(p);
-        self.minimise(&x, &costate, None).map_or(f64::NAN, |c| self.problem.cost(&x, &c.u))
+    fn running_cost(&self, p: &[f64]) -> f64 {
+        let (x, costate) = p.split_at(self.n_states());
+        let control = self.minimise(x, costate, None);
+        control.map_or(f64::NAN, |c| self.problem.cost(x, c.u.as_slice()))
     }
 
-    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
-        let (x, costate) = Self::halves(p);
-        let control = self.minimise(&x, &costate, Some(piece));
-        control.map_or(f64::NAN, |c| self.problem.cost(&x, &c.u))
+    fn running_cost_in(&self, piece: &Piece, p: &[f64]) -> f64 {
+        let (x, costate) = p.split_at(self.n_states());
+        let control = self.minimise(x, costate, Some(piece));
+        control.map_or(f64::NAN, |c| self.problem.cost(x, c.u.as_slice()))
     }
 }

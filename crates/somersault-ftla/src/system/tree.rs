@@ -3,28 +3,29 @@
 //! x = (c, v) with as many coordinates c as velocities (those of joints that turn freely in `chart`), v̇ = a(c, v, u) by
 //! forward dynamics, ℓ = ½ Σ γᵢuᵢ². The partials of `somersault-multibody` give
 //! u* = −Γ⁻¹M⁻¹λ_v, cut off at the limits, and the field; the Jacobian is the same code over dual numbers, one pass for
-//! each state, the other half following from its being Hamiltonian. M⁻¹ is diagonal in nothing, but K is a sum over the controls, so that each is cut off by itself.
+//! each state, the other half following from its being Hamiltonian. M⁻¹ is diagonal in nothing, but K is a sum over the
+//! controls, so that each is cut off by itself.
 
 use super::chart::{Charts, Scratch};
 use super::piece::{Bounds, expect_limit};
 use super::{
-    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls,
+    HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls, no_field,
 };
-use crate::cold_start::{Motion, Torque};
-use nalgebra::{SMatrix, SVector};
+use crate::cold_start::Torque;
+use nalgebra::DMatrix;
 use num_dual::Dual64;
 use somersault_core::Scalar;
 use somersault_core::argument::{ArgumentError, expect_positive};
 use somersault_multibody::{DerivativeData, DynamicsError, Model};
 use std::sync::{Mutex, PoisonError};
 
-/// The state–costate system of a tree of n degrees of freedom, `N` = 4n.
+/// The state–costate system of a tree of n degrees of freedom, 4n numbers.
 ///
 /// Angles and lengths of joints are their own coordinates. A spherical joint has the vector of its rotation from the home
 /// position, which must stay below a whole turn, a free one its place and that vector, a planar one place and angle; the
 /// velocities of these are in the axes of the child, as everywhere in `somersault-multibody`.
 #[derive(Debug)]
-pub struct TreeMinimumTorque<const N: usize> {
+pub struct TreeMinimumTorque {
     effort: Effort,
     values: Kernel<f64>,
     duals: Kernel<Dual64>,
@@ -32,21 +33,21 @@ pub struct TreeMinimumTorque<const N: usize> {
 
 impl Kernel<f64> {
     /// ∂v̇/∂λ_v = −M⁻¹Γ⁻¹M⁻ᵀ over the torques that move, into its place in D.
-    fn by_costates<const N: usize>(
+    fn by_costates(
         &self,
         effort: &Effort,
-        piece: &Piece<N>,
-        p: &SVector<f64, N>,
-        jacobian: &mut SMatrix<f64, N, N>,
+        piece: &Piece,
+        p: &[f64],
+        jacobian: &mut DMatrix<f64>,
     ) -> Result<(), DynamicsError> {
-        let n = N / 4;
-        self.with_workspace(|Workspace { data, torque, scratch }| {
-            self.charts.place(&self.model, &p.as_slice()[..n], scratch)?;
+        let n = p.len() / 4;
+        self.with_workspace(|Workspace { data, torque, scratch, .. }| {
+            self.charts.place(&self.model, &p[..n], scratch)?;
             torque.fill(0.0);
-            let v = &p.as_slice()[n..2 * n];
+            let v = &p[n..2 * n];
             let inverse =
                 self.model.forward_dynamics_partials(data, &scratch.positions, v, torque, &[])?.input;
-            let moves = |k: &usize| effort.driven[*k] && piece.sides[*k] == Side::Free;
+            let moves = |k: &usize| effort.driven[*k] && piece.side(*k) == Side::Free;
             for k in (0..n).filter(moves) {
                 for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
                     jacobian[(n + i, 3 * n + j)] -= inverse[(i, k)] * inverse[(j, k)] / effort.weights[k];
@@ -57,7 +58,7 @@ impl Kernel<f64> {
     }
 }
 
-impl<const N: usize> Clone for TreeMinimumTorque<N> {
+impl Clone for TreeMinimumTorque {
     fn clone(&self) -> Self {
         Self::with_effort(&self.values.model, self.effort.clone())
     }
@@ -69,13 +70,6 @@ struct Effort {
     weights: Vec<f64>,
     bounds: Vec<Bounds>,
     driven: Vec<bool>,
-}
-
-/// Field, torque, and the torque that would be best without limits.
-struct Values<T, const N: usize> {
-    field: SVector<T, N>,
-    torque: SVector<T, N>,
-    free: SVector<T, N>,
 }
 
 /// A model with workspaces that threads take and give back.
@@ -90,7 +84,11 @@ struct Kernel<T: Scalar> {
 struct Workspace<T: Scalar> {
     data: DerivativeData<T>,
     torque: Vec<T>,
+    /// The torque that would be best without limits.
+    free: Vec<T>,
     scratch: Scratch<T>,
+    point: Vec<T>,
+    field: Vec<T>,
 }
 
 impl<T: Scalar> Kernel<T> {
@@ -98,60 +96,46 @@ impl<T: Scalar> Kernel<T> {
         Self { model, charts, pool: Mutex::new(Vec::new()) }
     }
 
-    /// Torque and field at p in one piece, all of it over the scalar.
-    fn evaluate<const N: usize>(
-        &self,
-        effort: &Effort,
-        piece: &Piece<N>,
-        p: &SVector<T, N>,
-    ) -> Result<Values<T, N>, DynamicsError> {
-        self.with_workspace(|work| self.evaluate_with(work, effort, piece, p))
-    }
-
     fn with_workspace<R>(&self, run: impl FnOnce(&mut Workspace<T>) -> R) -> R {
         let pooled = self.pool.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let zeros = |blocks: usize| vec![T::zero(); blocks * self.model.n_velocities()];
         let mut work = pooled.unwrap_or_else(|| Workspace {
             data: DerivativeData::new(&self.model),
-            torque: vec![T::zero(); self.model.n_velocities()],
+            torque: zeros(1),
+            free: zeros(1),
             scratch: Scratch::new(&self.model),
+            point: zeros(4),
+            field: zeros(4),
         });
         let result = run(&mut work);
         self.pool.lock().unwrap_or_else(PoisonError::into_inner).push(work);
         result
     }
 
-    fn evaluate_with<const N: usize>(
-        &self,
-        work: &mut Workspace<T>,
-        effort: &Effort,
-        piece: &Piece<N>,
-        p: &SVector<T, N>,
-    ) -> Result<Values<T, N>, DynamicsError> {
-        let n = N / 4;
-        let Workspace { data, torque, scratch } = work;
-        let (c, v) = (&p.as_slice()[..n], &p.as_slice()[n..2 * n]);
-        let (costate_q, costate_v) = (&p.as_slice()[2 * n..3 * n], &p.as_slice()[3 * n..]);
+    /// Field, torque, and the torque that would be best without limits, at the point of a workspace in one piece.
+    fn evaluate(&self, work: &mut Workspace<T>, effort: &Effort, piece: &Piece) -> Result<(), DynamicsError> {
+        let Workspace { data, torque, free, scratch, point, field } = work;
+        let n = torque.len();
+        let (state, costate) = point.split_at(2 * n);
+        let ((c, v), (costate_q, costate_v)) = (state.split_at(n), costate.split_at(n));
         self.charts.place(&self.model, c, scratch)?;
         let q = &scratch.positions;
         // M⁻¹ does not depend on the torque that it is needed for
         torque.fill(T::zero());
-        let mut free = SVector::<T, N>::zeros();
+        free.fill(T::zero());
         let inverse = self.model.forward_dynamics_partials(data, q, v, torque, &[])?.input;
         for i in (0..n).filter(|&i| effort.driven[i]) {
             let projected = (0..n).fold(T::zero(), |sum, j| sum + inverse[(j, i)] * costate_v[j]);
             free[i] = -projected / nalgebra::convert(effort.weights[i]);
         }
-        let mut control = free;
         for i in 0..n {
-            control[i] = match piece.sides[i] {
+            torque[i] = match piece.side(i) {
                 Side::Free => free[i],
                 side => nalgebra::convert(effort.bounds[i].control(side, 0.0)),
             };
         }
-        torque.copy_from_slice(&control.as_slice()[..n]);
         let partials = self.model.forward_dynamics_partials(data, q, v, torque, &[])?;
-        let mut field = SVector::<T, N>::zeros();
-        let (rates, costate_rates) = field.as_mut_slice().split_at_mut(2 * n);
+        let (rates, costate_rates) = field.split_at_mut(2 * n);
         let (of_q, of_v) = costate_rates.split_at_mut(n);
         rates[..n].copy_from_slice(v);
         rates[n..].copy_from_slice(&partials.value[..n]);
@@ -165,16 +149,17 @@ impl<T: Scalar> Kernel<T> {
             of_q[i] = -of_q[i];
             of_v[i] = (0..n).fold(-of_v[i], |sum, j| sum - partials.v[(j, i)] * costate_v[j]);
         }
-        Ok(Values { field, torque: control, free })
+        Ok(())
     }
 }
 
-impl<const N: usize> TreeMinimumTorque<N> {
-    /// `weights` has one γ for each degree of freedom of `model`; `N` must be four times their number.
+impl TreeMinimumTorque {
+    /// `weights` has one γ for each degree of freedom of `model`, which must have one at least.
     pub fn try_new(model: &Model, weights: &[f64]) -> Result<Self, SystemError> {
         let n = model.n_velocities();
-        if 4 * n != N {
-            return Err(ArgumentError::Length { argument: "p", expected: 4 * n, found: N }.into());
+        if n == 0 {
+            let (argument, allowed) = ("model", "of one degree of freedom at least");
+            return Err(ArgumentError::OutOfRange { argument, allowed, found: 0.0 }.into());
         }
         if weights.len() != n {
             return Err(
@@ -196,10 +181,9 @@ impl<const N: usize> TreeMinimumTorque<N> {
 
     /// Bounds |uᵢ| by `limits`, N m or N; infinite for none.
     pub fn try_with_torque_limits(mut self, limits: &[f64]) -> Result<Self, SystemError> {
-        if limits.len() != N / 4 {
-            return Err(
-                ArgumentError::Length { argument: "limits", expected: N / 4, found: limits.len() }.into()
-            );
+        let expected = self.degrees();
+        if limits.len() != expected {
+            return Err(ArgumentError::Length { argument: "limits", expected, found: limits.len() }.into());
         }
         self.effort.bounds = limits.iter().map(|&limit| expect_limit(limit)).collect::<Result<_, _>>()?;
         Ok(self)
@@ -208,12 +192,16 @@ impl<const N: usize> TreeMinimumTorque<N> {
     /// Degree of freedom `joint` is passive: its torque is zero. One at least must be driven.
     pub fn try_with_passive(mut self, joint: usize) -> Result<Self, SystemError> {
         let others = self.effort.driven.iter().enumerate().any(|(i, driven)| *driven && i != joint);
-        if joint >= N / 4 || !others {
+        if joint >= self.degrees() || !others {
             let (allowed, found) = ("the number of a joint, another one being driven", joint as f64);
             return Err(ArgumentError::OutOfRange { argument: "joint", allowed, found }.into());
         }
         self.effort.driven[joint] = false;
         Ok(self)
+    }
+
+    fn degrees(&self) -> usize {
+        self.effort.weights.len()
     }
 
     /// γ of every degree of freedom, driven or not.
@@ -262,138 +250,164 @@ impl<const N: usize> TreeMinimumTorque<N> {
         Self::with_effort(&self.values.model, effort)
     }
 
-    /// The torques of a motion in angles and lengths, with their derivatives; NaN where there are none.
-    pub(crate) fn inverse_dynamics<const Q: usize>(&self, motion: &Motion<Q>) -> Torque<Q> {
-        let [q, v, a] = motion.each_ref().map(|x| x.as_slice());
+    /// The torques of a motion in angles and lengths, given by q, v and a one after the other, with their derivatives; NaN
+    /// where there are none.
+    pub(crate) fn inverse_dynamics(&self, motion: &[f64], torque: &mut Torque) {
+        let n = self.degrees();
+        let (q, v, a) = (&motion[..n], &motion[n..2 * n], &motion[2 * n..]);
         self.values.with_workspace(|work| {
             match self.values.model.inverse_dynamics_partials(&mut work.data, q, v, a, &[]) {
-                Ok(found) => Torque {
-                    u: SVector::from_column_slice(found.value),
-                    by: [found.q, found.v, found.input].map(|m| SMatrix::from_column_slice(m.as_slice())),
-                },
-                Err(_) => Torque { u: SVector::repeat(f64::NAN), by: [SMatrix::repeat(f64::NAN); 3] },
+                Ok(found) => {
+                    torque.u.copy_from_slice(found.value);
+                    for (by, part) in torque.by.iter_mut().zip([found.q, found.v, found.input]) {
+                        by.copy_from(&part);
+                    }
+                }
+                Err(_) => torque.fill(f64::NAN),
             }
+        });
+    }
+
+    /// What `read` makes of the workspace after an evaluation at `p`, in `piece` or with every torque within its limits.
+    fn at<R>(
+        &self,
+        piece: Option<&Piece>,
+        p: &[f64],
+        read: impl FnOnce(&Workspace<f64>) -> R,
+    ) -> Result<R, DynamicsError> {
+        self.values.with_workspace(|work| {
+            work.point.copy_from_slice(p);
+            self.values.evaluate(work, &self.effort, piece.unwrap_or(&Piece::FREE))?;
+            if piece.is_none() {
+                let there = self.piece_of(&work.free);
+                if there != Piece::FREE {
+                    self.values.evaluate(work, &self.effort, &there)?;
+                }
+            }
+            Ok(read(work))
         })
     }
 
-    fn values_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Result<Values<f64, N>, DynamicsError> {
-        self.values.evaluate(&self.effort, piece, p)
-    }
-
-    /// With every torque within its limits.
-    fn values_at(&self, p: &SVector<f64, N>) -> Result<Values<f64, N>, DynamicsError> {
-        let free = self.values_in(&Piece::FREE, p)?;
-        let piece = self.piece_of(&free.free);
-        if piece == Piece::FREE { Ok(free) } else { self.values_in(&piece, p) }
-    }
-
-    fn piece_of(&self, free: &SVector<f64, N>) -> Piece<N> {
-        let mut piece = Piece::FREE;
-        self.effort.bounds.iter().enumerate().for_each(|(i, b)| piece.sides[i] = b.side(free[i]));
-        piece
-    }
-
-    fn jacobian_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        let n = N / 4;
-        let mut jacobian = SMatrix::<f64, N, N>::zeros();
-        for j in 0..2 * n {
-            let mut seeded = p.map(Dual64::from_re);
-            seeded[j].eps = 1.0;
-            let Ok(values) = self.duals.evaluate(&self.effort, piece, &seeded) else {
-                return SMatrix::repeat(f64::NAN);
-            };
-            jacobian.set_column(j, &values.field.map(|h| h.eps));
+    fn write_field(&self, piece: Option<&Piece>, p: &[f64], h: &mut [f64]) {
+        if self.at(piece, p, |work| h.copy_from_slice(&work.field)).is_err() {
+            no_field(h);
         }
+    }
+
+    fn piece_of(&self, free: &[f64]) -> Piece {
+        self.effort.bounds.iter().zip(free).map(|(bounds, free)| bounds.side(*free)).collect()
+    }
+
+    fn try_jacobian(&self, piece: &Piece, p: &[f64], d: &mut DMatrix<f64>) -> Result<(), DynamicsError> {
+        let n = self.degrees();
+        d.fill(0.0);
+        self.duals.with_workspace(|work| {
+            work.point.iter_mut().zip(p).for_each(|(dual, p)| *dual = Dual64::from_re(*p));
+            for j in 0..2 * n {
+                work.point[j].eps = 1.0;
+                self.duals.evaluate(work, &self.effort, piece)?;
+                work.point[j].eps = 0.0;
+                work.field.iter().enumerate().for_each(|(i, h)| d[(i, j)] = h.eps);
+            }
+            Ok::<_, DynamicsError>(())
+        })?;
         for (i, j) in (0..2 * n).flat_map(|i| (0..2 * n).map(move |j| (i, j))) {
-            jacobian[(2 * n + i, 2 * n + j)] = -jacobian[(j, i)];
+            d[(2 * n + i, 2 * n + j)] = -d[(j, i)];
         }
-        match self.values.by_costates(&self.effort, piece, p, &mut jacobian) {
-            Ok(()) => jacobian,
-            Err(_) => SMatrix::repeat(f64::NAN),
+        self.values.by_costates(&self.effort, piece, p, d)
+    }
+
+    fn write_jacobian(&self, piece: &Piece, p: &[f64], d: &mut DMatrix<f64>) {
+        if self.try_jacobian(piece, p, d).is_err() {
+            d.fill(f64::NAN);
         }
     }
 
-    fn cost_of(&self, torque: &SVector<f64, N>) -> f64 {
+    fn cost_of(&self, torque: &[f64]) -> f64 {
         0.5 * self.effort.weights.iter().zip(torque).map(|(w, u)| w * u * u).sum::<f64>()
     }
 }
 
-impl<const N: usize> VectorField<N> for TreeMinimumTorque<N> {
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.values_at(p).map_or_else(|_| SVector::repeat(f64::NAN), |values| values.field)
+impl VectorField for TreeMinimumTorque {
+    fn dimension(&self) -> usize {
+        4 * self.degrees()
     }
 
-    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.jacobian_in(&self.piece(p), p)
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        self.write_field(None, p, h);
+    }
+
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        self.write_jacobian(&self.piece(p), p, d);
     }
 
     fn n_switches(&self) -> usize {
-        if self.effort.bounds.iter().any(|b| b.upper.is_finite()) { N / 4 } else { 0 }
+        if self.effort.bounds.iter().any(|b| b.upper.is_finite()) { self.degrees() } else { 0 }
     }
 
-    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
-        self.values_in(&Piece::FREE, p).map_or(Piece::FREE, |values| self.piece_of(&values.free))
+    fn piece(&self, p: &[f64]) -> Piece {
+        self.at(Some(&Piece::FREE), p, |work| self.piece_of(&work.free)).unwrap_or(Piece::FREE)
     }
 
-    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.values_in(piece, p).map_or_else(|_| SVector::repeat(f64::NAN), |values| values.field)
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        self.write_field(Some(piece), p, h);
     }
 
-    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        (self.field_in(piece, p), self.jacobian_in(piece, p))
+    fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.write_field(Some(piece), p, h);
+        self.write_jacobian(piece, p, d);
     }
 
-    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
-        let Ok(Values { free, torque, .. }) = self.values_in(piece, p) else {
-            return SVector::repeat(f64::NAN);
-        };
-        let margin = |i: usize| {
-            let slope = self.effort.weights[i] * (torque[i] - free[i]);
-            self.effort.bounds[i].margin(piece.sides[i], torque[i], slope)
-        };
-        SVector::from_fn(|i, _| if i < N / 4 { margin(i) } else { f64::INFINITY })
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
+        let found = self.at(Some(piece), p, |Workspace { free, torque, .. }| {
+            for (i, margin) in margins.iter_mut().enumerate() {
+                let slope = self.effort.weights[i] * (torque[i] - free[i]);
+                *margin = self.effort.bounds[i].margin(piece.side(i), torque[i], slope);
+            }
+        });
+        if found.is_err() {
+            margins.fill(f64::NAN);
+        }
     }
 
-    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         Some(self.hamiltonian(p))
     }
 
-    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
-        match self.values_at(p) {
-            Ok(Values { field, .. }) => {
-                (!field.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite)
-            }
+    fn fault(&self, p: &[f64]) -> Option<SystemError> {
+        match self.at(None, p, |work| work.field.iter().all(|h| h.is_finite())) {
+            Ok(finite) => (!finite).then_some(SystemError::NonFinite),
             Err(error) => Some(error.into()),
         }
     }
 }
 
-impl<const N: usize> HamiltonianSystem<N> for TreeMinimumTorque<N> {
-    fn hamiltonian(&self, p: &SVector<f64, N>) -> f64 {
-        let work: f64 = {
-            let field = self.field(p);
-            (0..N / 2).map(|i| p[N / 2 + i] * field[i]).sum()
-        };
-        work + self.running_cost(p)
+impl HamiltonianSystem for TreeMinimumTorque {
+    fn hamiltonian(&self, p: &[f64]) -> f64 {
+        let n = 2 * self.degrees();
+        let found = self.at(None, p, |work| {
+            let power: f64 = p[n..].iter().zip(&work.field).map(|(costate, rate)| costate * rate).sum();
+            power + self.cost_of(&work.torque)
+        });
+        found.unwrap_or(f64::NAN)
     }
 }
 
-impl<const N: usize> OptimalControlSystem<N> for TreeMinimumTorque<N> {
+impl OptimalControlSystem for TreeMinimumTorque {
     fn n_controls(&self) -> usize {
-        N / 4
+        self.degrees()
     }
 
-    fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError> {
-        expect_controls(u, N / 4)?;
-        u.copy_from_slice(&self.values_at(p)?.torque.as_slice()[..N / 4]);
-        Ok(())
+    fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
+        expect_controls(u, self.degrees())?;
+        Ok(self.at(None, p, |work| u.copy_from_slice(&work.torque))?)
     }
 
-    fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
-        self.values_at(p).map_or(f64::NAN, |values| self.cost_of(&values.torque))
+    fn running_cost(&self, p: &[f64]) -> f64 {
+        self.at(None, p, |work| self.cost_of(&work.torque)).unwrap_or(f64::NAN)
     }
 
-    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
-        self.values_in(piece, p).map_or(f64::NAN, |values| self.cost_of(&values.torque))
+    fn running_cost_in(&self, piece: &Piece, p: &[f64]) -> f64 {
+        self.at(Some(piece), p, |work| self.cost_of(&work.torque)).unwrap_or(f64::NAN)
     }
 }

@@ -1,6 +1,6 @@
 //! What several of these tests share.
 
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use somersault_core::Scalar;
 use somersault_core::random::SplitMix64;
 use somersault_ftla::cold_start::ArmTravel;
@@ -22,7 +22,7 @@ impl Random {
 }
 
 /// The largest difference of two entries.
-pub(crate) fn matrix_gap<const N: usize>(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, N>) -> f64 {
+pub(crate) fn matrix_gap(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     (a - b).amax()
 }
 
@@ -34,7 +34,7 @@ pub(crate) struct ArmProblem {
     pub(crate) limits: [f64; 2],
 }
 
-pub(crate) fn arm_problem(arm: TwoLinkArm, weights: [f64; 2]) -> StateCostate<ArmProblem, 4, 2, 8> {
+pub(crate) fn arm_problem(arm: TwoLinkArm, weights: [f64; 2]) -> StateCostate<ArmProblem> {
     StateCostate::try_new(ArmProblem { arm, weights, limits: [f64::INFINITY; 2] }).expect("no bounds")
 }
 
@@ -42,8 +42,16 @@ fn k<T: Scalar>(x: f64) -> T {
     nalgebra::convert(x)
 }
 
-impl ControlProblem<4, 2> for ArmProblem {
-    fn dynamics<T: Scalar>(&self, x: &SVector<T, 4>, u: &SVector<T, 2>) -> SVector<T, 4> {
+impl ControlProblem for ArmProblem {
+    fn n_states(&self) -> usize {
+        4
+    }
+
+    fn n_controls(&self) -> usize {
+        2
+    }
+
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
         let TwoLinkArm { masses: [m1, m2], lengths: [l1, l2], damping: [c1, c2] } = self.arm;
         let (i1, i2) = (m1 * l1 * l1 / 12.0, m2 * l2 * l2 / 12.0);
         let (s, c, w1, w2) = (x[1].sin(), x[1].cos(), x[2], x[3]);
@@ -54,17 +62,17 @@ impl ControlProblem<4, 2> for ArmProblem {
         let half = coupling * k(0.5) * s;
         let bias =
             Vector2::new(-half * w2 * (w1 * k(2.0) + w2) + k::<T>(c1) * w1, half * w1 * w1 + k::<T>(c2) * w2);
-        let a = Matrix2::new(m22, -m12, -m12, m11) * (u - bias) / (m11 * m22 - m12 * m12);
-        Vector4::new(w1, w2, a.x, a.y)
+        let a =
+            Matrix2::new(m22, -m12, -m12, m11) * (Vector2::new(u[0], u[1]) - bias) / (m11 * m22 - m12 * m12);
+        f.copy_from_slice(&[w1, w2, a.x, a.y]);
     }
 
-    fn running_cost<T: Scalar>(&self, _: &SVector<T, 4>, u: &SVector<T, 2>) -> T {
+    fn running_cost<T: Scalar>(&self, _: &[T], u: &[T]) -> T {
         (u[0] * u[0] * k(self.weights[0]) + u[1] * u[1] * k(self.weights[1])) * k(0.5)
     }
 
-    fn bounds(&self) -> [SVector<f64, 2>; 2] {
-        let limits = Vector2::from(self.limits);
-        [-limits, limits]
+    fn bounds(&self) -> [Vec<f64>; 2] {
+        [self.limits.map(|limit| -limit).to_vec(), self.limits.to_vec()]
     }
 }
 
@@ -81,33 +89,37 @@ pub(crate) const START: [f64; 8] = [
 ];
 
 /// The thesis' motion by 41 nodes, as tests/ftla/extremals.rs finds it: time and p.
-pub(crate) fn arm_nodes() -> Vec<(f64, SVector<f64, 8>)> {
+pub(crate) fn arm_nodes() -> Vec<(f64, DVector<f64>)> {
     let text = include_str!("../reference/arm_nodes.txt");
     let numbers =
         |line: &str| line.split(' ').map(|x| x.parse::<f64>().expect("a number")).collect::<Vec<_>>();
-    text.lines().map(numbers).map(|row| (row[0], SVector::from_column_slice(&row[1..]))).collect()
+    text.lines().map(numbers).map(|row| (row[0], DVector::from_column_slice(&row[1..]))).collect()
 }
 
 /// The thesis' problem with another fold and another θ₂ at the end.
-pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued<8> {
+pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued {
     let thesis = ArmTravel::default();
     let travel = ArmTravel { fold, last: [thesis.last[0], unfolded], ..thesis };
     travel.solve(&Continuation::default()).expect("well posed").continued
 }
 
 /// ẋ = A x.
-pub(crate) struct Linear<const N: usize>(pub(crate) SMatrix<f64, N, N>);
+pub(crate) struct Linear(pub(crate) DMatrix<f64>);
 
-impl<const N: usize> VectorField<N> for Linear<N> {
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
-        self.0 * p
+impl VectorField for Linear {
+    fn dimension(&self) -> usize {
+        self.0.nrows()
     }
 
-    fn jacobian(&self, _: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-        self.0
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        h.copy_from_slice((&self.0 * DVector::from_column_slice(p)).as_slice());
     }
 
-    fn conserved(&self, _: &SVector<f64, N>) -> Option<f64> {
+    fn jacobian_into(&self, _: &[f64], d: &mut DMatrix<f64>) {
+        d.copy_from(&self.0);
+    }
+
+    fn conserved(&self, _: &[f64]) -> Option<f64> {
         None
     }
 }

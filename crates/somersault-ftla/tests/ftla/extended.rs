@@ -2,7 +2,7 @@
 //! `tests/reference/exponents.py`, state and transition matrix are dual numbers, integrated by Gragg's rule with
 //! extrapolation; a plain decomposition then keeps all singular values. sin θ₂ and cos θ₂ are states of their own.
 
-use nalgebra::SVector;
+use nalgebra::DVector;
 use somersault_core::double_double::DoubleDouble as Wide;
 use std::ops::{Add, Mul, Sub};
 
@@ -124,7 +124,7 @@ fn sin_cos(x: f64) -> [Wide; 2] {
 }
 
 /// Exponents over `duration`, which may be negative, in ascending order of their singular values.
-pub(crate) fn exponents(p: &SVector<f64, N>, duration: f64) -> [f64; N] {
+pub(crate) fn exponents(p: &DVector<f64>, duration: f64) -> [f64; N] {
     let mut state: State = std::array::from_fn(|i| Dual::constant(if i < N { p[i] } else { 0.0 }));
     (0..N).for_each(|i| state[i].0[i + 1] = Wide::from(1.0));
     let [sin, cos] = sin_cos(p[1]);

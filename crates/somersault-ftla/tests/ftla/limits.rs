@@ -2,7 +2,7 @@
 //! weaker motors against collocation.
 
 use crate::common::{ArmProblem, arm_motion, arm_nodes};
-use nalgebra::{Matrix2, SVector, Vector1, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2, dvector};
 use somersault_core::Scalar;
 use somersault_ftla::continuation::{Continuation, Member};
 use somersault_ftla::flow::{Tolerances, VariationalFlow};
@@ -25,21 +25,29 @@ const LIMIT: f64 = 0.4;
 #[derive(Clone, Copy)]
 struct Bounded;
 
-impl ControlProblem<1, 1> for Bounded {
-    fn dynamics<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> Vector1<T> {
-        u - x
+impl ControlProblem for Bounded {
+    fn n_states(&self) -> usize {
+        1
     }
 
-    fn running_cost<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> T {
-        (x.x * x.x + u.x * u.x) * nalgebra::convert::<f64, T>(0.5)
+    fn n_controls(&self) -> usize {
+        1
     }
 
-    fn bounds(&self) -> [Vector1<f64>; 2] {
-        [-LIMIT, LIMIT].map(Vector1::new)
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+        f[0] = u[0] - x[0];
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
+        (x[0] * x[0] + u[0] * u[0]) * nalgebra::convert::<f64, T>(0.5)
+    }
+
+    fn bounds(&self) -> [Vec<f64>; 2] {
+        [vec![-LIMIT], vec![LIMIT]]
     }
 }
 
-fn bounded() -> StateCostate<Bounded, 1, 1, 2> {
+fn bounded() -> StateCostate<Bounded> {
     StateCostate::try_new(Bounded).expect("ordered bounds")
 }
 
@@ -47,8 +55,8 @@ fn bounded() -> StateCostate<Bounded, 1, 1, 2> {
 fn released(p: Vector2<f64>) -> (f64, Vector2<f64>, Matrix2<f64>) {
     let at = |t: f64| {
         let (down, b) = ((-t).exp(), LIMIT);
-        let costate = (p.y - 0.5 * (p.x + b) * (1.0 - down * down) + b * (1.0 - down)) / down;
-        Vector2::new((p.x + b) * down - b, costate)
+        let costate = (p[1] - 0.5 * (p[0] + b) * (1.0 - down * down) + b * (1.0 - down)) / down;
+        Vector2::new((p[0] + b) * down - b, costate)
     };
     let (mut low, mut high) = (0.0, 2.0);
     for _ in 0..200 {
@@ -61,8 +69,8 @@ fn released(p: Vector2<f64>) -> (f64, Vector2<f64>, Matrix2<f64>) {
 #[test]
 fn the_transition_matrix_passes_a_saturation_without_a_jump() {
     // while u = −0.4 the field is linear, and after it too: Φ = exp(A(T − t)) Φ(t), nothing in between
-    let (p, duration) = (Vector2::new(1.6, 0.7), 1.5);
-    let (t, there, until) = released(p);
+    let (p, duration) = (dvector![1.6, 0.7], 1.5);
+    let (t, there, until) = released(Vector2::new(p[0], p[1]));
     let root = SQRT_2 * (duration - t);
     let a = Matrix2::new(-1.0, -1.0, -1.0, 1.0);
     let after = Matrix2::identity() * root.cosh() + a * (root.sinh() / SQRT_2);
@@ -71,18 +79,22 @@ fn the_transition_matrix_passes_a_saturation_without_a_jump() {
     let flow = VariationalFlow::try_new(&system, TIGHT).expect("in range");
     let (found, work) = flow.transition_counted(&p, duration).expect("regular");
     assert_eq!(work.switches, 1);
-    assert!((found.end - after * there).amax() < 1e-12, "{}", found.end - after * there);
-    assert!((found.matrix - exact).amax() < 1e-12 * exact.amax(), "{}", found.matrix - exact);
+    assert!((&found.end - after * there).amax() < 1e-12, "{}", &found.end - after * there);
+    assert!((&found.matrix - exact).amax() < 1e-12 * exact.amax(), "{}", &found.matrix - exact);
     // and back
     let back = flow.transition(&found.end, -duration).expect("regular");
-    assert!((back.end - p).amax() < 1e-11 && (back.matrix * exact - Matrix2::identity()).amax() < 1e-10);
+    assert!((back.end - &p).amax() < 1e-11 && (back.matrix * exact - Matrix2::identity()).amax() < 1e-10);
     let found = flow.switches(&p, duration).expect("regular");
     assert_eq!(found.len(), 1);
     assert!((found[0].0 - t).abs() < 1e-12 && found[0].1 == Piece::FREE, "{found:?}, {t}");
-    assert_eq!(system.piece(&p).sides[0], Side::Lower);
+    assert_eq!(system.piece(p.as_slice()).side(0), Side::Lower);
     // the two fields agree where they meet, their Jacobians do not
-    let (one, two) =
-        (system.linearize_in(&system.piece(&p), &there), system.linearize_in(&Piece::FREE, &there));
+    let at = |piece: &Piece| {
+        let (mut h, mut d) = (DVector::zeros(2), DMatrix::zeros(2, 2));
+        system.linearize_in(piece, there.as_slice(), h.as_mut_slice(), &mut d);
+        (h, d)
+    };
+    let (one, two) = (at(&system.piece(p.as_slice())), at(&Piece::FREE));
     assert!((one.0 - two.0).amax() < 1e-15 && (one.1 - two.1).amax() > 0.5);
 }
 
@@ -91,10 +103,10 @@ fn saturations_are_seen_from_a_microsecond_on() {
     // a limit of u₂ a little below its peak near 1.7 s: the time at the limit goes with the root of what is cut off
     let free = ArmMinimumTorque::default();
     let flow = VariationalFlow::try_new(&free, TIGHT).expect("in range");
-    let p = arm_nodes()[5].1;
+    let p = arm_nodes()[5].1.clone();
     let torque = |t: f64| {
         let mut u = [0.0; 2];
-        free.control_into(&flow.state(&p, t).expect("regular"), &mut u).expect("two controls");
+        free.control_into(flow.state(&p, t).expect("regular").as_slice(), &mut u).expect("two controls");
         u[1].abs()
     };
     let (mut low, mut high) = (0.1, 0.9);
@@ -128,8 +140,8 @@ fn saturations_are_seen_from_a_microsecond_on() {
 fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once() {
     let arm = ArmMinimumTorque::default().try_with_torque_limits([0.38, 0.05]).expect("positive");
     let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
-    let generic = StateCostate::<_, 4, 2, 8>::try_new(problem).expect("ordered bounds");
-    let p = SVector::from(crate::common::START);
+    let generic = StateCostate::try_new(problem).expect("ordered bounds");
+    let p = DVector::from_row_slice(&crate::common::START);
     let tolerances = Tolerances { relative: 1e-11, absolute: 1e-13 };
     let closed = VariationalFlow::try_new(&arm, tolerances).expect("in range");
     let generic = VariationalFlow::try_new(&generic, tolerances).expect("in range");
@@ -141,11 +153,11 @@ fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once(
     }
     // Φ is what differences of the flow say, and symplectic
     let found = closed.transition(&p, 1.5).expect("regular");
-    assert!((generic.state(&p, 1.5).expect("regular") - found.end).amax() < 1e-8);
+    assert!((generic.state(&p, 1.5).expect("regular") - &found.end).amax() < 1e-8);
     assert!(found.symplecticity_defect() < 1e-9, "{:e}", found.symplecticity_defect());
     for j in 0..8 {
         let at = |s: f64| {
-            let mut q = p;
+            let mut q = p.clone();
             q[j] += 1e-6 * s;
             closed.state(&q, 1.5).expect("regular")
         };
@@ -156,20 +168,20 @@ fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once(
 }
 
 /// The largest |u| of each joint, on a grid of 5 ms.
-fn peak_torques(arm: &ArmMinimumTorque, extremal: &Extremal<8>) -> [f64; 2] {
+fn peak_torques(arm: &ArmMinimumTorque, extremal: &Extremal) -> [f64; 2] {
     let flow = VariationalFlow::try_new(arm, Tolerances::default()).expect("in range");
     let mut peak = [0.0f64; 2];
     for k in 0..=2000 {
         let mut u = [0.0; 2];
         let p = extremal.at(&flow, 0.005 * k as f64).expect("regular");
-        arm.control_into(&p, &mut u).expect("two controls");
+        arm.control_into(p.as_slice(), &mut u).expect("two controls");
         peak = [peak[0].max(u[0].abs()), peak[1].max(u[1].abs())];
     }
     peak
 }
 
 /// The thesis' motion with its torques limited to four fifths of their peaks, and the peaks.
-fn limited_motion() -> (ArmMinimumTorque, Extremal<8>, [f64; 2], f64) {
+fn limited_motion() -> (ArmMinimumTorque, Extremal, [f64; 2], f64) {
     let arm = ArmMinimumTorque::default();
     let free = arm_motion(PI, 0.05).extremal;
     let peak = peak_torques(&arm, &free);
@@ -177,7 +189,7 @@ fn limited_motion() -> (ArmMinimumTorque, Extremal<8>, [f64; 2], f64) {
     let ends = [-1.0, 1.0].map(|s| End::try_state(&[s * FRAC_PI_2, 0.05, 0.0, 0.0]).expect("four states"));
     let family = |s: f64| {
         let system = arm.try_with_torque_limits(peak.map(|u| u * (1.0 - 0.2 * s))).expect("positive");
-        Member { system, ends, horizon: 10.0 }
+        Member { system, ends: ends.clone(), horizon: 10.0 }
     };
     let found = Continuation::default().follow(family, &fractions, &free.nodes).expect("well posed");
     assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged));

@@ -17,22 +17,22 @@ const LAST: [f64; 4] = [FRAC_PI_2, 0.05, 0.0, 0.0];
 
 /// The thesis' problem from round values of the costates at both ends, averaging times up to 3 s.
 fn matching<'a>(
-    flow: VariationalFlow<'a, ArmMinimumTorque, 8>,
+    flow: VariationalFlow<'a, ArmMinimumTorque>,
     guess: [&[f64]; 2],
-) -> Matching<'a, ArmMinimumTorque, 8> {
+) -> Matching<'a, ArmMinimumTorque> {
     matching_with(flow, guess, 0.25)
 }
 
 /// The same with averaging times `step` apart.
 fn matching_with<'a>(
-    flow: VariationalFlow<'a, ArmMinimumTorque, 8>,
+    flow: VariationalFlow<'a, ArmMinimumTorque>,
     guess: [&[f64]; 2],
     step: f64,
-) -> Matching<'a, ArmMinimumTorque, 8> {
+) -> Matching<'a, ArmMinimumTorque> {
     let dims = SplittingDims { stable: 2, center: 4, unstable: 2 };
     let placements = [TimeDirection::Forward, TimeDirection::Backward].map(|direction| {
         let schedule = Schedule::try_steps(step, step, 3.0).expect("ascending");
-        let mut placement = Placement::try_new::<8>(direction, dims, &[0, 2], schedule).expect("they add up");
+        let mut placement = Placement::try_new(8, direction, dims, &[0, 2], schedule).expect("they add up");
         placement.tolerance = 1e-6;
         placement
     });
@@ -42,7 +42,7 @@ fn matching_with<'a>(
 
 const GUESS: [[f64; 4]; 2] = [[-0.2, 0.0, -1.3, -0.1], [-0.2, 0.0, 1.3, 0.1]];
 
-fn loose(arm: &ArmMinimumTorque) -> VariationalFlow<'_, ArmMinimumTorque, 8> {
+fn loose(arm: &ArmMinimumTorque) -> VariationalFlow<'_, ArmMinimumTorque> {
     VariationalFlow::try_new(arm, Tolerances { relative: 1e-8, absolute: 1e-10 })
         .expect("in range")
         .with_max_steps(2000)
@@ -59,7 +59,7 @@ fn least_squares_match_from_round_values_and_polish_to_rounding() {
     // λ₁ is one unknown
     assert_eq!(found.ends[0][4], found.ends[1][4]);
     let nodes = arm_nodes();
-    let off = (found.ends[0] - nodes[0].1).amax().max((found.ends[1] - nodes[40].1).amax());
+    let off = (&found.ends[0] - &nodes[0].1).amax().max((&found.ends[1] - &nodes[40].1).amax());
     assert!(off < 2e-3, "{off:e}");
 
     let times: Vec<f64> = nodes.iter().map(|(t, _)| *t).collect();

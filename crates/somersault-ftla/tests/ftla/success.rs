@@ -1,7 +1,7 @@
 //! What success means: the same in all units, Hamiltonians that are constant, limits of a search, trials without a value.
 
 use crate::common::{ArmProblem, arm_nodes};
-use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use nalgebra::{DMatrix, DVector};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::{Limit, Limits};
@@ -26,13 +26,21 @@ struct InUnits {
     cost: f64,
 }
 
-impl ControlProblem<1, 1> for InUnits {
-    fn dynamics<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> Vector1<T> {
-        Vector1::new(u.x - x.x * x.x * x.x * k(1.0 / (self.length * self.length)))
+impl ControlProblem for InUnits {
+    fn n_states(&self) -> usize {
+        1
     }
 
-    fn running_cost<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> T {
-        (x.x * x.x + u.x * u.x) * k(0.5 * self.cost / (self.length * self.length))
+    fn n_controls(&self) -> usize {
+        1
+    }
+
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+        f[0] = u[0] - x[0] * x[0] * x[0] * k(1.0 / (self.length * self.length));
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
+        (x[0] * x[0] + u[0] * u[0]) * k(0.5 * self.cost / (self.length * self.length))
     }
 }
 
@@ -45,7 +53,7 @@ fn a_regulator_is_solved_to_the_same_digits_in_all_units() {
     let exact = [-a.powi(3) + a * root(a), -b.powi(3) - b * root(b)];
     for length in [1e-6, 1.0, 1e6] {
         for cost in [1e-6, 1.0, 1e6] {
-            let system = StateCostate::<_, 1, 1, 2>::try_new(InUnits { length, cost }).expect("no bounds");
+            let system = StateCostate::try_new(InUnits { length, cost }).expect("no bounds");
             let found = cold_start(&system, &[a * length], &[b * length], horizon, &continuation)
                 .expect("well posed");
             let extremal = &found.extremal;
@@ -53,7 +61,7 @@ fn a_regulator_is_solved_to_the_same_digits_in_all_units() {
             assert_eq!(found.iterations, plain.iterations, "{length:e} {cost:e}");
             let last = extremal.nodes.len() - 1;
             for (node, exact) in [(0, exact[0]), (last, exact[1])] {
-                let costate = extremal.nodes[node].y * length / cost;
+                let costate = extremal.nodes[node][1] * length / cost;
                 assert!((costate - exact).abs() < 1e-10, "{length:e} {cost:e}: {costate} for {exact}");
             }
             let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
@@ -82,8 +90,8 @@ fn the_arm_is_solved_whatever_its_weights() {
         let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
         let cost = continued.extremal.cost(&flow).expect("regular") / factor;
         assert!((cost - 0.321777232).abs() < 1e-9, "{factor:e}: {cost}");
-        let off = (continued.extremal.nodes[0]
-            - arm_nodes()[0].1.map_with_location(|i, _, x| if i < 4 { x } else { x * factor }))
+        let off = (&continued.extremal.nodes[0]
+            - arm_nodes()[0].1.clone().map_with_location(|i, _, x| if i < 4 { x } else { x * factor }))
         .component_div(&continued.extremal.scale());
         assert!(off.amax() < 1e-9, "{factor:e}: {off}");
     }
@@ -116,13 +124,21 @@ fn a_floor_of_rounding_is_a_status() {
 #[derive(Clone, Copy)]
 struct Pendulum;
 
-impl ControlProblem<2, 1> for Pendulum {
-    fn dynamics<T: Scalar>(&self, x: &Vector2<T>, u: &Vector1<T>) -> Vector2<T> {
-        Vector2::new(x.y, u.x - x.x.sin() - x.y * k(0.2))
+impl ControlProblem for Pendulum {
+    fn n_states(&self) -> usize {
+        2
     }
 
-    fn running_cost<T: Scalar>(&self, x: &Vector2<T>, u: &Vector1<T>) -> T {
-        (x.x * x.x + u.x * u.x) * k(0.5)
+    fn n_controls(&self) -> usize {
+        1
+    }
+
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+        f.copy_from_slice(&[x[1], u[0] - x[0].sin() - x[1] * k(0.2)]);
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
+        (x[0] * x[0] + u[0] * u[0]) * k(0.5)
     }
 }
 
@@ -133,36 +149,43 @@ struct Wrong {
     part: f64,
 }
 
-type Two = Vector2<f64>;
-type One = Vector1<f64>;
-
-impl DifferentiatedProblem<2, 1> for Wrong {
-    fn rate(&self, x: &Two, u: &One) -> Two {
-        Pendulum.rate(x, u)
+impl DifferentiatedProblem for Wrong {
+    fn sizes(&self) -> [usize; 2] {
+        Pendulum.sizes()
     }
 
-    fn cost(&self, x: &Two, u: &One) -> f64 {
+    fn rate_into(&self, x: &[f64], u: &[f64], f: &mut [f64]) {
+        Pendulum.rate_into(x, u, f);
+    }
+
+    fn cost(&self, x: &[f64], u: &[f64]) -> f64 {
         Pendulum.cost(x, u)
     }
 
-    fn by_control(&self, x: &Two, costate: &Two, u: &One) -> (f64, One, SMatrix<f64, 1, 1>) {
-        Pendulum.by_control(x, costate, u)
+    fn by_control_into(
+        &self,
+        x: &[f64],
+        costate: &[f64],
+        u: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> f64 {
+        Pendulum.by_control_into(x, costate, u, gradient, hessian)
     }
 
-    fn by_state(&self, x: &Two, costate: &Two, u: &One) -> Two {
+    fn by_state_into(&self, x: &[f64], costate: &[f64], u: &[f64], slope: &mut [f64]) {
         let (i, j) = self.entry;
-        let mut slope = Pendulum.by_state(x, costate, u);
+        Pendulum.by_state_into(x, costate, u, slope);
         slope[j] += self.part * costate[i] * Pendulum.derivatives(x, costate, u).f_x[(i, j)];
-        slope
     }
 
-    fn derivatives(&self, x: &Two, costate: &Two, u: &One) -> ProblemDerivatives<2, 1> {
+    fn derivatives(&self, x: &[f64], costate: &[f64], u: &[f64]) -> ProblemDerivatives {
         let mut d = Pendulum.derivatives(x, costate, u);
         d.f_x[self.entry] *= 1.0 + self.part;
         d
     }
 
-    fn control_bounds(&self) -> [One; 2] {
+    fn control_bounds(&self) -> [Vec<f64>; 2] {
         Pendulum.control_bounds()
     }
 }
@@ -171,7 +194,7 @@ impl DifferentiatedProblem<2, 1> for Wrong {
 fn a_wrong_derivative_is_no_success() {
     let mut random = crate::common::Random::new(8);
     let solve = |entry: (usize, usize), part: f64| {
-        let system = StateCostate::<_, 2, 1, 4>::try_new(Wrong { entry, part }).expect("no bounds");
+        let system = StateCostate::try_new(Wrong { entry, part }).expect("no bounds");
         cold_start(&system, &[1.0, 0.0], &[0.2, 0.1], 4.0, &Continuation::default()).expect("well posed")
     };
     assert!(solve((0, 1), 0.0).arrived());
@@ -221,16 +244,20 @@ fn every_search_ends_at_its_limits_with_what_it_has() {
 #[derive(Clone, Copy)]
 struct Cliff;
 
-impl VectorField<2> for Cliff {
-    fn field(&self, p: &Vector2<f64>) -> Vector2<f64> {
-        if p.x > 1.2 { Vector2::repeat(f64::NAN) } else { CubicRegulator.field(p) }
+impl VectorField for Cliff {
+    fn dimension(&self) -> usize {
+        2
     }
 
-    fn jacobian(&self, p: &Vector2<f64>) -> SMatrix<f64, 2, 2> {
-        CubicRegulator.jacobian(p)
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
+        if p[0] > 1.2 { h.fill(f64::NAN) } else { CubicRegulator.field_into(p, h) }
     }
 
-    fn conserved(&self, p: &Vector2<f64>) -> Option<f64> {
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        CubicRegulator.jacobian_into(p, d);
+    }
+
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         Some(CubicRegulator.hamiltonian(p))
     }
 }
@@ -245,7 +272,7 @@ fn trials_without_a_value_are_rejected_and_the_best_member_is_kept() {
     assert!(matches!(found.reason, Some(Reason::Failed(_) | Reason::Unsolved(_))), "{:?}", found.reason);
     // 1.2 is two fifths of the way from 1 to 1.5
     assert!((found.s - 0.7).abs() < 1e-3, "{}", found.s);
-    let last = found.extremal.nodes[found.extremal.nodes.len() - 1].x;
+    let last = found.extremal.nodes[found.extremal.nodes.len() - 1][0];
     assert!(last < 1.2 && last > 1.199, "{last}");
 
     // a family whose polish alone fails: what led there is kept
@@ -256,7 +283,7 @@ fn trials_without_a_value_are_rejected_and_the_best_member_is_kept() {
     assert!(followed.s < 1.0 && followed.reason.is_some() && followed.stage == Stage::Family);
 }
 
-fn found_at_one(fractions: &[f64]) -> Vec<SVector<f64, 2>> {
+fn found_at_one(fractions: &[f64]) -> Vec<DVector<f64>> {
     let stages = [[vec![0.0], vec![0.0]], [vec![0.5], vec![1.0]]];
     Continuation::default().through(&Cliff, &stages, 10.0, fractions).expect("well posed").extremal.nodes
 }
@@ -269,10 +296,10 @@ fn the_arm_by_hyper_duals_keeps_its_hamiltonian_too() {
         weights: thesis.system.weights(),
         limits: [f64::INFINITY; 2],
     };
-    let system = StateCostate::<_, 4, 2, 8>::try_new(problem).expect("no bounds");
+    let system = StateCostate::try_new(problem).expect("no bounds");
     let nodes = arm_nodes();
     let times: Vec<f64> = nodes.iter().map(|(t, _)| *t).collect();
-    let guess: Vec<_> = nodes.iter().map(|(_, p)| *p).collect();
+    let guess: Vec<_> = nodes.iter().map(|(_, p)| p.clone()).collect();
     let ends =
         [thesis.initial, thesis.last].map(|[one, two]| End::try_state(&[one, two, 0.0, 0.0]).expect("four"));
     let found = Shooting::default().solve(&system, &ends, &times, &guess).expect("well posed");

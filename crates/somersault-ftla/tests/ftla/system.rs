@@ -1,7 +1,7 @@
 //! State–costate systems: one problem written in three ways, differences, the thesis' appendix F, and what is refused.
 
 use crate::common::{ArmProblem, Random, arm_problem, matrix_gap};
-use nalgebra::{SMatrix, SVector, Vector1, Vector2};
+use nalgebra::{DMatrix, DVector, dvector};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::system::{
@@ -13,14 +13,14 @@ use somersault_multibody::{Data, Joint, Link, Model, ModelBuilder};
 use somersault_testkit::trees as testkit;
 
 /// The Jacobian by central differences of fourth order.
-fn differences<const N: usize>(system: &impl VectorField<N>, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
-    let h = 1e-3;
-    let mut d = SMatrix::<f64, N, N>::zeros();
-    for j in 0..N {
+fn differences(system: &impl VectorField, p: &DVector<f64>) -> DMatrix<f64> {
+    let (h, n) = (1e-3, p.len());
+    let mut d = DMatrix::<f64>::zeros(n, n);
+    for j in 0..n {
         let at = |s: f64| {
-            let mut q = *p;
+            let mut q = p.clone();
             q[j] += s * h;
-            system.field(&q)
+            system.field(q.as_slice())
         };
         d.set_column(j, &((at(-2.0) - at(2.0) + (at(1.0) - at(-1.0)) * 8.0) / (12.0 * h)));
     }
@@ -28,17 +28,14 @@ fn differences<const N: usize>(system: &impl VectorField<N>, p: &SVector<f64, N>
 }
 
 /// h = J ∇H with ∇H by central differences.
-fn field_of_hamiltonian<const N: usize>(
-    system: &impl HamiltonianSystem<N>,
-    p: &SVector<f64, N>,
-) -> SVector<f64, N> {
-    let h = 1e-3;
-    SVector::from_fn(|i, _| {
-        let (j, sign) = if i < N / 2 { (i + N / 2, 1.0) } else { (i - N / 2, -1.0) };
+fn field_of_hamiltonian(system: &impl HamiltonianSystem, p: &DVector<f64>) -> DVector<f64> {
+    let (h, n) = (1e-3, p.len() / 2);
+    DVector::from_fn(2 * n, |i, _| {
+        let (j, sign) = if i < n { (i + n, 1.0) } else { (i - n, -1.0) };
         let at = |s: f64| {
-            let mut q = *p;
+            let mut q = p.clone();
             q[j] += s * h;
-            system.hamiltonian(&q)
+            system.hamiltonian(q.as_slice())
         };
         sign * (at(-2.0) - at(2.0) + (at(1.0) - at(-1.0)) * 8.0) / (12.0 * h)
     })
@@ -56,29 +53,32 @@ fn the_arm_in_closed_form_is_the_generic_problem_and_the_tree() {
         let weights = [0.5 + random.unit().abs(), 0.5 + random.unit().abs()];
         let closed = ArmMinimumTorque::try_new(arm, weights).expect("in range");
         let generic = arm_problem(arm, weights);
-        let tree = TreeMinimumTorque::<8>::try_new(&arm.model().expect("a model"), &weights).expect("fits");
-        let p = SVector::<f64, 8>::from_fn(|_, _| 2.0 * random.unit());
-        let (h, d) = closed.linearize(&p);
-        assert!((h - closed.field(&p)).amax() == 0.0 && (d - closed.jacobian(&p)).amax() == 0.0);
+        let tree = TreeMinimumTorque::try_new(&arm.model().expect("a model"), &weights).expect("fits");
+        let p = DVector::from_fn(8, |_, _| 2.0 * random.unit());
+        let (h, d) = closed.linearize(p.as_slice());
+        assert!(
+            (&h - closed.field(p.as_slice())).amax() == 0.0
+                && (&d - closed.jacobian(p.as_slice())).amax() == 0.0
+        );
         let (hs, ds) = (h.amax(), d.amax());
-        assert!((h - generic.field(&p)).amax() < 1e-12 * hs, "{case}: generic field");
-        assert!((h - tree.field(&p)).amax() < 1e-12 * hs, "{case}: field of the tree");
-        assert!(matrix_gap(&d, &generic.jacobian(&p)) < 1e-12 * ds, "{case}: generic Jacobian");
-        assert!(matrix_gap(&d, &tree.jacobian(&p)) < 1e-12 * ds, "{case}: Jacobian of the tree");
+        assert!((&h - generic.field(p.as_slice())).amax() < 1e-12 * hs, "{case}: generic field");
+        assert!((&h - tree.field(p.as_slice())).amax() < 1e-12 * hs, "{case}: field of the tree");
+        assert!(matrix_gap(&d, &generic.jacobian(p.as_slice())) < 1e-12 * ds, "{case}: generic Jacobian");
+        assert!(matrix_gap(&d, &tree.jacobian(p.as_slice())) < 1e-12 * ds, "{case}: Jacobian of the tree");
         assert!(matrix_gap(&d, &differences(&closed, &p)) < 1e-7 * ds, "{case}: differences");
-        assert!((h - field_of_hamiltonian(&closed, &p)).amax() < 1e-7 * hs, "{case}: ∇H");
-        for hamiltonian in [generic.hamiltonian(&p), tree.hamiltonian(&p)] {
-            assert!((hamiltonian - closed.hamiltonian(&p)).abs() < 1e-12 * (1.0 + hs), "{case}: H");
+        assert!((&h - field_of_hamiltonian(&closed, &p)).amax() < 1e-7 * hs, "{case}: ∇H");
+        for hamiltonian in [generic.hamiltonian(p.as_slice()), tree.hamiltonian(p.as_slice())] {
+            assert!((hamiltonian - closed.hamiltonian(p.as_slice())).abs() < 1e-12 * (1.0 + hs), "{case}: H");
         }
         let mut u = [[0.0; 2]; 3];
-        closed.control_into(&p, &mut u[0]).expect("two controls");
-        generic.control_into(&p, &mut u[1]).expect("two controls");
-        tree.control_into(&p, &mut u[2]).expect("two controls");
+        closed.control_into(p.as_slice(), &mut u[0]).expect("two controls");
+        generic.control_into(p.as_slice(), &mut u[1]).expect("two controls");
+        tree.control_into(p.as_slice(), &mut u[2]).expect("two controls");
         for other in &u[1..] {
             assert!((u[0][0] - other[0]).abs() + (u[0][1] - other[1]).abs() < 1e-11 * hs, "{case}: controls");
         }
-        for cost in [generic.running_cost(&p), tree.running_cost(&p)] {
-            assert!((cost - closed.running_cost(&p)).abs() < 1e-11 * (1.0 + cost), "{case}: cost");
+        for cost in [generic.running_cost(p.as_slice()), tree.running_cost(p.as_slice())] {
+            assert!((cost - closed.running_cost(p.as_slice())).abs() < 1e-11 * (1.0 + cost), "{case}: cost");
         }
     }
 }
@@ -90,23 +90,30 @@ struct Chain {
     limits: [f64; 3],
 }
 
-impl ControlProblem<6, 3> for Chain {
-    fn dynamics<T: Scalar>(&self, x: &SVector<T, 6>, u: &SVector<T, 3>) -> SVector<T, 6> {
-        let model: Model<T> = self.model.cast();
-        let mut data = Data::new(&model);
-        let (q, v) = (&x.as_slice()[..3], &x.as_slice()[3..]);
-        let a = model.forward_dynamics(&mut data, q, v, u.as_slice(), &[]).expect("regular");
-        SVector::from_fn(|i, _| if i < 3 { v[i] } else { a[i - 3] })
+impl ControlProblem for Chain {
+    fn n_states(&self) -> usize {
+        6
     }
 
-    fn running_cost<T: Scalar>(&self, _: &SVector<T, 6>, u: &SVector<T, 3>) -> T {
+    fn n_controls(&self) -> usize {
+        3
+    }
+
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+        let model: Model<T> = self.model.cast();
+        let mut data = Data::new(&model);
+        let (q, v) = x.split_at(3);
+        f[..3].copy_from_slice(v);
+        f[3..].copy_from_slice(model.forward_dynamics(&mut data, q, v, u, &[]).expect("regular"));
+    }
+
+    fn running_cost<T: Scalar>(&self, _: &[T], u: &[T]) -> T {
         let weighed = |i: usize| u[i] * u[i] * nalgebra::convert::<f64, T>(0.5 * self.weights[i]);
         (0..3).fold(T::zero(), |sum, i| sum + weighed(i))
     }
 
-    fn bounds(&self) -> [SVector<f64, 3>; 2] {
-        let limits = SVector::from(self.limits);
-        [-limits, limits]
+    fn bounds(&self) -> [Vec<f64>; 2] {
+        [self.limits.map(|limit| -limit).to_vec(), self.limits.to_vec()]
     }
 }
 
@@ -131,24 +138,30 @@ fn a_random_tree_is_its_forward_dynamics_through_duals_end_to_end() {
         let model = branched(&mut random);
         let weights = [0.6, 1.3, 0.9];
         for limits in [[f64::INFINITY; 3], [0.5, f64::INFINITY, 1.0]] {
-            let tree = TreeMinimumTorque::<12>::try_new(&model, &weights).expect("fits");
+            let tree = TreeMinimumTorque::try_new(&model, &weights).expect("fits");
             let tree = tree.try_with_torque_limits(&limits).expect("positive");
             let chain = Chain { model: model.clone(), weights, limits };
-            let generic = StateCostate::<_, 6, 3, 12>::try_new(chain).expect("ordered bounds");
-            let p = SVector::<f64, 12>::from_column_slice(&random.numbers(12, 1.0));
-            let (h, d) = tree.linearize(&p);
-            assert!((h - generic.field(&p)).amax() < 1e-11 * h.amax(), "{case}: field");
-            assert!(matrix_gap(&d, &generic.jacobian(&p)) < 1e-10 * d.amax(), "{case}: Jacobian");
-            assert!((tree.hamiltonian(&p) - generic.hamiltonian(&p)).abs() < 1e-11 * h.amax(), "{case}: H");
-            assert_eq!(tree.piece(&p), generic.piece(&p), "{case}");
-            let margins = [tree.margins(&tree.piece(&p), &p), generic.margins(&tree.piece(&p), &p)];
-            for i in (0..3).filter(|&i| margins[0][i].is_finite()) {
+            let generic = StateCostate::try_new(chain).expect("ordered bounds");
+            let p = DVector::<f64>::from_column_slice(&random.numbers(12, 1.0));
+            let (h, d) = tree.linearize(p.as_slice());
+            assert!((&h - generic.field(p.as_slice())).amax() < 1e-11 * h.amax(), "{case}: field");
+            assert!(matrix_gap(&d, &generic.jacobian(p.as_slice())) < 1e-10 * d.amax(), "{case}: Jacobian");
+            assert!(
+                (tree.hamiltonian(p.as_slice()) - generic.hamiltonian(p.as_slice())).abs() < 1e-11 * h.amax(),
+                "{case}: H"
+            );
+            assert_eq!(tree.piece(p.as_slice()), generic.piece(p.as_slice()), "{case}");
+            let margins = [
+                tree.margins(&tree.piece(p.as_slice()), p.as_slice()),
+                generic.margins(&tree.piece(p.as_slice()), p.as_slice()),
+            ];
+            for i in (0..margins[0].len()).filter(|&i| margins[0][i].is_finite()) {
                 assert!(
                     (margins[0][i] - margins[1][i]).abs() < 1e-10 * (1.0 + margins[0][i].abs()),
                     "{case}"
                 );
             }
-            cut += usize::from(tree.piece(&p) != Piece::FREE);
+            cut += usize::from(tree.piece(p.as_slice()) != Piece::FREE);
             steps += usize::from(tree.n_switches() == 3);
         }
     }
@@ -160,18 +173,18 @@ fn a_tree_with_a_passive_joint_is_hamiltonian_and_drives_the_others_only() {
     let mut random = testkit::Random::new(13);
     for case in 0..10 {
         let model = branched(&mut random);
-        let tree = TreeMinimumTorque::<12>::try_new(&model, &[1.0; 3]).expect("fits");
+        let tree = TreeMinimumTorque::try_new(&model, &[1.0; 3]).expect("fits");
         let tree = tree.try_with_passive(1).expect("others are driven");
-        let p = SVector::<f64, 12>::from_column_slice(&random.numbers(12, 0.5));
-        let (h, d) = tree.linearize(&p);
-        assert!((h - field_of_hamiltonian(&tree, &p)).amax() < 1e-6 * h.amax(), "{case}: ∇H");
+        let p = DVector::<f64>::from_column_slice(&random.numbers(12, 0.5));
+        let (h, d) = tree.linearize(p.as_slice());
+        assert!((&h - field_of_hamiltonian(&tree, &p)).amax() < 1e-6 * h.amax(), "{case}: ∇H");
         assert!(matrix_gap(&d, &differences(&tree, &p)) < 1e-6 * d.amax(), "{case}: differences");
         let mut u = [1.0; 3];
-        tree.control_into(&p, &mut u).expect("three joints");
+        tree.control_into(p.as_slice(), &mut u).expect("three joints");
         assert!(u[1] == 0.0 && u[0] != 0.0 && u[2] != 0.0);
     }
-    let one = |tree: TreeMinimumTorque<12>| tree.try_with_passive(0).and_then(|t| t.try_with_passive(1));
-    let tree = TreeMinimumTorque::<12>::try_new(&branched(&mut random), &[1.0; 3]).expect("fits");
+    let one = |tree: TreeMinimumTorque| tree.try_with_passive(0).and_then(|t| t.try_with_passive(1));
+    let tree = TreeMinimumTorque::try_new(&branched(&mut random), &[1.0; 3]).expect("fits");
     assert!(one(tree).and_then(|t| t.try_with_passive(2)).is_err());
 }
 
@@ -188,19 +201,15 @@ fn rooted(random: &mut testkit::Random, joint: Joint, hinge: bool) -> Model {
 
 /// A tree in coordinates of its own: Hamiltonian, D by differences, v the velocity of its configuration, and v̇ that of
 /// forward dynamics. `place` makes a configuration of coordinates.
-fn assert_charted<const N: usize>(
-    random: &mut testkit::Random,
-    model: &Model,
-    place: impl Fn(&[f64]) -> Vec<f64>,
-) {
-    let n = N / 4;
-    let tree = TreeMinimumTorque::<N>::try_new(model, &vec![0.7; n]).expect("fits");
+fn assert_charted(random: &mut testkit::Random, model: &Model, place: impl Fn(&[f64]) -> Vec<f64>) {
+    let n = model.n_velocities();
+    let tree = TreeMinimumTorque::try_new(model, &vec![0.7; n]).expect("fits");
     // small rotations go by series, large ones by the closed form
     for (case, size) in [0.0, 0.3, 0.9, 1.3].into_iter().enumerate() {
-        let mut p = SVector::<f64, N>::from_column_slice(&random.numbers(N, 0.5));
+        let mut p = DVector::<f64>::from_column_slice(&random.numbers(4 * n, 0.5));
         (0..n).for_each(|i| p[i] *= 2.0 * size);
-        let (h, d) = tree.linearize(&p);
-        assert!((h - field_of_hamiltonian(&tree, &p)).amax() < 1e-8 * h.amax(), "{case}: ∇H");
+        let (h, d) = tree.linearize(p.as_slice());
+        assert!((&h - field_of_hamiltonian(&tree, &p)).amax() < 1e-8 * h.amax(), "{case}: ∇H");
         assert!(matrix_gap(&d, &differences(&tree, &p)) < 1e-8 * d.amax(), "{case}: differences");
         let (c, v) = (&p.as_slice()[..n], &p.as_slice()[n..2 * n]);
         let moved = |step: f64| place(&(0..n).map(|i| c[i] + step * h[i]).collect::<Vec<_>>());
@@ -208,7 +217,7 @@ fn assert_charted<const N: usize>(
         model.difference(&moved(-1e-4), &moved(1e-4), &mut along).expect("lengths fit");
         assert!((0..n).all(|i| (along[i] / 2e-4 - v[i]).abs() < 1e-6), "{case}: {along:?} along {v:?}");
         let mut u = vec![0.0; n];
-        tree.control_into(&p, &mut u).expect("n controls");
+        tree.control_into(p.as_slice(), &mut u).expect("n controls");
         let mut data = Data::new(model);
         let a = model.forward_dynamics(&mut data, &place(c), v, &u, &[]).expect("regular");
         assert!((0..n).all(|i| (a[i] - h[n + i]).abs() < 1e-11 * h.amax()), "{case}: forward dynamics");
@@ -223,15 +232,15 @@ fn ball_planar_and_free_joints_are_hamiltonian_in_their_charts() {
         q.coords.as_slice().to_vec()
     };
     let ball = rooted(&mut random, Joint::Spherical, true);
-    assert_charted::<16>(&mut random, &ball, |c| [turned(&c[..3]), vec![c[3]]].concat());
+    assert_charted(&mut random, &ball, |c| [turned(&c[..3]), vec![c[3]]].concat());
     let planar = rooted(&mut random, Joint::Planar, true);
-    assert_charted::<16>(&mut random, &planar, <[f64]>::to_vec);
+    assert_charted(&mut random, &planar, <[f64]>::to_vec);
     let free = rooted(&mut random, Joint::Free, false);
-    assert_charted::<24>(&mut random, &free, |c| [c[..3].to_vec(), turned(&c[3..])].concat());
+    assert_charted(&mut random, &free, |c| [c[..3].to_vec(), turned(&c[3..])].concat());
 }
 
 /// The third row of D at the thesis' parameters, as appendix F prints it, (F.54)–(F.61).
-fn appendix_f(p: &SVector<f64, 8>) -> [f64; 8] {
+fn appendix_f(p: &DVector<f64>) -> [f64; 8] {
     let (th, w1, w2, l3, l4) = (p[1], p[2], p[3], p[6], p[7]);
     let s = |k: f64| (k * th).sin();
     let c = |k: f64| (k * th).cos();
@@ -270,8 +279,8 @@ fn the_third_row_of_the_jacobian_is_that_of_appendix_f() {
     let mut random = Random::new(3);
     let arm = ArmMinimumTorque::default();
     for case in 0..200 {
-        let p = SVector::<f64, 8>::from_fn(|_, _| 3.0 * random.unit());
-        let (d, printed) = (arm.jacobian(&p), appendix_f(&p));
+        let p = DVector::from_fn(8, |_, _| 3.0 * random.unit());
+        let (d, printed) = (arm.jacobian(p.as_slice()), appendix_f(&p));
         let scale = printed.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
         for j in 0..8 {
             assert!((d[(2, j)] - printed[j]).abs() < 1e-13 * scale, "{case}: d3{}", j + 1);
@@ -296,32 +305,40 @@ enum Cost {
     NoValue,
 }
 
-impl ControlProblem<1, 1> for Scalar1 {
-    fn dynamics<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> Vector1<T> {
-        let drift = if self.cubic { x.x * x.x * x.x } else { x.x };
-        Vector1::new(u.x - drift)
+impl ControlProblem for Scalar1 {
+    fn n_states(&self) -> usize {
+        1
     }
 
-    fn running_cost<T: Scalar>(&self, x: &Vector1<T>, u: &Vector1<T>) -> T {
+    fn n_controls(&self) -> usize {
+        1
+    }
+
+    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+        let drift = if self.cubic { x[0] * x[0] * x[0] } else { x[0] };
+        f[0] = u[0] - drift;
+    }
+
+    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
         let half: T = nalgebra::convert(0.5);
         let control = match self.cost {
-            Cost::Square => u.x * u.x * half,
-            Cost::Cosh => u.x.cosh() - T::one(),
+            Cost::Square => u[0] * u[0] * half,
+            Cost::Cosh => u[0].cosh() - T::one(),
             Cost::Nothing => T::zero(),
-            Cost::NotANumber => u.x * nalgebra::convert::<f64, T>(f64::NAN),
-            Cost::NoValue => u.x * u.x * half + nalgebra::convert::<f64, T>(f64::NAN),
+            Cost::NotANumber => u[0] * nalgebra::convert::<f64, T>(f64::NAN),
+            Cost::NoValue => u[0] * u[0] * half + nalgebra::convert::<f64, T>(f64::NAN),
         };
-        x.x * x.x * half + control
+        x[0] * x[0] * half + control
     }
 
-    fn bounds(&self) -> [Vector1<f64>; 2] {
-        self.bounds.map(Vector1::new)
+    fn bounds(&self) -> [Vec<f64>; 2] {
+        self.bounds.map(|bound| vec![bound])
     }
 }
 
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-fn scalar(cubic: bool, cost: Cost, bounds: [f64; 2]) -> StateCostate<Scalar1, 1, 1, 2> {
+fn scalar(cubic: bool, cost: Cost, bounds: [f64; 2]) -> StateCostate<Scalar1> {
     StateCostate::try_new(Scalar1 { cubic, cost, bounds }).expect("ordered bounds")
 }
 
@@ -329,18 +346,18 @@ fn scalar(cubic: bool, cost: Cost, bounds: [f64; 2]) -> StateCostate<Scalar1, 1,
 fn the_regulators_are_their_problems() {
     let mut random = Random::new(1);
     for _ in 0..50 {
-        let p = Vector2::new(2.0 * random.unit(), 2.0 * random.unit());
+        let p = dvector![2.0 * random.unit(), 2.0 * random.unit()];
         let (linear, cubic) = (scalar(false, Cost::Square, FREE), scalar(true, Cost::Square, FREE));
-        assert!((linear.field(&p) - LinearRegulator.field(&p)).amax() < 1e-14);
-        assert!((linear.jacobian(&p) - LinearRegulator.jacobian(&p)).amax() < 1e-14);
-        assert!((linear.hamiltonian(&p) - LinearRegulator.hamiltonian(&p)).abs() < 1e-14);
-        assert!((cubic.field(&p) - CubicRegulator.field(&p)).amax() < 1e-13);
-        assert!((cubic.jacobian(&p) - CubicRegulator.jacobian(&p)).amax() < 1e-13);
-        assert!((cubic.hamiltonian(&p) - CubicRegulator.hamiltonian(&p)).abs() < 1e-13);
-        assert!((cubic.running_cost(&p) - CubicRegulator.running_cost(&p)).abs() < 1e-14);
+        assert!((linear.field(p.as_slice()) - LinearRegulator.field(p.as_slice())).amax() < 1e-14);
+        assert!((linear.jacobian(p.as_slice()) - LinearRegulator.jacobian(p.as_slice())).amax() < 1e-14);
+        assert!((linear.hamiltonian(p.as_slice()) - LinearRegulator.hamiltonian(p.as_slice())).abs() < 1e-14);
+        assert!((cubic.field(p.as_slice()) - CubicRegulator.field(p.as_slice())).amax() < 1e-13);
+        assert!((cubic.jacobian(p.as_slice()) - CubicRegulator.jacobian(p.as_slice())).amax() < 1e-13);
+        assert!((cubic.hamiltonian(p.as_slice()) - CubicRegulator.hamiltonian(p.as_slice())).abs() < 1e-13);
+        assert!((cubic.running_cost(p.as_slice()) - CubicRegulator.running_cost(p.as_slice())).abs() < 1e-14);
         let mut u = [0.0; 1];
-        CubicRegulator.control_into(&p, &mut u).expect("one control");
-        assert!((u[0] - cubic.control(&p).expect("convex").x).abs() < 1e-15);
+        CubicRegulator.control_into(p.as_slice(), &mut u).expect("one control");
+        assert!((u[0] - cubic.control(p.as_slice()).expect("convex")[0]).abs() < 1e-15);
     }
 }
 
@@ -350,11 +367,11 @@ fn a_general_convex_cost_is_minimised_and_differentiated() {
     let mut random = Random::new(2);
     let system = scalar(true, Cost::Cosh, FREE);
     for case in 0..50 {
-        let p = Vector2::new(2.0 * random.unit(), 60.0 * random.unit());
-        let u = system.control(&p).expect("convex").x;
-        assert!((u + p.y.asinh()).abs() < 1e-14 * (1.0 + u.abs()), "{case}: {u}");
-        let gap = matrix_gap(&system.jacobian(&p), &differences(&system, &p));
-        assert!(gap < 1e-8 * system.jacobian(&p).amax(), "{case}: {gap:e}");
+        let p = dvector![2.0 * random.unit(), 60.0 * random.unit()];
+        let u = system.control(p.as_slice()).expect("convex")[0];
+        assert!((u + p[1].asinh()).abs() < 1e-14 * (1.0 + u.abs()), "{case}: {u}");
+        let gap = matrix_gap(&system.jacobian(p.as_slice()), &differences(&system, &p));
+        assert!(gap < 1e-8 * system.jacobian(p.as_slice()).amax(), "{case}: {gap:e}");
     }
 }
 
@@ -362,52 +379,57 @@ fn a_general_convex_cost_is_minimised_and_differentiated() {
 fn bounds_cut_the_control_off_and_leave_the_jacobian() {
     let system = scalar(false, Cost::Square, [-0.4, 0.3]);
     for costate in [-2.0, -0.5, -0.2, 0.1, 0.6, 3.0f64] {
-        let p = Vector2::new(0.7, costate);
+        let p = dvector![0.7, costate];
         let expected = (-costate).clamp(-0.4, 0.3);
-        assert_eq!(system.control(&p).expect("convex").x, expected);
+        assert_eq!(system.control(p.as_slice()).expect("convex")[0], expected);
         let slope = if expected == -costate { -1.0 } else { 0.0 };
-        assert_eq!(system.jacobian(&p)[(0, 1)], slope);
-        assert!(matrix_gap(&system.jacobian(&p), &differences(&system, &p)) < 1e-9);
+        assert_eq!(system.jacobian(p.as_slice())[(0, 1)], slope);
+        assert!(matrix_gap(&system.jacobian(p.as_slice()), &differences(&system, &p)) < 1e-9);
     }
     // the arm in closed form against the problem with bounds
     let arm = ArmMinimumTorque::default().try_with_torque_limits([0.6, 0.2]).expect("positive");
     let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
-    let generic = StateCostate::<_, 4, 2, 8>::try_new(problem).expect("ordered bounds");
+    let generic = StateCostate::try_new(problem).expect("ordered bounds");
     let mut random = Random::new(11);
     let mut cut = 0;
     for _ in 0..40 {
-        let p = SVector::<f64, 8>::from_fn(|i, _| if i > 5 { 0.2 * random.unit() } else { random.unit() });
+        let p = DVector::from_fn(8, |i, _| if i > 5 { 0.2 * random.unit() } else { random.unit() });
         let mut u = [0.0; 2];
-        arm.control_into(&p, &mut u).expect("two controls");
+        arm.control_into(p.as_slice(), &mut u).expect("two controls");
         assert!(u[0].abs() <= 0.6 && u[1].abs() <= 0.2);
         cut += usize::from(u[0].abs() == 0.6) + usize::from(u[1].abs() == 0.2);
-        let (h, d) = (arm.field(&p), arm.jacobian(&p));
-        assert!((h - generic.field(&p)).amax() < 1e-12 * h.amax());
-        assert!(matrix_gap(&d, &generic.jacobian(&p)) < 1e-12 * d.amax());
-        assert!((arm.hamiltonian(&p) - generic.hamiltonian(&p)).abs() < 1e-12 * h.amax());
+        let (h, d) = (arm.field(p.as_slice()), arm.jacobian(p.as_slice()));
+        assert!((&h - generic.field(p.as_slice())).amax() < 1e-12 * h.amax());
+        assert!(matrix_gap(&d, &generic.jacobian(p.as_slice())) < 1e-12 * d.amax());
+        assert!((arm.hamiltonian(p.as_slice()) - generic.hamiltonian(p.as_slice())).abs() < 1e-12 * h.amax());
     }
     assert!(cut > 10);
 }
 
 #[test]
 fn a_singular_control_hessian_is_an_error() {
-    let p = Vector2::new(0.3, 0.2);
+    let p = dvector![0.3, 0.2];
     let nothing = scalar(false, Cost::Nothing, FREE);
-    assert_eq!(nothing.control(&p), Err(SystemError::SingularControlHessian { control: 0, pivot: 0.0 }));
-    assert_eq!(nothing.fault(&p), Some(SystemError::SingularControlHessian { control: 0, pivot: 0.0 }));
-    assert!(nothing.field(&p)[0].is_nan() && nothing.jacobian(&p)[0].is_nan());
+    assert_eq!(
+        nothing.control(p.as_slice()),
+        Err(SystemError::SingularControlHessian { control: 0, pivot: 0.0 })
+    );
+    assert_eq!(
+        nothing.fault(p.as_slice()),
+        Some(SystemError::SingularControlHessian { control: 0, pivot: 0.0 })
+    );
+    assert!(nothing.field(p.as_slice())[0].is_nan() && nothing.jacobian(p.as_slice())[0].is_nan());
     let nan = scalar(false, Cost::NotANumber, FREE);
-    assert_eq!(nan.fault(&p), Some(SystemError::NonFinite));
+    assert_eq!(nan.fault(p.as_slice()), Some(SystemError::NonFinite));
     // a cost without a value has no least control, whatever its slopes are
     let nowhere = scalar(false, Cost::NoValue, FREE);
-    assert_eq!(nowhere.control(&p), Err(SystemError::NonFinite));
-    assert!(nowhere.field(&p)[0].is_nan() && nowhere.jacobian(&p)[0].is_nan());
+    assert_eq!(nowhere.control(p.as_slice()), Err(SystemError::NonFinite));
+    assert!(nowhere.field(p.as_slice())[0].is_nan() && nowhere.jacobian(p.as_slice())[0].is_nan());
 }
 
 #[test]
 fn parameters_out_of_range_are_named() {
-    let bounds =
-        StateCostate::<_, 1, 1, 2>::try_new(Scalar1 { cubic: false, cost: Cost::Square, bounds: [1.0, 0.0] });
+    let bounds = StateCostate::try_new(Scalar1 { cubic: false, cost: Cost::Square, bounds: [1.0, 0.0] });
     assert!(matches!(
         bounds.err(),
         Some(SystemError::Argument(ArgumentError::OutOfRange { argument: "lower bound", .. }))
@@ -420,10 +442,10 @@ fn parameters_out_of_range_are_named() {
     assert!(ArmMinimumTorque::try_new(TwoLinkArm { damping: [-0.1, 0.0], ..arm }, [1.0, 1.0]).is_err());
     assert!(ArmMinimumTorque::default().try_with_torque_limits([0.0, 1.0]).is_err());
     let model = arm.model().expect("a model");
-    let error = TreeMinimumTorque::<4>::try_new(&model, &[1.0, 1.0]).expect_err("too few");
-    assert_eq!(error, SystemError::Argument(ArgumentError::Length { argument: "p", expected: 8, found: 4 }));
-    assert!(TreeMinimumTorque::<8>::try_new(&model, &[1.0]).is_err());
+    let error = TreeMinimumTorque::try_new(&model, &[1.0]).expect_err("too few");
+    let expected = ArgumentError::Length { argument: "weights", expected: 2, found: 1 };
+    assert_eq!(error, SystemError::Argument(expected));
     let mut short = [0.0; 1];
-    let p = SVector::<f64, 8>::zeros();
-    assert!(ArmMinimumTorque::default().control_into(&p, &mut short).is_err());
+    let p = DVector::<f64>::zeros(8);
+    assert!(ArmMinimumTorque::default().control_into(p.as_slice(), &mut short).is_err());
 }

@@ -1,6 +1,6 @@
 //! Transition matrices, and chains of them.
 
-use super::dimension::{DIMENSIONS, by_rows, expect_square, for_dimension, matrix, matrix_array, vector};
+use super::dimension::{by_rows, expect_square, matrix_array, vector};
 use super::error::input;
 use super::spectrum::Spectrum;
 use crate::convert::integer;
@@ -10,71 +10,60 @@ use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::flow::{self, Work};
+use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::spectrum;
 
 /// The end of a motion with its transition matrix Φ = ∂p(t + T)/∂p(t).
 #[pyclass(frozen, from_py_object, module = "somersault.ftla")]
 #[derive(Clone)]
 pub(crate) struct Transition {
-    /// float: T, s, negative backward in time.
-    #[pyo3(get)]
-    duration: f64,
-    end: Vec<f64>,
-    /// Column by column.
-    matrix: Vec<f64>,
+    pub(crate) transition: flow::Transition,
     /// float: The largest |φᵢᵀJφⱼ − Jᵢⱼ| / max(1, ‖φᵢ‖‖φⱼ‖) over columns φ of Φ: zero where Φ is symplectic.
     #[pyo3(get)]
     symplecticity_defect: f64,
 }
 
 impl Transition {
-    pub(crate) fn of<const N: usize>(transition: &flow::Transition<N>) -> Self {
-        Self {
-            duration: transition.duration,
-            end: transition.end.as_slice().to_vec(),
-            matrix: transition.matrix.as_slice().to_vec(),
-            symplecticity_defect: transition.symplecticity_defect(),
-        }
-    }
-
-    /// p(t + T).
-    pub(crate) fn end_values(&self) -> &[f64] {
-        &self.end
+    pub(crate) fn of(transition: flow::Transition) -> Self {
+        let symplecticity_defect = transition.symplecticity_defect();
+        Self { transition, symplecticity_defect }
     }
 
     /// Φ, row by row.
     pub(crate) fn matrix_by_rows(&self) -> Vec<f64> {
-        by_rows(&self.matrix, self.end.len())
-    }
-
-    pub(crate) fn typed<const N: usize>(&self) -> flow::Transition<N> {
-        flow::Transition { duration: self.duration, end: vector(&self.end), matrix: matrix(&self.matrix) }
+        by_rows(&self.transition.matrix)
     }
 }
 
 #[pymethods]
 impl Transition {
+    /// float: T, s, negative backward in time.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.transition.duration
+    }
+
     /// ndarray, shape (dimension,): p(t + T).
     #[getter]
     fn end<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.end).into_any()
+        PyArray1::from_slice(py, self.transition.end.as_slice()).into_any()
     }
 
     /// ndarray, shape (dimension, dimension): Φ.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.matrix, self.end.len())
+        matrix_array(py, &self.transition.matrix)
     }
 
     fn __repr__(&self) -> String {
-        let Self { duration, symplecticity_defect, .. } = self;
+        let (duration, symplecticity_defect) = (self.duration(), self.symplecticity_defect);
         format!("<Transition: over {duration} s, symplectic to {symplecticity_defect:.1e}>")
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let columns = PyArray1::from_slice(py, &own.matrix);
-        let arguments = (own.duration, own.end(py), columns, own.symplecticity_defect);
+        let columns = PyArray1::from_slice(py, own.transition.matrix.as_slice());
+        let arguments = (own.duration(), own.end(py), columns, own.symplecticity_defect);
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
@@ -88,7 +77,9 @@ impl Transition {
         symplecticity_defect: f64,
     ) -> Result<Self, Error> {
         expect_square("matrix", &matrix, end.len())?;
-        Ok(Self { duration, end, matrix, symplecticity_defect })
+        let matrix = DMatrix::from_column_slice(end.len(), end.len(), &matrix);
+        let transition = flow::Transition { duration, end: vector(&end), matrix };
+        Ok(Self { transition, symplecticity_defect })
     }
 }
 
@@ -106,22 +97,19 @@ pub(crate) struct Chain {
 }
 
 impl Chain {
-    pub(crate) fn of<const N: usize>(chain: &flow::Chain<N>) -> Self {
+    pub(crate) fn of(dimension: usize, chain: &flow::Chain) -> Self {
         Self {
-            links: chain.links().iter().map(Transition::of).collect(),
-            dimension: N,
+            links: chain.links().iter().cloned().map(Transition::of).collect(),
+            dimension,
             marks: (0..chain.times().len()).map(|mark| chain.until(mark).len()).collect(),
             times: chain.times().to_vec(),
             work: chain.work,
         }
     }
 
-    fn spectrum_of(&self, count: usize) -> Result<Spectrum, Error> {
-        fn of<const N: usize>(links: &[Transition]) -> Result<Spectrum, Error> {
-            let typed: Vec<_> = links.iter().map(Transition::typed::<N>).collect();
-            Ok(Spectrum::of(&spectrum::Spectrum::of_factors(&typed)))
-        }
-        for_dimension!(self.dimension, of(&self.links[..count]))
+    fn spectrum_of(&self, count: usize) -> Spectrum {
+        let links: Vec<_> = self.links[..count].iter().map(|link| link.transition.clone()).collect();
+        Spectrum { spectrum: spectrum::Spectrum::of_factors(&links) }
     }
 }
 
@@ -166,7 +154,7 @@ impl Chain {
         let number = index(mark as isize, known).map_err(|_| {
             super::error::input(format!("`mark` must be from -{known} to {}, found {mark}", known as i64 - 1))
         })?;
-        self.spectrum_of(self.marks[number])
+        Ok(self.spectrum_of(self.marks[number]))
     }
 
     fn __len__(&self) -> usize {
@@ -202,10 +190,10 @@ impl Chain {
         times: Vec<f64>,
         work: (usize, usize, usize, usize),
     ) -> Result<Self, Error> {
-        let fits = links.iter().all(|link| link.end.len() == dimension)
+        let fits = links.iter().all(|link| link.transition.end.len() == dimension)
             && marks.len() == times.len()
             && marks.iter().all(|&mark| mark <= links.len());
-        if !fits || !DIMENSIONS.contains(&dimension) {
+        if !fits {
             return Err(input("`links`, `dimension`, `marks` and `times` of a chain must fit".to_owned()));
         }
         let (evaluations, steps, rejected, switches) = work;

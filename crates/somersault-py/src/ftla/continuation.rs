@@ -1,13 +1,12 @@
 //! Extremals from a rest, and families of them.
 
 use super::argument::whole;
-use super::dimension::{for_dimension, no_such, vector};
 use super::error::{input, positive};
 use super::matching::entries;
 use super::named_systems::of_arm;
 use super::run::{Run, attend, caused};
 use super::settings::{Settings, limits_of};
-use super::shooting::{EndStates, Extremal, Nodes, end_of, shooting_of};
+use super::shooting::{EndStates, Extremal, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;
 use crate::convert::{a_type, real_numbers};
@@ -17,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::budget::Limits;
 use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
-use somersault::ftla::continuation::{self, Continuation, Member, Reason, Stage};
+use somersault::ftla::continuation::{self, Continuation, Member, Reason};
 use somersault::ftla::shooting::Shooting;
 use std::sync::Arc;
 
@@ -111,43 +110,24 @@ impl Continued {
     }
 }
 
-/// What a continuation leaves.
-struct Way {
-    nodes: Nodes,
-    s: f64,
-    steps: [usize; 2],
-    iterations: usize,
-    evaluations: usize,
-    stage: Stage,
-    reason: Option<Reason>,
-}
-
-impl Way {
-    fn of<const N: usize>(found: &continuation::Continued<N>) -> Self {
-        Self {
-            nodes: Nodes::of(&found.extremal),
-            s: found.s,
-            steps: found.steps,
-            iterations: found.iterations,
-            evaluations: found.work.evaluations,
-            stage: found.stage,
-            reason: found.reason.clone(),
-        }
-    }
-
-    fn into_python(self, py: Python<'_>, system: Py<System>, polish: &Shooting) -> Result<Continued, Error> {
-        let extremal = Extremal { system, settings: Settings::new(polish.flow), nodes: self.nodes };
-        Ok(Continued {
-            extremal: Py::new(py, extremal)?,
-            s: self.s,
-            n_steps: self.steps[0],
-            n_rejected: self.steps[1],
-            n_iterations: self.iterations,
-            n_evaluations: self.evaluations,
-            stage: self.stage.to_string(),
-            reason: self.reason.map(|why| (why.to_string(), matches!(why, Reason::Limit(_)))),
-        })
-    }
+/// What a continuation leaves, as a value of Python.
+fn continued(
+    py: Python<'_>,
+    found: continuation::Continued,
+    system: Py<System>,
+    polish: &Shooting,
+) -> Result<Continued, Error> {
+    let extremal = Extremal { system, settings: Settings::new(polish.flow), extremal: found.extremal };
+    Ok(Continued {
+        extremal: Py::new(py, extremal)?,
+        s: found.s,
+        n_steps: found.steps[0],
+        n_rejected: found.steps[1],
+        n_iterations: found.iterations,
+        n_evaluations: found.work.evaluations,
+        stage: found.stage.to_string(),
+        reason: found.reason.map(|why| (why.to_string(), matches!(why, Reason::Limit(_)))),
+    })
 }
 
 /// Settings of a continuation: those of `shoot` for its last member, then those of its steps.
@@ -176,16 +156,16 @@ fn fractions_of(fractions: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     }
 }
 
-fn through<const N: usize>(
+fn through(
     continuation: &Continuation,
     system: &System,
     run: &Arc<Run>,
     stages: &[[Vec<f64>; 2]],
     horizon: f64,
     fractions: &[f64],
-) -> Result<Way, Error> {
-    let system = system.watched::<N>(run)?;
-    Ok(Way::of(&continuation.through(&system, stages, horizon, fractions)?))
+) -> Result<continuation::Continued, Error> {
+    system.n_states()?;
+    Ok(continuation.through(&system.watched(run)?, stages, horizon, fractions)?)
 }
 
 /// Leads a system from rest to given end states, through pairs of end states on the way.
@@ -254,39 +234,28 @@ pub(crate) fn continue_through(
     };
     let stages = stages.iter().map(pair).collect::<Result<Vec<_>, Error>>()?;
     positive("horizon", horizon)?;
-    let n = system.get().dimension;
-    let way = attend(py, |run| {
-        for_dimension!(n, through(&continuation, system.get(), run, &stages, horizon, &fractions))
-    })?;
-    way.into_python(py, system, &continuation.polish)
+    let found = attend(py, |run| through(&continuation, system.get(), run, &stages, horizon, &fractions))?;
+    continued(py, found, system, &continuation.polish)
 }
 
-fn start_cold<const N: usize>(
+/// By a spline of least effort for a tree, by the linearised problem for another system.
+fn start_cold(
     continuation: &Continuation,
     system: &System,
     run: &Arc<Run>,
     [initial, last]: [&[f64]; 2],
     horizon: f64,
-) -> Result<Way, Error> {
-    let system = system.watched::<N>(run)?;
-    Ok(Way::of(&somersault::ftla::cold_start::cold_start(&system, initial, last, horizon, continuation)?))
-}
-
-/// For a tree of `Q` degrees of freedom, `N` = 4`Q`; nothing for another system.
-fn start_tree<const Q: usize, const N: usize>(
-    py: Python<'_>,
-    continuation: &Continuation,
-    system: &System,
-    [initial, last]: [&[f64]; 2],
-    horizon: f64,
-) -> Result<Option<Way>, Error> {
-    let Some(tree) = system.tree::<N>(py)? else { return Ok(None) };
-    let found = attend(py, |run| {
-        let watch = |tree| Source::<N>::Compiled(Arc::new(tree)).watched(run);
-        let travel = TreeTravel::<Q, N> { system: &tree, initial, last, horizon };
-        Ok(travel.solve_as(continuation, watch)?)
-    })?;
-    Ok(Some(Way::of(&found)))
+) -> Result<continuation::Continued, Error> {
+    Ok(match system.tree() {
+        Some(tree) => {
+            let watch = |tree| Source::Compiled(Arc::new(tree)).watched(run);
+            TreeTravel { system: tree, initial, last, horizon }.solve_as(continuation, watch)?
+        }
+        None => {
+            let system = system.watched(run)?;
+            somersault::ftla::cold_start::cold_start(&system, initial, last, horizon, continuation)?
+        }
+    })
 }
 
 /// An extremal of any system from nothing but its boundary states and the horizon.
@@ -346,27 +315,11 @@ pub(crate) fn cold_start(
     let limits = limits_of(max_time, max_evaluations)?;
     let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     positive("horizon", horizon)?;
-    let n = system.get().dimension;
-    let initial = entries("initial_state", n / 2, initial_state)?;
-    let last = entries("final_state", n / 2, final_state)?;
-    let ends: [&[f64]; 2] = [&initial, &last];
-    let (given, settings) = (system.get(), &continuation);
-    let of_tree = match n {
-        4 => start_tree::<1, 4>(py, settings, given, ends, horizon),
-        8 => start_tree::<2, 8>(py, settings, given, ends, horizon),
-        12 => start_tree::<3, 12>(py, settings, given, ends, horizon),
-        16 => start_tree::<4, 16>(py, settings, given, ends, horizon),
-        20 => start_tree::<5, 20>(py, settings, given, ends, horizon),
-        24 => start_tree::<6, 24>(py, settings, given, ends, horizon),
-        // states of a tree are two for each degree of freedom
-        2 | 6 | 10 => Ok(None),
-        other => Err(no_such("dimension", other)),
-    }?;
-    let way = match of_tree {
-        Some(way) => way,
-        None => attend(py, |run| for_dimension!(n, start_cold(settings, given, run, ends, horizon)))?,
-    };
-    way.into_python(py, system, &continuation.polish)
+    let n = system.get().n_states()?;
+    let initial = entries("initial_state", n, initial_state)?;
+    let last = entries("final_state", n, final_state)?;
+    let found = attend(py, |run| start_cold(&continuation, system.get(), run, [&initial, &last], horizon))?;
+    continued(py, found, system, &continuation.polish)
 }
 
 /// An extremal of the two-link arm between two rests, from the way it folds alone.
@@ -419,39 +372,39 @@ pub(crate) fn travel_arm(
     let travel = ArmTravel { system: arm, initial, last, fold, horizon };
     let continuation = Continuation { polish, ..Continuation::default() };
     let found = attend(py, |run| {
-        let watch = |arm| Source::<8>::Compiled(Arc::new(arm)).watched(run);
+        let watch = |arm| Source::Compiled(Arc::new(arm)).watched(run);
         Ok(travel.solve_as(&continuation, watch)?)
     })?;
     // with limits that were not reached the motion is one of another arm
     let reached = if found.system == arm { system } else { Py::new(py, of_arm(found.system))? };
-    Way::of(&found.continued).into_python(py, reached, &continuation.polish)
+    continued(py, found.continued, reached, &continuation.polish)
 }
 
 /// A member of a family as a callable gives it.
 type GivenMember = (Py<System>, EndStates, EndStates, f64);
 
-fn follow<const N: usize>(
+fn follow(
     continuation: &Continuation,
     run: &Arc<Run>,
     first: &GivenMember,
     family: &(dyn Fn(f64) -> PyResult<GivenMember> + Sync),
-    fractions: &[f64],
-    nodes: &[f64],
-) -> Result<Way, Error> {
-    let member = |(system, initial, last, horizon): &GivenMember| -> Result<Member<_, N>, Error> {
+    start: &Extremal,
+) -> Result<continuation::Continued, Error> {
+    let (dimension, n) = (start.system.get().dimension, start.system.get().n_states()?);
+    let member = |(system, initial, last, horizon): &GivenMember| -> Result<Member<_>, Error> {
         if !horizon.is_finite() || *horizon <= 0.0 {
             return Err(input(format!(
                 "`family` must return a positive and finite horizon, found {horizon}"
             )));
         }
-        if system.get().dimension != N {
+        if system.get().dimension != dimension {
             let found = system.get().dimension;
             return Err(input(format!(
-                "`family` must have systems of dimension {N} as `start` has, found {found}"
+                "`family` must have systems of dimension {dimension} as `start` has, found {found}"
             )));
         }
-        let ends = [end_of("initial_state", initial)?, end_of("final_state", last)?];
-        Ok(Member { system: system.get().watched::<N>(run)?, ends, horizon: *horizon })
+        let ends = [end_of("initial_state", n, initial)?, end_of("final_state", n, last)?];
+        Ok(Member { system: system.get().watched(run)?, ends, horizon: *horizon })
     };
     let fallback = member(first)?;
     let members = |s: f64| {
@@ -464,8 +417,7 @@ fn follow<const N: usize>(
             fallback.clone()
         })
     };
-    let nodes: Vec<_> = nodes.chunks_exact(N).map(vector::<N>).collect();
-    Ok(Way::of(&continuation.follow(members, fractions, &nodes)?))
+    Ok(continuation.follow(members, &start.fractions(), &start.extremal.nodes)?)
 }
 
 /// Follows a family of problems, from nodes that solve its first member to its last: in horizon, travel or any parameter.
@@ -524,11 +476,8 @@ pub(crate) fn py_follow(
         })
     };
     let first = given(0.0)?;
-    let n = start.system.get().dimension;
-    let (fractions, nodes) = start.fractions();
-    let way =
-        attend(py, |run| for_dimension!(n, follow(&continuation, run, &first, &given, &fractions, &nodes)))?;
+    let found = attend(py, |run| follow(&continuation, run, &first, &given, start))?;
     // the nodes are those of the member that was reached
-    let reached = given(way.s)?.0;
-    way.into_python(py, reached, &continuation.polish)
+    let reached = given(found.s)?.0;
+    continued(py, found, reached, &continuation.polish)
 }

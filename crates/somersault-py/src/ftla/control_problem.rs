@@ -2,17 +2,17 @@
 
 use super::argument::whole;
 use super::differences::{Differences, expect_derivative};
-use super::dimension::{DIMENSIONS, no_such};
+use super::dimension::MOST;
 use super::error::input;
 use super::run::Run;
-use super::system::{Maker, Origin, System};
-use super::watched::{Compiled, call, no_value};
+use super::system::{Origin, System};
+use super::watched::{call, no_value};
 use crate::convert::with_shape;
 use crate::error::Error;
 use crate::plan::check_callable;
 use pyo3::prelude::*;
-use somersault::ftla::nalgebra::{SMatrix, SVector};
-use somersault::ftla::system::{DifferentiatedProblem, ProblemDerivatives, StateCostate};
+use somersault::ftla::nalgebra::DMatrix;
+use somersault::ftla::system::{DifferentiatedProblem, ProblemDerivatives};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -31,13 +31,17 @@ const NAMES: [&str; 5] = ["dynamics", "running_cost", "jacobian", "gradient", "h
 /// How far a Hessian may be from symmetric, as a part of its largest entry: differences of first order get there.
 const UNEVEN: f64 = 1e-6;
 
-/// A problem in one run. Controls are filled up to as many as there are states with ones that do nothing and cost ½u².
-struct Posed {
+/// A problem in one run.
+pub(super) struct Posed {
     problem: Arc<Problem>,
     run: Arc<Run>,
 }
 
 impl Posed {
+    pub(super) fn new(problem: &Arc<Problem>, run: &Arc<Run>) -> Self {
+        Self { problem: Arc::clone(problem), run: Arc::clone(run) }
+    }
+
     /// What callable number `which` makes of vectors; NaN once anything has been raised.
     fn call(&self, which: usize, vectors: &[&[f64]], shape: &[usize]) -> Vec<f64> {
         let (name, callable) = (NAMES[which], &self.problem.callables[which]);
@@ -55,25 +59,26 @@ impl Posed {
     }
 
     /// Holds what the callables give as derivatives against differences, where the run wants it.
-    fn check<const NX: usize>(&self, x: &SVector<f64, NX>, costate: &SVector<f64, NX>, u: &[f64]) {
+    fn check(&self, x: &[f64], costate: &[f64], u: &[f64]) {
         if !self.run.checks_derivatives() {
             return;
         }
-        let width = NX + u.len();
+        let n = x.len();
+        let width = n + u.len();
         let at: Vec<f64> = x.iter().chain(u).copied().collect();
         let given = |which: usize, shape: &[usize], at: &[f64]| {
-            let found = self.call(which, &[&at[..NX], &at[NX..]], shape);
+            let found = self.call(which, &[&at[..n], &at[n..]], shape);
             found.iter().all(|value| value.is_finite()).then_some(found)
         };
         let slopes = |at: &[f64]| {
-            let slopes = self.slopes(&SVector::<f64, NX>::from_column_slice(&at[..NX]), costate, &at[NX..]);
+            let slopes = self.slopes(&at[..n], costate, &at[n..]);
             slopes.iter().all(|value| value.is_finite()).then_some(slopes)
         };
-        let of_dynamics = Differences::of(&at, NX, |at| given(0, &[NX], at));
+        let of_dynamics = Differences::of(&at, n, |at| given(0, &[n], at));
         let of_cost = Differences::of(&at, 1, |at| given(1, &[], at));
         let of_slopes = Differences::of(&at, width, slopes);
-        let jacobian = self.call(2, &[x.as_slice(), u], &[NX, width]);
-        let gradient = self.call(3, &[x.as_slice(), u], &[width]);
+        let jacobian = self.call(2, &[x, u], &[x.len(), width]);
+        let gradient = self.call(3, &[x, u], &[width]);
         let (hessian, _) = self.hessian(x, costate, u);
         let expect = |name: &str, of: &str, written: &[f64], found: &Option<Differences>| {
             expect_derivative(&self.run, name, of, written, found.as_ref());
@@ -84,14 +89,9 @@ impl Posed {
     }
 
     /// The Hessian of λᵀf + ℓ by (x, u), row by row, and how long a row is.
-    fn hessian<const NX: usize>(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &[f64],
-    ) -> (Vec<f64>, usize) {
-        let width = NX + u.len();
-        let found = self.call(4, &[x.as_slice(), u, costate.as_slice()], &[width, width]);
+    fn hessian(&self, x: &[f64], costate: &[f64], u: &[f64]) -> (Vec<f64>, usize) {
+        let width = x.len() + u.len();
+        let found = self.call(4, &[x, u, costate], &[width, width]);
         let largest = found.iter().fold(0.0, |m: f64, entry| m.max(entry.abs()));
         let pairs = (0..width).flat_map(|i| (0..i).map(move |j| (i, j)));
         for (below, above) in pairs.map(|(i, j)| (found[i * width + j], found[j * width + i])) {
@@ -105,107 +105,71 @@ impl Posed {
     }
 
     /// The gradient of λᵀf + ℓ by (x, u).
-    fn slopes<const NX: usize>(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &[f64],
-    ) -> Vec<f64> {
-        let width = NX + u.len();
-        let by = self.call(2, &[x.as_slice(), u], &[NX, width]);
-        let mut slopes = self.call(3, &[x.as_slice(), u], &[width]);
+    fn slopes(&self, x: &[f64], costate: &[f64], u: &[f64]) -> Vec<f64> {
+        let width = x.len() + u.len();
+        let by = self.call(2, &[x, u], &[x.len(), width]);
+        let mut slopes = self.call(3, &[x, u], &[width]);
         for (j, slope) in slopes.iter_mut().enumerate() {
-            *slope += (0..NX).map(|i| costate[i] * by[i * width + j]).sum::<f64>();
+            *slope += (0..x.len()).map(|i| costate[i] * by[i * width + j]).sum::<f64>();
         }
         slopes
     }
 }
 
-impl<const NX: usize> DifferentiatedProblem<NX, NX> for Posed {
-    fn rate(&self, x: &SVector<f64, NX>, u: &SVector<f64, NX>) -> SVector<f64, NX> {
-        let u = &u.as_slice()[..self.problem.n_controls];
-        SVector::from_column_slice(&self.call(0, &[x.as_slice(), u], &[NX]))
+impl DifferentiatedProblem for Posed {
+    fn sizes(&self) -> [usize; 2] {
+        [self.problem.n_states, self.problem.n_controls]
     }
 
-    fn cost(&self, x: &SVector<f64, NX>, u: &SVector<f64, NX>) -> f64 {
-        let (u, idle) = u.as_slice().split_at(self.problem.n_controls);
-        self.call(1, &[x.as_slice(), u], &[])[0] + 0.5 * idle.iter().map(|u| u * u).sum::<f64>()
+    fn rate_into(&self, x: &[f64], u: &[f64], f: &mut [f64]) {
+        f.copy_from_slice(&self.call(0, &[x, u], &[x.len()]));
     }
 
-    fn by_control(
+    fn cost(&self, x: &[f64], u: &[f64]) -> f64 {
+        self.call(1, &[x, u], &[])[0]
+    }
+
+    fn by_control_into(
         &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NX>,
-    ) -> (f64, SVector<f64, NX>, SMatrix<f64, NX, NX>) {
-        let m = self.problem.n_controls;
-        let used = &u.as_slice()[..m];
-        let value = self.rate(x, u).dot(costate) + self.cost(x, u);
-        let slopes = self.slopes(x, costate, used);
-        let (second, width) = self.hessian(x, costate, used);
-        let gradient = SVector::from_fn(|i, _| if i < m { slopes[NX + i] } else { u[i] });
-        let hessian = SMatrix::from_fn(|i, j| match (i < m && j < m, i == j) {
-            (true, _) => second[(NX + i) * width + NX + j],
-            (false, true) => 1.0,
-            (false, false) => 0.0,
-        });
-        (value, gradient, hessian)
+        x: &[f64],
+        costate: &[f64],
+        u: &[f64],
+        gradient: &mut [f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> f64 {
+        let n = x.len();
+        let rate = self.call(0, &[x, u], &[n]);
+        let value = rate.iter().zip(costate).map(|(f, costate)| f * costate).sum::<f64>() + self.cost(x, u);
+        gradient.copy_from_slice(&self.slopes(x, costate, u)[n..]);
+        let (second, width) = self.hessian(x, costate, u);
+        for (i, j) in (0..u.len()).flat_map(|i| (0..u.len()).map(move |j| (i, j))) {
+            hessian[(i, j)] = second[(n + i) * width + n + j];
+        }
+        value
     }
 
-    fn by_state(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NX>,
-    ) -> SVector<f64, NX> {
-        let used = &u.as_slice()[..self.problem.n_controls];
-        self.check(x, costate, used);
-        SVector::from_column_slice(&self.slopes(x, costate, used)[..NX])
+    fn by_state_into(&self, x: &[f64], costate: &[f64], u: &[f64], slope: &mut [f64]) {
+        self.check(x, costate, u);
+        slope.copy_from_slice(&self.slopes(x, costate, u)[..x.len()]);
     }
 
-    fn derivatives(
-        &self,
-        x: &SVector<f64, NX>,
-        costate: &SVector<f64, NX>,
-        u: &SVector<f64, NX>,
-    ) -> ProblemDerivatives<NX, NX> {
-        let m = self.problem.n_controls;
-        let used = &u.as_slice()[..m];
-        self.check(x, costate, used);
-        let (second, width) = self.hessian(x, costate, used);
-        let by = self.call(2, &[x.as_slice(), used], &[NX, width]);
-        let of_control =
-            |entry: &[f64], i: usize, j: usize| if j < m { entry[i * width + NX + j] } else { 0.0 };
+    fn derivatives(&self, x: &[f64], costate: &[f64], u: &[f64]) -> ProblemDerivatives {
+        self.check(x, costate, u);
+        let (n, m) = (x.len(), u.len());
+        let (second, width) = self.hessian(x, costate, u);
+        let by = self.call(2, &[x, u], &[n, width]);
         ProblemDerivatives {
-            f_x: SMatrix::from_fn(|i, j| by[i * width + j]),
-            f_u: SMatrix::from_fn(|i, j| of_control(&by, i, j)),
-            k_xx: SMatrix::from_fn(|i, j| second[i * width + j]),
-            k_xu: SMatrix::from_fn(|i, j| of_control(&second, i, j)),
+            f_x: DMatrix::from_fn(n, n, |i, j| by[i * width + j]),
+            f_u: DMatrix::from_fn(n, m, |i, j| by[i * width + n + j]),
+            k_xx: DMatrix::from_fn(n, n, |i, j| second[i * width + j]),
+            k_xu: DMatrix::from_fn(n, m, |i, j| second[i * width + n + j]),
         }
     }
 
-    fn n_controls(&self) -> usize {
-        self.problem.n_controls
+    fn control_bounds(&self) -> [Vec<f64>; 2] {
+        let (lower, upper) = self.problem.bounds.split_at(self.problem.n_controls);
+        [lower.to_vec(), upper.to_vec()]
     }
-
-    fn control_bounds(&self) -> [SVector<f64, NX>; 2] {
-        let Problem { n_controls: m, bounds, .. } = &*self.problem;
-        let bound =
-            |from: usize, none: f64| SVector::from_fn(|i, _| if i < *m { bounds[from + i] } else { none });
-        [bound(0, f64::NEG_INFINITY), bound(*m, f64::INFINITY)]
-    }
-}
-
-/// The system of a problem, checked.
-fn of_problem<const NX: usize, const N: usize>(problem: Arc<Problem>) -> Result<System, Error> {
-    let (kept, n_controls) = (Arc::clone(&problem), problem.n_controls);
-    let description = format!("problem of {NX} states and {n_controls} controls");
-    let make = move |run: &Arc<Run>| -> Result<Compiled<N>, Error> {
-        let posed = Posed { problem: Arc::clone(&problem), run: Arc::clone(run) };
-        Ok(Arc::new(StateCostate::<_, NX, NX, N>::try_new(posed)?))
-    };
-    let maker: Maker<N> = Box::new(make);
-    Ok(System::made(maker, description, n_controls, Origin::Problem(kept)))
 }
 
 /// The state–costate system of a user-defined optimal control problem: minimise ∫ ℓ(x, u) dt subject to dx/dt = f(x, u).
@@ -220,9 +184,9 @@ fn of_problem<const NX: usize, const N: usize>(problem: Arc<Problem>) -> Result<
 /// running_cost : callable
 ///     ``running_cost(x, u) -> float``, ℓ.
 /// n_states : int
-///     1, 2, 3, 4, 5, 6, 8, 10 or 12.
+///     From 1 to 128.
 /// n_controls : int
-///     From 1 to n_states.
+///     From 1 to 128.
 /// jacobian : callable
 ///     ``jacobian(x, u)``, of shape (n_states, n_states + n_controls): ∂f/∂(x, u).
 /// gradient : callable
@@ -277,12 +241,10 @@ pub(crate) fn state_costate(
     hessian: &Bound<'_, PyAny>,
     control_bounds: Option<&Bound<'_, PyAny>>,
 ) -> Result<System, Error> {
-    if !DIMENSIONS.contains(&n_states.saturating_mul(2)) {
-        let allowed = DIMENSIONS.map(|dimension| dimension / 2);
-        return Err(input(format!("`n_states` must be one of {allowed:?}, found {n_states}")));
-    }
-    if !(1..=n_states).contains(&n_controls) {
-        return Err(input(format!("`n_controls` must be from 1 to {n_states}, found {n_controls}")));
+    for (name, found) in [("n_states", n_states), ("n_controls", n_controls)] {
+        if !(1..=MOST / 2).contains(&found) {
+            return Err(input(format!("`{name}` must be from 1 to {}, found {found}", MOST / 2)));
+        }
     }
     let given = [dynamics, running_cost, jacobian, gradient, hessian];
     for (name, callable) in NAMES.into_iter().zip(given) {
@@ -299,17 +261,7 @@ pub(crate) fn state_costate(
         return Err(input(format!("`control_bounds` must be a lower below an upper bound, found {found:?}")));
     }
     let callables = given.map(|callable| callable.clone().unbind());
-    let problem = Arc::new(Problem { callables, n_states, n_controls, bounds });
-    match n_states {
-        1 => of_problem::<1, 2>(problem),
-        2 => of_problem::<2, 4>(problem),
-        3 => of_problem::<3, 6>(problem),
-        4 => of_problem::<4, 8>(problem),
-        5 => of_problem::<5, 10>(problem),
-        6 => of_problem::<6, 12>(problem),
-        8 => of_problem::<8, 16>(problem),
-        10 => of_problem::<10, 20>(problem),
-        12 => of_problem::<12, 24>(problem),
-        other => Err(no_such("n_states", other)),
-    }
+    let description = format!("problem of {n_states} states and {n_controls} controls");
+    let problem = Problem { callables, n_states, n_controls, bounds };
+    Ok(System::made_from(2 * n_states, n_controls, description, Origin::Problem(Arc::new(problem))))
 }

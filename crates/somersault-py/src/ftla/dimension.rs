@@ -1,70 +1,53 @@
-//! The dimensions that analyses are compiled for, and plain numbers ↔ those of fixed size.
+//! How many numbers a point may have, and arrays of vectors and matrices.
 
 use super::error::input;
 use crate::convert::array;
 use crate::error::Error;
 use pyo3::prelude::*;
-use somersault::ftla::nalgebra::{SMatrix, SVector};
+use somersault::ftla::nalgebra::{DMatrix, DVector};
 
-/// Numbers of states and costates together.
-pub(crate) const DIMENSIONS: [usize; 9] = [2, 4, 6, 8, 10, 12, 16, 20, 24];
+/// States and costates together. More are a slip, and no memory is there for it: a run takes some twenty of their squares.
+pub(crate) const MOST: usize = 256;
 
-/// Calls a function that is generic over the dimension with the one that is known at run time.
-macro_rules! for_dimension {
-    ($n:expr, $function:ident ( $($argument:expr),* $(,)? )) => {
-        match $n {
-            2 => $function::<2>($($argument),*),
-            4 => $function::<4>($($argument),*),
-            6 => $function::<6>($($argument),*),
-            8 => $function::<8>($($argument),*),
-            10 => $function::<10>($($argument),*),
-            12 => $function::<12>($($argument),*),
-            16 => $function::<16>($($argument),*),
-            20 => $function::<20>($($argument),*),
-            24 => $function::<24>($($argument),*),
-            other => Err($crate::ftla::dimension::no_such("dimension", other)),
-        }
-    };
-}
-pub(crate) use for_dimension;
-
-/// An argument asks for a dimension that there is none of.
-pub(crate) fn no_such(argument: &str, found: usize) -> Error {
-    input(format!("`{argument}` must be one of {DIMENSIONS:?}, found {found}"))
-}
-
-/// Pickled numbers must be those of a square matrix of one of the dimensions.
-pub(crate) fn expect_square(argument: &str, values: &[f64], n: usize) -> Result<(), Error> {
-    if !DIMENSIONS.contains(&n) {
-        return Err(no_such("dimension", n));
+/// A number of entries that there is memory for.
+pub(crate) fn expect_dimension(argument: &str, found: usize) -> Result<usize, Error> {
+    if (1..=MOST).contains(&found) {
+        Ok(found)
+    } else {
+        Err(input(format!("`{argument}` must be from 1 to {MOST}, found {found}")))
     }
+}
+
+/// Pickled numbers must be those of a square matrix.
+pub(crate) fn expect_square(argument: &str, values: &[f64], n: usize) -> Result<(), Error> {
+    expect_dimension("dimension", n)?;
     if values.len() != n * n {
         return Err(input(format!("`{argument}` must have {} entries, found {}", n * n, values.len())));
     }
     Ok(())
 }
 
-/// A vector whose length callers have checked.
-pub(crate) fn vector<const N: usize>(values: &[f64]) -> SVector<f64, N> {
-    SVector::from_column_slice(values)
+/// Numbers as a vector.
+pub(crate) fn vector(values: &[f64]) -> DVector<f64> {
+    DVector::from_column_slice(values)
 }
 
-/// A matrix from its columns one after the other, whose number callers have checked.
-pub(crate) fn matrix<const N: usize>(values: &[f64]) -> SMatrix<f64, N, N> {
-    SMatrix::from_column_slice(values)
+/// A square matrix as an array.
+pub(crate) fn matrix_array<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyAny>> {
+    Ok(array(py, by_rows(matrix), &[matrix.nrows(), matrix.ncols()])?.into_any())
 }
 
-/// A square matrix as an array, from its columns one after the other.
-pub(crate) fn matrix_array<'py>(py: Python<'py>, columns: &[f64], n: usize) -> PyResult<Bound<'py, PyAny>> {
-    Ok(array(py, by_rows(columns, n), &[n, n])?.into_any())
+/// The entries of a matrix, row by row.
+pub(crate) fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
+    matrix.transpose().as_slice().to_vec()
 }
 
-/// The columns of a square matrix as rows.
-pub(crate) fn by_rows(columns: &[f64], n: usize) -> Vec<f64> {
-    (0..n * n).map(|k| columns[k % n * n + k / n]).collect()
-}
-
-/// Rows of equal length as one array.
-pub(crate) fn rows_array<'py>(py: Python<'py>, rows: &[Vec<f64>], n: usize) -> PyResult<Bound<'py, PyAny>> {
-    Ok(array(py, rows.concat(), &[rows.len(), n])?.into_any())
+/// Vectors of equal length as one array.
+pub(crate) fn rows_array<'py>(
+    py: Python<'py>,
+    rows: &[DVector<f64>],
+    n: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let numbers = rows.iter().flat_map(|row| row.iter().copied()).collect();
+    Ok(array(py, numbers, &[rows.len(), n])?.into_any())
 }

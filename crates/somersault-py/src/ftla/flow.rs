@@ -2,7 +2,7 @@
 
 use super::argument::whole;
 use super::chain::{Chain, Transition};
-use super::dimension::{for_dimension, rows_array, vector};
+use super::dimension::{rows_array, vector};
 use super::error::{input, of_motion};
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, tolerances_of};
@@ -16,8 +16,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use rayon::prelude::*;
 use somersault::ftla::flow::{self, Tolerances};
+use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
-use somersault::ftla::system::{Piece, Side};
+use somersault::ftla::system::{Piece, Side, VectorField};
 use std::sync::Arc;
 
 /// Integrates a system with its transition matrix, forward and, for a negative duration, backward.
@@ -58,106 +59,101 @@ pub(crate) struct VariationalFlow {
     pub(crate) settings: Settings,
 }
 
-fn states<const N: usize>(
+fn states(
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
-    p: &[f64],
+    p: &DVector<f64>,
     durations: &[f64],
-) -> Result<Vec<Vec<f64>>, Error> {
-    let system = system.watched::<N>(run)?;
+) -> Result<Vec<DVector<f64>>, Error> {
+    let system = system.watched(run)?;
     let flow = settings.flow(&system)?;
-    let p = vector::<N>(p);
-    let found = durations.par_iter().map(|&duration| flow.state(&p, duration));
-    Ok(found.map(|end| end.map(|end| end.as_slice().to_vec())).collect::<Result<_, _>>()?)
+    Ok(durations.par_iter().map(|&duration| flow.state(p, duration)).collect::<Result<_, _>>()?)
 }
 
-fn cost<const N: usize>(
+fn cost(
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
-    p: &[f64],
+    p: &DVector<f64>,
     duration: f64,
-) -> Result<(Vec<f64>, f64), Error> {
-    let system = system.watched::<N>(run)?;
-    let (end, cost) = settings.flow(&system)?.cost(&vector(p), duration)?;
-    Ok((end.as_slice().to_vec(), cost))
+) -> Result<(DVector<f64>, f64), Error> {
+    let system = system.watched(run)?;
+    Ok(settings.flow(&system)?.cost(p, duration)?)
 }
 
-fn transitions<const N: usize>(
+fn transitions(
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
     points: &[f64],
     duration: f64,
 ) -> Result<Vec<Transition>, Error> {
-    let system = system.watched::<N>(run)?;
-    let flow = settings.flow(&system)?;
-    let propagated = points.par_chunks_exact(N).enumerate().map(|(row, p)| {
-        let which = if points.len() == N { String::new() } else { format!("row {row}: ") };
-        flow.transition(&vector(p), duration)
-            .map(|t| Transition::of(&t))
-            .map_err(|error| of_motion(&which, error))
+    let system = system.watched(run)?;
+    let (flow, n) = (settings.flow(&system)?, system.dimension());
+    let propagated = points.par_chunks_exact(n).enumerate().map(|(row, p)| {
+        let which = if points.len() == n { String::new() } else { format!("row {row}: ") };
+        flow.transition(&vector(p), duration).map(Transition::of).map_err(|error| of_motion(&which, error))
     });
     propagated.collect()
 }
 
-fn switches<const N: usize>(
+fn switches(
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
-    p: &[f64],
+    p: &DVector<f64>,
     duration: f64,
 ) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
-    let watched = system.watched::<N>(run)?;
-    let found = settings.flow(&watched)?.switches(&vector(p), duration)?;
-    let named = |(t, piece): (f64, Piece<N>)| {
-        let side = |side: &Side| match side {
+    let watched = system.watched(run)?;
+    let found = settings.flow(&watched)?.switches(p, duration)?;
+    let named = |(t, piece): (f64, Piece)| {
+        let side = |i: usize| match piece.side(i) {
             Side::Lower => "lower",
             Side::Free => "free",
             Side::Upper => "upper",
         };
-        (t, piece.sides.iter().take(system.n_controls).map(side).collect())
+        (t, (0..system.n_controls).map(side).collect())
     };
     Ok(found.into_iter().map(named).collect())
 }
 
-fn chain<const N: usize>(
+fn chain(
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
-    p: &[f64],
+    p: &DVector<f64>,
     times: &[f64],
     growth: f64,
 ) -> Result<Chain, Error> {
-    let system = system.watched::<N>(run)?;
+    let system = system.watched(run)?;
     let mut chain = flow::Chain::new();
-    settings.flow(&system)?.chain_into(&vector(p), times, growth, &mut chain)?;
-    Ok(Chain::of(&chain))
+    settings.flow(&system)?.chain_into(p, times, growth, &mut chain)?;
+    Ok(Chain::of(system.dimension(), &chain))
 }
 
-fn spectra<const N: usize>(
+fn spectra(
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
-    p: &[f64],
+    p: &DVector<f64>,
     times: &[f64],
     direction: TimeDirection,
 ) -> Result<Vec<Spectrum>, Error> {
-    let system = system.watched::<N>(run)?;
+    let system = system.watched(run)?;
     let flow = settings.flow(&system)?;
-    let found = somersault::ftla::spectrum::spectra(&flow, &vector(p), direction, times)?;
-    Ok(found.iter().map(Spectrum::of).collect())
+    let found = somersault::ftla::spectrum::spectra(&flow, p, direction, times)?;
+    Ok(found.into_iter().map(|spectrum| Spectrum { spectrum }).collect())
 }
 
 impl VariationalFlow {
     /// A point of the system's dimension.
-    pub(crate) fn point(&self, name: &'static str, p: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
+    pub(crate) fn point(&self, name: &'static str, p: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
         let rows = Rows::extract(name, &[self.system.get().dimension], p)?;
         if rows.is_many() {
             return Err(input(format!("`{name}` must be one point, found many")));
         }
-        Ok(rows.all()?.to_vec())
+        Ok(vector(rows.all()?))
     }
 }
 
@@ -204,9 +200,9 @@ impl VariationalFlow {
         let (p, (single, durations)) = (self.point("p", p)?, crate::convert::times("duration", duration)?);
         let system = self.system.get();
         let n = system.dimension;
-        let ends = attend(py, |run| for_dimension!(n, states(system, self.settings, run, &p, &durations)))?;
+        let ends = attend(py, |run| states(system, self.settings, run, &p, &durations))?;
         if single {
-            return Ok(PyArray1::from_slice(py, &ends[0]).into_any());
+            return Ok(PyArray1::from_slice(py, ends[0].as_slice()).into_any());
         }
         Ok(rows_array(py, &ends, n)?)
     }
@@ -230,10 +226,8 @@ impl VariationalFlow {
         duration: f64,
     ) -> Result<(Bound<'py, PyAny>, f64), Error> {
         let (p, system) = (self.point("p", p)?, self.system.get());
-        let (end, cost) = attend(py, |run| {
-            for_dimension!(system.dimension, cost(system, self.settings, run, &p, duration))
-        })?;
-        Ok((PyArray1::from_vec(py, end).into_any(), cost))
+        let (end, cost) = attend(py, |run| cost(system, self.settings, run, &p, duration))?;
+        Ok((PyArray1::from_slice(py, end.as_slice()).into_any(), cost))
     }
 
     /// p(t + T) with Φ.
@@ -249,9 +243,7 @@ impl VariationalFlow {
     /// Transition
     fn transition(&self, py: Python<'_>, p: &Bound<'_, PyAny>, duration: f64) -> Result<Transition, Error> {
         let (p, system) = (self.point("p", p)?, self.system.get());
-        let mut found = attend(py, |run| {
-            for_dimension!(system.dimension, transitions(system, self.settings, run, &p, duration))
-        })?;
+        let mut found = attend(py, |run| transitions(system, self.settings, run, p.as_slice(), duration))?;
         Ok(found.remove(0))
     }
 
@@ -279,9 +271,8 @@ impl VariationalFlow {
         let n = system.dimension;
         let rows = Rows::extract("points", &[n], points)?;
         let all = rows.all()?;
-        let found =
-            attend(py, |run| for_dimension!(n, transitions(system, self.settings, run, all, duration)))?;
-        let ends = found.iter().flat_map(|t| t.end_values().iter().copied()).collect();
+        let found = attend(py, |run| transitions(system, self.settings, run, all, duration))?;
+        let ends = found.iter().flat_map(|t| t.transition.end.iter().copied()).collect();
         let matrices = found.iter().flat_map(Transition::matrix_by_rows).collect();
         let m = found.len();
         Ok((array(py, ends, &[m, n])?.into_any(), array(py, matrices, &[m, n, n])?.into_any()))
@@ -308,7 +299,7 @@ impl VariationalFlow {
         duration: f64,
     ) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
         let (p, system) = (self.point("p", p)?, self.system.get());
-        attend(py, |run| for_dimension!(system.dimension, switches(system, self.settings, run, &p, duration)))
+        attend(py, |run| switches(system, self.settings, run, &p, duration))
     }
 
     /// Factors of Φ that keep its small singular values.
@@ -333,9 +324,7 @@ impl VariationalFlow {
         growth: f64,
     ) -> Result<Chain, Error> {
         let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
-        attend(py, |run| {
-            for_dimension!(system.dimension, chain(system, self.settings, run, &p, &times, growth))
-        })
+        attend(py, |run| chain(system, self.settings, run, &p, &times, growth))
     }
 
     /// Finite-time Lyapunov exponents and vectors for many averaging times, from one run.
@@ -360,9 +349,7 @@ impl VariationalFlow {
     ) -> Result<Vec<Spectrum>, Error> {
         let direction = direction_of(direction)?;
         let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
-        attend(py, |run| {
-            for_dimension!(system.dimension, spectra(system, self.settings, run, &p, &times, direction))
-        })
+        attend(py, |run| spectra(system, self.settings, run, &p, &times, direction))
     }
 
     /// Finite-time Lyapunov exponents and vectors for one averaging time.

@@ -1,6 +1,5 @@
 //! How long motions follow an optimum that they start beside.
 
-use super::dimension::{for_dimension, vector};
 use super::error::positive;
 use super::flow::VariationalFlow;
 use super::placement::{Placement, status_named, status_of};
@@ -12,6 +11,7 @@ use crate::convert::real_numbers;
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
 use std::sync::Arc;
 
@@ -57,20 +57,20 @@ impl Following {
     }
 }
 
-fn following<const N: usize>(
+fn following(
     placement: &Placement,
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
     optimum: &Extremal,
-    error: &[f64],
+    error: &DVector<f64>,
     sizes: &[f64],
     bound: f64,
 ) -> Result<Vec<Following>, Error> {
-    let placement = placement.typed::<N>(TimeDirection::Forward)?;
-    let system = system.watched::<N>(run)?;
+    let placement = placement.typed(system.dimension, TimeDirection::Forward)?;
+    let system = system.watched(run)?;
     let flow = settings.flow(&system)?;
-    let found = placement.following(&flow, &optimum.typed::<N>(), &vector(error), sizes, bound)?;
+    let found = placement.following(&flow, &optimum.extremal, error, sizes, bound)?;
     let plain = |each: somersault::ftla::placement::Following| Following {
         size: each.size,
         without_placement: each.without_placement,
@@ -112,11 +112,6 @@ impl Placement {
         let (system, settings) = (flow.system.get(), flow.settings);
         positive("bound", bound)?;
         optimum.expect_dimension(system.dimension)?;
-        attend(py, |run| {
-            for_dimension!(
-                system.dimension,
-                following(self, system, settings, run, optimum, &error, &sizes, bound)
-            )
-        })
+        attend(py, |run| following(self, system, settings, run, optimum, &error, &sizes, bound))
     }
 }

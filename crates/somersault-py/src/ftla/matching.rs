@@ -1,7 +1,7 @@
 //! Matching a motion from the start with one from the end.
 
 use super::argument::{whole, wholes};
-use super::dimension::{for_dimension, rows_array, vector};
+use super::dimension::rows_array;
 use super::error::{input, positive};
 use super::flow::VariationalFlow;
 use super::placement::Placement;
@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::flow;
 use somersault::ftla::matching::{self, GridSearch, LeastSquares, MatchStatus};
+use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
 use std::sync::Arc;
 
@@ -48,7 +49,7 @@ pub(crate) struct Matching {
 }
 
 /// Times and points of an end and after each correction.
-type Course = Vec<(f64, Vec<f64>)>;
+type Course = Vec<(f64, DVector<f64>)>;
 
 /// What Python calls a status.
 fn name_of(status: MatchStatus) -> &'static str {
@@ -74,6 +75,11 @@ fn status_named(name: &str) -> Result<&'static str, Error> {
     known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
 }
 
+/// The entries of a vector, to be pickled.
+fn numbers(p: &DVector<f64>) -> Vec<f64> {
+    p.as_slice().to_vec()
+}
+
 /// Finite numbers, so many of them.
 pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let values = with_shape(name, &[n], value)?;
@@ -91,14 +97,15 @@ enum Search {
 }
 
 impl Matching {
-    /// As it is in the dimension N, with the flow of a run.
-    fn typed<'a, const N: usize>(
+    /// As the library has it, with the flow of a run.
+    fn typed<'a>(
         &self,
-        flow: flow::VariationalFlow<'a, Watched<N>, N>,
-    ) -> Result<matching::Matching<'a, Watched<N>, N>, Error> {
-        let placement = self.placement.get();
+        flow: flow::VariationalFlow<'a, Watched>,
+    ) -> Result<matching::Matching<'a, Watched>, Error> {
+        let (placement, n) = (self.placement.get(), self.dimension());
         let placements =
-            [placement.typed::<N>(TimeDirection::Forward)?, placement.typed::<N>(TimeDirection::Backward)?];
+            [TimeDirection::Forward, TimeDirection::Backward].map(|direction| placement.typed(n, direction));
+        let [forward, backward] = placements;
         let [initial, last] = self.states.each_ref().map(Vec::as_slice);
         let [first_guess, last_guess] = self.costates.each_ref().map(Vec::as_slice);
         let matching = matching::Matching::try_new(
@@ -106,7 +113,7 @@ impl Matching {
             [initial, last],
             [first_guess, last_guess],
             self.horizon,
-            placements,
+            [forward?, backward?],
         )?;
         Ok(matching.try_with_course(self.match_time, &self.corrections)?)
     }
@@ -118,16 +125,15 @@ impl Matching {
     fn run(self_: &Bound<'_, Self>, search: &Search) -> Result<Matched, Error> {
         let (py, matching) = (self_.py(), self_.get());
         let owner = self_.clone().unbind();
-        let mut found =
-            attend(py, |run| for_dimension!(matching.dimension(), search_in(matching, run, search)))?;
+        let mut found = attend(py, |run| search_in(matching, run, search))?;
         found.matching = Some(owner);
         Ok(found)
     }
 }
 
-fn search_in<const N: usize>(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<Matched, Error> {
+fn search_in(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<Matched, Error> {
     let flow = matching.flow.get();
-    let system = flow.system.get().watched::<N>(run)?;
+    let system = flow.system.get().watched(run)?;
     let typed = matching.typed(flow.settings.flow(&system)?)?;
     let found = match search {
         Search::Check => return Ok(Matched::default()),
@@ -136,31 +142,27 @@ fn search_in<const N: usize>(matching: &Matching, run: &Arc<Run>, search: &Searc
     };
     Ok(Matched {
         status: name_of(found.status),
-        ends: found.ends.map(|p| p.as_slice().to_vec()),
-        meeting: found.meeting.map(|p| p.as_slice().to_vec()),
+        ends: found.ends,
+        meeting: found.meeting,
         mismatch: found.mismatch,
         n_rounds: found.rounds,
         n_branches: found.branches,
         n_flow_evaluations: found.flow_evaluations,
-        courses: found
-            .courses
-            .map(|course| course.into_iter().map(|(t, p)| (t, p.as_slice().to_vec())).collect()),
+        courses: found.courses,
         matching: None,
     })
 }
 
-fn nodes_in<const N: usize>(
+fn nodes_in(
     matched: &Matched,
     matching: &Matching,
     run: &Arc<Run>,
     times: &[f64],
-) -> Result<Vec<Vec<f64>>, Error> {
+) -> Result<Vec<DVector<f64>>, Error> {
     let flow = matching.flow.get();
-    let system = flow.system.get().watched::<N>(run)?;
+    let system = flow.system.get().watched(run)?;
     let typed = matching.typed(flow.settings.flow(&system)?)?;
-    let points = |course: &Course| course.iter().map(|(t, p)| (*t, vector::<N>(p))).collect();
-    let nodes = typed.nodes(&matched.courses.each_ref().map(points), times)?;
-    Ok(nodes.iter().map(|p| p.as_slice().to_vec()).collect())
+    Ok(typed.nodes(&matched.courses, times)?)
 }
 
 #[pymethods]
@@ -182,7 +184,7 @@ impl Matching {
         match_time: Option<f64>,
         corrections: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
-        let n = flow.get().system.get().dimension / 2;
+        let n = flow.get().system.get().n_states()?;
         let matching = Self {
             states: [entries("initial_state", n, initial_state)?, entries("final_state", n, final_state)?],
             costates: [
@@ -198,7 +200,7 @@ impl Matching {
             },
             corrections: corrections.map_or(Ok(Vec::new()), |times| real_numbers("corrections", times))?,
         };
-        attend(py, |run| for_dimension!(2 * n, search_in(&matching, run, &Search::Check)))?;
+        attend(py, |run| search_in(&matching, run, &Search::Check))?;
         Ok(matching)
     }
 
@@ -314,8 +316,8 @@ pub(crate) struct Matched {
     /// ``'limit_reached'``, or ``'no_start'`` where nothing to begin with could be placed and followed.
     #[pyo3(get)]
     status: &'static str,
-    ends: [Vec<f64>; 2],
-    meeting: [Vec<f64>; 2],
+    ends: [DVector<f64>; 2],
+    meeting: [DVector<f64>; 2],
     /// float: ‖p⁺ − p⁻‖ at the match time.
     #[pyo3(get)]
     mismatch: f64,
@@ -336,8 +338,8 @@ impl Default for Matched {
     fn default() -> Self {
         Self {
             status: "no_start",
-            ends: Default::default(),
-            meeting: Default::default(),
+            ends: [DVector::zeros(0), DVector::zeros(0)],
+            meeting: [DVector::zeros(0), DVector::zeros(0)],
             mismatch: f64::INFINITY,
             n_rounds: 0,
             n_branches: 0,
@@ -388,7 +390,7 @@ impl Matched {
             return Err(input(format!("`times` must be from 0 to the horizon, found {t}")));
         }
         let n = matching.dimension();
-        let nodes = attend(py, |run| for_dimension!(n, nodes_in(self, matching, run, &times)))?;
+        let nodes = attend(py, |run| nodes_in(self, matching, run, &times))?;
         Ok(rows_array(py, &nodes, n)?)
     }
 
@@ -403,11 +405,13 @@ impl Matched {
         let matching = own.matching.as_ref().map(|matching| matching.bind(py));
         let arguments = (
             own.status,
-            own.ends.clone(),
-            own.meeting.clone(),
+            own.ends.each_ref().map(numbers),
+            own.meeting.each_ref().map(numbers),
             own.mismatch,
             counts,
-            own.courses.clone(),
+            own.courses
+                .each_ref()
+                .map(|course| course.iter().map(|(t, p)| (*t, numbers(p))).collect::<Vec<_>>()),
             matching,
         );
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
@@ -422,20 +426,20 @@ impl Matched {
         meeting: [Vec<f64>; 2],
         mismatch: f64,
         counts: (usize, usize, usize),
-        courses: [Course; 2],
+        courses: [Vec<(f64, Vec<f64>)>; 2],
         matching: Option<Py<Matching>>,
     ) -> Result<Self, Error> {
         let status = status_named(status)?;
         let (n_rounds, n_branches, n_flow_evaluations) = counts;
         Ok(Self {
             status,
-            ends,
-            meeting,
+            ends: ends.map(DVector::from_vec),
+            meeting: meeting.map(DVector::from_vec),
             mismatch,
             n_rounds,
             n_branches,
             n_flow_evaluations,
-            courses,
+            courses: courses.map(|c| c.into_iter().map(|(t, p)| (t, DVector::from_vec(p))).collect()),
             matching,
         })
     }

@@ -1,7 +1,6 @@
 //! Finite-time Lyapunov analysis of hyper-sensitive optimal control: `somersault.ftla`.
 //!
-//! The crate is generic over the dimension, which Python knows only at run time: classes here hold plain numbers, and
-//! [`for_dimension`](dimension::for_dimension) enters the code of theirs.
+//! Classes here hold the crate's own values, and [`Watched`](watched::Watched) is the system of every calculation.
 
 mod argument;
 mod chain;

@@ -1,14 +1,16 @@
 //! The systems of the library.
 
 use super::argument::{pair, pair_or_none, wholes};
+use super::dimension::MOST;
 use super::error::input;
 use super::system::{Origin, System};
 use crate::convert::numbers_or_one;
 use crate::error::Error;
 use crate::model::Model;
 use pyo3::prelude::*;
-use somersault::ftla::system::{ArmMinimumTorque, CubicRegulator, LinearRegulator, TreeMinimumTorque};
+use somersault::ftla::system::{ArmMinimumTorque, TreeMinimumTorque};
 use somersault::multibody::models::TwoLinkArm;
+use std::sync::Arc;
 
 /// Minimum-torque motions of the two-link arm (thesis 8.2, 8.3), field and Jacobian in closed form.
 ///
@@ -58,7 +60,7 @@ pub(super) fn of_arm(arm: ArmMinimumTorque) -> System {
     let description = format!(
         "arm, masses={masses:?}, lengths={lengths:?}, damping={damping:?}, weights={weights:?}{limited}"
     );
-    System::compiled(arm, description, Origin::Arm(arm))
+    System::made_from(8, 2, description, Origin::Arm(arm))
 }
 
 fn limits_text(limits: &[f64]) -> String {
@@ -76,7 +78,7 @@ fn limits_text(limits: &[f64]) -> String {
 /// System
 #[pyfunction]
 pub(crate) fn linear_regulator() -> System {
-    System::compiled(LinearRegulator, "linear regulator".to_owned(), Origin::Regulator("linear_regulator"))
+    System::made_from(2, 1, "linear regulator".to_owned(), Origin::LinearRegulator)
 }
 
 /// The regulator dx/dt = −x³ + u with cost ½ ∫ x² + u² dt.
@@ -88,7 +90,7 @@ pub(crate) fn linear_regulator() -> System {
 /// System
 #[pyfunction]
 pub(crate) fn cubic_regulator() -> System {
-    System::compiled(CubicRegulator, "cubic regulator".to_owned(), Origin::Regulator("cubic_regulator"))
+    System::made_from(2, 1, "cubic regulator".to_owned(), Origin::CubicRegulator)
 }
 
 /// What the system of a tree is made from.
@@ -97,19 +99,7 @@ pub(super) struct GivenTree {
     pub(super) weights: Vec<f64>,
     pub(super) limits: Vec<f64>,
     pub(super) passive: Vec<usize>,
-}
-
-impl GivenTree {
-    /// The system, made anew; `N` is four times the degrees of freedom.
-    pub(super) fn system<const N: usize>(&self, py: Python<'_>) -> Result<TreeMinimumTorque<N>, Error> {
-        let tree = &self.model.bind(py).get().model;
-        let mut system =
-            TreeMinimumTorque::try_new(tree, &self.weights)?.try_with_torque_limits(&self.limits)?;
-        for &joint in &self.passive {
-            system = system.try_with_passive(joint)?;
-        }
-        Ok(system)
-    }
+    pub(super) system: Arc<TreeMinimumTorque>,
 }
 
 /// Limits may be infinite.
@@ -129,7 +119,7 @@ fn check_limits(limits: &[f64]) -> Result<(), Error> {
 /// Parameters
 /// ----------
 /// model : Model
-///     The tree, of one to six degrees of freedom. (The Rust library has any number.)
+///     The tree, of one to 64 degrees of freedom.
 /// weights : float or array_like, shape (n,), optional
 ///     γ of each degree of freedom.
 /// torque_limits : float or array_like, shape (n,), optional
@@ -150,13 +140,16 @@ pub(crate) fn tree(
 ) -> Result<System, Error> {
     let tree = &model.get().model;
     let n = tree.n_velocities();
+    if !(1..=MOST / 4).contains(&n) {
+        return Err(input(format!("`model` must have from 1 to {} degrees of freedom, found {n}", MOST / 4)));
+    }
     for (i, joint) in passive.iter().enumerate() {
         if *joint >= n || passive[..i].contains(joint) {
             let allowed = format!("different numbers of degrees of freedom below {n}");
             return Err(input(format!("`passive` must be {allowed}, found {passive:?}")));
         }
     }
-    if n > 0 && passive.len() == n {
+    if passive.len() == n {
         return Err(input("`passive` must leave one degree of freedom driven".to_owned()));
     }
     let numbers = |name, value: Option<&Bound<'_, PyAny>>, default| {
@@ -168,22 +161,11 @@ pub(crate) fn tree(
     let limited = limits_text(&limits);
     let description =
         format!("tree of {n} degrees of freedom, weights={weights:?}, passive={passive:?}{limited}");
-    fn of<const N: usize>(
-        model: &Bound<'_, Model>,
-        given: GivenTree,
-        description: String,
-    ) -> Result<System, Error> {
-        let system = given.system::<N>(model.py())?;
-        Ok(System::compiled(system, description, Origin::Tree(given)))
+    let mut system = TreeMinimumTorque::try_new(tree, &weights)?.try_with_torque_limits(&limits)?;
+    for &joint in &passive {
+        system = system.try_with_passive(joint)?;
     }
-    let given = GivenTree { model: model.clone().unbind(), weights, limits, passive };
-    match n {
-        1 => of::<4>(model, given, description),
-        2 => of::<8>(model, given, description),
-        3 => of::<12>(model, given, description),
-        4 => of::<16>(model, given, description),
-        5 => of::<20>(model, given, description),
-        6 => of::<24>(model, given, description),
-        other => Err(input(format!("`model` must have one to six degrees of freedom, found {other}"))),
-    }
+    let (model, system) = (model.clone().unbind(), Arc::new(system));
+    let given = GivenTree { model, weights, limits, passive, system };
+    Ok(System::made_from(4 * n, n, description, Origin::Tree(given)))
 }

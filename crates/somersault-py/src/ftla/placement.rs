@@ -1,7 +1,7 @@
 //! Placing a point on the centre-stable or the centre-unstable manifold.
 
 use super::argument::{triple, whole, wholes};
-use super::dimension::{DIMENSIONS, for_dimension, vector};
+use super::dimension::expect_dimension;
 use super::error::{input, positive, told};
 use super::flow::VariationalFlow;
 use super::run::{Run, attend};
@@ -16,6 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::FlowError;
+use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::placement::{self, Method, PlacementError, PlacementStatus, Schedule};
 use somersault::ftla::spectrum::{SplittingDims, TimeDirection};
 use std::sync::Arc;
@@ -71,42 +72,48 @@ impl Placement {
         self.held.len()
     }
 
-    /// As it is in the dimension N.
-    pub(crate) fn typed<const N: usize>(
+    /// As the library has it, for points of a dimension.
+    pub(crate) fn typed(
         &self,
+        dimension: usize,
         direction: TimeDirection,
     ) -> Result<placement::Placement, PlacementError> {
-        let placement =
-            placement::Placement::try_new::<N>(direction, self.dims, &self.held, self.schedule.clone())?;
+        let placement = placement::Placement::try_new(
+            dimension,
+            direction,
+            self.dims,
+            &self.held,
+            self.schedule.clone(),
+        )?;
         let mut placement = placement.with_method(self.method);
         (placement.tolerance, placement.max_iterations) = (self.tol, self.max_iterations);
         Ok(placement)
     }
 }
 
-fn check<const N: usize>(placement: &Placement) -> Result<(), Error> {
+fn check(placement: &Placement, dimension: usize) -> Result<(), Error> {
     // where n^s and n^u differ, it can serve one direction only
-    let forward = placement.typed::<N>(TimeDirection::Forward);
-    let backward = placement.typed::<N>(TimeDirection::Backward);
+    let forward = placement.typed(dimension, TimeDirection::Forward);
+    let backward = placement.typed(dimension, TimeDirection::Backward);
     match (forward, backward) {
         (Err(error), Err(_)) => Err(error.into()),
         (Ok(_), _) | (_, Ok(_)) => Ok(()),
     }
 }
 
-fn place<const N: usize>(
+fn place(
     placement: &Placement,
     system: &System,
     settings: Settings,
     run: &Arc<Run>,
-    p: &[f64],
+    p: &DVector<f64>,
     direction: TimeDirection,
     limits: Limits,
 ) -> Result<Placed, Error> {
-    let placement = placement.typed::<N>(direction)?;
-    let system = system.watched::<N>(run)?;
+    let placement = placement.typed(system.dimension, direction)?;
+    let system = system.watched(run)?;
     let budget = limits.start();
-    Ok(Placed::of(placement.place(&settings.flow(&system)?.within(&budget), &vector(p))))
+    Ok(Placed::of(placement.place(&settings.flow(&system)?.within(&budget), p)))
 }
 
 #[pymethods]
@@ -144,12 +151,8 @@ impl Placement {
         }
         let placement = Self { dims, held, schedule, method, tol, max_iterations };
         let dimension = dims.stable.saturating_add(dims.center).saturating_add(dims.unstable);
-        if !DIMENSIONS.contains(&dimension) {
-            return Err(input(format!(
-                "`dims` must add up to a dimension of {DIMENSIONS:?}, found {dimension}"
-            )));
-        }
-        for_dimension!(dimension, check(&placement))?;
+        expect_dimension("dims", dimension)?;
+        check(&placement, dimension)?;
         Ok(placement)
     }
 
@@ -205,9 +208,7 @@ impl Placement {
     ) -> Result<Placed, Error> {
         let (p, system, settings) = (flow.point("p", p)?, flow.system.get(), flow.settings);
         let (direction, limits) = (direction_of(direction)?, limits_of(max_time, max_evaluations)?);
-        attend(py, |run| {
-            for_dimension!(system.dimension, place(self, system, settings, run, &p, direction, limits))
-        })
+        attend(py, |run| place(self, system, settings, run, &p, direction, limits))
     }
 
     fn __repr__(&self) -> String {
@@ -246,7 +247,7 @@ impl Placement {
 /// A placed point, or the best one found.
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct Placed {
-    p: Vec<f64>,
+    p: DVector<f64>,
     /// str: ``'placed'``, ``'stalled'``, ``'max_iterations'``, ``'singular_costates'``, ``'flow'`` or ``'limit_reached'``.
     #[pyo3(get)]
     status: &'static str,
@@ -288,7 +289,7 @@ pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
 }
 
 impl Placed {
-    fn of<const N: usize>(placed: placement::Placed<N>) -> Self {
+    fn of(placed: placement::Placed) -> Self {
         let message = match &placed.status {
             PlacementStatus::Placed => {
                 "the angle is within the tolerance at the last averaging time".to_owned()
@@ -306,12 +307,12 @@ impl Placed {
             }
         };
         Self {
-            p: placed.p.as_slice().to_vec(),
+            p: placed.p,
             status: status_of(&placed.status),
             message,
             angle: placed.angle,
             time: placed.time,
-            spectrum: placed.spectrum.as_ref().map(Spectrum::of),
+            spectrum: placed.spectrum.map(|spectrum| Spectrum { spectrum }),
             n_iterations: placed.iterations,
             n_flow_evaluations: placed.flow_evaluations,
         }
@@ -323,7 +324,7 @@ impl Placed {
     /// ndarray, shape (dimension,): The point.
     #[getter]
     fn p<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.p).into_any()
+        PyArray1::from_slice(py, self.p.as_slice()).into_any()
     }
 
     /// bool: Whether it was placed at the last averaging time.
@@ -362,6 +363,15 @@ impl Placed {
         let (status, message, angle, time) = how;
         let (n_iterations, n_flow_evaluations) = counts;
         let (status, spectrum) = (status_named(&status)?, spectrum.map(|found| found.get().clone()));
-        Ok(Self { p, status, message, angle, time, spectrum, n_iterations, n_flow_evaluations })
+        Ok(Self {
+            p: DVector::from_vec(p),
+            status,
+            message,
+            angle,
+            time,
+            spectrum,
+            n_iterations,
+            n_flow_evaluations,
+        })
     }
 }

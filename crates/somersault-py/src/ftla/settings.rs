@@ -39,10 +39,7 @@ impl Settings {
     }
 
     /// The flow of a system in a run.
-    pub(crate) fn flow<'a, const N: usize>(
-        &self,
-        system: &'a Watched<N>,
-    ) -> Result<VariationalFlow<'a, Watched<N>, N>, FlowError> {
+    pub(crate) fn flow<'a>(&self, system: &'a Watched) -> Result<VariationalFlow<'a, Watched>, FlowError> {
         Ok(VariationalFlow::try_new(system, self.tolerances)?.with_max_steps(self.max_steps))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::argument::whole;
 use super::chain::{Chain, Transition};
-use super::dimension::{for_dimension, rows_array, vector};
+use super::dimension::{rows_array, vector};
 use super::error::input;
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, limits_of, tolerances_of};
@@ -15,6 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{self, Work};
+use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::shooting::{self, End, Shooting, Status, graded_times};
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem};
 use std::sync::Arc;
@@ -53,9 +54,9 @@ fn status_named(name: &str) -> Result<Status, Error> {
 pub(crate) type EndStates = Vec<Option<f64>>;
 
 /// The conditions at one end.
-pub(crate) fn end_of<const N: usize>(name: &str, states: &EndStates) -> Result<End<N>, Error> {
-    if states.len() != N / 2 {
-        return Err(input(format!("`{name}` must have {} entries, found {}", N / 2, states.len())));
+pub(crate) fn end_of(name: &str, n: usize, states: &EndStates) -> Result<End, Error> {
+    if states.len() != n {
+        return Err(input(format!("`{name}` must have {n} entries, found {}", states.len())));
     }
     if let Some(found) = states.iter().flatten().find(|x| !x.is_finite()) {
         return Err(input(format!("`{name}` must be finite, found {found}")));
@@ -69,37 +70,6 @@ pub(crate) fn end_of<const N: usize>(name: &str, states: &EndStates) -> Result<E
     Ok(end)
 }
 
-/// A motion by its nodes, with how well it satisfies the conditions.
-pub(crate) struct Nodes {
-    times: Vec<f64>,
-    points: Vec<Vec<f64>>,
-    links: Vec<Transition>,
-    status: Status,
-    residual: f64,
-    floor: f64,
-    hamiltonian_drift: Option<f64>,
-    iterations: usize,
-    flow_evaluations: usize,
-    work: Work,
-}
-
-impl Nodes {
-    pub(crate) fn of<const N: usize>(extremal: &shooting::Extremal<N>) -> Self {
-        Self {
-            times: extremal.times.clone(),
-            points: extremal.nodes.iter().map(|p| p.as_slice().to_vec()).collect(),
-            links: extremal.links.iter().map(Transition::of).collect(),
-            status: extremal.status,
-            residual: extremal.residual,
-            floor: extremal.floor,
-            hamiltonian_drift: extremal.hamiltonian_drift,
-            iterations: extremal.iterations,
-            flow_evaluations: extremal.flow_evaluations,
-            work: extremal.work,
-        }
-    }
-}
-
 /// A motion by its nodes that satisfies the conditions of an optimum, as far as `status` and `residual` say.
 ///
 /// Called with times it gives states and costates there.
@@ -107,27 +77,10 @@ impl Nodes {
 pub(crate) struct Extremal {
     pub(crate) system: Py<System>,
     pub(crate) settings: Settings,
-    pub(crate) nodes: Nodes,
+    pub(crate) extremal: shooting::Extremal,
 }
 
 impl Extremal {
-    /// The same in the dimension N.
-    pub(crate) fn typed<const N: usize>(&self) -> shooting::Extremal<N> {
-        let nodes = &self.nodes;
-        shooting::Extremal {
-            times: nodes.times.clone(),
-            nodes: nodes.points.iter().map(|p| vector(p)).collect(),
-            links: nodes.links.iter().map(Transition::typed).collect(),
-            status: nodes.status,
-            residual: nodes.residual,
-            floor: nodes.floor,
-            hamiltonian_drift: nodes.hamiltonian_drift,
-            iterations: nodes.iterations,
-            flow_evaluations: nodes.flow_evaluations,
-            work: nodes.work,
-        }
-    }
-
     fn dimension(&self) -> usize {
         self.system.get().dimension
     }
@@ -140,47 +93,38 @@ impl Extremal {
         Err(input(format!("the extremal must be of dimension {expected}, found {}", self.dimension())))
     }
 
-    /// Times of the nodes as fractions of the horizon, and the nodes one after the other.
-    pub(crate) fn fractions(&self) -> (Vec<f64>, Vec<f64>) {
-        let Nodes { times, points, .. } = &self.nodes;
+    /// Times of the nodes as fractions of the horizon.
+    pub(crate) fn fractions(&self) -> Vec<f64> {
+        let times = &self.extremal.times;
         let (first, last) = (times[0], times[times.len() - 1]);
-        (times.iter().map(|t| (t - first) / (last - first)).collect(), points.concat())
+        times.iter().map(|t| (t - first) / (last - first)).collect()
     }
 }
 
-fn points<const N: usize>(
-    extremal: &Extremal,
-    run: &Arc<Run>,
-    times: &[f64],
-) -> Result<Vec<Vec<f64>>, Error> {
-    let system = extremal.system.get().watched::<N>(run)?;
-    let (flow, typed) = (extremal.settings.flow(&system)?, extremal.typed::<N>());
-    times.iter().map(|&t| Ok(typed.at(&flow, t)?.as_slice().to_vec())).collect()
+fn points(extremal: &Extremal, run: &Arc<Run>, times: &[f64]) -> Result<Vec<DVector<f64>>, Error> {
+    let system = extremal.system.get().watched(run)?;
+    let flow = extremal.settings.flow(&system)?;
+    times.iter().map(|&t| Ok(extremal.extremal.at(&flow, t)?)).collect()
 }
 
-fn controls<const N: usize>(
-    extremal: &Extremal,
-    run: &Arc<Run>,
-    times: &[f64],
-) -> Result<Vec<Vec<f64>>, Error> {
-    let system = extremal.system.get().watched::<N>(run)?;
-    let (flow, typed) = (extremal.settings.flow(&system)?, extremal.typed::<N>());
-    let control = |&t: &f64| {
-        let mut u = vec![0.0; system.n_controls()];
-        system.control_into(&typed.at(&flow, t)?, &mut u)?;
+fn controls(extremal: &Extremal, run: &Arc<Run>, times: &[f64]) -> Result<Vec<DVector<f64>>, Error> {
+    let system = extremal.system.get().watched(run)?;
+    let control = |p: DVector<f64>| {
+        let mut u = DVector::zeros(system.n_controls());
+        system.control_into(p.as_slice(), u.as_mut_slice())?;
         Ok(u)
     };
-    times.iter().map(control).collect()
+    points(extremal, run, times)?.into_iter().map(control).collect()
 }
 
-fn cost<const N: usize>(extremal: &Extremal, run: &Arc<Run>) -> Result<f64, Error> {
-    let system = extremal.system.get().watched::<N>(run)?;
-    Ok(extremal.typed::<N>().cost(&extremal.settings.flow(&system)?)?)
+fn cost(extremal: &Extremal, run: &Arc<Run>) -> Result<f64, Error> {
+    let system = extremal.system.get().watched(run)?;
+    Ok(extremal.extremal.cost(&extremal.settings.flow(&system)?)?)
 }
 
-fn hamiltonian_range<const N: usize>(extremal: &Extremal, run: &Arc<Run>) -> Result<[f64; 2], Error> {
-    let system = extremal.system.get().watched::<N>(run)?;
-    Ok(extremal.typed::<N>().range_of(|p| system.hamiltonian(p)))
+fn hamiltonian_range(extremal: &Extremal, run: &Arc<Run>) -> Result<[f64; 2], Error> {
+    let system = extremal.system.get().watched(run)?;
+    Ok(extremal.extremal.range_of(|p| system.hamiltonian(p)))
 }
 
 #[pymethods]
@@ -197,78 +141,75 @@ impl Extremal {
     /// and the nodes solve a problem before the requested one. The nodes are the best found.
     #[getter]
     fn status(&self) -> &'static str {
-        name_of(self.nodes.status)
+        name_of(self.extremal.status)
     }
 
     /// str: The status in a sentence.
     #[getter]
     fn message(&self) -> String {
-        self.nodes.status.to_string()
+        self.extremal.status.to_string()
     }
 
     /// bool: Whether it converged.
     #[getter]
     pub(crate) fn success(&self) -> bool {
-        self.nodes.status == Status::Converged
+        self.extremal.status == Status::Converged
     }
 
     /// ndarray, shape (m,): Times of the nodes, s.
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.nodes.times).into_any()
+        PyArray1::from_slice(py, &self.extremal.times).into_any()
     }
 
     /// ndarray, shape (m, dimension): States and costates at the nodes.
     #[getter]
     fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.nodes.points, self.dimension())
+        rows_array(py, &self.extremal.nodes, self.dimension())
     }
 
     /// float: The largest entry of a defect or end condition, relative to the largest value of that entry of (x, λ) over the
     /// motion.
     #[getter]
     fn residual(&self) -> f64 {
-        self.nodes.residual
+        self.extremal.residual
     }
 
     /// float: The residual below which rounding and the tolerance of the segments hide what a step does.
     #[getter]
     fn floor(&self) -> f64 {
-        self.nodes.floor
+        self.extremal.floor
     }
 
     /// float or None: The range of the Hamiltonian over nodes and ends of segments, relative to the terms that it is a sum of;
     /// None where the system was made without it.
     #[getter]
     fn hamiltonian_drift(&self) -> Option<f64> {
-        self.nodes.hamiltonian_drift
+        self.extremal.hamiltonian_drift
     }
 
     /// int: Newton steps taken.
     #[getter]
     fn n_iterations(&self) -> usize {
-        self.nodes.iterations
+        self.extremal.iterations
     }
 
     /// int: Segments propagated.
     #[getter]
     fn n_flow_evaluations(&self) -> usize {
-        self.nodes.flow_evaluations
+        self.extremal.flow_evaluations
     }
 
     /// int: Evaluations of the field.
     #[getter]
     fn n_evaluations(&self) -> usize {
-        self.nodes.work.evaluations
+        self.extremal.work.evaluations
     }
 
     /// Chain: The transition matrices of the segments.
     #[getter]
-    fn chain(&self) -> Result<Chain, Error> {
-        fn chain<const N: usize>(extremal: &Extremal) -> Result<Chain, Error> {
-            Ok(Chain::of(&flow::Chain::from_links(extremal.typed::<N>().links)))
-        }
-        for_dimension!(self.dimension(), chain(self))
+    fn chain(&self) -> Chain {
+        Chain::of(self.dimension(), &flow::Chain::from_links(self.extremal.links.clone()))
     }
 
     /// States and costates at any times, integrated from the node before.
@@ -283,7 +224,7 @@ impl Extremal {
     /// ndarray, shape (dimension,) or (m, dimension)
     fn __call__<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (single, t) = finite_times(t)?;
-        let found = attend(py, |run| for_dimension!(self.dimension(), points(self, run, &t)))?;
+        let found = attend(py, |run| points(self, run, &t))?;
         shaped(py, found, single, self.dimension())
     }
 
@@ -299,7 +240,7 @@ impl Extremal {
     /// ndarray, shape (n_controls,) or (m, n_controls)
     fn control<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (single, t) = finite_times(t)?;
-        let found = attend(py, |run| for_dimension!(self.dimension(), controls(self, run, &t)))?;
+        let found = attend(py, |run| controls(self, run, &t))?;
         shaped(py, found, single, self.system.get().n_controls)
     }
 
@@ -309,7 +250,7 @@ impl Extremal {
     /// -------
     /// float
     fn cost(&self, py: Python<'_>) -> Result<f64, Error> {
-        attend(py, |run| for_dimension!(self.dimension(), cost(self, run)))
+        attend(py, |run| cost(self, run))
     }
 
     /// The smallest and the largest Hamiltonian over the nodes and the ends of segments.
@@ -318,24 +259,33 @@ impl Extremal {
     /// -------
     /// tuple of float
     fn hamiltonian_range(&self, py: Python<'_>) -> Result<(f64, f64), Error> {
-        let range = attend(py, |run| for_dimension!(self.dimension(), hamiltonian_range(self, run)))?;
+        let range = attend(py, |run| hamiltonian_range(self, run))?;
         Ok(range.into())
     }
 
     fn __repr__(&self) -> String {
-        let Nodes { times, residual, .. } = &self.nodes;
+        let shooting::Extremal { times, residual, .. } = &self.extremal;
         let last = times[times.len() - 1];
         format!("<Extremal: {}, residual {residual:.1e}, {} nodes to {last} s>", self.status(), times.len())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let Nodes { links, residual, floor, hamiltonian_drift, iterations, flow_evaluations, work, .. } =
-            &own.nodes;
+        let shooting::Extremal {
+            links,
+            residual,
+            floor,
+            hamiltonian_drift,
+            iterations,
+            flow_evaluations,
+            work,
+            ..
+        } = &own.extremal;
+        let links: Vec<_> = links.iter().cloned().map(Transition::of).collect();
         let Work { evaluations, steps, rejected, switches } = *work;
         let how = (own.status(), residual, floor, hamiltonian_drift, iterations, flow_evaluations);
         let work = (evaluations, steps, rejected, switches);
-        let motion = (own.times(py), own.nodes(py)?, links.clone());
+        let motion = (own.times(py), own.nodes(py)?, links);
         let arguments = (own.system.bind(py), own.settings.plain(), motion, how, work);
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
@@ -357,7 +307,7 @@ impl Extremal {
             && points.len() == times.len()
             && points.iter().all(|p| p.len() == n)
             && links.len() + 1 == times.len()
-            && links.iter().all(|link| link.end_values().len() == n);
+            && links.iter().all(|link| link.transition.end.len() == n);
         if !fits {
             return Err(input("times, nodes and links of an extremal must fit".to_owned()));
         }
@@ -365,10 +315,10 @@ impl Extremal {
         let status = status_named(&status)?;
         let (evaluations, steps, rejected, switches) = work;
         let work = Work { evaluations, steps, rejected, switches };
-        let nodes = Nodes {
+        let extremal = shooting::Extremal {
             times,
-            points,
-            links,
+            nodes: points.into_iter().map(DVector::from_vec).collect(),
+            links: links.into_iter().map(|link| link.transition).collect(),
             status,
             residual,
             floor,
@@ -377,7 +327,7 @@ impl Extremal {
             flow_evaluations,
             work,
         };
-        Ok(Self { system, settings: Settings::of_plain(settings)?, nodes })
+        Ok(Self { system, settings: Settings::of_plain(settings)?, extremal })
     }
 }
 
@@ -391,13 +341,14 @@ fn finite_times(t: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
 
 fn shaped(
     py: Python<'_>,
-    rows: Vec<Vec<f64>>,
+    rows: Vec<DVector<f64>>,
     single: bool,
     width: usize,
 ) -> Result<Bound<'_, PyAny>, Error> {
+    let numbers = rows.iter().flat_map(|row| row.iter().copied()).collect();
     let count = (!single).then_some(rows.len());
     let shape: Vec<usize> = count.into_iter().chain([width]).collect();
-    Ok(array(py, rows.concat(), &shape)?.into_any())
+    Ok(array(py, numbers, &shape)?.into_any())
 }
 
 /// A shooting by the names that its settings have in Python.
@@ -412,17 +363,18 @@ pub(crate) fn shooting_of(
     Ok(Shooting { tolerance: tol, max_iterations, flow: tolerances_of(rtol, atol)?, limits })
 }
 
-fn solve<const N: usize>(
+fn solve(
     shooting: &Shooting,
     system: &System,
     run: &Arc<Run>,
     states: &[EndStates; 2],
     times: &[f64],
     nodes: &[f64],
-) -> Result<Nodes, Error> {
-    let ends = [end_of("initial_state", &states[0])?, end_of("final_state", &states[1])?];
-    let nodes: Vec<_> = nodes.chunks_exact(N).map(vector::<N>).collect();
-    Ok(Nodes::of(&shooting.solve(&system.watched::<N>(run)?, &ends, times, &nodes)?))
+) -> Result<shooting::Extremal, Error> {
+    let n = system.n_states()?;
+    let ends = [end_of("initial_state", n, &states[0])?, end_of("final_state", n, &states[1])?];
+    let nodes: Vec<_> = nodes.chunks_exact(2 * n).map(vector).collect();
+    Ok(shooting.solve(&system.watched(run)?, &ends, times, &nodes)?)
 }
 
 /// Solves for an extremal by multiple shooting, from nodes of a guess (thesis (8.5), (8.6), (8.10)).
@@ -487,9 +439,8 @@ pub(crate) fn shoot(
     let (all, states) = (rows.all()?, [initial_state, final_state]);
     let limits = limits_of(max_time, max_evaluations)?;
     let shooting = shooting_of([tol, rtol, atol], max_iterations, limits)?;
-    let nodes =
-        attend(py, |run| for_dimension!(n, solve(&shooting, system.get(), run, &states, &times, all)))?;
-    Ok(Extremal { settings: Settings::new(shooting.flow), system, nodes })
+    let extremal = attend(py, |run| solve(&shooting, system.get(), run, &states, &times, all))?;
+    Ok(Extremal { settings: Settings::new(shooting.flow), system, extremal })
 }
 
 /// Times from 0 to the horizon, `shortest` apart at both ends and half as much more at each step inwards, to `longest`.

@@ -1,12 +1,13 @@
 //! Finite-time Lyapunov exponents and vectors, and what they say of a problem.
 
-use super::dimension::{expect_square, for_dimension, matrix, matrix_array, vector};
+use super::dimension::{expect_square, matrix_array, vector};
 use super::error::input;
 use super::subspace::dims_of;
 use crate::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::placement::Schedule;
 use somersault::ftla::spectrum::{self, SplittingDims, TimeDirection, Unknown, Verdict};
 
@@ -33,39 +34,12 @@ pub(crate) fn name_of(direction: TimeDirection) -> &'static str {
 #[pyclass(frozen, module = "somersault.ftla")]
 #[derive(Clone)]
 pub(crate) struct Spectrum {
-    direction: TimeDirection,
-    /// float: Averaging time T, s.
-    #[pyo3(get)]
-    time: f64,
-    exponents: Vec<f64>,
-    /// Column by column.
-    vectors: Vec<f64>,
-    balanced: Vec<f64>,
+    pub(crate) spectrum: spectrum::Spectrum,
 }
 
 impl Spectrum {
-    pub(crate) fn of<const N: usize>(spectrum: &spectrum::Spectrum<N>) -> Self {
-        Self {
-            direction: spectrum.direction,
-            time: spectrum.time,
-            exponents: spectrum.exponents.as_slice().to_vec(),
-            vectors: spectrum.vectors.as_slice().to_vec(),
-            balanced: spectrum.balanced.as_slice().to_vec(),
-        }
-    }
-
-    pub(crate) fn typed<const N: usize>(&self) -> spectrum::Spectrum<N> {
-        spectrum::Spectrum {
-            direction: self.direction,
-            time: self.time,
-            exponents: vector(&self.exponents),
-            vectors: matrix(&self.vectors),
-            balanced: vector(&self.balanced),
-        }
-    }
-
     pub(crate) fn dimension(&self) -> usize {
-        self.exponents.len()
+        self.spectrum.exponents.len()
     }
 }
 
@@ -74,53 +48,55 @@ impl Spectrum {
     /// str: ``'forward'`` or ``'backward'``.
     #[getter]
     fn direction(&self) -> &'static str {
-        name_of(self.direction)
+        name_of(self.spectrum.direction)
+    }
+
+    /// float: Averaging time T, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.spectrum.time
     }
 
     /// ndarray, shape (dimension,): μ, 1/s, ascending forward and descending backward.
     #[getter]
     fn exponents<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.exponents).into_any()
+        PyArray1::from_slice(py, self.spectrum.exponents.as_slice()).into_any()
     }
 
     /// ndarray, shape (dimension, dimension): lᵢ as columns, orthonormal.
     #[getter]
     fn vectors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.vectors, self.exponents.len())
+        matrix_array(py, &self.spectrum.vectors)
     }
 
     /// ndarray, shape (dimension,): The exponents with costates in the unit in which states act on them as much as they on states,
     /// as `diagnose` takes them: those of a finite time depend on units, these not on that of the cost.
     #[getter]
     fn balanced<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.balanced).into_any()
+        PyArray1::from_slice(py, self.spectrum.balanced.as_slice()).into_any()
     }
 
     /// ndarray, shape (dimension,): Exponents in forward order whatever the direction, backward ones with their sign changed.
     #[getter]
     fn rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        let rates = self.exponents.iter().map(|mu| mu * self.direction.sign()).collect();
-        PyArray1::from_vec(py, rates).into_any()
+        PyArray1::from_slice(py, self.spectrum.rates().as_slice()).into_any()
     }
 
     /// float: max |μᵢ + μ_{2n+1−i}|, zero for a Hamiltonian system.
     #[getter]
-    fn pairing_defect(&self) -> Result<f64, Error> {
-        fn defect<const N: usize>(spectrum: &Spectrum) -> Result<f64, Error> {
-            Ok(spectrum.typed::<N>().pairing_defect())
-        }
-        for_dimension!(self.dimension(), defect(self))
+    fn pairing_defect(&self) -> f64 {
+        self.spectrum.pairing_defect()
     }
 
     fn __repr__(&self) -> String {
-        let exponents: Vec<_> = self.exponents.iter().map(|mu| digits(*mu)).collect();
-        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time, exponents.join(", "))
+        let exponents: Vec<_> = self.spectrum.exponents.iter().map(|mu| digits(*mu)).collect();
+        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time(), exponents.join(", "))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let columns = PyArray1::from_slice(py, &own.vectors);
-        let arguments = (own.direction(), own.time, own.exponents(py), columns, own.balanced(py));
+        let columns = PyArray1::from_slice(py, own.spectrum.vectors.as_slice());
+        let arguments = (own.direction(), own.time(), own.exponents(py), columns, own.balanced(py));
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
@@ -142,7 +118,15 @@ impl Spectrum {
                 balanced.len()
             )));
         }
-        Ok(Self { direction: direction_of(direction)?, time, exponents, vectors, balanced })
+        let n = exponents.len();
+        let spectrum = spectrum::Spectrum {
+            direction: direction_of(direction)?,
+            time,
+            exponents: vector(&exponents),
+            vectors: DMatrix::from_column_slice(n, n, &vectors),
+            balanced: vector(&balanced),
+        };
+        Ok(Self { spectrum })
     }
 }
 
@@ -356,9 +340,6 @@ pub(crate) fn diagnose(spectra: Vec<Bound<'_, Spectrum>>, horizon: f64) -> Resul
     if spectra.iter().any(|s| s.get().dimension() != n) {
         return Err(input("`spectra` must be of one dimension".to_owned()));
     }
-    fn of<const N: usize>(spectra: &[Bound<'_, Spectrum>], horizon: f64) -> Result<Diagnosis, Error> {
-        let typed: Vec<_> = spectra.iter().map(|s| s.get().typed::<N>()).collect();
-        Ok(Diagnosis { diagnosis: spectrum::diagnose(&typed, horizon)? })
-    }
-    for_dimension!(n, of(&spectra, horizon))
+    let spectra: Vec<_> = spectra.iter().map(|s| s.get().spectrum.clone()).collect();
+    Ok(Diagnosis { diagnosis: spectrum::diagnose(&spectra, horizon)? })
 }

@@ -1,17 +1,18 @@
 //! Subspaces, the splitting they form, and the costates to hold.
 
 use super::argument::triple;
-use super::dimension::{DIMENSIONS, for_dimension, vector};
+use super::dimension::{expect_dimension, rows_array, vector};
 use super::error::input;
 use super::spectrum::Spectrum;
-use crate::convert::{a_type, array};
+use crate::convert::a_type;
 use crate::error::Error;
 use crate::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::placement;
-use somersault::ftla::spectrum::{self, SplittingDims};
+use somersault::ftla::spectrum::{self, SplittingDims, slow_subspace as slow};
 
 /// A linear subspace.
 ///
@@ -29,35 +30,28 @@ use somersault::ftla::spectrum::{self, SplittingDims};
 #[pyclass(frozen, from_py_object, module = "somersault.ftla")]
 #[derive(Clone)]
 pub(crate) struct Subspace {
-    dimension: usize,
-    /// Orthonormal rows.
-    basis: Vec<f64>,
+    subspace: spectrum::Subspace,
 }
 
 impl Subspace {
-    fn of<const N: usize>(subspace: &spectrum::Subspace<N>) -> Self {
-        let basis = subspace.basis().flat_map(|v| v.as_slice().to_vec()).collect();
-        Self { dimension: N, basis }
-    }
-
-    pub(crate) fn typed<const N: usize>(&self) -> spectrum::Subspace<N> {
-        let vectors: Vec<_> = self.basis.chunks_exact(N).map(vector).collect();
-        spectrum::Subspace::spanned_by(&vectors)
+    fn dimension(&self) -> usize {
+        self.subspace.dimension()
     }
 
     fn beside(&self, other: &Self) -> Result<(), Error> {
-        if self.dimension == other.dimension {
+        let (expected, found) = (self.dimension(), other.dimension());
+        if expected == found {
             return Ok(());
         }
-        Err(input(format!("`other` must lie in {} dimensions, found {}", self.dimension, other.dimension)))
+        Err(input(format!("`other` must lie in {expected} dimensions, found {found}")))
     }
 
-    fn vector(&self, v: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
-        let rows = Rows::extract("v", &[self.dimension], v)?;
+    fn vector(&self, v: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
+        let rows = Rows::extract("v", &[self.dimension()], v)?;
         if rows.is_many() {
             return Err(input("`v` must be one vector, found many".to_owned()));
         }
-        Ok(rows.all()?.to_vec())
+        Ok(vector(rows.all()?))
     }
 }
 
@@ -72,27 +66,22 @@ impl Subspace {
         let &[_, n] = shape.as_slice() else {
             return Err(input(format!("`vectors` must be of shape (m, dimension), found {shape:?}")));
         };
-        if !DIMENSIONS.contains(&n) {
-            return Err(input(format!("`vectors` must be of a dimension of {DIMENSIONS:?}, found {n}")));
-        }
+        expect_dimension("dimension", n)?;
         let rows = Rows::extract("vectors", &[n], vectors)?;
-        fn spanned<const N: usize>(all: &[f64]) -> Result<Subspace, Error> {
-            let vectors: Vec<_> = all.chunks_exact(N).map(vector::<N>).collect();
-            Ok(Subspace::of(&spectrum::Subspace::spanned_by(&vectors)))
-        }
-        for_dimension!(n, spanned(rows.all()?))
+        let vectors: Vec<_> = rows.all()?.chunks_exact(n).map(vector).collect();
+        Ok(Self { subspace: spectrum::Subspace::spanned_by(n, &vectors) })
     }
 
     /// int: Its dimension.
     #[getter]
     fn dim(&self) -> usize {
-        self.basis.len() / self.dimension
+        self.subspace.dim()
     }
 
     /// ndarray, shape (dim, dimension): Orthonormal vectors that span it, in rows.
     #[getter]
     fn basis<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(array(py, self.basis.clone(), &[self.dim(), self.dimension])?.into_any())
+        rows_array(py, &self.subspace.basis().collect::<Vec<_>>(), self.dimension())
     }
 
     /// The orthogonal complement.
@@ -100,11 +89,8 @@ impl Subspace {
     /// Returns
     /// -------
     /// Subspace
-    fn complement(&self) -> Result<Self, Error> {
-        fn complement<const N: usize>(subspace: &Subspace) -> Result<Subspace, Error> {
-            Ok(Subspace::of(&subspace.typed::<N>().complement()))
-        }
-        for_dimension!(self.dimension, complement(self))
+    fn complement(&self) -> Self {
+        Self { subspace: self.subspace.complement() }
     }
 
     /// What is common to both.
@@ -118,10 +104,7 @@ impl Subspace {
     /// Subspace
     fn intersection(&self, other: &Self) -> Result<Self, Error> {
         self.beside(other)?;
-        fn intersection<const N: usize>(a: &Subspace, b: &Subspace) -> Result<Subspace, Error> {
-            Ok(Subspace::of(&a.typed::<N>().intersection(&b.typed())))
-        }
-        for_dimension!(self.dimension, intersection(self, other))
+        Ok(Self { subspace: self.subspace.intersection(&other.subspace) })
     }
 
     /// The angle between a vector and the subspace: asin(‖Wᵀv‖/‖v‖), W a basis of the complement.
@@ -135,11 +118,7 @@ impl Subspace {
     /// float
     ///     rad, from 0 to π/2.
     fn angle_to(&self, v: &Bound<'_, PyAny>) -> Result<f64, Error> {
-        let v = self.vector(v)?;
-        fn angle<const N: usize>(subspace: &Subspace, v: &[f64]) -> Result<f64, Error> {
-            Ok(subspace.typed::<N>().angle_to(&vector(v)))
-        }
-        for_dimension!(self.dimension, angle(self, &v))
+        Ok(self.subspace.angle_to(&self.vector(v)?))
     }
 
     /// The principal angles with another subspace, ascending, as many as the smaller dimension.
@@ -154,34 +133,33 @@ impl Subspace {
     ///     rad; small ones keep their digits.
     fn angles<'py>(&self, py: Python<'py>, other: &Self) -> Result<Bound<'py, PyAny>, Error> {
         self.beside(other)?;
-        fn angles<const N: usize>(a: &Subspace, b: &Subspace) -> Result<Vec<f64>, Error> {
-            Ok(a.typed::<N>().angles(&b.typed()))
-        }
-        let found = for_dimension!(self.dimension, angles(self, other))?;
-        Ok(PyArray1::from_vec(py, found).into_any())
+        Ok(PyArray1::from_vec(py, self.subspace.angles(&other.subspace)).into_any())
     }
 
     fn __repr__(&self) -> String {
-        format!("<Subspace: {} of {} dimensions>", self.dim(), self.dimension)
+        format!("<Subspace: {} of {} dimensions>", self.dim(), self.dimension())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let own = slf.get();
-        let arguments = (own.dimension, PyArray1::from_slice(slf.py(), &own.basis));
+        let basis: Vec<f64> = own.subspace.basis().flat_map(|v| v.as_slice().to_vec()).collect();
+        let arguments = (own.dimension(), PyArray1::from_vec(slf.py(), basis));
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
     }
 
     /// A pickled subspace.
     #[classmethod]
     fn _restore(_: &Bound<'_, PyType>, dimension: usize, basis: Vec<f64>) -> Result<Self, Error> {
-        let whole = DIMENSIONS.contains(&dimension) && basis.len().is_multiple_of(dimension);
+        expect_dimension("dimension", dimension)?;
+        let whole = basis.len().is_multiple_of(dimension);
         if !whole || basis.len() > dimension * dimension {
             let found = basis.len();
             return Err(input(format!(
                 "`basis` must be vectors of {dimension} entries, found {found} numbers"
             )));
         }
-        Ok(Self { dimension, basis })
+        let vectors: Vec<_> = basis.chunks_exact(dimension).map(vector).collect();
+        Ok(Self { subspace: spectrum::Subspace::spanned_by(dimension, &vectors) })
     }
 }
 
@@ -217,23 +195,16 @@ impl Splitting {
         if forward.dimension() != backward.dimension() {
             return Err(input("`forward` and `backward` must be of one dimension".to_owned()));
         }
-        fn parts<const N: usize>(
-            forward: &Spectrum,
-            backward: &Spectrum,
-            dims: (usize, usize, usize),
-        ) -> Result<[Subspace; 5], Error> {
-            let splitting =
-                spectrum::Splitting::<N>::try_new(dims_of(dims), forward.typed(), backward.typed())?;
-            Ok([
-                Subspace::of(&splitting.stable()),
-                Subspace::of(&splitting.center_stable()),
-                Subspace::of(&splitting.center()),
-                Subspace::of(&splitting.center_unstable()),
-                Subspace::of(&splitting.unstable()),
-            ])
-        }
-        let parts = for_dimension!(forward.dimension(), parts(forward, backward, dims))?;
-        Ok(Self { dims, parts })
+        let (forward, backward) = (forward.spectrum.clone(), backward.spectrum.clone());
+        let splitting = spectrum::Splitting::try_new(dims_of(dims), forward, backward)?;
+        let parts = [
+            splitting.stable(),
+            splitting.center_stable(),
+            splitting.center(),
+            splitting.center_unstable(),
+            splitting.unstable(),
+        ];
+        Ok(Self { dims, parts: parts.map(|subspace| Subspace { subspace }) })
     }
 
     /// Subspace: E^s (9.5).
@@ -300,13 +271,8 @@ pub(crate) fn slow_subspace(
     spectrum: &Spectrum,
     #[pyo3(from_py_with = triple::dims)] dims: (usize, usize, usize),
 ) -> Result<Subspace, Error> {
-    fn slow<const N: usize>(spectrum: &Spectrum, dims: SplittingDims) -> Result<Subspace, Error> {
-        Ok(Subspace::of(&somersault::ftla::spectrum::slow_subspace(
-            &spectrum.typed::<N>(),
-            dims.check::<N>()?,
-        )))
-    }
-    for_dimension!(spectrum.dimension(), slow(spectrum, dims_of(dims)))
+    let dims = dims_of(dims).check(spectrum.dimension())?;
+    Ok(Subspace { subspace: slow(&spectrum.spectrum, dims) })
 }
 
 /// Every choice of costates to hold while the others place a point, best first.
@@ -325,8 +291,5 @@ pub(crate) fn slow_subspace(
 ///     (numbers of the costates held, from 0; singular value).
 #[pyfunction]
 pub(crate) fn rank_held_costates(slow: &Subspace) -> Result<Vec<(Vec<usize>, f64)>, Error> {
-    fn rank<const N: usize>(slow: &Subspace) -> Result<Vec<(Vec<usize>, f64)>, Error> {
-        Ok(placement::rank_held_costates(&slow.typed::<N>()))
-    }
-    for_dimension!(slow.dimension, rank(slow))
+    Ok(placement::rank_held_costates(&slow.subspace)?)
 }

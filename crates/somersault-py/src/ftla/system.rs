@@ -1,12 +1,12 @@
 //! State–costate systems, compiled or users' own.
 
 use super::argument::whole;
-use super::control_problem::{Problem, state_costate};
-use super::dimension::{DIMENSIONS, by_rows, for_dimension, no_such, vector};
+use super::control_problem::{Posed, Problem, state_costate};
+use super::dimension::{by_rows, expect_dimension};
 use super::error::input;
 use super::named_systems::{GivenTree, arm, cubic_regulator, linear_regulator, tree};
 use super::run::{Run, attend};
-use super::watched::{Callables, Compiled, Source, Watched};
+use super::watched::{Callables, Source, Watched};
 use crate::error::Error;
 use crate::model::Model;
 use crate::plan::check_callable;
@@ -14,10 +14,10 @@ use crate::rows::Rows;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::system::{
-    ArmMinimumTorque, HamiltonianSystem, OptimalControlSystem, SystemError, TreeMinimumTorque, VectorField,
+    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem, StateCostate,
+    SystemError, TreeMinimumTorque, VectorField,
 };
 use somersault::multibody::models::TwoLinkArm;
-use std::any::Any;
 use std::sync::Arc;
 
 /// Controls that a user's system may have: what is asked for beyond is a slip, and no memory is there for it.
@@ -35,7 +35,7 @@ const MOST_CONTROLS: usize = 1000;
 ///     ``jacobian(p) -> D``, of shape (dimension, dimension): ∂hᵢ/∂pⱼ. Held against differences of the field at the first
 ///     points of every calculation and, ever more seldom, at later ones; an entry that is off by 0.1 % is refused.
 /// dimension : int
-///     States and costates together: 2, 4, 6, 8, 10, 12, 16, 20 or 24.
+///     States and costates together, up to 256. What is no control problem may have any number, an odd one too.
 /// hamiltonian : callable, optional
 ///     ``hamiltonian(p) -> float``, for what needs it: a least-squares match, the spread along an extremal. With it an
 ///     extremal counts as converged only if it is constant there.
@@ -68,22 +68,19 @@ pub(crate) struct System {
     pub(crate) dimension: usize,
     pub(crate) n_controls: usize,
     description: String,
-    source: Box<dyn Any + Send + Sync>,
     origin: Origin,
 }
 
 /// A callable as it comes out of a pickle.
 type Code<'py> = Bound<'py, PyAny>;
 
-/// Makes a compiled system for a run.
-pub(super) type Maker<const N: usize> = Box<dyn Fn(&Arc<Run>) -> Result<Compiled<N>, Error> + Send + Sync>;
-
-/// What a system is made from, to be made again.
+/// What a system is made from, for its runs and to be made again.
 pub(super) enum Origin {
     Callables(Arc<Callables>),
     Problem(Arc<Problem>),
     Arm(ArmMinimumTorque),
-    Regulator(&'static str),
+    LinearRegulator,
+    CubicRegulator,
     Tree(GivenTree),
 }
 
@@ -93,44 +90,52 @@ impl System {
         if let Origin::Arm(arm) = self.origin { Some(arm) } else { None }
     }
 
-    /// The tree that it is of, made anew, if it is of one.
-    pub(super) fn tree<const N: usize>(&self, py: Python<'_>) -> Result<Option<TreeMinimumTorque<N>>, Error> {
+    /// The tree that it is of, if it is of one.
+    pub(super) fn tree(&self) -> Option<&TreeMinimumTorque> {
         match &self.origin {
-            Origin::Tree(given) => given.system(py).map(Some),
-            Origin::Callables(_) | Origin::Problem(_) | Origin::Arm(_) | Origin::Regulator(_) => Ok(None),
+            Origin::Tree(given) => Some(&given.system),
+            Origin::Callables(_)
+            | Origin::Problem(_)
+            | Origin::Arm(_)
+            | Origin::LinearRegulator
+            | Origin::CubicRegulator => None,
         }
     }
 
-    pub(super) fn compiled<const N: usize>(
-        system: impl OptimalControlSystem<N> + Send + Sync + 'static,
-        description: String,
-        origin: Origin,
-    ) -> Self {
-        let n_controls = system.n_controls();
-        let shared: Compiled<N> = Arc::new(system);
-        let source = Box::new(Source::Compiled(shared));
-        Self { dimension: N, n_controls, description, source, origin }
-    }
-
-    /// One that is made anew for each run.
-    pub(super) fn made<const N: usize>(
-        make: Maker<N>,
-        description: String,
+    pub(super) fn made_from(
+        dimension: usize,
         n_controls: usize,
+        description: String,
         origin: Origin,
     ) -> Self {
-        Self { dimension: N, n_controls, description, source: Box::new(make), origin }
+        Self { dimension, n_controls, description, origin }
     }
 
-    /// The system for one run, where the dimension is N.
-    pub(crate) fn watched<const N: usize>(&self, run: &Arc<Run>) -> Result<Watched<N>, Error> {
-        if let Some(make) = self.source.downcast_ref::<Maker<N>>() {
-            return Ok(Source::Compiled(make(run)?).watched(run));
+    /// Number of states, where there are as many costates.
+    pub(super) fn n_states(&self) -> Result<usize, Error> {
+        if self.dimension.is_multiple_of(2) {
+            Ok(self.dimension / 2)
+        } else {
+            Err(input(format!(
+                "`system` must have as many costates as states, found {} numbers",
+                self.dimension
+            )))
         }
-        match self.source.downcast_ref::<Source<N>>() {
-            Some(source) => Ok(source.watched(run)),
-            None => Err(input(format!("`system` must be of dimension {N}, found {}", self.dimension))),
-        }
+    }
+
+    /// The system for one run.
+    pub(crate) fn watched(&self, run: &Arc<Run>) -> Result<Watched, Error> {
+        let source = match &self.origin {
+            Origin::Callables(callables) => Source::Callables(Arc::clone(callables)),
+            Origin::Problem(problem) => {
+                Source::Compiled(Arc::new(StateCostate::try_new(Posed::new(problem, run))?))
+            }
+            Origin::Arm(arm) => Source::Compiled(Arc::new(*arm)),
+            Origin::LinearRegulator => Source::Compiled(Arc::new(LinearRegulator)),
+            Origin::CubicRegulator => Source::Compiled(Arc::new(CubicRegulator)),
+            Origin::Tree(given) => Source::Compiled(Arc::clone(&given.system) as _),
+        };
+        Ok(source.watched(run))
     }
 
     fn evaluate<'py>(
@@ -142,7 +147,7 @@ impl System {
         let n = self.dimension;
         let rows = Rows::extract("p", &[n], p)?;
         let points = rows.all()?;
-        let values = attend(py, |run| for_dimension!(n, values(self, run, quantity, points)))?;
+        let values = attend(py, |run| values(self, run, quantity, points))?;
         let inner: &[usize] = match quantity {
             Quantity::Field => &[n],
             Quantity::Jacobian => &[n, n],
@@ -181,32 +186,26 @@ impl Quantity {
 }
 
 /// A quantity at each of the points, one after the other.
-fn values<const N: usize>(
-    system: &System,
-    run: &Arc<Run>,
-    quantity: Quantity,
-    points: &[f64],
-) -> Result<Vec<f64>, Error> {
-    let watched = system.watched::<N>(run)?;
+fn values(system: &System, run: &Arc<Run>, quantity: Quantity, points: &[f64]) -> Result<Vec<f64>, Error> {
+    let (watched, n) = (system.watched(run)?, system.dimension);
     let mut values = Vec::new();
-    for point in points.chunks_exact(N) {
+    for p in points.chunks_exact(n) {
         if run.is_stopped() {
             break;
         }
-        let p = vector::<N>(point);
         match quantity {
-            Quantity::Field => values.extend_from_slice(watched.field(&p).as_slice()),
-            Quantity::Jacobian => values.extend(by_rows(watched.jacobian(&p).as_slice(), N)),
-            Quantity::Hamiltonian => values.push(watched.hamiltonian(&p)),
-            Quantity::RunningCost => values.push(watched.running_cost(&p)),
+            Quantity::Field => values.extend_from_slice(watched.field(p).as_slice()),
+            Quantity::Jacobian => values.extend(by_rows(&watched.jacobian(p))),
+            Quantity::Hamiltonian => values.push(watched.hamiltonian(p)),
+            Quantity::RunningCost => values.push(watched.running_cost(p)),
             Quantity::Control => {
                 let mut u = vec![0.0; system.n_controls];
-                watched.control_into(&p, &mut u)?;
+                watched.control_into(p, &mut u)?;
                 values.extend(u);
             }
         }
-        if values.iter().rev().take(N * N).any(|x| !x.is_finite()) {
-            let why = watched.fault(&p).unwrap_or(SystemError::NoValue { quantity: quantity.name() });
+        if values.iter().rev().take(n * n).any(|x| !x.is_finite()) {
+            let why = watched.fault(p).unwrap_or(SystemError::NoValue { quantity: quantity.name() });
             return Err(why.into());
         }
     }
@@ -228,9 +227,7 @@ impl System {
         running_cost: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = whole::n_controls)] n_controls: usize,
     ) -> Result<Self, Error> {
-        if !DIMENSIONS.contains(&dimension) {
-            return Err(no_such("dimension", dimension));
-        }
+        expect_dimension("dimension", dimension)?;
         if !(1..=MOST_CONTROLS).contains(&n_controls) {
             return Err(input(format!(
                 "`n_controls` must be between 1 and {MOST_CONTROLS}, found {n_controls}"
@@ -248,14 +245,11 @@ impl System {
             hamiltonian: optional("hamiltonian", hamiltonian)?,
             control: optional("control", control)?,
             running_cost: optional("running_cost", running_cost)?,
+            dimension,
             n_controls,
         });
-        fn boxed<const N: usize>(callables: Arc<Callables>) -> Result<Box<dyn Any + Send + Sync>, Error> {
-            Ok(Box::new(Source::<N>::Callables(callables)))
-        }
-        let source = for_dimension!(dimension, boxed(Arc::clone(&callables)))?;
         let description = format!("callables of dimension {dimension}");
-        Ok(Self { dimension, n_controls, description, source, origin: Origin::Callables(callables) })
+        Ok(Self { dimension, n_controls, description, origin: Origin::Callables(callables) })
     }
 
     /// int: States and costates together.
@@ -344,7 +338,7 @@ impl System {
         let tuple = |arguments: Bound<'py, PyTuple>, kind: &str| (kind, arguments).into_pyobject(py);
         let arguments = match &own.origin {
             Origin::Callables(own_code) => {
-                let Callables { field, jacobian, hamiltonian, control, running_cost, n_controls } =
+                let Callables { field, jacobian, hamiltonian, control, running_cost, n_controls, .. } =
                     &**own_code;
                 let optional = (hamiltonian, control, running_cost);
                 let given = ((field, jacobian), own.dimension, optional, n_controls);
@@ -362,8 +356,9 @@ impl System {
                 let given = (masses, lengths, damping, arm.weights(), arm.torque_limits());
                 tuple(given.into_pyobject(py)?, "arm")?
             }
-            Origin::Regulator(name) => tuple(PyTuple::empty(py), name)?,
-            Origin::Tree(GivenTree { model, weights, limits, passive }) => {
+            Origin::LinearRegulator => tuple(PyTuple::empty(py), "linear_regulator")?,
+            Origin::CubicRegulator => tuple(PyTuple::empty(py), "cubic_regulator")?,
+            Origin::Tree(GivenTree { model, weights, limits, passive, .. }) => {
                 tuple((model, weights, limits, passive).into_pyobject(py)?, "tree")?
             }
         };

@@ -1,19 +1,18 @@
 //! The system of one calculation: compiled, or Python callables, and stopped when the calculation is.
 
 use super::differences::{Differences, expect_derivative};
-use super::dimension::matrix;
 use super::error::input;
 use super::run::Run;
 use crate::convert::with_shape;
 use crate::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use somersault::ftla::nalgebra::{SMatrix, SVector};
+use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, Piece, SystemError, VectorField};
 use std::sync::Arc;
 
 /// A compiled system, as many runs share it.
-pub(crate) type Compiled<const N: usize> = Arc<dyn OptimalControlSystem<N> + Send + Sync>;
+pub(crate) type Compiled = Arc<dyn OptimalControlSystem + Send + Sync>;
 
 /// The callables of a system that a user wrote.
 pub(crate) struct Callables {
@@ -22,20 +21,21 @@ pub(crate) struct Callables {
     pub(crate) hamiltonian: Option<Py<PyAny>>,
     pub(crate) control: Option<Py<PyAny>>,
     pub(crate) running_cost: Option<Py<PyAny>>,
+    pub(crate) dimension: usize,
     pub(crate) n_controls: usize,
 }
 
 /// Where a system comes from.
 #[derive(Clone)]
-pub(crate) enum Source<const N: usize> {
-    Compiled(Compiled<N>),
+pub(crate) enum Source {
+    Compiled(Compiled),
     Callables(Arc<Callables>),
 }
 
 /// A system in one run. Stopped, it has no values, so that whatever integrates it comes to an end.
 #[derive(Clone)]
-pub(crate) struct Watched<const N: usize> {
-    source: Source<N>,
+pub(crate) struct Watched {
+    source: Source,
     run: Arc<Run>,
 }
 
@@ -67,27 +67,21 @@ pub(super) fn no_value(run: &Run, name: &str, value: f64) {
     }
 }
 
-impl<const N: usize> Source<N> {
+impl Source {
     /// The system for one run.
-    pub(crate) fn watched(&self, run: &Arc<Run>) -> Watched<N> {
-        Watched { source: self.clone(), run: Arc::clone(run) }
+    pub(crate) fn watched(self, run: &Arc<Run>) -> Watched {
+        Watched { source: self, run: Arc::clone(run) }
     }
 }
 
-impl<const N: usize> Watched<N> {
+impl Watched {
     /// What a callable makes of p: numbers of a shape; none once anything has been raised.
-    fn call(
-        &self,
-        name: &str,
-        callable: &Py<PyAny>,
-        p: &SVector<f64, N>,
-        shape: &[usize],
-    ) -> Option<Vec<f64>> {
-        call(&self.run, name, "p", callable, &[p.as_slice()], shape)
+    fn call(&self, name: &str, callable: &Py<PyAny>, p: &[f64], shape: &[usize]) -> Option<Vec<f64>> {
+        call(&self.run, name, "p", callable, &[p], shape)
     }
 
     /// A number that a callable makes of p; NaN where it has no value, and an error where there is no callable.
-    fn number(&self, name: &str, callable: Option<&Py<PyAny>>, p: &SVector<f64, N>) -> f64 {
+    fn number(&self, name: &str, callable: Option<&Py<PyAny>>, p: &[f64]) -> f64 {
         let Some(callable) = callable else {
             self.run.stop(input(format!("this system was made without `{name}`")).into());
             return f64::NAN;
@@ -108,40 +102,53 @@ fn input_of(error: Error) -> Error {
     }
 }
 
-impl<const N: usize> VectorField<N> for Watched<N> {
-    #[inline]
-    fn field(&self, p: &SVector<f64, N>) -> SVector<f64, N> {
+impl VectorField for Watched {
+    fn dimension(&self) -> usize {
         match &self.source {
-            _ if self.run.is_stopped() => SVector::repeat(f64::NAN),
-            Source::Compiled(system) => system.field(p),
-            Source::Callables(own) => self
-                .call("field", &own.field, p, &[N])
-                .map_or(SVector::repeat(f64::NAN), |h| SVector::from_column_slice(&h)),
+            Source::Compiled(system) => system.dimension(),
+            Source::Callables(own) => own.dimension,
         }
     }
 
-    fn jacobian(&self, p: &SVector<f64, N>) -> SMatrix<f64, N, N> {
+    #[inline]
+    fn field_into(&self, p: &[f64], h: &mut [f64]) {
         match &self.source {
-            Source::Compiled(system) => system.jacobian(p),
+            _ if self.run.is_stopped() => h.fill(f64::NAN),
+            Source::Compiled(system) => system.field_into(p, h),
+            Source::Callables(own) => match self.call("field", &own.field, p, &[p.len()]) {
+                Some(found) => h.copy_from_slice(&found),
+                None => h.fill(f64::NAN),
+            },
+        }
+    }
+
+    fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
+        let n = p.len();
+        match &self.source {
+            Source::Compiled(system) => system.jacobian_into(p, d),
             Source::Callables(own) => {
-                let Some(d) = self.call("jacobian", &own.jacobian, p, &[N, N]) else {
-                    return SMatrix::repeat(f64::NAN);
+                let Some(rows) = self.call("jacobian", &own.jacobian, p, &[n, n]) else {
+                    return d.fill(f64::NAN);
                 };
                 if self.run.checks_derivatives() {
-                    let field = |p: &[f64]| call(&self.run, "field", "p", &own.field, &[p], &[N]);
-                    let found = Differences::of(p.as_slice(), N, field);
-                    expect_derivative(&self.run, "jacobian(p)", "field", &d, found.as_ref());
+                    let field = |p: &[f64]| self.call("field", &own.field, p, &[n]);
+                    let found = Differences::of(p, n, field);
+                    expect_derivative(&self.run, "jacobian(p)", "field", &rows, found.as_ref());
                 }
-                matrix::<N>(&d).transpose()
+                d.copy_from_slice(&rows);
+                d.transpose_mut();
             }
         }
     }
 
     #[inline]
-    fn linearize(&self, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+    fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         match &self.source {
-            Source::Compiled(system) if !self.run.is_stopped() => system.linearize(p),
-            Source::Compiled(_) | Source::Callables(_) => (self.field(p), self.jacobian(p)),
+            Source::Compiled(system) if !self.run.is_stopped() => system.linearize_into(p, h, d),
+            Source::Compiled(_) | Source::Callables(_) => {
+                self.field_into(p, h);
+                self.jacobian_into(p, d);
+            }
         }
     }
 
@@ -153,42 +160,42 @@ impl<const N: usize> VectorField<N> for Watched<N> {
         }
     }
 
-    fn piece(&self, p: &SVector<f64, N>) -> Piece<N> {
+    fn piece(&self, p: &[f64]) -> Piece {
         match &self.source {
             Source::Compiled(system) => system.piece(p),
             Source::Callables(_) => Piece::FREE,
         }
     }
 
-    fn field_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
         match &self.source {
-            Source::Compiled(system) if !self.run.is_stopped() => system.field_in(piece, p),
-            Source::Compiled(_) | Source::Callables(_) => self.field(p),
+            Source::Compiled(system) if !self.run.is_stopped() => system.field_in(piece, p, h),
+            Source::Compiled(_) | Source::Callables(_) => self.field_into(p, h),
         }
     }
 
-    fn linearize_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+    fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         match &self.source {
-            Source::Compiled(system) if !self.run.is_stopped() => system.linearize_in(piece, p),
-            Source::Compiled(_) | Source::Callables(_) => self.linearize(p),
+            Source::Compiled(system) if !self.run.is_stopped() => system.linearize_in(piece, p, h, d),
+            Source::Compiled(_) | Source::Callables(_) => self.linearize_into(p, h, d),
         }
     }
 
-    fn margins(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> SVector<f64, N> {
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
         match &self.source {
-            Source::Compiled(system) => system.margins(piece, p),
-            Source::Callables(_) => SVector::repeat(f64::INFINITY),
+            Source::Compiled(system) => system.margins_into(piece, p, margins),
+            Source::Callables(_) => margins.fill(f64::INFINITY),
         }
     }
 
-    fn next_piece(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> Piece<N> {
+    fn next_piece(&self, piece: &Piece, p: &[f64]) -> Piece {
         match &self.source {
             Source::Compiled(system) => system.next_piece(piece, p),
-            Source::Callables(_) => *piece,
+            Source::Callables(_) => piece.clone(),
         }
     }
 
-    fn conserved(&self, p: &SVector<f64, N>) -> Option<f64> {
+    fn conserved(&self, p: &[f64]) -> Option<f64> {
         match &self.source {
             Source::Compiled(system) => system.conserved(p),
             Source::Callables(own) => {
@@ -198,7 +205,7 @@ impl<const N: usize> VectorField<N> for Watched<N> {
         }
     }
 
-    fn fault(&self, p: &SVector<f64, N>) -> Option<SystemError> {
+    fn fault(&self, p: &[f64]) -> Option<SystemError> {
         match &self.source {
             Source::Compiled(system) => system.fault(p),
             Source::Callables(_) => {
@@ -215,8 +222,8 @@ impl<const N: usize> VectorField<N> for Watched<N> {
     }
 }
 
-impl<const N: usize> HamiltonianSystem<N> for Watched<N> {
-    fn hamiltonian(&self, p: &SVector<f64, N>) -> f64 {
+impl HamiltonianSystem for Watched {
+    fn hamiltonian(&self, p: &[f64]) -> f64 {
         match &self.source {
             Source::Compiled(system) => system.hamiltonian(p),
             Source::Callables(own) => self.number("hamiltonian", own.hamiltonian.as_ref(), p),
@@ -224,7 +231,7 @@ impl<const N: usize> HamiltonianSystem<N> for Watched<N> {
     }
 }
 
-impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
+impl OptimalControlSystem for Watched {
     fn n_controls(&self) -> usize {
         match &self.source {
             Source::Compiled(system) => system.n_controls(),
@@ -232,7 +239,7 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
         }
     }
 
-    fn control_into(&self, p: &SVector<f64, N>, u: &mut [f64]) -> Result<(), SystemError> {
+    fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
         match &self.source {
             Source::Compiled(system) => system.control_into(p, u),
             Source::Callables(own) => {
@@ -256,14 +263,14 @@ impl<const N: usize> OptimalControlSystem<N> for Watched<N> {
         }
     }
 
-    fn running_cost(&self, p: &SVector<f64, N>) -> f64 {
+    fn running_cost(&self, p: &[f64]) -> f64 {
         match &self.source {
             Source::Compiled(system) => system.running_cost(p),
             Source::Callables(own) => self.number("running_cost", own.running_cost.as_ref(), p),
         }
     }
 
-    fn running_cost_in(&self, piece: &Piece<N>, p: &SVector<f64, N>) -> f64 {
+    fn running_cost_in(&self, piece: &Piece, p: &[f64]) -> f64 {
         match &self.source {
             Source::Compiled(system) => system.running_cost_in(piece, p),
             Source::Callables(_) => self.running_cost(p),

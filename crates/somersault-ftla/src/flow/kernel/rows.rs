@@ -1,28 +1,21 @@
 //! Arithmetic on transition matrices by rows.
 //!
 //! The columns of Φ lie side by side in the lanes of a vector: an entry of D multiplies a row of Φ at once, an entry that
-//! is known to be zero is left out, and the errors of all columns are summed together.
-
-/// The rows of a matrix.
-pub(super) type Rows<const N: usize> = [[f64; N]; N];
+//! is known to be zero is left out, and the errors of all columns are summed together. Matrices are n² numbers, row by row.
 
 /// Numbers combined at once: sums of them fill half of the registers of AVX2.
 const BLOCK: usize = 32;
 
-pub(super) fn identity<const N: usize>() -> Rows<N> {
-    std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }))
+/// Writes 1.
+pub(super) fn identity(rows: &mut [f64], n: usize) {
+    rows.fill(0.0);
+    rows.iter_mut().step_by(n + 1).for_each(|x| *x = 1.0);
 }
 
-/// Whether every column has a finite sum.
+/// Whether every row has a finite sum.
 #[inline(always)]
-pub(super) fn is_finite<const N: usize>(rows: &Rows<N>) -> bool {
-    let mut sums = [0.0; N];
-    for row in rows {
-        for c in 0..N {
-            sums[c] += row[c];
-        }
-    }
-    sums.iter().all(|sum| sum.is_finite())
+pub(super) fn is_finite(rows: &[f64], n: usize) -> bool {
+    rows.chunks_exact(n).all(|row| row.iter().sum::<f64>().is_finite())
 }
 
 /// a b + c, in one operation where vectors have it.
@@ -32,50 +25,64 @@ pub(super) fn multiply_add<V: pulp::Simd>(a: f64, b: f64, c: f64) -> f64 {
     if V::F64_LANES >= 4 || cfg!(target_arch = "aarch64") { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// start + h Σ a_j K_j.
+/// start + h Σ a_j K_j, the K_j one after the other in `slopes`; `start` none for zero.
 #[inline(always)]
-pub(super) fn combine<V: pulp::Simd, const N: usize>(
-    start: &Rows<N>,
-    slopes: &[Rows<N>],
+pub(super) fn combine<V: pulp::Simd>(
+    start: Option<&[f64]>,
+    slopes: &[f64],
     row: &[(usize, f64)],
     h: f64,
-    out: &mut Rows<N>,
+    out: &mut [f64],
 ) {
     let mut at = 0;
-    while at + BLOCK <= N * N {
-        combine_block::<V, BLOCK, N>(at, start, slopes, row, h, out);
+    while at + BLOCK <= out.len() {
+        combine_block::<V, BLOCK>(at, start, slopes, row, h, out);
         at += BLOCK;
     }
-    while at + 4 <= N * N {
-        combine_block::<V, 4, N>(at, start, slopes, row, h, out);
+    while at + 8 <= out.len() {
+        combine_block::<V, 8>(at, start, slopes, row, h, out);
+        at += 8;
+    }
+    while at + 4 <= out.len() {
+        combine_block::<V, 4>(at, start, slopes, row, h, out);
         at += 4;
     }
-    while at < N * N {
-        combine_block::<V, 1, N>(at, start, slopes, row, h, out);
+    while at < out.len() {
+        combine_block::<V, 1>(at, start, slopes, row, h, out);
         at += 1;
     }
 }
 
 /// The same for `B` numbers from number `at` on.
 #[inline(always)]
-fn combine_block<V: pulp::Simd, const B: usize, const N: usize>(
+fn combine_block<V: pulp::Simd, const B: usize>(
     at: usize,
-    start: &Rows<N>,
-    slopes: &[Rows<N>],
+    start: Option<&[f64]>,
+    slopes: &[f64],
     row: &[(usize, f64)],
     h: f64,
-    out: &mut Rows<N>,
+    out: &mut [f64],
 ) {
+    let size = out.len();
     let mut sum = [0.0; B];
     for &(j, a) in row {
-        let slope = &slopes[j].as_flattened()[at..at + B];
+        let slope = &slopes[j * size + at..][..B];
         for i in 0..B {
             sum[i] = multiply_add::<V>(a, slope[i], sum[i]);
         }
     }
-    let start = &start.as_flattened()[at..at + B];
-    for i in 0..B {
-        sum[i] = multiply_add::<V>(h, sum[i], start[i]);
+    let out = &mut out[at..at + B];
+    match start {
+        Some(start) => {
+            let start = &start[at..at + B];
+            for i in 0..B {
+                out[i] = multiply_add::<V>(h, sum[i], start[i]);
+            }
+        }
+        None => {
+            for i in 0..B {
+                out[i] = h * sum[i];
+            }
+        }
     }
-    out.as_flattened_mut()[at..at + B].copy_from_slice(&sum);
 }
