@@ -106,7 +106,7 @@ impl<B, Q, D> Interpolant<Q> for Decoded<B, D>
 where
     B: Configuration,
     Q: Configuration,
-    D: Decoder<B, Q> + Send + Sync,
+    D: Decoder<B, Q>,
 {
     fn evaluate(&self, t: f64, out: &mut State<Q>) {
         let mut x = self.segment.start.clone();

@@ -5,16 +5,13 @@
 //! the rounding that products of unit quaternions gather is removed once, for every method alike
 //! ([`Configuration::renormalize`]).
 
-mod error;
-
-pub use error::IntegrateError;
-
-use crate::dense::{Decoded, Interpolant, Segment};
-use crate::state::{Configuration, Poses, Rate, State};
+use crate::dense::Interpolant;
+use crate::engine::{Engine, Slot, Stepping, Track};
+pub use crate::error::IntegrateError;
+use crate::state::{Configuration, Rate, State};
 pub use crate::step_size::Adaptive;
-use crate::step_size::StepSizeControl;
 use crate::stepper::{EmbeddedStepper, Stepper};
-use crate::system::{Decoder, Form, StateOf, System};
+use crate::system::{StateOf, System, Unchanged};
 use somersault_core::argument::{ArgumentError, expect_positive};
 pub use somersault_core::cancel::Flow;
 
@@ -71,6 +68,13 @@ impl TimeGrid {
     /// Number of steps.
     pub fn steps(&self) -> u64 {
         self.full_steps + u64::from(self.has_remainder)
+    }
+
+    /// Time and size of the step after `n`, and whether its size differs from that of the step before.
+    #[inline]
+    fn step(&self, n: u64) -> (f64, f64, bool) {
+        let t = self.time(n);
+        if n < self.full_steps { (t, self.dt, false) } else { (t, self.end - t, true) }
     }
 
     /// Time after `n` steps; exactly the end after the last.
@@ -135,22 +139,28 @@ impl<'a, Q: Configuration> Step<'a, Q> {
 
 /// Sees each step as it is made. `()` sees nothing.
 pub trait Observer<Q: Configuration> {
-    /// False for an observer that looks at nothing, so that a run without one pays nothing.
-    const ACTIVE: bool = true;
+    /// False for an observer that looks at nothing, so that a run without one pays nothing; asked once a run.
+    fn is_active(&self) -> bool {
+        true
+    }
     /// Looks at a step and says whether to go on.
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow;
 }
 
 impl<Q: Configuration> Observer<Q> for () {
-    const ACTIVE: bool = false;
+    fn is_active(&self) -> bool {
+        false
+    }
     fn observe(&mut self, _: &mut Step<'_, Q>) -> Flow {
         Flow::Continue
     }
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<Q: Configuration, O: Observer<Q>> Observer<Q> for &mut O {
-    const ACTIVE: bool = O::ACTIVE;
+impl<Q: Configuration, O: Observer<Q> + ?Sized> Observer<Q> for &mut O {
+    fn is_active(&self) -> bool {
+        (**self).is_active()
+    }
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
         (**self).observe(step)
     }
@@ -183,254 +193,148 @@ pub struct Outcome<Q: Configuration> {
 /// Integrates over a grid of times with a fixed step.
 ///
 /// Errors: a state that is not finite, at the start or after a step, and failures of the method.
-pub fn integrate<S, M, O>(
+pub fn integrate<S, M>(
     system: &S,
     stepper: &M,
     initial: &StateOf<S>,
     grid: &TimeGrid,
-    observer: &mut O,
+    observer: &mut dyn Observer<S::Configuration>,
 ) -> Result<Outcome<S::Configuration>, IntegrateError>
 where
     S: System,
     M: Stepper<S>,
-    O: Observer<S::Configuration>,
 {
-    integrate_observed(system, stepper, initial, grid, &mut |step| {
-        if !O::ACTIVE {
-            return Flow::Continue;
-        }
-        let mut interpolant = || Box::new((step.segment)()) as Box<dyn Interpolant<S::Configuration>>;
-        observer.observe(&mut Step {
-            index: step.index,
-            t_before: step.t_before,
-            t_after: step.t_after,
-            before: step.before,
-            after: step.after,
-            interpolant: &mut interpolant,
-        })
-    })
-}
-
-/// A step in the variables of the system that is integrated.
-struct RawStep<'a, Q: Configuration> {
-    index: u64,
-    t_before: f64,
-    t_after: f64,
-    before: &'a State<Q>,
-    after: &'a State<Q>,
-    segment: &'a mut dyn FnMut() -> Segment<Q>,
-}
-
-fn integrate_observed<S: System, M: Stepper<S>>(
-    system: &S,
-    stepper: &M,
-    initial: &StateOf<S>,
-    grid: &TimeGrid,
-    observe: &mut impl FnMut(RawStep<'_, S::Configuration>) -> Flow,
-) -> Result<Outcome<S::Configuration>, IntegrateError> {
     check_state(initial)?;
-    let mut memory = stepper.start(system, initial)?;
-    let mut before = initial.clone();
-    let mut after = initial.clone();
-    let steps = grid.steps();
-    for n in 0..steps {
-        let t = grid.time(n);
-        let h = if n < grid.full_steps { grid.dt } else { grid.end - t };
-        if n == grid.full_steps {
-            stepper.restart(&mut memory);
-        }
-        stepper.step(system, t, &before, h, &mut memory, &mut after)?;
-        after.configuration.renormalize();
-        let t_after = grid.time(n + 1);
-        if !after.is_finite() {
-            return Err(IntegrateError::NonFinite { t: t_after });
-        }
-        let flow = observe(RawStep {
-            index: n + 1,
-            t_before: t,
-            t_after,
-            before: &before,
-            after: &after,
-            segment: &mut || stepper.segment(system, t, &before, h, &mut memory, &after),
-        });
-        std::mem::swap(&mut before, &mut after);
-        if flow == Flow::Stop && n + 1 < steps {
-            return Ok(Outcome {
-                t: t_after,
-                state: before,
-                status: Status::Stopped,
-                steps: n + 1,
-                rejected: 0,
-            });
-        }
-    }
-    Ok(Outcome { t: grid.end, state: before, status: Status::Finished, steps, rejected: 0 })
+    let mut engine = Stepping::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
+    run_fixed(&mut engine, initial, grid, observer)
 }
 
 /// Integrates from `interval.0` to `interval.1` with steps adapted to tolerances.
 ///
 /// [`crate::step_size`] says how.
-pub fn integrate_adaptive<S, M, O>(
+pub fn integrate_adaptive<S, M>(
     system: &S,
     stepper: &M,
     initial: &StateOf<S>,
     interval: (f64, f64),
     control: &Adaptive,
-    observer: &mut O,
+    observer: &mut dyn Observer<S::Configuration>,
 ) -> Result<Outcome<S::Configuration>, IntegrateError>
 where
     S: System,
     M: EmbeddedStepper<S>,
-    O: Observer<S::Configuration>,
 {
-    adapt_observed(system, stepper, initial, interval, control, &mut |step| {
-        if !O::ACTIVE {
-            return Flow::Continue;
-        }
-        let mut interpolant = || Box::new((step.segment)()) as Box<dyn Interpolant<S::Configuration>>;
-        observer.observe(&mut Step {
-            index: step.index,
-            t_before: step.t_before,
-            t_after: step.t_after,
-            before: step.before,
-            after: step.after,
-            interpolant: &mut interpolant,
-        })
-    })
-}
-
-fn adapt_observed<S: System, M: EmbeddedStepper<S>>(
-    system: &S,
-    stepper: &M,
-    initial: &StateOf<S>,
-    (start, end): (f64, f64),
-    settings: &Adaptive,
-    observe: &mut impl FnMut(RawStep<'_, S::Configuration>) -> Flow,
-) -> Result<Outcome<S::Configuration>, IntegrateError> {
-    check_interval(start, end)?;
     check_state(initial)?;
-    let mut memory = stepper.start(system, initial)?;
-    let mut control = StepSizeControl::try_new(settings, &M::INFO, system, start, initial)?;
-    let mut before = initial.clone();
-    let mut after = initial.clone();
-    let mut t = start;
-    while t < end {
-        let (step, t_after) = control.propose(t, end)?;
-        stepper.step(system, t, &before, step, &mut memory, &mut after)?;
-        let error = stepper.error(&before, &after, step, &mut memory, &settings.tolerances);
-        // A NaN from a wild trial step counts as an error too large, like any other.
-        if !control.accepts(t, step, if after.is_finite() { error } else { f64::NAN })? {
-            stepper.reject(&mut memory);
-            continue;
-        }
-        after.configuration.renormalize();
-        let flow = observe(RawStep {
-            index: control.accepted(),
-            t_before: t,
-            t_after,
-            before: &before,
-            after: &after,
-            segment: &mut || stepper.segment(system, t, &before, step, &mut memory, &after),
-        });
-        t = t_after;
-        std::mem::swap(&mut before, &mut after);
-        if flow == Flow::Stop && t < end {
-            let (steps, rejected) = (control.accepted(), control.rejected());
-            return Ok(Outcome { t, state: before, status: Status::Stopped, steps, rejected });
-        }
-    }
-    let (steps, rejected) = (control.accepted(), control.rejected());
-    Ok(Outcome { t: end, state: before, status: Status::Finished, steps, rejected })
+    let engine = Stepping::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
+    run_adaptive(&mut engine.with_estimate(), initial, interval, control, observer)
 }
 
-/// Integrates a form of the bodies, showing the observer the bodies themselves.
-pub(crate) fn integrate_form<Q, B, M, O>(
-    form: &B,
-    stepper: &M,
+/// Fixed steps by an engine that was started from a state, which is finite.
+pub(crate) fn run_fixed<Q: Configuration>(
+    engine: &mut dyn Engine<Q>,
     initial: &State<Q>,
     grid: &TimeGrid,
-    observer: &mut O,
-) -> Result<Outcome<Q>, IntegrateError>
-where
-    Q: Poses,
-    B: Form<Q>,
-    M: Stepper<B>,
-    O: Observer<Q>,
-{
-    check_state(initial)?;
-    let mut watch = Watch::new(form, initial, observer);
-    let outcome =
-        integrate_observed(form, stepper, &form.encode(initial), grid, &mut |step| watch.observe(step))?;
-    Ok(decode_outcome(form, initial, outcome))
+    observer: &mut dyn Observer<Q>,
+) -> Result<Outcome<Q>, IntegrateError> {
+    let mut show = Show::new(initial, observer);
+    let (mut from, mut to) = (engine.keep(initial), engine.keep(initial));
+    let steps = grid.steps();
+    let mut n = 0;
+    while n < steps {
+        let (t, h, is_short) = grid.step(n);
+        if is_short {
+            engine.restart(Track::RUN);
+        }
+        engine.advance(Track::RUN, t, h, from, to, show.room())?;
+        n += 1;
+        let flow = show.step(engine, n, (t, grid.time(n)), h, (from, to));
+        std::mem::swap(&mut from, &mut to);
+        if flow == Flow::Stop {
+            break;
+        }
+    }
+    let status = if n < steps { Status::Stopped } else { Status::Finished };
+    Ok(Outcome { t: grid.time(n), state: show.end(engine, from), status, steps: n, rejected: 0 })
 }
 
-/// As [`integrate_form`], with adapted steps.
-pub(crate) fn adapt_form<Q, B, M, O>(
-    form: &B,
-    stepper: &M,
+/// Adapted steps by an engine with an estimate that was started from a state, which is finite.
+pub(crate) fn run_adaptive<Q: Configuration>(
+    engine: &mut dyn Engine<Q>,
     initial: &State<Q>,
-    interval: (f64, f64),
-    control: &Adaptive,
-    observer: &mut O,
-) -> Result<Outcome<Q>, IntegrateError>
-where
-    Q: Poses,
-    B: Form<Q>,
-    M: EmbeddedStepper<B>,
-    O: Observer<Q>,
-{
-    check_state(initial)?;
-    let mut watch = Watch::new(form, initial, observer);
-    let encoded = form.encode(initial);
-    let outcome =
-        adapt_observed(form, stepper, &encoded, interval, control, &mut |step| watch.observe(step))?;
-    Ok(decode_outcome(form, initial, outcome))
+    (start, end): (f64, f64),
+    settings: &Adaptive,
+    observer: &mut dyn Observer<Q>,
+) -> Result<Outcome<Q>, IntegrateError> {
+    check_interval(start, end)?;
+    let mut show = Show::new(initial, observer);
+    let (mut from, mut to) = (engine.keep(initial), engine.keep(initial));
+    let mut control = engine.control(settings, start, from)?;
+    let mut t = start;
+    while t < end {
+        let (h, t_after) = control.propose(t, end)?;
+        let error = engine.attempt(t, h, from, to, &settings.tolerances)?;
+        if !control.accepts(t, h, error)? {
+            engine.reject();
+            continue;
+        }
+        if let Some(room) = show.room() {
+            engine.read(to, room);
+        }
+        let flow = show.step(engine, control.accepted(), (t, t_after), h, (from, to));
+        t = t_after;
+        std::mem::swap(&mut from, &mut to);
+        if flow == Flow::Stop {
+            break;
+        }
+    }
+    let status = if t < end { Status::Stopped } else { Status::Finished };
+    let (steps, rejected) = (control.accepted(), control.rejected());
+    Ok(Outcome { t, state: show.end(engine, from), status, steps, rejected })
 }
 
-fn decode_outcome<Q: Poses, B: Form<Q>>(
-    form: &B,
-    prototype: &State<Q>,
-    outcome: Outcome<B::Configuration>,
-) -> Outcome<Q> {
-    let mut state = prototype.clone();
-    form.decoder().decode(&outcome.state, &mut state);
-    Outcome { t: outcome.t, state, status: outcome.status, steps: outcome.steps, rejected: outcome.rejected }
-}
-
-/// Turns the steps of a form into steps of the bodies for an observer.
-struct Watch<'a, Q: Poses, D, O> {
-    decoder: D,
+/// Shows the steps of an engine to an observer.
+struct Show<'a, Q: Configuration> {
+    observer: &'a mut dyn Observer<Q>,
+    is_active: bool,
     before: State<Q>,
     after: State<Q>,
-    observer: &'a mut O,
 }
 
-impl<'a, Q: Poses, D: Clone, O: Observer<Q>> Watch<'a, Q, D, O> {
-    fn new<B: Form<Q, Decoder = D>>(form: &B, initial: &State<Q>, observer: &'a mut O) -> Self {
-        Self { decoder: form.decoder(), before: initial.clone(), after: initial.clone(), observer }
+impl<'a, Q: Configuration> Show<'a, Q> {
+    fn new(initial: &State<Q>, observer: &'a mut dyn Observer<Q>) -> Self {
+        let is_active = observer.is_active();
+        Self { observer, is_active, before: initial.clone(), after: initial.clone() }
     }
 
-    fn observe<B: Configuration>(&mut self, step: RawStep<'_, B>) -> Flow
-    where
-        D: Decoder<B, Q> + Send + Sync + 'static,
-    {
-        if !O::ACTIVE {
+    /// Room for the state after a step, where it is shown.
+    fn room(&mut self) -> Option<&mut State<Q>> {
+        self.is_active.then_some(&mut self.after)
+    }
+
+    /// Shows the step of h just made from one slot to another, which led to the state in the room for it.
+    fn step(
+        &mut self,
+        engine: &mut dyn Engine<Q>,
+        index: u64,
+        (t_before, t_after): (f64, f64),
+        h: f64,
+        (from, to): (Slot, Slot),
+    ) -> Flow {
+        if !self.is_active {
             return Flow::Continue;
         }
-        self.decoder.decode(step.after, &mut self.after);
-        let RawStep { index, t_before, t_after, segment, .. } = step;
-        let decoder = &self.decoder;
-        let mut interpolant =
-            || Box::new(Decoded { segment: segment(), decoder: decoder.clone() }) as Box<dyn Interpolant<Q>>;
-        let flow = self.observer.observe(&mut Step {
-            index,
-            t_before,
-            t_after,
-            before: &self.before,
-            after: &self.after,
-            interpolant: &mut interpolant,
-        });
-        std::mem::swap(&mut self.before, &mut self.after);
+        let Self { before, after, .. } = self;
+        let mut interpolant = || engine.segment(t_before, h, from, to);
+        let mut step = Step::new(index, (t_before, t_after), before, after, &mut interpolant);
+        let flow = self.observer.observe(&mut step);
+        std::mem::swap(before, after);
         flow
+    }
+
+    /// The state at the end of the run.
+    fn end(self, engine: &dyn Engine<Q>, slot: Slot) -> State<Q> {
+        let mut state = self.after;
+        engine.read(slot, &mut state);
+        state
     }
 }

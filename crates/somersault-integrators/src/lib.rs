@@ -11,6 +11,8 @@ pub mod body;
 mod cancellation;
 pub mod dense;
 pub mod driver;
+pub mod engine;
+mod error;
 pub mod exact;
 pub mod force;
 mod inverse3;

@@ -116,7 +116,9 @@ impl<Q: Configuration> Observer<Q> for Recorder<Q> {
 /// Both observers see every step; either may stop the run.
 #[deny(clippy::missing_trait_methods)]
 impl<Q: Configuration, A: Observer<Q>, B: Observer<Q>> Observer<Q> for (A, B) {
-    const ACTIVE: bool = A::ACTIVE || B::ACTIVE;
+    fn is_active(&self) -> bool {
+        self.0.is_active() || self.1.is_active()
+    }
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
         let (a, b) = (self.0.observe(step), self.1.observe(step));
         if a == Flow::Stop || b == Flow::Stop { Flow::Stop } else { Flow::Continue }

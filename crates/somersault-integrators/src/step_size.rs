@@ -5,7 +5,7 @@
 //! and 5; see Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.2, whose
 //! DOPRI5 has the same weights. A step whose error is not a number is rejected like one too large.
 
-use crate::driver::IntegrateError;
+use crate::error::IntegrateError;
 use crate::state::{Configuration, ErrorSum, Rate, Tolerances};
 use crate::stepper::MethodInfo;
 use crate::system::{RateOf, StateOf, System};

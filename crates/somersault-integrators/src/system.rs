@@ -267,6 +267,25 @@ impl Interaction for () {
     }
 }
 
+/// A boxed interaction, for choices made at run time.
+pub type BoxedInteraction = Box<dyn Interaction + Send + Sync>;
+
+#[deny(clippy::missing_trait_methods)]
+impl Interaction for BoxedInteraction {
+    fn add_wrenches(&self, t: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]) {
+        (**self).add_wrenches(t, bodies, x, out);
+    }
+    fn bodies(&self) -> Option<usize> {
+        (**self).bodies()
+    }
+    fn is_torque_free(&self) -> bool {
+        (**self).is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        (**self).depends_on_velocity()
+    }
+}
+
 /// Newtonian attraction of the centres of mass: F = G m₁ m₂ / d² along the line between them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gravitation {
@@ -391,7 +410,7 @@ impl<F: ForceModel, I: Interaction> RigidSystem for RigidBodiesSystem<F, I> {
 /// How the variables of a form turn into those of the bodies, and back.
 pub trait Form<Q: Poses>: System {
     /// Turns states back without borrowing the system, so that dense output can keep it.
-    type Decoder: Decoder<Self::Configuration, Q> + Clone + Send + Sync + 'static;
+    type Decoder: Decoder<Self::Configuration, Q>;
     /// The state of the bodies in the variables of this form.
     fn encode(&self, x: &State<Q>) -> StateOf<Self>;
     /// The way back.
@@ -399,7 +418,7 @@ pub trait Form<Q: Poses>: System {
 }
 
 /// Turns states of a form into states of the bodies.
-pub trait Decoder<From: Configuration, Q: Configuration> {
+pub trait Decoder<From: Configuration, Q: Configuration>: Clone + Send + Sync + 'static {
     /// Writes the bodies' state into `out`.
     fn decode(&self, x: &State<From>, out: &mut State<Q>);
 }

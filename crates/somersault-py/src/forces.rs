@@ -9,7 +9,7 @@ use somersault::integrators::body;
 use somersault::integrators::force::{self, BoxedForce, Wrench};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, RigidBodiesState, RigidBodyState, State as StateOf, Twist};
-use somersault::integrators::system::{self, Interaction};
+use somersault::integrators::system::{self, BoxedInteraction, Interaction};
 use somersault::integrators::variation::Tangent;
 use std::sync::{Arc, OnceLock};
 
@@ -573,18 +573,18 @@ impl Reader {
     }
 
     /// What acts between bodies.
-    pub(crate) fn between(&mut self, value: Option<&Bound<'_, PyAny>>) -> Result<Between, Error> {
-        let Some(value) = value else { return Ok(Between::Nothing) };
+    pub(crate) fn between(&mut self, value: Option<&Bound<'_, PyAny>>) -> Result<BoxedInteraction, Error> {
+        let Some(value) = value else { return Ok(Box::new(())) };
         if let Ok(Gravitation(gravitation)) = value.extract::<Gravitation>() {
-            return Ok(Between::Gravitation(gravitation));
+            return Ok(Box::new(gravitation));
         }
         if value.is_callable() {
             self.calls_python = true;
-            return Ok(Between::Callable {
+            return Ok(Box::new(CallableInteraction {
                 callable: value.clone().unbind(),
                 name: callable_name(value),
                 failure: self.failure.clone(),
-            });
+            }));
         }
         Err(Error::input(format!(
             "`interaction` must be a Gravitation or a callable f(t, states) -> (forces, torques), found {}",
@@ -623,30 +623,9 @@ impl Models {
         PyList::new(py, self.0.iter())
     }
 
-    fn models(&self) -> impl Iterator<Item = &Shared> {
-        self.0.iter().map(|model| &model.get().0)
-    }
-}
-
-impl force::ForceModel for Models {
-    fn wrench(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
-        self.models().fold(Wrench::default(), |sum, model| sum + model.wrench(t, body, x))
-    }
-    fn is_free(&self) -> bool {
-        self.models().all(force::ForceModel::is_free)
-    }
-    fn is_torque_free(&self) -> bool {
-        self.models().all(force::ForceModel::is_torque_free)
-    }
-    fn depends_on_velocity(&self) -> bool {
-        self.models().any(force::ForceModel::depends_on_velocity)
-    }
-    fn bound(&self, body: &body::RigidBody, reach: &force::Reach) -> Option<force::WrenchBound> {
-        let none = force::WrenchBound::default();
-        self.models().try_fold(none, |sum, model| Some(sum + model.bound(body, reach)?))
-    }
-    fn potential(&self, body: &body::RigidBody, x: &RigidBodyState) -> Option<f64> {
-        self.models().map(|model| model.potential(body, x)).sum()
+    /// What they are to a system.
+    pub(crate) fn boxed(&self) -> Vec<BoxedForce> {
+        self.0.iter().map(|model| Box::new(model.get().0.clone()) as BoxedForce).collect()
     }
 }
 
@@ -655,45 +634,32 @@ pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Boun
     if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }
 }
 
-/// What acts between bodies.
-pub(crate) enum Between {
-    Nothing,
-    Gravitation(system::Gravitation),
-    Callable { callable: Py<PyAny>, name: String, failure: Failure },
+/// An interaction that Python gave.
+struct CallableInteraction {
+    callable: Py<PyAny>,
+    name: String,
+    failure: Failure,
 }
 
-impl Interaction for Between {
-    fn add_wrenches(&self, t: f64, bodies: &[body::RigidBody], x: &RigidBodiesState, out: &mut [Twist]) {
-        match self {
-            Self::Nothing => {}
-            Self::Gravitation(gravitation) => gravitation.add_wrenches(t, bodies, x, out),
-            Self::Callable { callable, name, failure } => {
-                let nan = vec![Twist { linear: NAN, angular: NAN }; out.len()];
-                let wrenches = call(failure, nan, |py| {
-                    let returned = callable.call1(py, (t, states_list(py, x)?))?;
-                    let shape = format!("({}, 3)", out.len());
-                    let (forces, torques) = pair(name, &shape, returned.bind(py))?;
-                    let forces = any_vectors(&format!("{name}(t, states)[0]"), &[out.len()], &forces)?;
-                    let torques = any_vectors(&format!("{name}(t, states)[1]"), &[out.len()], &torques)?;
-                    let finite = forces.iter().chain(&torques).all(|v| v.iter().all(|x| x.is_finite()));
-                    check_returned(name, t, finite)?;
-                    let twists = forces.into_iter().zip(torques);
-                    Ok(twists.map(|(linear, angular)| Twist { linear, angular }).collect())
-                });
-                for (sum, wrench) in out.iter_mut().zip(wrenches) {
-                    sum.linear += wrench.linear;
-                    sum.angular += wrench.angular;
-                }
-            }
+impl Interaction for CallableInteraction {
+    fn add_wrenches(&self, t: f64, _: &[body::RigidBody], x: &RigidBodiesState, out: &mut [Twist]) {
+        let Self { callable, name, failure } = self;
+        let nan = vec![Twist { linear: NAN, angular: NAN }; out.len()];
+        let wrenches = call(failure, nan, |py| {
+            let returned = callable.call1(py, (t, states_list(py, x)?))?;
+            let shape = format!("({}, 3)", out.len());
+            let (forces, torques) = pair(name, &shape, returned.bind(py))?;
+            let forces = any_vectors(&format!("{name}(t, states)[0]"), &[out.len()], &forces)?;
+            let torques = any_vectors(&format!("{name}(t, states)[1]"), &[out.len()], &torques)?;
+            let finite = forces.iter().chain(&torques).all(|v| v.iter().all(|x| x.is_finite()));
+            check_returned(name, t, finite)?;
+            let twists = forces.into_iter().zip(torques);
+            Ok(twists.map(|(linear, angular)| Twist { linear, angular }).collect())
+        });
+        for (sum, wrench) in out.iter_mut().zip(wrenches) {
+            sum.linear += wrench.linear;
+            sum.angular += wrench.angular;
         }
-    }
-
-    fn is_torque_free(&self) -> bool {
-        !matches!(self, Self::Callable { .. })
-    }
-
-    fn depends_on_velocity(&self) -> bool {
-        matches!(self, Self::Callable { .. })
     }
 }
 

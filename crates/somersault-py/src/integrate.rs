@@ -20,7 +20,9 @@ use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
 use somersault::integrators::studies::work_precision::Counted;
-use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf};
+use somersault::integrators::system::{
+    BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
+};
 
 /// How a run ended and what it took.
 pub(crate) struct Ended<Q: Seen> {
@@ -78,7 +80,7 @@ impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
         plan: &Plan,
         observer: &mut Monitor<S::Configuration>,
     ) -> Ended<S::Configuration> {
-        let system = Counted::new(&&self.0);
+        let system = Counted::new(&self.0);
         let outcome = plan.solve(&system, initial, observer);
         Ended::without_events(outcome, system.calls())
     }
@@ -374,7 +376,8 @@ pub(crate) fn integrate<'py>(
             let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
             if !locate {
                 without_stretch(contacts.laws())?;
-                let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, contacts)?);
+                let between: BoxedInteraction = Box::new(contacts);
+                let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
                 return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
             }
             let count = contacts.len();

@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use somersault::integrators::body;
 use somersault::integrators::driver::Flow;
-use somersault::integrators::force;
+use somersault::integrators::force::{self, BoxedForce};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::studies::energy::{
     Behaviour, EnergyExtremes, EnergySetup, initial_angular_velocity,
@@ -362,7 +362,7 @@ pub(crate) fn energy_study(
 /// The problems that can be chosen. Free bodies have a type of their own, as timings need it.
 enum Chosen {
     Free(problem::Problem<RigidBodySystem>),
-    Forced(problem::Problem<RigidBodySystem<Models>>),
+    Forced(problem::Problem<RigidBodySystem<Vec<BoxedForce>>>, Models),
 }
 
 /// A motion from t = 0 whose state at the end is known.
@@ -409,8 +409,9 @@ impl Problem {
                 Chosen::Free(problem::Problem::try_new(system, state.0, t_end, reference.0)?)
             }
             (Some(reference), false) => {
-                let system = RigidBodySystem::new(body.0, models);
-                Chosen::Forced(problem::Problem::try_new(system, state.0, t_end, reference.0)?)
+                let system = RigidBodySystem::new(body.0, models.boxed());
+                let problem = problem::Problem::try_new(system, state.0, t_end, reference.0)?;
+                Chosen::Forced(problem, models)
             }
         };
         Ok(Self(Arc::new(chosen)))
@@ -460,7 +461,7 @@ impl Problem {
     fn body(&self) -> RigidBody {
         match &*self.0 {
             Chosen::Free(p) => RigidBody(p.system().body),
-            Chosen::Forced(p) => RigidBody(p.system().body),
+            Chosen::Forced(p, _) => RigidBody(p.system().body),
         }
     }
 
@@ -469,7 +470,7 @@ impl Problem {
     fn state(&self) -> State {
         match &*self.0 {
             Chosen::Free(p) => State(*p.initial()),
-            Chosen::Forced(p) => State(*p.initial()),
+            Chosen::Forced(p, _) => State(*p.initial()),
         }
     }
 
@@ -478,7 +479,7 @@ impl Problem {
     fn reference(&self) -> State {
         match &*self.0 {
             Chosen::Free(p) => State(*p.reference()),
-            Chosen::Forced(p) => State(*p.reference()),
+            Chosen::Forced(p, _) => State(*p.reference()),
         }
     }
 
@@ -487,7 +488,7 @@ impl Problem {
     fn t_end(&self) -> f64 {
         match &*self.0 {
             Chosen::Free(p) => p.t_end(),
-            Chosen::Forced(p) => p.t_end(),
+            Chosen::Forced(p, _) => p.t_end(),
         }
     }
 
@@ -496,14 +497,14 @@ impl Problem {
     fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         match &*self.0 {
             Chosen::Free(_) => Ok(PyList::empty(py)),
-            Chosen::Forced(p) => p.system().forces.to_python(py),
+            Chosen::Forced(_, models) => models.to_python(py),
         }
     }
 
     fn __repr__(&self) -> String {
         let kind = match &*self.0 {
             Chosen::Free(_) => "free body",
-            Chosen::Forced(_) => "body under forces",
+            Chosen::Forced(..) => "body under forces",
         };
         format!("<Problem: {kind}, {} s>", self.t_end())
     }
@@ -643,7 +644,7 @@ pub(crate) fn convergence(
     let problem = Arc::clone(&problem.0);
     Ok(Convergence(study(py, move |progress| match &*problem {
         Chosen::Free(p) => order::convergence(p, method, options, &dts, progress),
-        Chosen::Forced(p) => order::convergence(p, method, options, &dts, progress),
+        Chosen::Forced(p, _) => order::convergence(p, method, options, &dts, progress),
     })?))
 }
 
@@ -782,6 +783,8 @@ pub(crate) fn work_precision_study(
     let problem = Arc::clone(&problem.0);
     Ok(WorkPrecision(study(py, move |progress| match &*problem {
         Chosen::Free(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
-        Chosen::Forced(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
+        Chosen::Forced(p, _) => {
+            work_precision::work_precision(p, method, options, &choices, repeats, progress)
+        }
     })?))
 }

@@ -2,14 +2,13 @@
 
 use super::LocatedResult;
 use super::run::{Run, broken_at_start, check_start, run};
-use super::worker::{Encode, Worker};
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Status, check_interval};
-use somersault_integrators::methods::{EmbeddedVisitor, Method, Options};
-use somersault_integrators::step_size::StepSizeControl;
+use somersault_integrators::engine::{Encode, Engine, Stepping};
+use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::stepper::EmbeddedStepper;
-use somersault_integrators::system::{Decoder, Form, StateOf, System, Unchanged};
+use somersault_integrators::system::{Decoder, StateOf, System, Unchanged};
 
 /// Integrates bodies with modes from `interval.0` to `interval.1` by a method of the table that estimates
 /// its error, with steps adapted to tolerances, locating events.
@@ -22,7 +21,7 @@ use somersault_integrators::system::{Decoder, Form, StateOf, System, Unchanged};
 /// events among them, with its curve.
 ///
 /// Cost: the guards once a step, about eight steps and two evaluations for each event.
-pub fn integrate_located_adaptive<H, O>(
+pub fn integrate_located_adaptive<H: HybridBodies>(
     method: Method,
     options: Options,
     system: &H,
@@ -30,109 +29,77 @@ pub fn integrate_located_adaptive<H, O>(
     interval: (f64, f64),
     settings: &Adaptive,
     location: &Location,
-    observer: &mut O,
-) -> LocatedResult<H::Configuration>
-where
-    H: HybridBodies,
-    O: Observer<H::Configuration>,
-{
+    observer: &mut dyn Observer<H::Configuration>,
+) -> LocatedResult<H::Configuration> {
     check_start(system, interval.0, initial, location)?;
     let frozen = Frozen::new(system, interval.0, initial);
-    let visit = Visit { frozen: &frozen, initial, interval, settings, location, observer };
-    method.visit_embedded(options, &frozen, visit).unwrap_or_else(|| {
-        let error = IntegrateError::NoErrorEstimate { method: method.info().name };
-        Err(broken_at_start(error.into(), interval.0, initial))
-    })
+    let run = method.engage_embedded(options, &frozen, initial, &mut |engine| {
+        go(&frozen, engine, initial, (interval, settings), location, observer)
+    });
+    run.unwrap_or_else(|error| Err(broken_at_start(error.into(), interval.0, initial)))
 }
 
 /// Integrates any system with modes by any stepper that estimates its error, with steps adapted to
 /// tolerances, locating events; see [`integrate_located_adaptive`].
-pub fn integrate_hybrid_adaptive<H, M, O>(
+pub fn integrate_hybrid_adaptive<H, M>(
     frozen: &Frozen<H>,
     stepper: &M,
     initial: &StateOf<H>,
     interval: (f64, f64),
     settings: &Adaptive,
     location: &Location,
-    observer: &mut O,
+    observer: &mut dyn Observer<H::Configuration>,
 ) -> LocatedResult<H::Configuration>
 where
     H: Hybrid,
     M: EmbeddedStepper<Frozen<H>>,
-    O: Observer<H::Configuration>,
 {
-    let form = (frozen, &StateOf::<H>::clone as Encode<'_, H, Frozen<H>>, Unchanged);
+    let form = (frozen, &StateOf::<H>::clone as Encode<'_, _, _>, Unchanged);
     integrate_hybrid_form_adaptive(frozen, form, stepper, initial, (interval, settings), location, observer)
 }
 
 /// The same with the system in other variables: a form, and the ways to its variables and back.
-pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D, O>(
+pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D>(
     frozen: &Frozen<H>,
-    (form, encode, decoder): (&B, Encode<'_, H, B>, D),
+    (form, encode, decoder): (&B, Encode<'_, H::Configuration, B::Configuration>, D),
     stepper: &M,
     initial: &StateOf<H>,
     (interval, settings): ((f64, f64), &Adaptive),
     location: &Location,
-    observer: &mut O,
+    observer: &mut dyn Observer<H::Configuration>,
 ) -> LocatedResult<H::Configuration>
 where
     H: Hybrid,
     B: System,
     M: EmbeddedStepper<B>,
-    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
-    O: Observer<H::Configuration>,
+    D: Decoder<B::Configuration, H::Configuration>,
 {
     check_start(frozen.system(), interval.0, initial, location)?;
     frozen.freeze(interval.0, initial);
-    let worker = Worker { frozen, form, stepper, decoder, encode };
-    run(worker, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
+    let engine = Stepping::start(form, stepper, decoder, encode, initial)
+        .map_err(|error| broken_at_start(IntegrateError::from(error).into(), interval.0, initial))?;
+    go(frozen, &mut engine.with_estimate(), initial, (interval, settings), location, observer)
 }
 
-struct Visit<'a, H: Hybrid, O> {
-    frozen: &'a Frozen<&'a H>,
-    initial: &'a StateOf<H>,
-    interval: (f64, f64),
-    settings: &'a Adaptive,
-    location: &'a Location,
-    observer: &'a mut O,
+fn go<H: Hybrid>(
+    frozen: &Frozen<H>,
+    engine: &mut dyn Engine<H::Configuration>,
+    initial: &StateOf<H>,
+    (interval, settings): ((f64, f64), &Adaptive),
+    location: &Location,
+    observer: &mut dyn Observer<H::Configuration>,
+) -> LocatedResult<H::Configuration> {
+    run(frozen, engine, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
 }
 
-impl<'a, H, O> EmbeddedVisitor<Frozen<&'a H>> for Visit<'a, H, O>
-where
-    H: HybridBodies,
-    O: Observer<H::Configuration>,
-{
-    type Output = LocatedResult<H::Configuration>;
-
-    fn visit<B: Form<H::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let Self { frozen, initial, interval, settings, location, observer } = self;
-        let (decoder, encode) = (form.decoder(), &|x: &_| form.encode(x));
-        let worker = Worker { frozen, form: &form, stepper: &stepper, decoder, encode };
-        run(worker, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
-    }
-}
-
-fn steps<H, B, M, D, O>(
-    run: &mut Run<'_, H, B, M, D, O>,
-    end: f64,
-    settings: &Adaptive,
-) -> Result<Status, Interruption>
-where
-    H: Hybrid,
-    B: System,
-    M: EmbeddedStepper<B>,
-    D: Decoder<B::Configuration, H::Configuration> + Clone + Send + Sync + 'static,
-    O: Observer<H::Configuration>,
-{
-    let Worker { form, stepper, .. } = run.worker;
+fn steps<H: Hybrid>(run: &mut Run<'_, H>, end: f64, settings: &Adaptive) -> Result<Status, Interruption> {
     check_interval(run.so_far.t, end)?;
-    let mut control = StepSizeControl::try_new(settings, &M::INFO, form, run.so_far.t, &run.before.inner)?;
+    let mut control = run.worker.engine.control(settings, run.so_far.t, run.before.slot)?;
     while run.so_far.t < end {
         let t = run.so_far.t;
         let (h, t_after) = control.propose(t, end)?;
-        let (x, memory, after) = (&run.before.inner, &mut run.memory, &mut run.after);
-        stepper.step(form, t, x, h, memory, &mut after.inner).map_err(IntegrateError::from)?;
-        let mut error = stepper.error(x, &after.inner, h, memory, &settings.tolerances);
+        let (from, to) = (run.before.slot, run.after.slot);
+        let mut error = run.worker.engine.attempt(t, h, from, to, &settings.tolerances)?;
         let mut fault = None;
         if error <= 1.0
             && let Err(reason) = run.worker.settle(t + h, &mut run.after)
@@ -144,14 +111,14 @@ where
         {
             // A contact may have come and gone: the step ends where it would have been closest.
             control.shorten(part)?;
-            stepper.reject(&mut run.memory);
+            run.worker.engine.reject();
             run.so_far.trials += 1;
             continue;
         }
         match control.accepts(t, h, error) {
             Ok(true) => {}
             Ok(false) => {
-                stepper.reject(&mut run.memory);
+                run.worker.engine.reject();
                 run.so_far.rejected += 1;
                 continue;
             }
@@ -160,7 +127,7 @@ where
         let span = run.locate(h, t_after)?;
         let flow = run.commit(span)?;
         if span.is_event {
-            control.restart(form, span.t_after, &run.before.inner);
+            run.worker.engine.restart_control(&mut control, span.t_after, run.before.slot);
         }
         if flow == Flow::Stop && span.t_after < end {
             return Ok(Status::Stopped);

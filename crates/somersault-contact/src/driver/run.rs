@@ -4,13 +4,12 @@ use super::LocatedResult;
 use super::search::{Search, Trail, has_changed};
 use super::worker::{Point, Worker};
 use crate::event::{Event, EventKind, Interrupted, Interruption, Located, Location};
-use crate::hybrid::Hybrid;
+use crate::hybrid::{Frozen, Hybrid};
 use somersault_core::argument::expect_positive;
-use somersault_integrators::dense::{Decoded, Interpolant};
-use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, Step, check_state};
+use somersault_integrators::driver::{Flow, Observer, Status, Step, check_state};
+use somersault_integrators::engine::Engine;
 use somersault_integrators::state::{Configuration, State};
-use somersault_integrators::stepper::Stepper;
-use somersault_integrators::system::{Decoder, StateOf, System};
+use somersault_integrators::system::StateOf;
 
 /// For how many steps ahead a flight is proved clear at once.
 const AHEAD: f64 = 64.0;
@@ -27,15 +26,13 @@ pub(super) struct Span {
 }
 
 /// A run in progress.
-pub(super) struct Run<'a, H: Hybrid, B: System, M: Stepper<B>, D, O> {
-    pub(super) worker: Worker<'a, H, B, M, D>,
-    pub(super) memory: M::Memory,
+pub(super) struct Run<'a, H: Hybrid> {
+    pub(super) worker: Worker<'a, H>,
     /// The last state that was committed.
-    pub(super) before: Point<H::Configuration, B::Configuration>,
+    pub(super) before: Point<H::Configuration>,
     /// The state that a step leads to.
-    pub(super) after: Point<H::Configuration, B::Configuration>,
-    trail: Trail<H::Configuration, B::Configuration>,
-    trial_memory: M::Memory,
+    pub(super) after: Point<H::Configuration>,
+    trail: Trail<H::Configuration>,
     /// Until when no guard can go in, as far as is proved.
     clear_until: f64,
     impulses: Vec<f64>,
@@ -43,30 +40,26 @@ pub(super) struct Run<'a, H: Hybrid, B: System, M: Stepper<B>, D, O> {
     touched: Vec<bool>,
     chatter: Chatter,
     pub(super) location: Location,
-    observer: &'a mut O,
+    observer: &'a mut dyn Observer<H::Configuration>,
+    is_observed: bool,
     /// The outcome but for the state, which is that of `before`.
     pub(super) so_far: Located<H::Configuration>,
 }
 
-/// Runs `steps` from a state at `t`.
-pub(super) fn run<'a, H, B, M, D, O>(
-    worker: Worker<'a, H, B, M, D>,
+/// Runs `steps` of an engine from a state at `t`.
+pub(super) fn run<'a, H: Hybrid>(
+    frozen: &'a Frozen<H>,
+    engine: &'a mut dyn Engine<H::Configuration>,
     (t, initial): (f64, &StateOf<H>),
     location: &Location,
-    observer: &'a mut O,
-    steps: impl FnOnce(&mut Run<'a, H, B, M, D, O>) -> Result<Status, Interruption>,
-) -> LocatedResult<H::Configuration>
-where
-    H: Hybrid,
-    B: System,
-    M: Stepper<B>,
-    D: Decoder<B::Configuration, H::Configuration>,
-{
-    let mut run = Run::start(worker, (t, initial), location, observer)
+    observer: &'a mut dyn Observer<H::Configuration>,
+    steps: impl FnOnce(&mut Run<'a, H>) -> Result<Status, Interruption>,
+) -> LocatedResult<H::Configuration> {
+    let mut run = Run::start(frozen, engine, (t, initial), location, observer)
         .map_err(|reason| broken_at_start(reason, t, initial))?;
     let outcome = steps(&mut run);
     let mut so_far = run.so_far;
-    so_far.state = run.before.outer;
+    so_far.state = run.before.state;
     match outcome {
         Ok(status) => Ok(Located { status, ..so_far }),
         Err(reason) => Err(Box::new(Interrupted { reason, so_far })),
@@ -99,39 +92,32 @@ pub(super) fn broken_at_start<Q: Configuration>(
     Box::new(Interrupted { reason, so_far: Located::at_start(t, initial) })
 }
 
-impl<'a, H, B, M, D, O> Run<'a, H, B, M, D, O>
-where
-    H: Hybrid,
-    B: System,
-    M: Stepper<B>,
-    D: Decoder<B::Configuration, H::Configuration>,
-{
+impl<'a, H: Hybrid> Run<'a, H> {
     fn start(
-        worker: Worker<'a, H, B, M, D>,
+        frozen: &'a Frozen<H>,
+        engine: &'a mut dyn Engine<H::Configuration>,
         (t, initial): (f64, &StateOf<H>),
         location: &Location,
-        observer: &'a mut O,
+        observer: &'a mut dyn Observer<H::Configuration>,
     ) -> Result<Self, Interruption> {
-        let encoded = (worker.encode)(initial);
-        let memory = || worker.stepper.start(worker.form, &encoded).map_err(IntegrateError::from);
-        let (memory, trial_memory) = (memory()?, memory()?);
-        let point = || Point { inner: encoded.clone(), outer: initial.clone(), guards: Vec::new() };
-        let (mut before, after) = (point(), point());
+        let mut worker = Worker::start(frozen, engine, initial)?;
+        let (mut before, after) = (worker.point(initial), worker.point(initial));
+        let trail = Trail::new(worker.point(initial));
         worker.read_guards(t, &mut before)?;
         let count = before.guards.len();
+        let is_observed = observer.is_active();
         let mut run = Self {
             worker,
-            memory,
-            trail: Trail::new(before.clone()),
+            trail,
             before,
             after,
-            trial_memory,
             clear_until: f64::NEG_INFINITY,
             impulses: vec![0.0; count],
             touched: vec![false; count],
             chatter: Chatter::new(count, location.max_event_rate),
             location: *location,
             observer,
+            is_observed,
             so_far: Located::at_start(t, initial),
         };
         run.examine()?;
@@ -144,7 +130,7 @@ where
         for (guard, (touched, at)) in self.touched.iter_mut().zip(&point.guards).enumerate() {
             if at.is_inside() && !*touched {
                 *touched = true;
-                system.examine(guard, &point.outer).map_err(|fault| Interruption::Surface {
+                system.examine(guard, &point.state).map_err(|fault| Interruption::Surface {
                     guard,
                     t,
                     fault,
@@ -161,7 +147,7 @@ where
         }
         if t_after > self.clear_until {
             let (frozen, t) = (self.worker.frozen, self.so_far.t);
-            let time = frozen.clear_time(t, &self.before.outer, &self.before.guards, AHEAD * h);
+            let time = frozen.clear_time(t, &self.before.state, &self.before.guards, AHEAD * h);
             self.clear_until = t + time;
         }
         t_after <= self.clear_until
@@ -179,15 +165,10 @@ where
         search.doubt(h, after).filter(|part| *part > shortest)
     }
 
-    #[allow(clippy::type_complexity)]
-    fn search(
-        &mut self,
-        t_after: f64,
-    ) -> (Search<'_, 'a, H, B, M, D>, &Point<H::Configuration, B::Configuration>) {
+    fn search(&mut self, t_after: f64) -> (Search<'_, 'a, H>, &Point<H::Configuration>) {
         let t = self.so_far.t;
         let search = Search {
-            worker: &self.worker,
-            memory: &mut self.trial_memory,
+            worker: &mut self.worker,
             trail: &mut self.trail,
             t,
             before: &self.before,
@@ -208,8 +189,8 @@ where
         let found = search.earliest(h, after)?;
         match found {
             Some(earlier) if earlier < h => {
-                self.worker.stepper.restart(&mut self.memory);
-                self.worker.step(t, &self.before.inner, earlier, &mut self.memory, &mut self.after)?;
+                self.worker.restart();
+                self.worker.step(t, self.before.slot, earlier, &mut self.after)?;
                 Ok(Span { h: earlier, t_after: t + earlier, is_event: true })
             }
             _ => Ok(Span { h, t_after, is_event: found.is_some() }),
@@ -218,11 +199,7 @@ where
 
     /// Commits the step: shows it, counts it, and at an event reads the mode, lets the state jump and
     /// restarts the memory.
-    pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption>
-    where
-        D: Clone + Send + Sync + 'static,
-        O: Observer<H::Configuration>,
-    {
+    pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption> {
         let (guards, guards_after) = (&self.before.guards, &self.after.guards);
         for (i, impulse) in self.impulses.iter_mut().enumerate() {
             if guards[i].is_inside() {
@@ -234,7 +211,7 @@ where
         self.so_far.t = span.t_after;
         if span.is_event {
             let (frozen, t) = (self.worker.frozen, span.t_after);
-            let mode = frozen.refreeze(t, &self.after.outer);
+            let mode = frozen.refreeze(t, &self.after.state);
             self.log(&mode);
             std::mem::swap(&mut self.before, &mut self.after);
             self.chatter.record(t)?;
@@ -247,35 +224,26 @@ where
 
     /// Starts anew from an event, in a new mode.
     fn enter(&mut self, last_mode: &H::Mode) -> Result<(), Interruption> {
-        let (worker, t, point) = (&self.worker, self.so_far.t, &mut self.before);
+        let (worker, t, point) = (&mut self.worker, self.so_far.t, &mut self.before);
         if H::RESETS {
-            worker.frozen.reset(t, last_mode, &mut point.outer);
-            point.inner = (worker.encode)(&point.outer);
+            worker.frozen.reset(t, last_mode, &mut point.state);
+            worker.engine.write(point.slot, &point.state);
         }
-        worker.stepper.restart(&mut self.memory);
+        worker.restart();
         worker.read_guards(t, point)?;
         self.clear_until = f64::NEG_INFINITY;
         self.examine()
     }
 
     /// Shows the step, with its curve, to the observer.
-    fn show(&mut self, span: Span) -> Flow
-    where
-        D: Clone + Send + Sync + 'static,
-        O: Observer<H::Configuration>,
-    {
-        if !O::ACTIVE {
+    fn show(&mut self, span: Span) -> Flow {
+        if !self.is_observed {
             return Flow::Continue;
         }
-        let Self { worker, memory, before, after, so_far, .. } = self;
-        let mut interpolant = || {
-            let stepper = worker.stepper;
-            let segment = stepper.segment(worker.form, so_far.t, &before.inner, span.h, memory, &after.inner);
-            Box::new(Decoded { segment, decoder: worker.decoder.clone() })
-                as Box<dyn Interpolant<H::Configuration>>
-        };
+        let Self { worker, before, after, so_far, .. } = self;
+        let mut interpolant = || worker.engine.segment(so_far.t, span.h, before.slot, after.slot);
         let times = (so_far.t, span.t_after);
-        let mut step = Step::new(so_far.steps, times, &before.outer, &after.outer, &mut interpolant);
+        let mut step = Step::new(so_far.steps, times, &before.state, &after.state, &mut interpolant);
         self.observer.observe(&mut step)
     }
 
@@ -290,7 +258,7 @@ where
             let impulse = if released { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
             self.so_far.event_count += 1;
             if self.location.keep_events {
-                let (t, state) = (self.so_far.t, self.after.outer.clone());
+                let (t, state) = (self.so_far.t, self.after.state.clone());
                 self.so_far.events.push(Event { t, guard, kind, impulse, state });
             }
         }

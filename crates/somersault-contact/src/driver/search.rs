@@ -7,8 +7,6 @@ use crate::step_curve::StepCurve;
 use crate::sweep::{Sweep, Verdict};
 use somersault_core::roots;
 use somersault_integrators::state::Configuration;
-use somersault_integrators::stepper::Stepper;
-use somersault_integrators::system::{Decoder, StateOf, System};
 
 /// How many parts of a step are looked at for what a cubic says alone.
 const SUSPICIONS: u32 = 64;
@@ -17,55 +15,48 @@ const SUSPICIONS: u32 = 64;
 const MOST_PARTS: u32 = 20_000;
 
 /// A part of a step, by its length, and where it leads.
-struct Mark<Q: Configuration, B: Configuration> {
+struct Mark<Q: Configuration> {
     h: f64,
-    point: Point<Q, B>,
+    point: Point<Q>,
     /// Whether an event was narrowed down to its end.
     is_event: bool,
 }
 
 /// Room for the search: the part of the step known to be clear, and the parts that end later, latest first.
-pub(super) struct Trail<Q: Configuration, B: Configuration> {
-    near: Mark<Q, B>,
-    far: Vec<Mark<Q, B>>,
+pub(super) struct Trail<Q: Configuration> {
+    near: Mark<Q>,
+    far: Vec<Mark<Q>>,
     /// How many of `far` are in use.
     len: usize,
     sweeps: Vec<Sweep>,
 }
 
-impl<Q: Configuration, B: Configuration> Trail<Q, B> {
-    pub(super) fn new(point: Point<Q, B>) -> Self {
+impl<Q: Configuration> Trail<Q> {
+    pub(super) fn new(point: Point<Q>) -> Self {
         let near = Mark { h: 0.0, point, is_event: false };
         Self { near, far: Vec::new(), len: 0, sweeps: Vec::new() }
     }
 }
 
-/// Steps made again from the start of a step, with memory and room of their own.
-pub(super) struct Search<'a, 'w, H: Hybrid, B: System, M: Stepper<B>, D> {
-    pub(super) worker: &'a Worker<'w, H, B, M, D>,
-    pub(super) memory: &'a mut M::Memory,
-    pub(super) trail: &'a mut Trail<H::Configuration, B::Configuration>,
+/// Steps made again from the start of a step, with room of their own.
+pub(super) struct Search<'a, 'w, H: Hybrid> {
+    pub(super) worker: &'a mut Worker<'w, H>,
+    pub(super) trail: &'a mut Trail<H::Configuration>,
     pub(super) t: f64,
-    pub(super) before: &'a Point<H::Configuration, B::Configuration>,
+    pub(super) before: &'a Point<H::Configuration>,
     pub(super) graze: f64,
     /// Two parts of a step are one where they end no farther apart than this.
     pub(super) tolerance: f64,
     pub(super) trials: &'a mut u64,
 }
 
-impl<H, B, M, D> Search<'_, '_, H, B, M, D>
-where
-    H: Hybrid,
-    B: System,
-    M: Stepper<B>,
-    D: Decoder<B::Configuration, H::Configuration>,
-{
+impl<H: Hybrid> Search<'_, '_, H> {
     /// Where in the step of h to `after` a guard may have changed its sign and changed it back, if anywhere: the
     /// part of the step to be looked at first.
     #[inline]
-    pub(super) fn doubt(&mut self, h: f64, after: &Point<H::Configuration, B::Configuration>) -> Option<f64> {
+    pub(super) fn doubt(&mut self, h: f64, after: &Point<H::Configuration>) -> Option<f64> {
         let sweeps = &mut self.trail.sweeps;
-        self.worker.frozen.sweeps(self.t, h, (&self.before.outer, &after.outer), sweeps);
+        self.worker.frozen.sweeps(self.t, h, (&self.before.state, &after.state), sweeps);
         doubt(&self.before.guards, &after.guards, h, sweeps, (self.graze, true))
     }
 
@@ -77,7 +68,7 @@ where
     pub(super) fn earliest(
         &mut self,
         h: f64,
-        after: &Point<H::Configuration, B::Configuration>,
+        after: &Point<H::Configuration>,
     ) -> Result<Option<f64>, Interruption> {
         let before = self.before;
         (self.trail.near.h, self.trail.len) = (0.0, 0);
@@ -115,7 +106,7 @@ where
             self.worker.frozen.sweeps(
                 self.t + near_h,
                 width,
-                (&near.outer, &point.outer),
+                (&near.state, &point.state),
                 &mut self.trail.sweeps,
             );
             // A cubic that goes on to promise what is not there has rates that are not those of its gaps.
@@ -147,8 +138,8 @@ where
     /// Where the cubics through the ends of a part of the step change sign first.
     fn guess(
         &self,
-        near: &Point<H::Configuration, B::Configuration>,
-        far: &Point<H::Configuration, B::Configuration>,
+        near: &Point<H::Configuration>,
+        far: &Point<H::Configuration>,
         (start, end): (f64, f64),
     ) -> f64 {
         let (guards, width) = (near.guards.iter().zip(&far.guards), end - start);
@@ -165,7 +156,7 @@ where
         let before = &self.before.guards;
         let excess = |h| {
             let point = &mut self.trail.far[slot].point;
-            trial(self.worker, self.memory, (self.t, &self.before.inner), h, point)?;
+            self.worker.try_step(self.t, self.before.slot, h, point)?;
             *self.trials += 1;
             Ok(margin(before, &point.guards))
         };
@@ -177,7 +168,7 @@ where
         let slot = self.trail.len;
         self.reserve(slot);
         let mark = &mut self.trail.far[slot];
-        trial(self.worker, self.memory, (self.t, &self.before.inner), h, &mut mark.point)?;
+        self.worker.try_step(self.t, self.before.slot, h, &mut mark.point)?;
         *self.trials += 1;
         (mark.h, mark.is_event) = (h, false);
         self.trail.len = slot + 1;
@@ -186,27 +177,10 @@ where
 
     fn reserve(&mut self, slot: usize) {
         if slot == self.trail.far.len() {
-            self.trail.far.push(Mark { h: 0.0, point: self.before.clone(), is_event: false });
+            let point = self.worker.point(&self.before.state);
+            self.trail.far.push(Mark { h: 0.0, point, is_event: false });
         }
     }
-}
-
-/// A step of h without a history.
-fn trial<H, B, M, D>(
-    worker: &Worker<'_, H, B, M, D>,
-    memory: &mut M::Memory,
-    (t, x): (f64, &StateOf<B>),
-    h: f64,
-    out: &mut Point<H::Configuration, B::Configuration>,
-) -> Result<(), Interruption>
-where
-    H: Hybrid,
-    B: System,
-    M: Stepper<B>,
-    D: Decoder<B::Configuration, H::Configuration>,
-{
-    worker.stepper.restart(memory);
-    worker.step(t, x, h, memory, out)
 }
 
 /// The first part of a step of h within which some guard is not known to keep its sign; `suspects` says whether

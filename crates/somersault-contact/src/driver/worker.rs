@@ -3,78 +3,96 @@
 use crate::event::Interruption;
 use crate::hybrid::{Frozen, Guard, Hybrid};
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::engine::{Engine, Slot, Track};
 use somersault_integrators::state::{Configuration, State};
-use somersault_integrators::stepper::Stepper;
-use somersault_integrators::system::{Decoder, StateOf, System};
+use somersault_integrators::system::StateOf;
 
-/// A state in the variables of the form and in those of the system, and the guards there.
-#[derive(Clone)]
-pub(super) struct Point<Q: Configuration, B: Configuration> {
-    pub(super) inner: State<B>,
-    pub(super) outer: State<Q>,
+/// A state of the system, where the engine keeps it, and the guards there.
+pub(super) struct Point<Q: Configuration> {
+    pub(super) slot: Slot,
+    pub(super) state: State<Q>,
     pub(super) guards: Vec<Guard>,
 }
 
-/// The way from the variables of a system to those of a form.
-pub(crate) type Encode<'a, H, B> = &'a dyn Fn(&StateOf<H>) -> StateOf<B>;
-
-/// A system with modes, the form that a method integrates, the method, and the ways between the form's
-/// variables and the system's.
-pub(super) struct Worker<'a, H: Hybrid, B: System, M, D> {
+/// A system with modes and a method that integrates it.
+pub(super) struct Worker<'a, H: Hybrid> {
     pub(super) frozen: &'a Frozen<H>,
-    pub(super) form: &'a B,
-    pub(super) stepper: &'a M,
-    pub(super) decoder: D,
-    pub(super) encode: Encode<'a, H, B>,
+    pub(super) engine: &'a mut dyn Engine<H::Configuration>,
+    /// The memory of steps that are tried.
+    trial: Track,
 }
 
-impl<H, B, M, D> Worker<'_, H, B, M, D>
-where
-    H: Hybrid,
-    B: System,
-    M: Stepper<B>,
-    D: Decoder<B::Configuration, H::Configuration>,
-{
-    /// A step of h from `x` at `t`, with the guards after it.
-    #[inline]
-    pub(super) fn step(
-        &self,
-        t: f64,
-        x: &StateOf<B>,
-        h: f64,
-        memory: &mut M::Memory,
-        out: &mut Point<H::Configuration, B::Configuration>,
-    ) -> Result<(), Interruption> {
-        self.stepper.step(self.form, t, x, h, memory, &mut out.inner).map_err(IntegrateError::from)?;
-        self.settle(t + h, out)
+impl<'a, H: Hybrid> Worker<'a, H> {
+    pub(super) fn start(
+        frozen: &'a Frozen<H>,
+        engine: &'a mut dyn Engine<H::Configuration>,
+        x: &StateOf<H>,
+    ) -> Result<Self, IntegrateError> {
+        let trial = engine.branch(x)?;
+        Ok(Self { frozen, engine, trial })
     }
 
-    /// Makes a point of the state that a step has left in it.
+    /// A point with a slot of its own.
+    pub(super) fn point(&mut self, state: &StateOf<H>) -> Point<H::Configuration> {
+        Point { slot: self.engine.keep(state), state: state.clone(), guards: Vec::new() }
+    }
+
+    /// A step of h from `from` at `t`, with the guards after it.
     #[inline]
-    pub(super) fn settle(
-        &self,
+    pub(super) fn step(
+        &mut self,
         t: f64,
-        out: &mut Point<H::Configuration, B::Configuration>,
+        from: Slot,
+        h: f64,
+        out: &mut Point<H::Configuration>,
     ) -> Result<(), Interruption> {
-        out.inner.configuration.renormalize();
-        if !out.inner.is_finite() {
-            return Err(IntegrateError::NonFinite { t }.into());
-        }
-        self.decoder.decode(&out.inner, &mut out.outer);
+        self.advance(Track::RUN, t, from, h, out)
+    }
+
+    /// The same without a history and without leaving one.
+    pub(super) fn try_step(
+        &mut self,
+        t: f64,
+        from: Slot,
+        h: f64,
+        out: &mut Point<H::Configuration>,
+    ) -> Result<(), Interruption> {
+        self.engine.restart(self.trial);
+        self.advance(self.trial, t, from, h, out)
+    }
+
+    #[inline]
+    fn advance(
+        &mut self,
+        track: Track,
+        t: f64,
+        from: Slot,
+        h: f64,
+        out: &mut Point<H::Configuration>,
+    ) -> Result<(), Interruption> {
+        self.engine.advance(track, t, h, from, out.slot, Some(&mut out.state))?;
+        self.read_guards(t + h, out)
+    }
+
+    /// Forgets the history.
+    pub(super) fn restart(&mut self) {
+        self.engine.restart(Track::RUN);
+    }
+
+    /// Makes a point of the state that an attempt has left in its slot.
+    #[inline]
+    pub(super) fn settle(&self, t: f64, out: &mut Point<H::Configuration>) -> Result<(), Interruption> {
+        self.engine.read(out.slot, &mut out.state);
         self.read_guards(t, out)
     }
 
     #[inline]
-    pub(super) fn read_guards(
-        &self,
-        t: f64,
-        out: &mut Point<H::Configuration, B::Configuration>,
-    ) -> Result<(), Interruption> {
-        self.frozen.guards(t, &out.outer, &mut out.guards);
+    pub(super) fn read_guards(&self, t: f64, out: &mut Point<H::Configuration>) -> Result<(), Interruption> {
+        self.frozen.guards(t, &out.state, &mut out.guards);
         match out.guards.iter().enumerate().find(|(_, g)| !g.is_finite()) {
             None => Ok(()),
             Some((guard, &Guard { gap, rate, .. })) => {
-                Err(match self.frozen.system().examine(guard, &out.outer) {
+                Err(match self.frozen.system().examine(guard, &out.state) {
                     Err(fault) => Interruption::Surface { guard, t, fault },
                     Ok(()) => Interruption::NonFiniteGuard { guard, t, gap, rate },
                 })

@@ -39,7 +39,7 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 ///
 /// Cost: one and a half to two runs without columns for each column (the spinning top by `rkmk8` and `rkmk`),
 /// which is what central differences take.
-pub fn differentiate_located<F, O>(
+pub fn differentiate_located<F>(
     method: Method,
     options: Options,
     system: &BodyInContact<F>,
@@ -47,11 +47,10 @@ pub fn differentiate_located<F, O>(
     differentiation: &Differentiation,
     grid: &TimeGrid,
     location: &Location,
-    observer: &mut O,
+    observer: &mut dyn Observer<VariedPose>,
 ) -> SensitivityResult
 where
     F: ForceModel,
-    O: Observer<VariedPose>,
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
     let task = Task { system, initial, differentiation, interval, location, observer };
@@ -61,7 +60,7 @@ where
 /// The same with steps adapted to tolerances, by a method that estimates its error; see [`differentiate_located`].
 ///
 /// The steps are those of the motion without columns, whose errors are not weighed.
-pub fn differentiate_located_adaptive<F, O>(
+pub fn differentiate_located_adaptive<F>(
     method: Method,
     options: Options,
     system: &BodyInContact<F>,
@@ -70,11 +69,10 @@ pub fn differentiate_located_adaptive<F, O>(
     interval: (f64, f64),
     settings: &Adaptive,
     location: &Location,
-    observer: &mut O,
+    observer: &mut dyn Observer<VariedPose>,
 ) -> SensitivityResult
 where
     F: ForceModel,
-    O: Observer<VariedPose>,
 {
     let task = Task { system, initial, differentiation, interval, location, observer };
     if method.info().embedded.is_none() {
@@ -87,28 +85,27 @@ where
 }
 
 /// The same by any stepper; see [`differentiate_located`].
-pub fn differentiate_hybrid<'a, F, M, O>(
+pub fn differentiate_hybrid<'a, F, M>(
     stepper: &M,
     system: &'a BodyInContact<F>,
     initial: &RigidBodyState,
     differentiation: &'a Differentiation,
     grid: &TimeGrid,
     location: &Location,
-    observer: &mut O,
+    observer: &mut dyn Observer<VariedPose>,
 ) -> SensitivityResult
 where
     F: ForceModel,
     M: Stepper<FrozenVariational<'a, F>>,
-    O: Observer<VariedPose>,
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
     Task { system, initial, differentiation, interval, location, observer }
-        .run(M::INFO.name, |run| Some(Fixed { run, grid }.world(stepper)))
+        .run(M::INFO.name, |run| Some(run.fixed(stepper, grid)))
 }
 
 /// The same by any stepper that estimates its error, with steps adapted to tolerances; see
 /// [`differentiate_located_adaptive`].
-pub fn differentiate_hybrid_adaptive<'a, F, M, O>(
+pub fn differentiate_hybrid_adaptive<'a, F, M>(
     stepper: &M,
     system: &'a BodyInContact<F>,
     initial: &RigidBodyState,
@@ -116,71 +113,83 @@ pub fn differentiate_hybrid_adaptive<'a, F, M, O>(
     interval: (f64, f64),
     settings: &Adaptive,
     location: &Location,
-    observer: &mut O,
+    observer: &mut dyn Observer<VariedPose>,
 ) -> SensitivityResult
 where
     F: ForceModel,
     M: EmbeddedStepper<FrozenVariational<'a, F>>,
-    O: Observer<VariedPose>,
 {
     Task { system, initial, differentiation, interval, location, observer }
-        .run(M::INFO.name, |run| Some(Adapted { run, interval, settings }.world(stepper)))
+        .run(M::INFO.name, |run| Some(run.adapted(stepper, interval, settings)))
 }
 
 /// What is to be integrated and differentiated.
-struct Task<'a, 'b, F, O> {
+struct Task<'a, 'b, F> {
     system: &'a BodyInContact<F>,
     initial: &'b RigidBodyState,
     differentiation: &'a Differentiation,
     interval: (f64, f64),
     location: &'b Location,
-    observer: &'b mut O,
+    observer: &'b mut dyn Observer<VariedPose>,
 }
 
 /// A task begun.
-struct Begun<'a, 'b, F: ForceModel, O> {
+struct Begun<'a, 'b, F: ForceModel> {
     frozen: &'b FrozenVariational<'a, F>,
     start: &'b VariedState,
     location: &'b Location,
-    observer: &'b mut O,
+    observer: &'b mut dyn Observer<VariedPose>,
 }
 
 /// Shows each step to an observer, after contacts that it just missed have been looked for.
-struct Watching<'a, 'b, F: ForceModel, O> {
+struct Watching<'a, 'b, F: ForceModel> {
     frozen: &'b FrozenVariational<'a, F>,
-    observer: &'b mut O,
+    observer: &'b mut dyn Observer<VariedPose>,
 }
 
-impl<F: ForceModel, O: Observer<VariedPose>> Observer<VariedPose> for Watching<'_, '_, F, O> {
+impl<F: ForceModel> Observer<VariedPose> for Watching<'_, '_, F> {
     fn observe(&mut self, step: &mut Step<'_, VariedPose>) -> Flow {
         self.frozen.system().watch((step.t_before, step.before), (step.t_after, step.after));
-        if O::ACTIVE { self.observer.observe(step) } else { Flow::Continue }
+        self.observer.observe(step)
     }
 }
 
-/// Steps of fixed size.
-struct Fixed<'a, 'b, F: ForceModel, O> {
-    run: Begun<'a, 'b, F, O>,
+impl<'a, F: ForceModel> Begun<'a, '_, F> {
+    fn fixed<M: Stepper<FrozenVariational<'a, F>>>(
+        self,
+        stepper: &M,
+        grid: &TimeGrid,
+    ) -> LocatedResult<VariedPose> {
+        let Self { frozen, start, location, observer } = self;
+        integrate_hybrid(frozen, stepper, start, grid, location, &mut Watching { frozen, observer })
+    }
+
+    fn adapted<M: EmbeddedStepper<FrozenVariational<'a, F>>>(
+        self,
+        stepper: &M,
+        interval: (f64, f64),
+        settings: &Adaptive,
+    ) -> LocatedResult<VariedPose> {
+        let Self { frozen, start, location, observer } = self;
+        let mut watching = Watching { frozen, observer };
+        integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, &mut watching)
+    }
+}
+
+/// Steps of fixed size by a method in one of two frames.
+struct Fixed<'a, 'b, F: ForceModel> {
+    run: Begun<'a, 'b, F>,
     grid: &'b TimeGrid,
 }
 
-impl<'a, F: ForceModel, O: Observer<VariedPose>> Fixed<'a, '_, F, O> {
-    fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: &M) -> LocatedResult<VariedPose> {
-        let Begun { frozen, start, location, observer } = self.run;
-        let mut watching = Watching { frozen, observer };
-        integrate_hybrid(frozen, stepper, start, self.grid, location, &mut watching)
-    }
-}
-
-impl<'a, 'b, F, O> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Fixed<'a, 'b, F, O>
+impl<'a, 'b, F> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Fixed<'a, 'b, F>
 where
     F: ForceModel,
-    O: Observer<VariedPose>,
 {
     type Output = LocatedResult<VariedPose>;
 
     fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        Fixed::world(self, &stepper)
+        self.run.fixed(&stepper, self.grid)
     }
 
     fn body<M: Stepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
@@ -193,30 +202,20 @@ where
 }
 
 /// Steps adapted to tolerances.
-struct Adapted<'a, 'b, F: ForceModel, O> {
-    run: Begun<'a, 'b, F, O>,
+struct Adapted<'a, 'b, F: ForceModel> {
+    run: Begun<'a, 'b, F>,
     interval: (f64, f64),
     settings: &'b Adaptive,
 }
 
-impl<'a, F: ForceModel, O: Observer<VariedPose>> Adapted<'a, '_, F, O> {
-    fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: &M) -> LocatedResult<VariedPose> {
-        let Begun { frozen, start, location, observer } = self.run;
-        let (mut watching, interval) = (Watching { frozen, observer }, self.interval);
-        integrate_hybrid_adaptive(frozen, stepper, start, interval, self.settings, location, &mut watching)
-    }
-}
-
-impl<'a, 'b, F, O> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>>
-    for Adapted<'a, 'b, F, O>
+impl<'a, 'b, F> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Adapted<'a, 'b, F>
 where
     F: ForceModel,
-    O: Observer<VariedPose>,
 {
     type Output = LocatedResult<VariedPose>;
 
     fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        Adapted::world(self, &stepper)
+        self.run.adapted(&stepper, self.interval, self.settings)
     }
 
     fn body<M: EmbeddedStepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
@@ -229,7 +228,7 @@ where
     }
 }
 
-impl<'a, F: ForceModel, O: Observer<VariedPose>> Task<'a, '_, F, O> {
+impl<'a, F: ForceModel> Task<'a, '_, F> {
     fn unstretched(&self) -> VariedState {
         let system = WithStretches(self.system);
         varied(system.unstretched(*self.initial), self.differentiation.parameters.len())
@@ -239,7 +238,7 @@ impl<'a, F: ForceModel, O: Observer<VariedPose>> Task<'a, '_, F, O> {
     fn run(
         self,
         method: &'static str,
-        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F, O>) -> Option<LocatedResult<VariedPose>>,
+        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<VariedPose>>,
     ) -> SensitivityResult {
         let Self { system, differentiation, interval, location, .. } = self;
         let unstretched = self.unstretched();

@@ -2,16 +2,17 @@
 //!
 //! A file of a method registers it: `register!` gives each of its rows a place in the table, the name in the enumeration, the
 //! type and the variables it takes. `table!` collects the rows of the files, and `methods!` makes of them the enumeration
-//! [`Method`], its list, its parser and the `match` that enters the loop of a method, once per trajectory. Bindings, benchmarks,
+//! [`Method`], its list, its parser and the `match` that makes an [`Engine`] of a method, once per trajectory. Bindings, benchmarks,
 //! documentation and tests iterate over it. A user-defined method is a type that implements [`Stepper`]; every driver and study
 //! takes one.
 
 pub use crate::adams::StartUp;
-use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid, adapt_form, integrate_form};
-use crate::driver::{integrate, integrate_adaptive};
-use crate::state::State;
-use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Stepper, Variables};
-use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System};
+use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid};
+use crate::driver::{check_state, run_adaptive, run_fixed};
+use crate::engine::{Engine, Stepping};
+use crate::state::{Configuration, State};
+use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, StepError, Stepper, Variables};
+use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System, Unchanged};
 use std::fmt;
 use std::str::FromStr;
 
@@ -326,120 +327,152 @@ impl fmt::Display for Method {
     }
 }
 
-struct Fixed<'a, S: System, O> {
-    initial: &'a StateOf<S>,
-    grid: &'a TimeGrid,
-    observer: &'a mut O,
+/// Hands a method and the form that it integrates to a driver as an [`Engine`].
+struct Engage<'a, Q: Configuration, R> {
+    initial: &'a State<Q>,
+    run: &'a mut dyn FnMut(&mut dyn Engine<Q>) -> R,
 }
 
-impl<S: RigidSystem, O: Observer<S::Configuration>> Visitor<S> for Fixed<'_, S, O> {
-    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+impl<S: RigidSystem, R> Visitor<S> for Engage<'_, S::Configuration, R> {
+    type Output = Result<R, StepError>;
 
     fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        integrate_form(&form, &stepper, self.initial, self.grid, self.observer)
+        let encode = |x: &_| form.encode(x);
+        let mut engine = Stepping::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
+        Ok((self.run)(&mut engine))
     }
 }
 
-struct Adapted<'a, S: System, O> {
-    initial: &'a StateOf<S>,
-    interval: (f64, f64),
-    control: &'a Adaptive,
-    observer: &'a mut O,
-}
-
-impl<S: RigidSystem, O: Observer<S::Configuration>> EmbeddedVisitor<S> for Adapted<'_, S, O> {
-    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
+impl<S: RigidSystem, R> EmbeddedVisitor<S> for Engage<'_, S::Configuration, R> {
+    type Output = Result<R, StepError>;
 
     fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        adapt_form(&form, &stepper, self.initial, self.interval, self.control, self.observer)
+        let encode = |x: &_| form.encode(x);
+        let engine = Stepping::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
+        Ok((self.run)(&mut engine.with_estimate()))
+    }
+}
+
+/// The same for a system that a method takes as it is.
+struct EngageSystem<'a, S: System, R> {
+    system: &'a S,
+    initial: &'a StateOf<S>,
+    run: &'a mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
+}
+
+impl<S: System, R> SystemVisitor<S> for EngageSystem<'_, S, R> {
+    type Output = Result<R, StepError>;
+
+    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output {
+        let Self { system, initial, run } = self;
+        Ok(run(&mut Stepping::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?))
+    }
+}
+
+impl<S: System, R> EmbeddedSystemVisitor<S> for EngageSystem<'_, S, R> {
+    type Output = Result<R, StepError>;
+
+    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output {
+        let Self { system, initial, run } = self;
+        let engine = Stepping::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?;
+        Ok(run(&mut engine.with_estimate()))
     }
 }
 
 impl Method {
-    /// Integrates bodies over a grid of times with a fixed step, see [`crate::driver::integrate`].
-    pub fn integrate<S: RigidSystem, O: Observer<S::Configuration>>(
+    /// Runs an engine of this method on bodies, started from a state.
+    ///
+    /// Errors where the method does not take the forces.
+    pub fn engage<S: RigidSystem, R>(
         self,
         options: Options,
         system: &S,
-        initial: &State<S::Configuration>,
+        initial: &StateOf<S>,
+        run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
+    ) -> Result<R, StepError> {
+        self.visit(options, system, Engage { initial, run })
+    }
+
+    /// As [`engage`](Self::engage), with the method's estimate of its error.
+    ///
+    /// Errors with [`IntegrateError::NoErrorEstimate`] where it has none.
+    pub fn engage_embedded<S: RigidSystem, R>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &StateOf<S>,
+        run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
+    ) -> Result<R, IntegrateError> {
+        let engaged = self.visit_embedded(options, system, Engage { initial, run });
+        Ok(engaged.ok_or(IntegrateError::NoErrorEstimate { method: self.info().name })??)
+    }
+
+    /// Integrates bodies over a grid of times with a fixed step, see [`crate::driver::integrate`].
+    pub fn integrate<S: RigidSystem>(
+        self,
+        options: Options,
+        system: &S,
+        initial: &StateOf<S>,
         grid: &TimeGrid,
-        observer: &mut O,
+        observer: &mut dyn Observer<S::Configuration>,
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        self.visit(options, system, Fixed { initial, grid, observer })
+        check_state(initial)?;
+        self.engage(options, system, initial, &mut |engine| run_fixed(engine, initial, grid, observer))?
     }
 
     /// Integrates bodies with steps adapted to tolerances, see [`crate::driver::integrate_adaptive`].
-    pub fn integrate_adaptive<S: RigidSystem, O: Observer<S::Configuration>>(
+    pub fn integrate_adaptive<S: RigidSystem>(
         self,
         options: Options,
         system: &S,
-        initial: &State<S::Configuration>,
+        initial: &StateOf<S>,
         interval: (f64, f64),
         control: &Adaptive,
-        observer: &mut O,
+        observer: &mut dyn Observer<S::Configuration>,
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        self.visit_embedded(options, system, Adapted { initial, interval, control, observer })
-            .unwrap_or(Err(IntegrateError::NoErrorEstimate { method: self.info().name }))
+        check_state(initial)?;
+        self.engage_embedded(options, system, initial, &mut |engine| {
+            run_adaptive(engine, initial, interval, control, observer)
+        })?
     }
 
     /// As [`integrate`](Self::integrate) for any system, say a tree of bodies.
     ///
     /// Errors with [`IntegrateError::RigidBodiesOnly`] where the method needs rigid bodies.
-    pub fn integrate_system<S: System, O: Observer<S::Configuration>>(
+    pub fn integrate_system<S: System>(
         self,
         options: Options,
         system: &S,
         initial: &StateOf<S>,
         grid: &TimeGrid,
-        observer: &mut O,
+        observer: &mut dyn Observer<S::Configuration>,
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        self.visit_system(options, General { system, run: Fixed { initial, grid, observer } })
-            .unwrap_or(Err(IntegrateError::RigidBodiesOnly { method: self.info().name }))
+        check_state(initial)?;
+        let run = &mut |engine: &mut dyn Engine<_>| run_fixed(engine, initial, grid, observer);
+        self.visit_system(options, EngageSystem { system, initial, run })
+            .ok_or(IntegrateError::RigidBodiesOnly { method: self.info().name })??
     }
 
     /// As [`integrate_adaptive`](Self::integrate_adaptive) for any system.
-    pub fn integrate_system_adaptive<S: System, O: Observer<S::Configuration>>(
+    pub fn integrate_system_adaptive<S: System>(
         self,
         options: Options,
         system: &S,
         initial: &StateOf<S>,
         interval: (f64, f64),
         control: &Adaptive,
-        observer: &mut O,
+        observer: &mut dyn Observer<S::Configuration>,
     ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        let run = Adapted { initial, interval, control, observer };
-        self.visit_embedded_system(options, General { system, run }).unwrap_or_else(|| {
+        check_state(initial)?;
+        let run =
+            &mut |engine: &mut dyn Engine<_>| run_adaptive(engine, initial, interval, control, observer);
+        self.visit_embedded_system(options, EngageSystem { system, initial, run }).ok_or_else(|| {
             let MethodInfo { name: method, embedded, .. } = self.info();
-            Err(match embedded {
+            match embedded {
                 Some(_) => IntegrateError::RigidBodiesOnly { method },
                 None => IntegrateError::NoErrorEstimate { method },
-            })
-        })
-    }
-}
-
-/// A run of a system that a method takes as it is.
-struct General<'a, S, R> {
-    system: &'a S,
-    run: R,
-}
-
-impl<S: System, O: Observer<S::Configuration>> SystemVisitor<S> for General<'_, S, Fixed<'_, S, O>> {
-    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
-
-    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output {
-        integrate(self.system, &stepper, self.run.initial, self.run.grid, self.run.observer)
-    }
-}
-
-impl<S: System, O: Observer<S::Configuration>> EmbeddedSystemVisitor<S>
-    for General<'_, S, Adapted<'_, S, O>>
-{
-    type Output = Result<Outcome<S::Configuration>, IntegrateError>;
-
-    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output {
-        let Adapted { initial, interval, control, observer } = self.run;
-        integrate_adaptive(self.system, &stepper, initial, interval, control, observer)
+            }
+        })??
     }
 }
 

@@ -32,10 +32,12 @@
 
 use super::{Progress, StudyError, check_not_empty, report};
 use crate::body::{BodyError, RigidBody};
-use crate::methods::{Method, Options, StartUp, Visitor};
-use crate::state::{Configuration, Pose, RigidBodyState};
+use crate::driver::IntegrateError;
+use crate::engine::{Engine, Stepping, Track};
+use crate::methods::{Method, Options, StartUp};
+use crate::state::{Pose, RigidBodyState};
 use crate::stepper::{StepError, Stepper};
-use crate::system::{Decoder, Form, RigidBodySystem, StateOf, System, Unchanged};
+use crate::system::{RigidBodySystem, Unchanged};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use somersault_core::argument::expect_positive;
@@ -172,7 +174,8 @@ pub fn energy(
 ) -> Result<EnergyStudy, StudyError> {
     study(setup, bodies, progress, &|body| {
         let system = RigidBodySystem::free(*body);
-        method.visit(setup.options, &system, FormRun { body, setup })
+        let initial = RigidBodyState::spinning(setup.angular_velocity);
+        method.engage(setup.options, &system, &initial, &mut |engine| run(engine, &initial, body, setup))?
     })
 }
 
@@ -186,22 +189,9 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
     study(setup, bodies, progress, &|body| {
         let system = RigidBodySystem::free(*body);
         let initial = RigidBodyState::spinning(setup.angular_velocity);
-        run(&system, stepper, &Unchanged, &initial, body, setup)
+        let mut engine = Stepping::start(&system, stepper, Unchanged, &RigidBodyState::clone, &initial)?;
+        run(&mut engine, &initial, body, setup)
     })
-}
-
-struct FormRun<'a> {
-    body: &'a RigidBody,
-    setup: &'a EnergySetup,
-}
-
-impl Visitor<RigidBodySystem> for FormRun<'_> {
-    type Output = Result<Run, StepError>;
-
-    fn visit<B: Form<Pose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let initial = form.encode(&RigidBodyState::spinning(self.setup.angular_velocity));
-        run(&form, &stepper, &form.decoder(), &initial, self.body, self.setup)
-    }
 }
 
 /// Energy ratios of one body at the steps asked for, and what [`EnergyStudy`] says of all bodies.
@@ -211,11 +201,9 @@ struct Run {
     largest_rise: f64,
 }
 
-fn run<B: System, M: Stepper<B>>(
-    system: &B,
-    stepper: &M,
-    decoder: &impl Decoder<B::Configuration, Pose>,
-    initial: &StateOf<B>,
+fn run(
+    engine: &mut dyn Engine<Pose>,
+    initial: &RigidBodyState,
     body: &RigidBody,
     setup: &EnergySetup,
 ) -> Result<Run, StepError> {
@@ -226,28 +214,27 @@ fn run<B: System, M: Stepper<B>>(
         (momentum.norm_squared(), 0.5 * omega.dot(&momentum))
     };
     let least_moment = body.inertia().principal_moments().min();
-    let mut seen = RigidBodyState::spinning(setup.angular_velocity);
+    let mut seen = *initial;
     let (mut squared_momentum, at_start) = look(&seen);
     let mut energy = at_start;
     let mut largest_energy = energy;
     let mut largest_rise: f64 = 0.0;
     let mut ratios = Vec::with_capacity(setup.steps.len());
-    let mut memory = stepper.start(system, initial)?;
-    let (mut before, mut after) = (initial.clone(), initial.clone());
+    let (mut before, mut after) = (engine.keep(initial), engine.keep(initial));
+    let history = u64::from(engine.info().history);
     let mut done = 0;
     'marks: for &mark in &setup.steps {
         while done < mark {
             let t = done as f64 * setup.dt;
-            match stepper.step(system, t, &before, setup.dt, &mut memory, &mut after) {
+            match engine.advance(Track::RUN, t, setup.dt, before, after, Some(&mut seen)) {
                 Ok(()) => {}
-                Err(error @ StepError::Torque { .. }) => return Err(error),
+                Err(IntegrateError::Step(error @ StepError::Torque { .. })) => return Err(error),
+                Err(IntegrateError::NonFinite { .. }) => seen.rate.angular.fill(f64::INFINITY),
                 // The ratios that are missing say that the step failed.
                 Err(_) => break 'marks,
             }
-            after.configuration.renormalize();
             std::mem::swap(&mut before, &mut after);
             done += 1;
-            decoder.decode(&before, &mut seen);
             let energy_before = energy;
             let squared_momentum_now;
             (squared_momentum_now, energy) = look(&seen);
@@ -256,7 +243,7 @@ fn run<B: System, M: Stepper<B>>(
                 (largest_energy, largest_rise) = (f64::INFINITY, f64::INFINITY);
                 break 'marks;
             }
-            if done <= u64::from(M::INFO.history) {
+            if done <= history {
                 (squared_momentum, largest_energy) = (squared_momentum_now, energy);
             }
             largest_energy = largest_energy.max(energy);

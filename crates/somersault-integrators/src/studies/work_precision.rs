@@ -64,7 +64,7 @@ pub struct WorkPoint {
 /// Errors: an empty list, a step or tolerance that is not positive, a tolerance for a method without error
 /// estimate, a method that does not apply, and a stop by `progress`, which is called after each choice.
 /// `repeats` of 0 is taken as 1.
-pub fn work_precision<S: RigidSystem + Clone>(
+pub fn work_precision<S: RigidSystem>(
     problem: &Problem<S>,
     method: Method,
     options: Options,
@@ -105,8 +105,8 @@ pub fn work_precision_of<S, M>(
     progress: &mut Progress<'_>,
 ) -> Result<Vec<WorkPoint>, StudyError>
 where
-    S: RigidSystem + Clone,
-    M: Stepper<S> + Stepper<Counted<S>>,
+    S: RigidSystem,
+    M: Stepper<S> + for<'a> Stepper<Counted<'a, S>>,
 {
     let counted = Counted::new(problem.system());
     let choices: Vec<_> = dts.iter().map(|dt| StepChoice::Fixed(*dt)).collect();
@@ -131,8 +131,8 @@ pub fn work_precision_adaptive_of<S, M>(
     progress: &mut Progress<'_>,
 ) -> Result<Vec<WorkPoint>, StudyError>
 where
-    S: RigidSystem + Clone,
-    M: EmbeddedStepper<S> + EmbeddedStepper<Counted<S>>,
+    S: RigidSystem,
+    M: EmbeddedStepper<S> + for<'a> EmbeddedStepper<Counted<'a, S>>,
 {
     let counted = Counted::new(problem.system());
     let choices: Vec<_> = tolerances.iter().map(|t| StepChoice::Tolerance(*t)).collect();
@@ -224,19 +224,17 @@ impl<S: RigidSystem> Bench<'_, S> {
 
 /// A system that counts how often it is evaluated, and does not say that it is free.
 #[derive(Debug, Clone)]
-pub struct Counted<S> {
-    system: S,
+pub struct Counted<'a, S> {
+    system: &'a S,
     calls: Cell<u64>,
 }
 
-impl<S: RigidSystem + Clone> Counted<S> {
+impl<'a, S> Counted<'a, S> {
     /// The system with its count at 0.
-    pub fn new(system: &S) -> Self {
-        Self { system: system.clone(), calls: Cell::new(0) }
+    pub fn new(system: &'a S) -> Self {
+        Self { system, calls: Cell::new(0) }
     }
-}
 
-impl<S> Counted<S> {
     /// Evaluations so far.
     pub fn calls(&self) -> u64 {
         self.calls.get()
@@ -244,7 +242,7 @@ impl<S> Counted<S> {
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<S: RigidSystem> System for Counted<S> {
+impl<S: RigidSystem> System for Counted<'_, S> {
     type Configuration = S::Configuration;
     type Workspace = S::Workspace;
     fn workspace(&self) -> S::Workspace {
@@ -260,7 +258,7 @@ impl<S: RigidSystem> System for Counted<S> {
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<S: RigidSystem> RigidSystem for Counted<S> {
+impl<S: RigidSystem> RigidSystem for Counted<'_, S> {
     fn body(&self, i: usize) -> &RigidBody {
         self.system.body(i)
     }

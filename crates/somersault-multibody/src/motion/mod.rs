@@ -95,13 +95,13 @@ pub trait TreeMotion: System<Configuration = Coordinates> {
 
     /// Integrates over a grid of times with a fixed step, see
     /// [`integrate`](somersault_integrators::driver::integrate).
-    fn integrate<O: Observer<Coordinates>>(
+    fn integrate(
         &self,
         method: Method,
         options: Options,
         initial: &TreeState,
         grid: &TimeGrid,
-        observer: &mut O,
+        observer: &mut dyn Observer<Coordinates>,
     ) -> Result<Outcome<Coordinates>, MotionError> {
         self.failure().take();
         let run = method.integrate_system(options, &self, initial, grid, observer);
@@ -110,14 +110,14 @@ pub trait TreeMotion: System<Configuration = Coordinates> {
 
     /// Integrates with steps adapted to tolerances, see
     /// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive).
-    fn integrate_adaptive<O: Observer<Coordinates>>(
+    fn integrate_adaptive(
         &self,
         method: Method,
         options: Options,
         initial: &TreeState,
         interval: (f64, f64),
         control: &Adaptive,
-        observer: &mut O,
+        observer: &mut dyn Observer<Coordinates>,
     ) -> Result<Outcome<Coordinates>, MotionError> {
         self.failure().take();
         let run = method.integrate_system_adaptive(options, &self, initial, interval, control, observer);

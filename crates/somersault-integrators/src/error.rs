@@ -1,4 +1,4 @@
-//! What can end an integration.
+//! Why integrations fail.
 
 use crate::stepper::StepError;
 use somersault_core::argument::ArgumentError;
