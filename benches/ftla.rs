@@ -7,8 +7,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::DVector;
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
-use somersault::ftla::flow::{Tolerances, VariationalFlow};
-use somersault::ftla::shooting::Status;
+use somersault::ftla::flow::{FlowTolerances, VariationalFlow};
+use somersault::ftla::shooting::ShootingStatus;
 use somersault::ftla::system::ArmMinimumTorque;
 use somersault_testkit::trees::Random;
 use std::f64::consts::FRAC_PI_2;
@@ -28,7 +28,7 @@ const START: [f64; 8] = [
 
 fn transition_matrices(c: &mut Criterion) {
     let arm = ArmMinimumTorque::default();
-    let tolerances = Tolerances { relative: 1e-9, absolute: 1e-9 };
+    let tolerances = FlowTolerances { relative: 1e-9, absolute: 1e-9 };
     let flow = VariationalFlow::try_new(&arm, tolerances).expect("tolerances in range");
     let mut random = Random::new(35);
     let cloud: Vec<DVector<f64>> = (0..100)
@@ -57,7 +57,7 @@ fn cold_start(c: &mut Criterion) {
     group.bench_function("arm, 10 s", |b| {
         b.iter(|| {
             let found = black_box(&thesis).solve(&Continuation::default()).expect("well posed").continued;
-            assert_eq!(found.extremal.status, Status::Converged);
+            assert_eq!(found.extremal.status, ShootingStatus::Converged);
             found.extremal.residual
         })
     });

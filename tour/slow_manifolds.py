@@ -22,7 +22,7 @@ NAMES = ("θ₁", "θ₂", "θ̇₁", "θ̇₂", "λ₁", "λ₂", "λ₃", "λ�
 class Solved:
     """An extremal, with the seconds it took from nothing."""
 
-    found: ftla.Continued
+    found: ftla.ContinuationResult
     seconds: float
 
     @property

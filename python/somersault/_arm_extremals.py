@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from somersault._somersault import (
-    Continued,
+    ContinuationResult,
     Extremal,
     System,
     arm,
@@ -43,9 +43,9 @@ class ArmExtremal:
     cost: float
     #: The motion; where the search did not arrive, its best iterate.
     extremal: Extremal
-    #: As `Continued.status`: ``'arrived'``, ``'broke_off'`` or ``'limit_reached'``.
+    #: As `ContinuationResult.status`: ``'arrived'``, ``'broke_off'`` or ``'limit_reached'``.
     status: str = "arrived"
-    #: As `Continued.message`.
+    #: As `ContinuationResult.message`.
     message: str = ""
 
     @property
@@ -65,7 +65,7 @@ def solve_arm(
     fold: float = np.pi,
     system: System | None = None,
     **options: Any,
-) -> Continued:
+) -> ContinuationResult:
     """An extremal of the two-link arm from nothing but its end states and the way it folds.
 
     Between two rests from a spline of least effort, whose torques tell the costates; otherwise by
@@ -88,7 +88,7 @@ def solve_arm(
 
     Returns
     -------
-    Continued
+    ContinuationResult
     """
     initial, final = _numbers("initial_state", initial_state, 4), _numbers("final_state", final_state, 4)
     horizon, fold = float(_numbers("horizon", horizon)), float(_numbers("fold", fold))

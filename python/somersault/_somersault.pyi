@@ -89,7 +89,7 @@ __all__ = [
     "Constraint",
     "Contact",
     "ContactSystem",
-    "Continued",
+    "ContinuationResult",
     "Convergence",
     "Correlation",
     "Cost",
@@ -122,7 +122,7 @@ __all__ = [
     "MarkerFit",
     "MarkerRecording",
     "MarkerSet",
-    "Matched",
+    "MatchingResult",
     "Matching",
     "MethodInfo",
     "MethodTable",
@@ -136,7 +136,7 @@ __all__ = [
     "Performance",
     "Perturbation",
     "Phase",
-    "Placed",
+    "PlacementResult",
     "Placement",
     "Problem",
     "Projection",
@@ -2576,7 +2576,7 @@ class Placement:
         *,
         max_time: float | None = None,
         max_evaluations: int | None = None,
-    ) -> Placed: ...
+    ) -> PlacementResult: ...
     def following(
         self, flow: VariationalFlow, optimum: Extremal, error: ArrayLike, sizes: ArrayLike, bound: float
     ) -> list[Following]: ...
@@ -2597,7 +2597,7 @@ class Following:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
-class Placed:
+class PlacementResult:
     @property
     def p(self) -> _Floats: ...
     @property
@@ -2642,7 +2642,7 @@ class Matching:
         max_rounds: int = 100,
         max_time: float | None = None,
         max_evaluations: int | None = None,
-    ) -> Matched: ...
+    ) -> MatchingResult: ...
     def least_squares(
         self,
         conserved: Sequence[int] = ...,
@@ -2651,11 +2651,11 @@ class Matching:
         max_rounds: int = 30,
         max_time: float | None = None,
         max_evaluations: int | None = None,
-    ) -> Matched: ...
+    ) -> MatchingResult: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
-class Matched:
+class MatchingResult:
     @property
     def status(
         self,
@@ -2723,7 +2723,7 @@ class Extremal:
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
-class Continued:
+class ContinuationResult:
     @property
     def extremal(self) -> Extremal: ...
     @property
@@ -2806,7 +2806,7 @@ def cold_start(
     min_step: float = 1e-4,
     max_time: float | None = None,
     max_evaluations: int | None = None,
-) -> Continued: ...
+) -> ContinuationResult: ...
 def continue_through(
     system: System,
     stages: Sequence[tuple[ArrayLike, ArrayLike]],
@@ -2821,7 +2821,7 @@ def continue_through(
     min_step: float = 1e-4,
     max_time: float | None = None,
     max_evaluations: int | None = None,
-) -> Continued: ...
+) -> ContinuationResult: ...
 def travel_arm(
     system: System,
     initial: _Pair,
@@ -2835,7 +2835,7 @@ def travel_arm(
     atol: float = 1e-15,
     max_time: float | None = None,
     max_evaluations: int | None = None,
-) -> Continued: ...
+) -> ContinuationResult: ...
 def follow(
     family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],
     start: Extremal,
@@ -2848,4 +2848,4 @@ def follow(
     min_step: float = 1e-4,
     max_time: float | None = None,
     max_evaluations: int | None = None,
-) -> Continued: ...
+) -> ContinuationResult: ...

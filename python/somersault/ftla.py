@@ -24,7 +24,7 @@ changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extre
 from somersault._arm_extremals import ArmExtremal, arm_extremals, solve_arm
 from somersault._somersault import (
     Chain,
-    Continued,
+    ContinuationResult,
     Diagnosis,
     Extremal,
     Following,
@@ -56,13 +56,13 @@ from somersault._somersault import (
 __all__ = [
     "ArmExtremal",
     "Chain",
-    "Continued",
+    "ContinuationResult",
     "Diagnosis",
     "Extremal",
     "Following",
-    "Matched",
+    "MatchingResult",
     "Matching",
-    "Placed",
+    "PlacementResult",
     "Placement",
     "Spectrum",
     "Splitting",

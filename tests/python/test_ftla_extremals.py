@@ -17,7 +17,7 @@ ROOT = np.sqrt(2.0)
 
 
 @pytest.fixture(scope="module")
-def found() -> ftla.Continued:
+def found() -> ftla.ContinuationResult:
     return ftla.solve_arm(INITIAL, FINAL, 10.0, fold=np.pi)
 
 
@@ -37,7 +37,7 @@ def matching() -> ftla.Matching:
     )
 
 
-def test_the_thesis_motion_comes_from_its_ends_and_fold_alone(found: ftla.Continued) -> None:
+def test_the_thesis_motion_comes_from_its_ends_and_fold_alone(found: ftla.ContinuationResult) -> None:
     extremal = found.extremal
     assert found.success and found.s == 1.0 and extremal.status == "converged"
     assert extremal.residual <= 1e-10 and found.n_iterations > 2 and found.n_evaluations > 1000
@@ -49,7 +49,7 @@ def test_the_thesis_motion_comes_from_its_ends_and_fold_alone(found: ftla.Contin
     np.testing.assert_allclose(extremal.nodes[[0, -1], :4], [INITIAL, FINAL], atol=1e-14)
 
 
-def test_an_independent_integrator_confirms_the_segments(found: ftla.Continued) -> None:
+def test_an_independent_integrator_confirms_the_segments(found: ftla.ContinuationResult) -> None:
     extremal = found.extremal
     system = extremal.system
     for k in range(len(extremal.times) - 1):
@@ -64,7 +64,7 @@ def test_an_independent_integrator_confirms_the_segments(found: ftla.Continued) 
         np.testing.assert_allclose(end, extremal.nodes[k + 1], atol=1e-9)
 
 
-def test_an_extremal_is_had_at_any_time(found: ftla.Continued) -> None:
+def test_an_extremal_is_had_at_any_time(found: ftla.ContinuationResult) -> None:
     extremal = found.extremal
     t = np.linspace(0.0, 10.0, 21)
     p, u = extremal(t), extremal.control(t)
@@ -76,7 +76,7 @@ def test_an_extremal_is_had_at_any_time(found: ftla.Continued) -> None:
     np.testing.assert_allclose(p[:, 4], p[0, 4], atol=1e-11)
 
 
-def test_exponents_along_the_nodes_keep_all_their_digits(found: ftla.Continued) -> None:
+def test_exponents_along_the_nodes_keep_all_their_digits(found: ftla.ContinuationResult) -> None:
     spectrum = found.extremal.chain.spectrum()
     # crates/somersault-ftla/tests/reference/exponents.py, over ten seconds, for nodes that differ by 1e-9
     positive = np.array([0.170930667245478, 0.366193707870553, 2.44973248446746, 2.6598381683833])
@@ -92,7 +92,7 @@ def test_the_thesis_motion_is_not_the_cheapest() -> None:
     assert ranked[0].cost == pytest.approx(ranked[0].extremal.cost(), rel=1e-12)
 
 
-def test_placed_motions_follow_the_optimum_for_longer(found: ftla.Continued) -> None:
+def test_placed_motions_follow_the_optimum_for_longer(found: ftla.ContinuationResult) -> None:
     placement = ftla.Placement((2, 4, 2), [0, 2], np.arange(0.25, 3.6, 0.25))
     flow = ftla.VariationalFlow(ftla.arm(), rtol=1e-10, max_steps=2000)
     error = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0]
@@ -109,7 +109,7 @@ def test_placed_motions_follow_the_optimum_for_longer(found: ftla.Continued) -> 
         )
 
 
-def test_a_least_squares_match_polishes_to_rounding(matching: ftla.Matching, found: ftla.Continued) -> None:
+def test_a_least_squares_match_polishes_to_rounding(matching: ftla.Matching, found: ftla.ContinuationResult) -> None:
     matched = matching.least_squares([0])
     assert matched.status == "matched" and matched.success and matched.mismatch < 2e-3
     assert matched.ends.shape == (2, 8) and matched.meeting.shape == (2, 8)
@@ -350,7 +350,7 @@ def test_a_free_end_has_a_costate_of_zero() -> None:
     assert abs(found.nodes[-1, 1]) < 1e-11
 
 
-def test_a_family_is_followed_in_its_horizon(found: ftla.Continued) -> None:
+def test_a_family_is_followed_in_its_horizon(found: ftla.ContinuationResult) -> None:
     arm = ftla.arm()
 
     def family(s: float) -> Any:
@@ -361,13 +361,13 @@ def test_a_family_is_followed_in_its_horizon(found: ftla.Continued) -> None:
     assert longer.extremal.cost() < found.extremal.cost()
 
 
-def test_a_start_in_motion_is_solved_by_continuation(found: ftla.Continued) -> None:
+def test_a_start_in_motion_is_solved_by_continuation(found: ftla.ContinuationResult) -> None:
     moving = ftla.solve_arm([-np.pi / 2, 0.05, 0.1, 0.0], FINAL, 10.0)
     assert moving.success and moving.n_steps > 2
     np.testing.assert_allclose(moving.extremal.nodes[0, :4], [-np.pi / 2, 0.05, 0.1, 0.0], atol=1e-14)
 
 
-def test_torque_limits_are_reached_by_continuation(found: ftla.Continued) -> None:
+def test_torque_limits_are_reached_by_continuation(found: ftla.ContinuationResult) -> None:
     peak = np.abs(found.extremal.control(np.linspace(0.0, 10.0, 2001))).max(axis=0)
 
     def family(s: float) -> Any:
@@ -408,7 +408,7 @@ def test_what_does_not_converge_has_a_status_and_its_last_nodes() -> None:
 
 
 @pytest.mark.parametrize("factor", [1e-6, 35.0, 1e6])
-def test_weights_do_not_change_how_the_arm_is_solved(factor: float, found: ftla.Continued) -> None:
+def test_weights_do_not_change_how_the_arm_is_solved(factor: float, found: ftla.ContinuationResult) -> None:
     scaled = ftla.solve_arm(INITIAL, FINAL, 10.0, system=ftla.arm(weights=(factor, 0.5 * factor)))
     assert scaled.status == "arrived" and scaled.stage == found.stage
     assert scaled.extremal.residual <= 1e-11 and scaled.extremal.cost() == pytest.approx(
@@ -417,7 +417,7 @@ def test_weights_do_not_change_how_the_arm_is_solved(factor: float, found: ftla.
     np.testing.assert_allclose(scaled.extremal.nodes[0, 4:], factor * found.extremal.nodes[0, 4:], rtol=1e-7)
 
 
-def test_a_floor_of_rounding_is_a_status(found: ftla.Continued) -> None:
+def test_a_floor_of_rounding_is_a_status(found: ftla.ContinuationResult) -> None:
     extremal = found.extremal
     tight = ftla.shoot(extremal.system, INITIAL, FINAL, extremal.times, extremal.nodes, tol=1e-15)
     assert tight.status == "floor" and not tight.success and "rounding" in tight.message
@@ -425,7 +425,7 @@ def test_a_floor_of_rounding_is_a_status(found: ftla.Continued) -> None:
 
 
 def test_every_search_ends_at_its_limits_with_its_best(
-    matching: ftla.Matching, found: ftla.Continued
+    matching: ftla.Matching, found: ftla.ContinuationResult
 ) -> None:
     extremal = found.extremal
     arm, rest = ftla.arm(), [0.0, np.pi, 0.0, 0.0]

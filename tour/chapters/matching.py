@@ -48,7 +48,7 @@ def _matching(guess: dict[str, Any]) -> ftla.Matching:
 
 
 @cache
-def _grid(short: bool) -> ftla.Matched:
+def _grid(short: bool) -> ftla.MatchingResult:
     """From round values; from the match rounded to two digits where there is little time."""
     ends = np.round(_least_squares().ends[:, 4:], 2)
     guess = {"initial_costate": ends[0], "final_costate": ends[1]} if short else _GUESS
@@ -56,7 +56,7 @@ def _grid(short: bool) -> ftla.Matched:
 
 
 @cache
-def _least_squares() -> ftla.Matched:
+def _least_squares() -> ftla.MatchingResult:
     return _matching(_GUESS).least_squares([0])
 
 
@@ -119,7 +119,7 @@ def _followed_figure(found: list[_Followed]) -> Axes:
     return ax
 
 
-def _errors(grid: ftla.Matched) -> Axes:
+def _errors(grid: ftla.MatchingResult) -> Axes:
     """Figure 10.4: distances from the collocation solution, and of that from the polished one."""
     import matplotlib.pyplot as plt
 
@@ -155,7 +155,7 @@ def _largest(difference: Array) -> float:
     return float(np.linalg.norm(difference, axis=1).max())
 
 
-def _table_rows(grid: ftla.Matched) -> list[list[str | Cell]]:
+def _table_rows(grid: ftla.MatchingResult) -> list[list[str | Cell]]:
     """Table 10.1, printed and here."""
     rows: list[list[str | Cell]] = []
     forward, backward = grid.meeting
@@ -178,7 +178,7 @@ def _table_rows(grid: ftla.Matched) -> list[list[str | Cell]]:
     return rows
 
 
-def _counts(name: str, found: ftla.Matched, iterations: int) -> list[str | Cell]:
+def _counts(name: str, found: ftla.MatchingResult, iterations: int) -> list[str | Cell]:
     return [
         words(name), words(found.status), error_size(found.mismatch), f"{found.n_rounds}",
         f"{found.n_branches}", f"{found.n_flow_evaluations:,}", f"{iterations}",

@@ -7,10 +7,10 @@
 
 use serde_json::json;
 use somersault_ftla::cold_start::ArmTravel;
-use somersault_ftla::continuation::{Continuation, Continued};
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::continuation::{Continuation, ContinuationResult};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::nalgebra::DVector;
-use somersault_ftla::shooting::Status;
+use somersault_ftla::shooting::ShootingStatus;
 use somersault_ftla::system::{ArmMinimumTorque, HamiltonianSystem};
 use somersault_testkit::trees::Random;
 use std::error::Error;
@@ -18,13 +18,13 @@ use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
 use std::time::Instant;
 
-fn cost(found: &Continued, system: &ArmMinimumTorque) -> Result<f64, Box<dyn Error>> {
-    Ok(found.extremal.cost(&VariationalFlow::try_new(system, Tolerances::default())?)?)
+fn cost(found: &ContinuationResult, system: &ArmMinimumTorque) -> Result<f64, Box<dyn Error>> {
+    Ok(found.extremal.cost(&VariationalFlow::try_new(system, FlowTolerances::default())?)?)
 }
 
-fn solve(travel: &ArmTravel) -> Result<Continued, Box<dyn Error>> {
+fn solve(travel: &ArmTravel) -> Result<ContinuationResult, Box<dyn Error>> {
     let found = travel.solve(&Continuation::default())?.continued;
-    if found.s == 1.0 && found.extremal.status == Status::Converged {
+    if found.s == 1.0 && found.extremal.status == ShootingStatus::Converged {
         Ok(found)
     } else {
         Err(format!("{travel:?}: {:?} at s = {}", found.extremal.status, found.s).into())
@@ -83,7 +83,7 @@ fn cloud(count: usize, repeats: usize) -> Result<(), Box<dyn Error>> {
     let mut random = Random::new(35);
     let mut near = || &start + DVector::from_vec(random.numbers(8, 1e-4));
     let points: Vec<DVector<f64>> = (0..count).map(|_| near()).collect();
-    let flow = VariationalFlow::try_new(&arm, Tolerances { relative: 1e-9, absolute: 1e-9 })?;
+    let flow = VariationalFlow::try_new(&arm, FlowTolerances { relative: 1e-9, absolute: 1e-9 })?;
     let mut matrices = Vec::new();
     for _ in 0..repeats {
         matrices = points.iter().map(|p| flow.transition(black_box(p), 3.5)).collect::<Result<_, _>>()?;

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::Continuation;
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
-use somersault_ftla::shooting::{Extremal, Status};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
+use somersault_ftla::shooting::{Extremal, ShootingStatus};
 use somersault_ftla::system::{ArmMinimumTorque, HamiltonianSystem};
 use somersault_testkit::travels::{Travel, random_travels};
 use std::error::Error;
@@ -20,7 +20,7 @@ const SOLVED: f64 = 1e-8;
 
 /// The largest defect at the tightest tolerance, and the cost.
 fn confirm(system: &ArmMinimumTorque, extremal: &Extremal) -> Result<(f64, f64), Box<dyn Error>> {
-    let flow = VariationalFlow::try_new(system, Tolerances { relative: 1e-14, absolute: 1e-16 })?;
+    let flow = VariationalFlow::try_new(system, FlowTolerances { relative: 1e-14, absolute: 1e-16 })?;
     let (mut defect, mut cost) = (0.0f64, 0.0);
     for (pair, times) in extremal.nodes.windows(2).zip(extremal.times.windows(2)) {
         let (end, part) = flow.cost(&pair[0], times[1] - times[0])?;
@@ -39,7 +39,7 @@ fn solve(travel: &Travel) -> Result<Value, Box<dyn Error>> {
     let found = problem.solve(&Continuation::default())?.continued;
     let seconds = began.elapsed().as_secs_f64();
     let extremal = &found.extremal;
-    let arrived = found.s == 1.0 && extremal.status == Status::Converged;
+    let arrived = found.s == 1.0 && extremal.status == ShootingStatus::Converged;
     // a motion that did not arrive has neither
     let (defect, cost) = if arrived { confirm(&system, extremal)? } else { (f64::NAN, f64::NAN) };
     let [low, high] = extremal.range_of(|p| system.hamiltonian(p));

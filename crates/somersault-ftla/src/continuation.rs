@@ -5,11 +5,11 @@
 //! in steps that grow where Newton is quick and are halved where it fails.
 //!
 //! A member that cannot be solved, be it that its motions overflow, is a step rejected. A continuation ends with the last
-//! member that was solved, the stage that it was in and, unless it arrived, the reason ([`Continued`]).
+//! member that was solved, the stage that it was in and, unless it arrived, the reason ([`ContinuationResult`]).
 
 use crate::budget::{Budget, Limit};
 use crate::flow::{FlowError, Work};
-use crate::shooting::{End, Extremal, Shooting, ShootingError, Status};
+use crate::shooting::{End, Extremal, MultipleShooting, ShootingError, ShootingStatus};
 use crate::system::VectorField;
 use nalgebra::DVector;
 use somersault_core::argument::ArgumentError;
@@ -28,7 +28,7 @@ pub struct Member<S> {
 
 /// Where a continuation ended.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Continued {
+pub struct ContinuationResult {
     /// The last solution; its status tells whether it was polished where `s` = 1.
     pub extremal: Extremal,
     /// How far that solution is on the way, over all stages: one if the continuation arrived.
@@ -93,7 +93,7 @@ impl fmt::Display for Stage {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Reason {
     /// The member tried last was not solved.
-    Unsolved(Status),
+    Unsolved(ShootingStatus),
     /// The member tried last could not be propagated.
     Failed(ShootingError),
     /// A limit was reached.
@@ -110,10 +110,10 @@ impl fmt::Display for Reason {
     }
 }
 
-impl Continued {
+impl ContinuationResult {
     /// Whether the last member was reached and polished.
     pub fn arrived(&self) -> bool {
-        self.s == 1.0 && self.extremal.status == Status::Converged
+        self.s == 1.0 && self.extremal.status == ShootingStatus::Converged
     }
 
     /// One solve, without a continuation.
@@ -143,9 +143,9 @@ impl Continued {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Continuation {
     /// For the last member. Its limits are those of the whole continuation, or of the cold start that it is part of.
-    pub polish: Shooting,
+    pub polish: MultipleShooting,
     /// For the members on the way; its limits count for nothing.
-    pub on_the_way: Shooting,
+    pub on_the_way: MultipleShooting,
     /// First step in s.
     pub first_step: f64,
     /// Steps in s shorter than this end the continuation.
@@ -155,11 +155,11 @@ pub struct Continuation {
 impl Default for Continuation {
     /// Members on the way to 1e-4 in at most 6 Newton steps, first step 0.1, shortest 1e-4.
     fn default() -> Self {
-        let polish = Shooting::default();
-        let on_the_way = Shooting {
+        let polish = MultipleShooting::default();
+        let on_the_way = MultipleShooting {
             tolerance: 1e-4,
             max_iterations: 6,
-            flow: crate::flow::Tolerances { relative: 1e-7, absolute: 1e-9 },
+            flow: crate::flow::FlowTolerances { relative: 1e-7, absolute: 1e-9 },
             limits: polish.limits,
         };
         Self { polish, on_the_way, first_step: 0.1, min_step: 1e-4 }
@@ -177,7 +177,7 @@ impl Continuation {
         stages: &[[Vec<f64>; 2]],
         horizon: f64,
         fractions: &[f64],
-    ) -> Result<Continued, ShootingError> {
+    ) -> Result<ContinuationResult, ShootingError> {
         self.through_within(&self.polish.limits.start(), system, stages, horizon, fractions)
     }
 
@@ -189,7 +189,7 @@ impl Continuation {
         stages: &[[Vec<f64>; 2]],
         horizon: f64,
         fractions: &[f64],
-    ) -> Result<Continued, ShootingError> {
+    ) -> Result<ContinuationResult, ShootingError> {
         if stages.len() < 2 {
             return Err(ArgumentError::Length { argument: "stages", expected: 2, found: stages.len() }.into());
         }
@@ -205,7 +205,7 @@ impl Continuation {
         }
         let at_rest = rest_of(system, stages)?;
         let mut nodes = vec![at_rest; fractions.len()];
-        let mut total: Option<Continued> = None;
+        let mut total: Option<ContinuationResult> = None;
         let legs = stages.len() - 1;
         for (k, pair) in stages.windows(2).enumerate() {
             let ends = |s: f64| {
@@ -255,7 +255,7 @@ impl Continuation {
         family: impl Fn(f64) -> Member<S>,
         fractions: &[f64],
         start: &[DVector<f64>],
-    ) -> Result<Continued, ShootingError> {
+    ) -> Result<ContinuationResult, ShootingError> {
         self.follow_within(&self.polish.limits.start(), Stage::Family, family, fractions, start)
     }
 
@@ -267,9 +267,9 @@ impl Continuation {
         family: impl Fn(f64) -> Member<S>,
         fractions: &[f64],
         start: &[DVector<f64>],
-    ) -> Result<Continued, ShootingError> {
+    ) -> Result<ContinuationResult, ShootingError> {
         self.polish.check_tolerance()?;
-        let solve = |shooting: &Shooting, s: f64, guess: &[DVector<f64>]| {
+        let solve = |shooting: &MultipleShooting, s: f64, guess: &[DVector<f64>]| {
             let member = family(s);
             let times: Vec<f64> = fractions.iter().map(|f| f * member.horizon).collect();
             shooting.solve_within(budget, &member.system, &member.ends, &times, guess)
@@ -330,15 +330,15 @@ impl Continuation {
         if s < 1.0 || reason.is_some() {
             best.mark_on_the_way();
         }
-        Ok(Continued { extremal: best, s, stage, reason, steps, iterations, work })
+        Ok(ContinuationResult { extremal: best, s, stage, reason, steps, iterations, work })
     }
 }
 
 /// Why a member does not count as solved; none if it does.
 fn reason_of(found: &Extremal, budget: &Budget) -> Option<Reason> {
     match (found.status, budget.reached()) {
-        (Status::Converged, _) => None,
-        (Status::LimitReached, Some(limit)) => Some(Reason::Limit(limit)),
+        (ShootingStatus::Converged, _) => None,
+        (ShootingStatus::LimitReached, Some(limit)) => Some(Reason::Limit(limit)),
         (status, _) => Some(Reason::Unsolved(status)),
     }
 }

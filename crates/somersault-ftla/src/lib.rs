@@ -16,11 +16,11 @@
 //! | p⁺, p⁻ | motions from both ends (9.12) | [`matching::Matching`] |
 //!
 //! ```
-//! use somersault_ftla::flow::{Tolerances, VariationalFlow};
+//! use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 //! use somersault_ftla::spectrum::{TimeDirection, diagnose, spectra};
 //! use somersault_ftla::system::LinearRegulator;
 //!
-//! let flow = VariationalFlow::try_new(&LinearRegulator, Tolerances::default())?;
+//! let flow = VariationalFlow::try_new(&LinearRegulator, FlowTolerances::default())?;
 //! let found = spectra(&flow, &vec![1.0, 0.4].into(), TimeDirection::Forward, &[1.0, 2.0, 4.0])?;
 //! assert!((found[2].exponents[1] - 2f64.sqrt()).abs() < 1e-10);
 //! assert!(diagnose(&found, 40.0)?.is_hyper_sensitive());

@@ -1,7 +1,7 @@
 //! Steps of the flow allocate nothing: a long run takes as many pieces of memory as a short one.
 
 use nalgebra::dvector;
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::system::ArmMinimumTorque;
 use somersault_testkit::allocations::{Counting, allocations};
 use std::f64::consts::FRAC_PI_2;
@@ -15,7 +15,7 @@ fn steps_allocate_nothing() {
     let limited = free.try_with_torque_limits([0.38, 0.05]).expect("positive");
     let p = dvector![-FRAC_PI_2, 0.05, 0.0, 0.0, -0.2, -0.013, -1.33, -0.12];
     for arm in [free, limited] {
-        let tolerances = Tolerances { relative: 1e-9, absolute: 1e-11 };
+        let tolerances = FlowTolerances { relative: 1e-9, absolute: 1e-11 };
         let flow = VariationalFlow::try_new(&arm, tolerances).expect("in range");
         let runs: [&dyn Fn(f64) -> usize; 3] = [
             &|t| flow.transition_counted(&p, t).expect("regular").1.steps,

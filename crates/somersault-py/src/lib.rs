@@ -64,10 +64,10 @@ mod _somersault {
     use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]
     use crate::ftla::{
-        Chain, Continued, Diagnosis, Extremal, Following, Matched, Matching, Placed, Placement, Spectrum,
-        Splitting, Subspace, System, Transition, VariationalFlow, arm, cold_start, continue_through,
-        cubic_regulator, diagnose, linear_regulator, py_follow, py_graded_times, rank_held_costates, shoot,
-        slow_subspace, state_costate, travel_arm, tree,
+        Chain, ContinuationResult, Diagnosis, Extremal, Following, Matching, MatchingResult, Placement,
+        PlacementResult, Spectrum, Splitting, Subspace, System, Transition, VariationalFlow, arm, cold_start,
+        continue_through, cubic_regulator, diagnose, linear_regulator, py_follow, py_graded_times,
+        rank_held_costates, shoot, slow_subspace, state_costate, travel_arm, tree,
     };
     #[pymodule_export]
     use crate::integrate::integrate;

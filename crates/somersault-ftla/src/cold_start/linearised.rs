@@ -10,8 +10,8 @@
 //! Where that breaks off, the linear problem stays at the start instead, and the ends are moved apart afterwards.
 
 use crate::budget::Budget;
-use crate::continuation::{Continuation, Continued, Member, Stage};
-use crate::shooting::{End, ShootingError, Status, graded_times};
+use crate::continuation::{Continuation, ContinuationResult, Member, Stage};
+use crate::shooting::{End, ShootingError, ShootingStatus, graded_times};
 use crate::system::{Piece, SystemError, VectorField};
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use nalgebra::{DMatrix, DVector};
@@ -153,7 +153,7 @@ pub fn cold_start<S: VectorField + Sync>(
     last: &[f64],
     horizon: f64,
     continuation: &Continuation,
-) -> Result<Continued, ShootingError> {
+) -> Result<ContinuationResult, ShootingError> {
     cold_start_within(&continuation.polish.limits.start(), system, initial, last, horizon, continuation)
 }
 
@@ -165,7 +165,7 @@ pub(super) fn cold_start_within<S: VectorField + Sync>(
     last: &[f64],
     horizon: f64,
     continuation: &Continuation,
-) -> Result<Continued, ShootingError> {
+) -> Result<ContinuationResult, ShootingError> {
     let dimension = system.dimension();
     let ends = expect_states(dimension, [initial, last], horizon)?;
     let state = |weight: f64| initial.iter().zip(last).map(move |(from, to)| from + weight * (to - from));
@@ -179,7 +179,7 @@ pub(super) fn cold_start_within<S: VectorField + Sync>(
         balance_parlett_reinsch(&mut jacobian);
     }
     let rate = (&jacobian * &jacobian).norm().sqrt();
-    let mut found: Option<Continued> = None;
+    let mut found: Option<ContinuationResult> = None;
     let mut failed = None;
     for [shortest, longest] in SEGMENTS {
         let part = |factor: f64| (factor / rate).min(0.1 * horizon).max(horizon / MOST);
@@ -202,7 +202,7 @@ pub(super) fn cold_start_within<S: VectorField + Sync>(
                 continuation.follow_within(budget, Stage::Apart, apart, &fractions, &bent.extremal.nodes)?;
             Ok(moved.after(&bent))
         };
-        let attempts: [&dyn Fn() -> Result<Continued, ShootingError>; 2] =
+        let attempts: [&dyn Fn() -> Result<ContinuationResult, ShootingError>; 2] =
             [&|| attempt(Stage::Linearised, &middle, &ends), &from_start];
         for attempt in attempts {
             let next = match attempt() {
@@ -213,7 +213,8 @@ pub(super) fn cold_start_within<S: VectorField + Sync>(
                 }
             };
             // what broke off on the way is marked so; at a floor no other way leads lower
-            if matches!(next.extremal.status, Status::Converged | Status::Floor) || budget.reached().is_some()
+            if matches!(next.extremal.status, ShootingStatus::Converged | ShootingStatus::Floor)
+                || budget.reached().is_some()
             {
                 return Ok(next);
             }

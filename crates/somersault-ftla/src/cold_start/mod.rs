@@ -17,9 +17,9 @@ mod linearised;
 mod tree;
 
 use crate::budget::Budget;
-use crate::continuation::{Continuation, Continued, Member, Stage};
+use crate::continuation::{Continuation, ContinuationResult, Member, Stage};
 use crate::flow::Work;
-use crate::shooting::{End, Shooting, ShootingError, Status, graded_times};
+use crate::shooting::{End, MultipleShooting, ShootingError, ShootingStatus, graded_times};
 use crate::system::{ArmMinimumTorque, OptimalControlSystem, VectorField};
 pub(crate) use least_effort::Torque;
 use least_effort::{Driven, Spline};
@@ -71,7 +71,7 @@ impl Default for ArmTravel {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Travelled {
     /// The extremal with the counts of all attempts, the steps of the descents among its iterations.
-    pub continued: Continued,
+    pub continued: ContinuationResult,
     /// The arm whose motion that is: with the limits reached, where the continuation to the limits broke off.
     pub system: ArmMinimumTorque,
 }
@@ -140,10 +140,10 @@ impl ArmTravel {
         let budget = continuation.polish.limits.start();
         let goes_on = || budget.reached().is_none() && watched.field(&[0.0; 8]).iter().all(|h| h.is_finite());
         let mut reached = free;
-        let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
+        let shooting = MultipleShooting { max_iterations: DIRECT, ..continuation.polish };
         let mut spent = Spent::default();
         let mut direct = None;
-        let mut best: Option<Continued> = None;
+        let mut best: Option<ContinuationResult> = None;
         for (longest, folding) in ATTEMPTS {
             if !goes_on() {
                 break;
@@ -157,9 +157,9 @@ impl ArmTravel {
             };
             spent.iterations += extremal.iterations;
             spent.work += extremal.work;
-            let found = Continued::of_one(extremal, Stage::LeastEffort, &budget);
+            let found = ContinuationResult::of_one(extremal, Stage::LeastEffort, &budget);
             // at a floor no other way leads lower
-            if matches!(found.extremal.status, Status::Converged | Status::Floor) {
+            if matches!(found.extremal.status, ShootingStatus::Converged | ShootingStatus::Floor) {
                 direct = Some(found);
                 break;
             }
@@ -191,7 +191,7 @@ impl ArmTravel {
                     reached = if along.s == 1.0 { self.system } else { limited(along.s) };
                     along.after(&found)
                 }
-                Err(error) => Continued { s: 0.0, ..found.stopped(Stage::Limits, error, &budget) },
+                Err(error) => ContinuationResult { s: 0.0, ..found.stopped(Stage::Limits, error, &budget) },
             };
         }
         Ok(Travelled { continued: found, system: reached })
@@ -205,8 +205,8 @@ impl ArmTravel {
         watched: &W,
         watch: &impl Fn(ArmMinimumTorque) -> W,
         ends: [Vec<f64>; 2],
-        best: Option<Continued>,
-    ) -> Result<Continued, ShootingError> {
+        best: Option<ContinuationResult>,
+    ) -> Result<ContinuationResult, ShootingError> {
         let folded = match (self.by_continuation(budget, continuation, watched, ends), best) {
             (Ok(folded), _) => folded,
             (Err(_), Some(best)) => best,
@@ -229,7 +229,7 @@ impl ArmTravel {
         continuation: &Continuation,
         system: &S,
         ends: [Vec<f64>; 2],
-    ) -> Result<Continued, ShootingError> {
+    ) -> Result<ContinuationResult, ShootingError> {
         let rest = |angle: f64| vec![angle, self.fold, 0.0, 0.0];
         let middle = rest(0.5 * (self.initial[0] + self.last[0]));
         let folded = [rest(self.initial[0]), rest(self.last[0])];
@@ -246,14 +246,14 @@ impl ArmTravel {
         budget: &Budget,
         continuation: &Continuation,
         watch: &impl Fn(ArmMinimumTorque) -> W,
-    ) -> Result<Option<Continued>, ShootingError> {
+    ) -> Result<Option<ContinuationResult>, ShootingError> {
         let thesis = Self { fold: PI.copysign(self.fold), ..Self::default() };
         let end = |[one, two]: [f64; 2]| End::from_values([one, two, 0.0, 0.0].into_iter());
         let times = graded_times(thesis.horizon, 0.25 * LED, LED)?;
         let (nodes, descents) = thesis.guess(&times, ATTEMPTS[0].1, &|| true);
         let ends = [end(thesis.initial), end(thesis.last)];
         let start = continuation.polish.solve_within(budget, &watch(thesis.system), &ends, &times, &nodes);
-        let Some(start) = start.ok().filter(|start| start.status == Status::Converged) else {
+        let Some(start) = start.ok().filter(|start| start.status == ShootingStatus::Converged) else {
             return Ok(None);
         };
         let family = |s: f64| {

@@ -8,8 +8,8 @@ use super::least_effort::{Driven, Spline, Torque};
 use super::linearised::{cold_start_within, expect_states};
 use super::{DIRECT, Spent};
 use crate::budget::Budget;
-use crate::continuation::{Continuation, Continued, Member, Stage};
-use crate::shooting::{End, Shooting, ShootingError, graded_times};
+use crate::continuation::{Continuation, ContinuationResult, Member, Stage};
+use crate::shooting::{End, MultipleShooting, ShootingError, graded_times};
 use crate::system::{OptimalControlSystem, TreeMinimumTorque, VectorField};
 
 /// From state to state in a given time.
@@ -50,7 +50,7 @@ impl TreeTravel<'_> {
     ///
     /// A tree with joints that turn freely, and one of which shooting fails from the spline, starts by
     /// [`cold_start`].
-    pub fn solve(&self, continuation: &Continuation) -> Result<Continued, ShootingError> {
+    pub fn solve(&self, continuation: &Continuation) -> Result<ContinuationResult, ShootingError> {
         self.solve_as(continuation, |tree| tree)
     }
 
@@ -60,7 +60,7 @@ impl TreeTravel<'_> {
         &self,
         continuation: &Continuation,
         watch: impl Fn(TreeMinimumTorque) -> W,
-    ) -> Result<Continued, ShootingError> {
+    ) -> Result<ContinuationResult, ShootingError> {
         continuation.polish.check_tolerance()?;
         let ends = expect_states(self.system.dimension(), [self.initial, self.last], self.horizon)?;
         let whole = watch(self.system.clone());
@@ -90,15 +90,15 @@ impl TreeTravel<'_> {
         watch: &impl Fn(TreeMinimumTorque) -> W,
         ends: &[End; 2],
         spent: &mut Spent,
-    ) -> Result<Option<Continued>, ShootingError> {
+    ) -> Result<Option<ContinuationResult>, ShootingError> {
         let driven = self.system.released(0.0);
         let watched = watch(driven.clone());
         let zero = vec![0.0; self.system.dimension()];
         let goes_on = || budget.reached().is_none() && watched.field(&zero).iter().all(|h| h.is_finite());
-        let shooting = Shooting { max_iterations: DIRECT, ..continuation.polish };
+        let shooting = MultipleShooting { max_iterations: DIRECT, ..continuation.polish };
         // only propagates
-        let judging = Shooting { max_iterations: 0, ..shooting };
-        let mut best: Option<Continued> = None;
+        let judging = MultipleShooting { max_iterations: 0, ..shooting };
+        let mut best: Option<ContinuationResult> = None;
         for (k, part) in ATTEMPTS.into_iter().enumerate() {
             if !goes_on() {
                 break;
@@ -124,7 +124,7 @@ impl TreeTravel<'_> {
             };
             spent.iterations += extremal.iterations;
             spent.work += extremal.work;
-            let found = Continued::of_one(extremal, Stage::LeastEffort, budget);
+            let found = ContinuationResult::of_one(extremal, Stage::LeastEffort, budget);
             if !found.arrived() {
                 spent.failures += 1;
                 continue;
@@ -149,14 +149,14 @@ impl TreeTravel<'_> {
         continuation: &Continuation,
         watch: &impl Fn(TreeMinimumTorque) -> W,
         ends: &[End; 2],
-        mut found: Continued,
-    ) -> Continued {
+        mut found: ContinuationResult,
+    ) -> ContinuationResult {
         let fractions: Vec<f64> = found.extremal.times.iter().map(|t| t / self.horizon).collect();
-        let lead = |stage: Stage, found: Continued, of: &dyn Fn(f64) -> TreeMinimumTorque| {
+        let lead = |stage: Stage, found: ContinuationResult, of: &dyn Fn(f64) -> TreeMinimumTorque| {
             let family = |s: f64| Member { system: watch(of(s)), ends: ends.clone(), horizon: self.horizon };
             match continuation.follow_within(budget, stage, family, &fractions, &found.extremal.nodes) {
                 Ok(led) => led.after(&found),
-                Err(error) => Continued { s: 0.0, ..found.stopped(stage, error, budget) },
+                Err(error) => ContinuationResult { s: 0.0, ..found.stopped(stage, error, budget) },
             }
         };
         if !self.system.is_fully_driven() {

@@ -3,7 +3,7 @@
 mod rows;
 mod switching;
 
-use super::{FlowError, Tolerances, VariationalFlow, Work};
+use super::{FlowError, FlowTolerances, VariationalFlow, Work};
 use crate::budget::Budget;
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
@@ -119,7 +119,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         duration: f64,
     ) -> Result<Self, FlowError> {
         let (tableau, error) = Tableau::dop853();
-        let (system, Tolerances { relative, absolute }) = (flow.system, flow.tolerances);
+        let (system, FlowTolerances { relative, absolute }) = (flow.system, flow.tolerances);
         let n = p.len();
         // without Φ its numbers are none
         let square = if MATRIX { n * n } else { 0 };

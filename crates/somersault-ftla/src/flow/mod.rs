@@ -18,7 +18,6 @@ use crate::budget::{Budget, Limit};
 use crate::system::{OptimalControlSystem, Piece, SystemError, VectorField};
 use kernel::{Kernel, Progress};
 use nalgebra::{DMatrix, DVector};
-use serde::{Deserialize, Serialize};
 use somersault_core::argument::ArgumentError;
 
 /// Accuracy of a run: bounds of the estimated error of each of its steps, not of their sum.
@@ -26,7 +25,7 @@ use somersault_core::argument::ArgumentError;
 /// The error at the end of a run is that of its steps, each carried on by the Φ that follows it: about the number of steps
 /// times the tolerance times the growth of Φ.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tolerances {
+pub struct FlowTolerances {
     /// Error of a step relative to the size of each entry of the state and of each column of Φ.
     pub relative: f64,
     /// Error of a step that is always allowed in an entry of the state, in the scale of that entry
@@ -34,7 +33,7 @@ pub struct Tolerances {
     pub absolute: f64,
 }
 
-impl Default for Tolerances {
+impl Default for FlowTolerances {
     /// 1e-12 and 1e-14.
     fn default() -> Self {
         Self { relative: 1e-12, absolute: 1e-14 }
@@ -91,7 +90,8 @@ pub enum FlowError {
 }
 
 /// What a run cost.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Work {
     /// Evaluations of the field, or of field and Jacobian.
     pub evaluations: usize,
@@ -113,7 +113,8 @@ impl std::ops::AddAssign for Work {
 }
 
 /// The end of a run with its transition matrix, ∂p(t + T)/∂p(t).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Transition {
     /// T, negative backward in time.
     pub duration: f64,
@@ -187,7 +188,7 @@ impl Chain {
 #[derive(Debug)]
 pub struct VariationalFlow<'a, S> {
     system: &'a S,
-    tolerances: Tolerances,
+    tolerances: FlowTolerances,
     max_steps: usize,
     scale: Scale,
     budget: Option<&'a Budget>,
@@ -208,8 +209,8 @@ impl<S> Clone for VariationalFlow<'_, S> {
 
 impl<'a, S: VectorField> VariationalFlow<'a, S> {
     /// A flow of at most 100 000 steps a run. The relative tolerance must be in [1e-15, 0.1], the absolute one not negative.
-    pub fn try_new(system: &'a S, tolerances: Tolerances) -> Result<Self, FlowError> {
-        let Tolerances { relative, absolute } = tolerances;
+    pub fn try_new(system: &'a S, tolerances: FlowTolerances) -> Result<Self, FlowError> {
+        let FlowTolerances { relative, absolute } = tolerances;
         if !(1e-15..=0.1).contains(&relative) {
             let allowed = "in [1e-15, 0.1]";
             return Err(ArgumentError::OutOfRange { argument: "relative", allowed, found: relative }.into());
@@ -244,7 +245,7 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
     }
 
     /// The tolerances.
-    pub fn tolerances(&self) -> Tolerances {
+    pub fn tolerances(&self) -> FlowTolerances {
         self.tolerances
     }
 

@@ -6,7 +6,7 @@
 //! # Deviations
 //! Each grid is halved or moved by itself; appendix G leaves open whether one may be halved while the other moves.
 
-use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
+use super::{Branch, Counts, MatchStatus, Matching, MatchingError, MatchingResult};
 use crate::budget::Limits;
 use crate::system::HamiltonianSystem;
 use nalgebra::DVector;
@@ -36,7 +36,7 @@ impl GridSearch {
     pub fn run<S: HamiltonianSystem + Sync>(
         &self,
         matching: &Matching<'_, S>,
-    ) -> Result<Matched, MatchingError> {
+    ) -> Result<MatchingResult, MatchingError> {
         Matching::<S>::check_search(self.tolerance, self.max_rounds)?;
         let held = matching.held().to_vec();
         for spacing in &self.spacing {

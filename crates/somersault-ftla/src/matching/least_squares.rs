@@ -5,7 +5,7 @@
 //! propagation. Gauss–Newton steps with derivatives by differences, halved until the residual falls.
 
 use super::grid::held_of;
-use super::{Branch, Counts, MatchStatus, Matched, Matching, MatchingError};
+use super::{Branch, Counts, MatchStatus, Matching, MatchingError, MatchingResult};
 use crate::budget::{Budget, Limits};
 use crate::system::HamiltonianSystem;
 use nalgebra::{DMatrix, DVector};
@@ -45,7 +45,7 @@ impl LeastSquares {
     pub fn run<S: HamiltonianSystem + Sync>(
         &self,
         matching: &Matching<'_, S>,
-    ) -> Result<Matched, MatchingError> {
+    ) -> Result<MatchingResult, MatchingError> {
         Matching::<S>::check_search(self.tolerance, self.max_rounds)?;
         let budget = self.limits.start();
         let matching = &matching.within(&budget);

@@ -9,7 +9,7 @@
 //!   both ends.
 //!
 //! Both are parallel over points. What they find carries the error of the finite averaging time, e^(−gap·T); the nodes of
-//! [`Matched::nodes`] are a guess from which [`Shooting`](crate::shooting::Shooting) goes to rounding.
+//! [`MatchingResult::nodes`] are a guess from which [`MultipleShooting`](crate::shooting::MultipleShooting) goes to rounding.
 
 mod grid;
 mod least_squares;
@@ -77,7 +77,7 @@ pub(crate) struct Branch {
 
 /// A pair of ends whose motions nearly meet.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Matched {
+pub struct MatchingResult {
     /// How the search ended.
     pub status: MatchStatus,
     /// Placed ends, at t₀ and t_f; the best pair found.
@@ -239,7 +239,7 @@ impl<'a, S: HamiltonianSystem> Matching<'a, S> {
         Ok(Branch { end, course, meeting })
     }
 
-    /// The motion of two courses at `times`, as [`Matched::nodes`] has it.
+    /// The motion of two courses at `times`, as [`MatchingResult::nodes`] has it.
     pub fn nodes(
         &self,
         courses: &[Vec<(f64, DVector<f64>)>; 2],
@@ -260,9 +260,9 @@ impl<'a, S: HamiltonianSystem> Matching<'a, S> {
         times.iter().map(at).collect()
     }
 
-    fn report(&self, branches: [&Branch; 2], status: MatchStatus, counts: Counts) -> Matched {
+    fn report(&self, branches: [&Branch; 2], status: MatchStatus, counts: Counts) -> MatchingResult {
         let meeting = branches.map(|branch| branch.meeting.clone());
-        Matched {
+        MatchingResult {
             status,
             ends: branches.map(|branch| branch.end.clone()),
             mismatch: (&meeting[0] - &meeting[1]).norm(),
@@ -274,8 +274,8 @@ impl<'a, S: HamiltonianSystem> Matching<'a, S> {
         }
     }
 
-    fn unmatched(&self, status: MatchStatus, counts: Counts) -> Matched {
-        Matched {
+    fn unmatched(&self, status: MatchStatus, counts: Counts) -> MatchingResult {
+        MatchingResult {
             status,
             ends: self.ends.clone(),
             meeting: self.ends.each_ref().map(|p| DVector::repeat(p.len(), f64::NAN)),
@@ -295,7 +295,7 @@ struct Counts {
     evaluations: AtomicUsize,
 }
 
-impl Matched {
+impl MatchingResult {
     /// The matched motion at `times`, a guess for shooting: forward from the start up to the corrections, backward from the
     /// end.
     pub fn nodes<S: HamiltonianSystem>(

@@ -184,7 +184,7 @@ impl PlacementStatus {
 
 /// A placed point, or the best one found.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Placed {
+pub struct PlacementResult {
     /// The point at the last averaging time that was placed, or where that failed first.
     pub p: DVector<f64>,
     /// How it ended; on failure at the first averaging time not reached.
@@ -269,12 +269,12 @@ impl Placement {
     }
 
     /// Places `p`.
-    pub fn place<S: VectorField>(&self, flow: &VariationalFlow<'_, S>, p: &DVector<f64>) -> Placed {
+    pub fn place<S: VectorField>(&self, flow: &VariationalFlow<'_, S>, p: &DVector<f64>) -> PlacementResult {
         let n = p.len() / 2;
         let solved = (0..n).filter(|i| !self.held.contains(i)).map(|i| n + i).collect();
         let mut search = Search { placement: self, flow, solved, iterations: 0, flow_evaluations: 0 };
         let expected = self.dims.stable + self.dims.center + self.dims.unstable;
-        let mut placed = Placed {
+        let mut placed = PlacementResult {
             p: p.clone(),
             status: PlacementStatus::Placed,
             angle: f64::NAN,
@@ -285,7 +285,7 @@ impl Placement {
         };
         if p.len() != expected {
             let error = ArgumentError::Length { argument: "p", expected, found: p.len() };
-            return Placed { status: PlacementStatus::Flow(error.into()), ..placed };
+            return PlacementResult { status: PlacementStatus::Flow(error.into()), ..placed };
         }
         'times: for &time in &self.schedule.0 {
             let mut target = time;
@@ -308,7 +308,7 @@ impl Placement {
                     // the last point placed, or the best of the first attempt
                     let status = attempt.status.clone();
                     placed = if placed.time > 0.0 {
-                        Placed { status, ..placed }
+                        PlacementResult { status, ..placed }
                     } else {
                         first.unwrap_or(attempt)
                     };
@@ -316,7 +316,7 @@ impl Placement {
                 }
             }
         }
-        Placed { iterations: search.iterations, flow_evaluations: search.flow_evaluations, ..placed }
+        PlacementResult { iterations: search.iterations, flow_evaluations: search.flow_evaluations, ..placed }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The iterations of a placement at one averaging time.
 
-use super::{Method, Placed, Placement, PlacementStatus};
+use super::{Method, Placement, PlacementResult, PlacementStatus};
 use crate::flow::{FlowError, VariationalFlow};
 use crate::spectrum::{Spectrum, Subspace, slow_subspace, spectrum};
 use crate::system::VectorField;
@@ -39,8 +39,8 @@ impl<S: VectorField> Search<'_, S> {
     }
 
     /// Places for one averaging time.
-    pub(super) fn at(&mut self, p: &DVector<f64>, time: f64) -> Placed {
-        let done = |point: Option<Point>, status| Placed {
+    pub(super) fn at(&mut self, p: &DVector<f64>, time: f64) -> PlacementResult {
+        let done = |point: Option<Point>, status| PlacementResult {
             p: point.as_ref().map_or_else(|| p.clone(), |q| q.p.clone()),
             angle: point.as_ref().map_or(f64::NAN, |q| q.angle),
             spectrum: point.map(|q| q.spectrum),

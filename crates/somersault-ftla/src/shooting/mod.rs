@@ -10,17 +10,16 @@
 //!
 //! Every entry of p is measured in its own size over the motion, in the residual, in the linear equations and in the
 //! absolute tolerance of the segments: a problem in other units has the same iterates. A solution must keep its Hamiltonian
-//! as well as its conditions ([`Status::HamiltonianDrifts`]), which a costate equation with a wrong derivative does not.
+//! as well as its conditions ([`ShootingStatus::HamiltonianDrifts`]), which a costate equation with a wrong derivative does not.
 
 mod elimination;
 
 use crate::budget::{Budget, Limits};
-use crate::flow::{FlowError, Tolerances, Transition, VariationalFlow, Work};
+use crate::flow::{FlowError, FlowTolerances, Transition, VariationalFlow, Work};
 use crate::system::{OptimalControlSystem, VectorField};
 use elimination::Elimination;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use somersault_core::argument::{ArgumentError, expect_positive};
 use std::fmt;
 
@@ -97,8 +96,9 @@ impl End {
 }
 
 /// How a solve ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Status {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ShootingStatus {
     /// Every defect and end condition is within the tolerance, and so is the range of the Hamiltonian where it is known.
     Converged,
     /// The residual is above the tolerance and at its floor: rounding and the segments' own tolerance allow no smaller one.
@@ -118,7 +118,7 @@ pub enum Status {
     OnTheWay,
 }
 
-impl fmt::Display for Status {
+impl fmt::Display for ShootingStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Converged => "every defect and end condition is within the tolerance",
@@ -140,8 +140,8 @@ impl fmt::Display for Status {
 }
 
 /// A motion by its nodes, with how well it satisfies the conditions.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Parts")]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Parts"))]
 pub struct Extremal {
     /// Times of the nodes.
     pub times: Vec<f64>,
@@ -150,7 +150,7 @@ pub struct Extremal {
     /// Transition of each segment at the last accepted nodes.
     pub links: Vec<Transition>,
     /// How the solve ended.
-    pub status: Status,
+    pub status: ShootingStatus,
     /// The largest entry of a defect or end condition, relative to the size of that entry over the motion.
     pub residual: f64,
     /// The residual below which rounding and the tolerance of the segments hide what a step does.
@@ -167,12 +167,13 @@ pub struct Extremal {
 }
 
 /// An extremal as files hold it.
-#[derive(Deserialize)]
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
 struct Parts {
     times: Vec<f64>,
     nodes: Vec<DVector<f64>>,
     links: Vec<Transition>,
-    status: Status,
+    status: ShootingStatus,
     residual: f64,
     floor: f64,
     hamiltonian_drift: Option<f64>,
@@ -181,6 +182,7 @@ struct Parts {
     work: Work,
 }
 
+#[cfg(feature = "serde")]
 impl TryFrom<Parts> for Extremal {
     type Error = &'static str;
 
@@ -221,7 +223,7 @@ impl TryFrom<Parts> for Extremal {
 }
 
 impl Extremal {
-    /// The size of each entry of p over the motion, in which residuals are measured; see [`Shooting`].
+    /// The size of each entry of p over the motion, in which residuals are measured; see [`MultipleShooting`].
     pub fn scale(&self) -> DVector<f64> {
         scale_of(&self.nodes, &self.links)
     }
@@ -238,7 +240,7 @@ impl Extremal {
             times: times.to_vec(),
             nodes,
             links: times.windows(2).map(unknown).collect(),
-            status: Status::LimitReached,
+            status: ShootingStatus::LimitReached,
             residual: f64::INFINITY,
             floor: f64::NAN,
             hamiltonian_drift: None,
@@ -258,8 +260,8 @@ impl Extremal {
 
     /// Says of what solves a member on the way that it is no solution of the problem asked for.
     pub(crate) fn mark_on_the_way(&mut self) {
-        if self.status == Status::Converged {
-            self.status = Status::OnTheWay;
+        if self.status == ShootingStatus::Converged {
+            self.status = ShootingStatus::OnTheWay;
         }
     }
 
@@ -297,22 +299,22 @@ impl Extremal {
 /// The size of an entry of p is its largest value over nodes and ends of segments. An entry that stays near zero counts as
 /// large as what, kept up over the motion, would move some other entry by a thousandth of that one's size.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shooting {
+pub struct MultipleShooting {
     /// Largest defect and end residual of a solution, relative to the size of the entry; from 1e-15, which is rounding, to
     /// 0.1.
     pub tolerance: f64,
     /// Newton steps allowed.
     pub max_iterations: usize,
-    /// Tolerances of the segments in the last steps; the absolute one is relative to the size of the entry.
-    pub flow: Tolerances,
+    /// FlowTolerances of the segments in the last steps; the absolute one is relative to the size of the entry.
+    pub flow: FlowTolerances,
     /// What a solve may spend.
     pub limits: Limits,
 }
 
-impl Default for Shooting {
+impl Default for MultipleShooting {
     /// 1e-11, 100 steps, segments to 1e-13, without limits.
     fn default() -> Self {
-        let flow = Tolerances { relative: 1e-13, absolute: 1e-15 };
+        let flow = FlowTolerances { relative: 1e-13, absolute: 1e-15 };
         Self { tolerance: 1e-11, max_iterations: 100, flow, limits: Limits::default() }
     }
 }
@@ -371,13 +373,13 @@ struct Segments<'a, S> {
     system: &'a S,
     ends: &'a [End; 2],
     times: &'a [f64],
-    flow: Tolerances,
+    flow: FlowTolerances,
     budget: &'a Budget,
     evaluations: usize,
     work: Work,
 }
 
-impl Shooting {
+impl MultipleShooting {
     /// From the guess `nodes` at `times`, with conditions at both ends.
     pub fn solve<S>(
         &self,
@@ -430,25 +432,25 @@ impl Shooting {
                 relative = if residual <= 1e2 * self.tolerance { self.flow.relative } else { wanted };
                 match segments.shoot(&nodes, &scale, relative) {
                     Ok(better) => shot = better,
-                    Err(_) if budget.reached().is_some() => break Status::LimitReached,
-                    Err(_) => break Status::Stalled,
+                    Err(_) if budget.reached().is_some() => break ShootingStatus::LimitReached,
+                    Err(_) => break ShootingStatus::Stalled,
                 }
                 scale = scale_of(&nodes, &shot.links);
             }
             let residual = shot.residual(&scale);
             if residual <= self.tolerance && relative <= self.flow.relative {
-                break Status::Converged;
+                break ShootingStatus::Converged;
             }
             if iterations == self.max_iterations {
-                break Status::MaxIterations;
+                break ShootingStatus::MaxIterations;
             }
             if elimination.factor(&shot.links, ends, &scale).is_err() {
-                break Status::Singular;
+                break ShootingStatus::Singular;
             }
             elimination.solve(&shot.defects, &nodes, &mut step);
             let length = norm(&step, &scale);
             if !length.is_finite() {
-                break Status::Singular;
+                break ShootingStatus::Singular;
             }
             iterations += 1;
             fraction = (4.0 * fraction).min(1.0);
@@ -467,11 +469,11 @@ impl Shooting {
                     }
                 }
                 if budget.reached().is_some() {
-                    break 'newton Status::LimitReached;
+                    break 'newton ShootingStatus::LimitReached;
                 }
                 fraction *= 0.4;
                 if fraction < SHORTEST {
-                    break 'newton Status::Stalled;
+                    break 'newton ShootingStatus::Stalled;
                 }
             }
         };
@@ -481,11 +483,11 @@ impl Shooting {
         let drifts =
             hamiltonian_drift.is_some_and(|drift| drift.is_nan() || drift > self.most_drift(nodes.len()));
         let status = match status {
-            Status::Converged if drifts => Status::HamiltonianDrifts,
-            Status::Stalled | Status::MaxIterations
+            ShootingStatus::Converged if drifts => ShootingStatus::HamiltonianDrifts,
+            ShootingStatus::Stalled | ShootingStatus::MaxIterations
                 if relative <= self.flow.relative && residual <= NEAR_FLOOR * floor =>
             {
-                Status::Floor
+                ShootingStatus::Floor
             }
             status => status,
         };
@@ -510,7 +512,7 @@ impl Shooting {
         4.0 * nodes as f64 * self.tolerance
     }
 
-    /// Tolerances below rounding are refused.
+    /// FlowTolerances below rounding are refused.
     pub(crate) fn check_tolerance(&self) -> Result<(), ShootingError> {
         if (1e-15..=0.1).contains(&self.tolerance) {
             return Ok(());
@@ -575,7 +577,8 @@ impl<S: VectorField + Sync> Segments<'_, S> {
         let Self { system, ends, times, budget, .. } = *self;
         self.evaluations += nodes.len() - 1;
         let absolute = self.flow.absolute * (relative / self.flow.relative);
-        let flow = VariationalFlow::try_new(system, Tolerances { relative, absolute }).map_err(|e| (0, e))?;
+        let flow =
+            VariationalFlow::try_new(system, FlowTolerances { relative, absolute }).map_err(|e| (0, e))?;
         // a guess may ask for a motion that runs off; it is not worth many steps
         let flow = flow.with_max_steps(2000).with_scale(scale.clone(), 1.0).within(budget);
         let segments = (0..times.len() - 1).into_par_iter().with_min_len(4);
@@ -602,7 +605,7 @@ impl<S: VectorField + Sync> Segments<'_, S> {
 /// Part of another entry's size that an entry must be able to move to count as large.
 const FELT: f64 = 1e-3;
 
-/// The size of each entry of p over the motion, as [`Shooting`] says.
+/// The size of each entry of p over the motion, as [`MultipleShooting`] says.
 fn scale_of(nodes: &[DVector<f64>], links: &[Transition]) -> DVector<f64> {
     let points = nodes.iter().chain(links.iter().map(|link| &link.end));
     let n = nodes[0].len();

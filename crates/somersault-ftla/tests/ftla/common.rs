@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use somersault_core::Scalar;
 use somersault_core::random::SplitMix64;
 use somersault_ftla::cold_start::ArmTravel;
-use somersault_ftla::continuation::{Continuation, Continued};
+use somersault_ftla::continuation::{Continuation, ContinuationResult};
 use somersault_ftla::system::{ControlProblem, StateCostate, VectorField};
 use somersault_multibody::models::TwoLinkArm;
 
@@ -97,7 +97,7 @@ pub(crate) fn arm_nodes() -> Vec<(f64, DVector<f64>)> {
 }
 
 /// The thesis' problem with another fold and another θ₂ at the end.
-pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> Continued {
+pub(crate) fn arm_motion(fold: f64, unfolded: f64) -> ContinuationResult {
     let thesis = ArmTravel::default();
     let travel = ArmTravel { fold, last: [thesis.last[0], unfolded], ..thesis };
     travel.solve(&Continuation::default()).expect("well posed").continued

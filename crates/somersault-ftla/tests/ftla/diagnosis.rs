@@ -3,13 +3,13 @@
 
 use crate::common::{Linear, Random, arm_nodes};
 use nalgebra::{DMatrix, DVector, dvector};
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::spectrum::{
     Diagnosis, SplittingDims, TimeDirection, Unknown, Verdict, diagnose, spectra,
 };
 use somersault_ftla::system::ArmMinimumTorque;
 
-const TIGHT: Tolerances = Tolerances { relative: 1e-13, absolute: 1e-15 };
+const TIGHT: FlowTolerances = FlowTolerances { relative: 1e-13, absolute: 1e-15 };
 
 fn diagnosed(a: DMatrix<f64>, times: &[f64], horizon: f64) -> Diagnosis {
     let system = Linear(a);

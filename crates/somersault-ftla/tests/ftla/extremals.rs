@@ -5,8 +5,10 @@ use nalgebra::{DVector, dvector};
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::cold_start::{ArmTravel, TreeTravel};
 use somersault_ftla::continuation::{Continuation, Stage};
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
-use somersault_ftla::shooting::{End, Extremal, Shooting, ShootingError, Status, graded_times};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
+use somersault_ftla::shooting::{
+    End, Extremal, MultipleShooting, ShootingError, ShootingStatus, graded_times,
+};
 use somersault_ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem,
     TreeMinimumTorque,
@@ -17,7 +19,7 @@ use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
 fn cost(extremal: &Extremal) -> f64 {
     let arm = ArmMinimumTorque::default();
-    let flow = VariationalFlow::try_new(&arm, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(&arm, FlowTolerances::default()).expect("in range");
     extremal.cost(&flow).expect("regular")
 }
 
@@ -26,13 +28,13 @@ fn the_thesis_motion_is_found_from_boundary_states_and_fold_alone() {
     let arm = ArmMinimumTorque::default();
     let found = arm_motion(PI, 0.05);
     let extremal = &found.extremal;
-    assert_eq!((found.s, extremal.status), (1.0, Status::Converged));
+    assert_eq!((found.s, extremal.status), (1.0, ShootingStatus::Converged));
     assert!(extremal.residual <= 1e-10, "{:e}", extremal.residual);
     let [low, high] = extremal.range_of(|p| arm.hamiltonian(p));
     assert!(high - low < 1e-10, "{:e}", high - low);
     // Table 10.1, its mismatch being 6e-4
     let middle = extremal
-        .at(&VariationalFlow::try_new(&arm, Tolerances::default()).expect("in range"), 5.0)
+        .at(&VariationalFlow::try_new(&arm, FlowTolerances::default()).expect("in range"), 5.0)
         .expect("regular");
     let table = [-0.027597, 3.068603, 0.477425, 0.009792, -0.203408, 0.019078, -0.209560, 0.019651];
     assert!((&middle - DVector::from_row_slice(&table)).amax() < 6e-4, "{middle}");
@@ -49,7 +51,7 @@ fn the_thesis_motion_is_not_the_cheapest_extremal() {
         .into_iter()
         .map(|(fold, unfolded)| {
             let found = arm_motion(fold, unfolded);
-            assert_eq!(found.extremal.status, Status::Converged, "{fold} {unfolded}");
+            assert_eq!(found.extremal.status, ShootingStatus::Converged, "{fold} {unfolded}");
             cost(&found.extremal)
         })
         .collect();
@@ -67,8 +69,8 @@ fn regulator<S: OptimalControlSystem + Sync + Clone>(
     let fractions: Vec<f64> = times.iter().map(|t| t / horizon).collect();
     let stages = [[vec![0.0], vec![0.0]], [vec![ends[0]], vec![ends[1]]]];
     let found = Continuation::default().through(system, &stages, horizon, &fractions).expect("well posed");
-    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged), "{ends:?} {horizon}");
-    let flow = VariationalFlow::try_new(system, Tolerances::default()).expect("in range");
+    assert_eq!((found.s, found.extremal.status), (1.0, ShootingStatus::Converged), "{ends:?} {horizon}");
+    let flow = VariationalFlow::try_new(system, FlowTolerances::default()).expect("in range");
     let cost = found.extremal.cost(&flow).expect("regular");
     (found.extremal, cost)
 }
@@ -178,8 +180,9 @@ fn a_free_end_has_a_zero_costate() {
     let ends = [End::try_state(&[1.0]), End::try_state(&[0.0]).and_then(|end| end.with_free(0))];
     let ends = ends.map(|end| end.expect("one state"));
     let nodes = vec![DVector::zeros(2); times.len()];
-    let extremal = Shooting::default().solve(&LinearRegulator, &ends, &times, &nodes).expect("well posed");
-    assert_eq!(extremal.status, Status::Converged);
+    let extremal =
+        MultipleShooting::default().solve(&LinearRegulator, &ends, &times, &nodes).expect("well posed");
+    assert_eq!(extremal.status, ShootingStatus::Converged);
     // λ = (r coth rT + 1)⁻¹ x at the start, the Riccati solution
     let expected = 1.0 / (SQRT_2 / (3.0 * SQRT_2).tanh() + 1.0);
     assert!((extremal.nodes[0][1] - expected).abs() < 1e-11, "{}", extremal.nodes[0][1]);
@@ -192,13 +195,14 @@ fn what_does_not_converge_has_a_status_and_what_is_malformed_an_error() {
     let times = graded_times(10.0, 0.1, 0.4).expect("positive");
     let ends = [-1.0, 1.0].map(|s| End::try_state(&[s * FRAC_PI_2, 0.05, 0.0, 0.0]).expect("four states"));
     let nodes = vec![DVector::<f64>::zeros(8); times.len()];
-    let few = Shooting { max_iterations: 2, ..Shooting::default() };
+    let few = MultipleShooting { max_iterations: 2, ..MultipleShooting::default() };
     let extremal = few.solve(&arm, &ends, &times, &nodes).expect("well posed");
-    assert!(matches!(extremal.status, Status::MaxIterations | Status::Stalled));
+    assert!(matches!(extremal.status, ShootingStatus::MaxIterations | ShootingStatus::Stalled));
     assert!(extremal.residual > 1e-3 && extremal.nodes.len() == times.len());
 
-    let solve =
-        |times: &[f64], nodes: &[DVector<f64>]| Shooting::default().solve(&arm, &ends, times, nodes).err();
+    let solve = |times: &[f64], nodes: &[DVector<f64>]| {
+        MultipleShooting::default().solve(&arm, &ends, times, nodes).err()
+    };
     assert!(matches!(
         solve(&times[..4], &nodes),
         Some(ShootingError::Argument(ArgumentError::Length { argument: "nodes", .. }))
@@ -217,7 +221,7 @@ fn what_does_not_converge_has_a_status_and_what_is_malformed_an_error() {
         Some(ShootingError::Argument(ArgumentError::OutOfRange { argument: "nodes", .. }))
     ));
     let short = [0.0; 2].map(|x| End::try_state(&[x; 3]).expect("three states"));
-    let length = Shooting::default().solve(&arm, &short, &times, &nodes).expect_err("three states");
+    let length = MultipleShooting::default().solve(&arm, &short, &times, &nodes).expect_err("three states");
     assert_eq!(length.to_string(), "`x` must have 4 entries, found 3");
     assert!(End::try_state(&[f64::NAN; 4]).is_err());
     assert!(End::try_state(&[0.0; 4]).and_then(|e| e.with_free(4)).is_err());
@@ -233,7 +237,7 @@ fn continuation_from_a_rest_leads_to_the_same_extremal() {
     let stages = [[end(0.0, PI), end(0.0, PI)], folded, [end(-FRAC_PI_2, 0.05), end(FRAC_PI_2, 0.05)]];
     let fractions = graded_times(1.0, 0.01, 0.04).expect("positive");
     let found = Continuation::default().through(&arm, &stages, 10.0, &fractions).expect("well posed");
-    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged));
+    assert_eq!((found.s, found.extremal.status), (1.0, ShootingStatus::Converged));
     assert!(found.steps[0] > 10);
     let direct = arm_motion(PI, 0.05);
     assert_eq!(direct.steps, [1, 0]);
@@ -243,9 +247,9 @@ fn continuation_from_a_rest_leads_to_the_same_extremal() {
 /// Solved, and confirmed by segments integrated anew a hundred times as accurately.
 fn assert_solved(travel: &ArmTravel) -> Extremal {
     let found = travel.solve(&Continuation::default()).expect("well posed").continued;
-    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged), "{travel:?}");
+    assert_eq!((found.s, found.extremal.status), (1.0, ShootingStatus::Converged), "{travel:?}");
     let extremal = found.extremal;
-    let tight = Tolerances { relative: 1e-15, absolute: 1e-17 };
+    let tight = FlowTolerances { relative: 1e-15, absolute: 1e-17 };
     let flow = VariationalFlow::try_new(&travel.system, tight).expect("in range");
     for (pair, times) in extremal.nodes.windows(2).zip(extremal.times.windows(2)) {
         let end = flow.state(&pair[0], times[1] - times[0]).expect("regular");
@@ -342,7 +346,7 @@ fn a_cart_pendulum_whose_pole_is_passive_swings_up() {
     // down it needs less than up
     let fall = TreeTravel { initial: &upright, last: &hanging, ..travel };
     let fall = fall.solve(&Continuation::default()).expect("well posed");
-    let flow = VariationalFlow::try_new(&tree, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(&tree, FlowTolerances::default()).expect("in range");
     let [up, down] = [found, fall].map(|each| each.extremal.cost(&flow).expect("regular"));
     println!("up {up}, down {down}");
 }

@@ -3,7 +3,7 @@
 use crate::common::{Random, START};
 use nalgebra::{DMatrix, DVector, Matrix2, dvector};
 use somersault_core::argument::ArgumentError;
-use somersault_ftla::flow::{Chain, FlowError, Tolerances, VariationalFlow};
+use somersault_ftla::flow::{Chain, FlowError, FlowTolerances, VariationalFlow};
 use somersault_ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, VectorField,
 };
@@ -15,8 +15,8 @@ fn arm_start() -> DVector<f64> {
     ])
 }
 
-fn tight(relative: f64) -> Tolerances {
-    Tolerances { relative, absolute: 0.0 }
+fn tight(relative: f64) -> FlowTolerances {
+    FlowTolerances { relative, absolute: 0.0 }
 }
 
 #[test]
@@ -66,8 +66,8 @@ fn the_manifold_of_the_cubic_regulator_is_followed_at_order_eight() {
 #[test]
 fn transition_matrices_compose_invert_and_are_differences() {
     let arm = ArmMinimumTorque::default();
-    let flow =
-        VariationalFlow::try_new(&arm, Tolerances { relative: 1e-13, absolute: 1e-15 }).expect("in range");
+    let flow = VariationalFlow::try_new(&arm, FlowTolerances { relative: 1e-13, absolute: 1e-15 })
+        .expect("in range");
     let p = arm_start();
     let whole = flow.transition(&p, 1.2).expect("regular");
     let first = flow.transition(&p, 0.5).expect("regular");
@@ -137,7 +137,7 @@ fn the_transition_matrix_is_as_accurate_as_its_tolerance_says() {
 #[test]
 fn a_chain_is_the_transition_matrix_in_factors_of_bounded_growth() {
     let arm = ArmMinimumTorque::default();
-    let flow = VariationalFlow::try_new(&arm, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(&arm, FlowTolerances::default()).expect("in range");
     let p = arm_start();
     let mut chain = Chain::new();
     for sign in [1.0, -1.0] {
@@ -201,14 +201,14 @@ impl VectorField for Cliff {
 #[test]
 fn runs_that_cannot_go_on_say_where_and_keep_the_last_state() {
     let one = dvector![0.5];
-    let blowup = VariationalFlow::try_new(&Blowup, Tolerances::default()).expect("in range");
+    let blowup = VariationalFlow::try_new(&Blowup, FlowTolerances::default()).expect("in range");
     match blowup.state(&one, 3.0) {
         Err(FlowError::StepUnderflow { t, state } | FlowError::NonFinite { t, state, .. }) => {
             assert!((t - 2.0).abs() < 1e-6 && state[0] > 1e6, "{t}, {state:?}");
         }
         other => panic!("{other:?}"),
     }
-    let cliff = VariationalFlow::try_new(&Cliff, Tolerances::default()).expect("in range");
+    let cliff = VariationalFlow::try_new(&Cliff, FlowTolerances::default()).expect("in range");
     match cliff.transition(&one, 3.0) {
         Err(FlowError::NonFinite { t, state, .. }) => assert!((t - 0.5).abs() < 1e-9 && state[0] < 1.0),
         other => panic!("{other:?}"),
@@ -221,7 +221,7 @@ fn runs_that_cannot_go_on_say_where_and_keep_the_last_state() {
 #[test]
 fn arguments_out_of_range_are_named() {
     let bad = |relative, absolute| {
-        VariationalFlow::try_new(&LinearRegulator, Tolerances { relative, absolute }).err()
+        VariationalFlow::try_new(&LinearRegulator, FlowTolerances { relative, absolute }).err()
     };
     assert!(matches!(
         bad(0.0, 0.0),
@@ -235,7 +235,7 @@ fn arguments_out_of_range_are_named() {
         bad(1e-9, -1.0),
         Some(FlowError::Argument(ArgumentError::OutOfRange { argument: "absolute", .. }))
     ));
-    let flow = VariationalFlow::try_new(&LinearRegulator, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(&LinearRegulator, FlowTolerances::default()).expect("in range");
     let p = dvector![1.0, 0.0];
     assert!(matches!(
         flow.state(&p, f64::INFINITY),
@@ -265,10 +265,10 @@ fn tolerances_bound_the_error_of_a_step_and_not_of_a_run() {
     // what a run may be off by: each of its steps by the tolerance, carried on by the Φ that follows it
     let arm = ArmMinimumTorque::default();
     let p = DVector::from_row_slice(&START);
-    let exact = VariationalFlow::try_new(&arm, Tolerances { relative: 1e-14, absolute: 1e-16 });
+    let exact = VariationalFlow::try_new(&arm, FlowTolerances { relative: 1e-14, absolute: 1e-16 });
     let exact = exact.expect("in range").transition(&p, 2.0).expect("regular");
     for relative in [1e-6, 1e-9, 1e-11] {
-        let tolerances = Tolerances { relative, absolute: 1e-2 * relative };
+        let tolerances = FlowTolerances { relative, absolute: 1e-2 * relative };
         let flow = VariationalFlow::try_new(&arm, tolerances).expect("in range");
         let (found, work) = flow.transition_counted(&p, 2.0).expect("regular");
         let off = (&found.end - &exact.end).amax();

@@ -5,8 +5,8 @@ use crate::common::{ArmProblem, arm_motion, arm_nodes};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2, dvector};
 use somersault_core::Scalar;
 use somersault_ftla::continuation::{Continuation, Member};
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
-use somersault_ftla::shooting::{End, Extremal, Status};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
+use somersault_ftla::shooting::{End, Extremal, ShootingStatus};
 use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, HamiltonianSystem, OptimalControlSystem, Piece, Side, StateCostate,
     VectorField,
@@ -18,7 +18,7 @@ use somersault_ocp::collocation::{
 };
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
-const TIGHT: Tolerances = Tolerances { relative: 1e-13, absolute: 1e-15 };
+const TIGHT: FlowTolerances = FlowTolerances { relative: 1e-13, absolute: 1e-15 };
 const LIMIT: f64 = 0.4;
 
 /// ẋ = −x + u, |u| ≤ 0.4, ℓ = ½(x² + u²).
@@ -118,7 +118,7 @@ fn saturations_are_seen_from_a_microsecond_on() {
     assert!((0.3..0.6).contains(&at), "{at}");
     let lengths = |cut: f64, relative: f64| {
         let limited = free.try_with_torque_limits([f64::INFINITY, peak * (1.0 - cut)]).expect("positive");
-        let tolerances = Tolerances { relative, absolute: 1e-2 * relative };
+        let tolerances = FlowTolerances { relative, absolute: 1e-2 * relative };
         let flow = VariationalFlow::try_new(&limited, tolerances).expect("in range");
         let found = flow.switches(&p, 2.0 * at).expect("regular");
         found.chunks(2).map(|pair| pair[1].0 - pair[0].0).collect::<Vec<f64>>()
@@ -142,7 +142,7 @@ fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once(
     let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
     let generic = StateCostate::try_new(problem).expect("ordered bounds");
     let p = DVector::from_row_slice(&crate::common::START);
-    let tolerances = Tolerances { relative: 1e-11, absolute: 1e-13 };
+    let tolerances = FlowTolerances { relative: 1e-11, absolute: 1e-13 };
     let closed = VariationalFlow::try_new(&arm, tolerances).expect("in range");
     let generic = VariationalFlow::try_new(&generic, tolerances).expect("in range");
     let (one, two) =
@@ -169,7 +169,7 @@ fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once(
 
 /// The largest |u| of each joint, on a grid of 5 ms.
 fn peak_torques(arm: &ArmMinimumTorque, extremal: &Extremal) -> [f64; 2] {
-    let flow = VariationalFlow::try_new(arm, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(arm, FlowTolerances::default()).expect("in range");
     let mut peak = [0.0f64; 2];
     for k in 0..=2000 {
         let mut u = [0.0; 2];
@@ -192,8 +192,8 @@ fn limited_motion() -> (ArmMinimumTorque, Extremal, [f64; 2], f64) {
         Member { system, ends: ends.clone(), horizon: 10.0 }
     };
     let found = Continuation::default().follow(family, &fractions, &free.nodes).expect("well posed");
-    assert_eq!((found.s, found.extremal.status), (1.0, Status::Converged));
-    let flow = VariationalFlow::try_new(&arm, Tolerances::default()).expect("in range");
+    assert_eq!((found.s, found.extremal.status), (1.0, ShootingStatus::Converged));
+    let flow = VariationalFlow::try_new(&arm, FlowTolerances::default()).expect("in range");
     let cost = free.cost(&flow).expect("regular");
     (family(1.0).system, found.extremal, peak, cost)
 }
@@ -216,7 +216,7 @@ fn torques_limited_to_four_fifths_of_their_peak_agree_with_collocation() {
     // both limits are reached
     let reached = peak_torques(&system, &limited);
     assert!((0..2).all(|i| (reached[i] / peak[i] - 0.8).abs() < 1e-12), "{reached:?} of {peak:?}");
-    let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(&system, FlowTolerances::default()).expect("in range");
     let cost = limited.cost(&flow).expect("regular");
     assert!(cost > free_cost + 1e-4, "{cost} {free_cost}");
 

@@ -3,10 +3,10 @@
 use crate::common::arm_nodes;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::Limits;
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::matching::{GridSearch, LeastSquares, MatchStatus, Matching, MatchingError};
 use somersault_ftla::placement::{Placement, Schedule};
-use somersault_ftla::shooting::{End, Shooting, Status};
+use somersault_ftla::shooting::{End, MultipleShooting, ShootingStatus};
 use somersault_ftla::spectrum::{SplittingDims, TimeDirection};
 use somersault_ftla::system::{ArmMinimumTorque, HamiltonianSystem};
 use std::f64::consts::FRAC_PI_2;
@@ -43,7 +43,7 @@ fn matching_with<'a>(
 const GUESS: [[f64; 4]; 2] = [[-0.2, 0.0, -1.3, -0.1], [-0.2, 0.0, 1.3, 0.1]];
 
 fn loose(arm: &ArmMinimumTorque) -> VariationalFlow<'_, ArmMinimumTorque> {
-    VariationalFlow::try_new(arm, Tolerances { relative: 1e-8, absolute: 1e-10 })
+    VariationalFlow::try_new(arm, FlowTolerances { relative: 1e-8, absolute: 1e-10 })
         .expect("in range")
         .with_max_steps(2000)
 }
@@ -65,8 +65,8 @@ fn least_squares_match_from_round_values_and_polish_to_rounding() {
     let times: Vec<f64> = nodes.iter().map(|(t, _)| *t).collect();
     let guess = found.nodes(&matching, &times).expect("regular");
     let ends = [&INITIAL, &LAST].map(|x| End::try_state(x).expect("four states"));
-    let extremal = Shooting::default().solve(&arm, &ends, &times, &guess).expect("well posed");
-    assert_eq!(extremal.status, Status::Converged);
+    let extremal = MultipleShooting::default().solve(&arm, &ends, &times, &guess).expect("well posed");
+    assert_eq!(extremal.status, ShootingStatus::Converged);
     assert!(extremal.residual <= 1e-10 && extremal.iterations < 8, "{:e}", extremal.residual);
     let [low, high] = extremal.range_of(|p| arm.hamiltonian(p));
     assert!(high - low < 1e-10, "{:e}", high - low);

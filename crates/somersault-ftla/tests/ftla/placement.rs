@@ -3,14 +3,14 @@
 use crate::common::{Random, START, arm_motion, arm_nodes};
 use nalgebra::{DVector, dvector};
 use somersault_core::argument::ArgumentError;
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::placement::{Method, Placement, PlacementError, PlacementStatus, Schedule};
 use somersault_ftla::spectrum::{SplittingDims, TimeDirection, diagnose, spectra};
 use somersault_ftla::system::{ArmMinimumTorque, CubicRegulator};
 use std::f64::consts::{PI, SQRT_2};
 
 const ARM_DIMS: SplittingDims = SplittingDims { stable: 2, center: 4, unstable: 2 };
-const TOLERANCES: Tolerances = Tolerances { relative: 1e-10, absolute: 1e-12 };
+const TOLERANCES: FlowTolerances = FlowTolerances { relative: 1e-10, absolute: 1e-12 };
 
 fn arm_placement(direction: TimeDirection, last: f64) -> Placement {
     let schedule = Schedule::try_steps(0.25, 0.25, last).expect("ascending");
@@ -27,7 +27,7 @@ fn optimal_end(direction: TimeDirection) -> DVector<f64> {
 
 #[test]
 fn the_regulator_is_placed_on_its_manifolds_in_closed_form() {
-    let flow = VariationalFlow::try_new(&CubicRegulator, Tolerances::default()).expect("in range");
+    let flow = VariationalFlow::try_new(&CubicRegulator, FlowTolerances::default()).expect("in range");
     let dims = SplittingDims { stable: 1, center: 0, unstable: 1 };
     for (direction, exact) in
         [(TimeDirection::Forward, SQRT_2 - 1.0), (TimeDirection::Backward, -SQRT_2 - 1.0)]

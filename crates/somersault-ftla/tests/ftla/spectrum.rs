@@ -2,7 +2,7 @@
 
 use crate::common::{Linear, Random, START, arm_nodes};
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
-use somersault_ftla::flow::{FlowError, Tolerances, VariationalFlow};
+use somersault_ftla::flow::{FlowError, FlowTolerances, VariationalFlow};
 use somersault_ftla::placement::rank_held_costates;
 use somersault_ftla::spectrum::{
     Spectrum, SpectrumError, Splitting, SplittingDims, Subspace, TimeDirection, diagnose, spectra, spectrum,
@@ -10,7 +10,7 @@ use somersault_ftla::spectrum::{
 use somersault_ftla::system::{ArmMinimumTorque, LinearRegulator, VectorField};
 use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
-const TIGHT: Tolerances = Tolerances { relative: 1e-14, absolute: 1e-16 };
+const TIGHT: FlowTolerances = FlowTolerances { relative: 1e-14, absolute: 1e-16 };
 const ARM_DIMS: SplittingDims = SplittingDims { stable: 2, center: 4, unstable: 2 };
 
 /// Orthogonal, from a fixed seed.
@@ -252,8 +252,8 @@ impl VectorField for Lorenz {
 #[test]
 fn lorenz_exponents_are_those_of_the_literature() {
     // Sprott, Chaos and Time-Series Analysis (2003): 0.9056, 0, −14.5723; over 1000 units within about 0.02
-    let flow =
-        VariationalFlow::try_new(&Lorenz, Tolerances { relative: 1e-10, absolute: 1e-12 }).expect("in range");
+    let flow = VariationalFlow::try_new(&Lorenz, FlowTolerances { relative: 1e-10, absolute: 1e-12 })
+        .expect("in range");
     let p = flow.state(&dvector![1.0, 1.0, 20.0], 50.0).expect("bounded");
     let s = spectrum(&flow, &p, TimeDirection::Forward, 1000.0).expect("bounded");
     assert!((s.exponents[2] - 0.9056).abs() < 0.02, "{}", s.exponents);
@@ -291,7 +291,7 @@ impl VectorField for HenonHeiles {
 fn henon_heiles_is_chaotic_where_the_literature_says_so_and_its_exponents_pair() {
     // Skokos, Lect. Notes Phys. 790 (2010): at H = 1/8 the orbit from (0, −0.25, 0.42, 0) is chaotic with a largest exponent
     // near 0.047, that from (0, 0.55, 0.2417, 0) regular, whose exponent goes down with ln t / t
-    let flow = VariationalFlow::try_new(&HenonHeiles, Tolerances { relative: 1e-11, absolute: 1e-13 });
+    let flow = VariationalFlow::try_new(&HenonHeiles, FlowTolerances { relative: 1e-11, absolute: 1e-13 });
     let flow = flow.expect("in range").with_max_steps(1_000_000);
     let of = |p: DVector<f64>| spectrum(&flow, &p, TimeDirection::Forward, 20_000.0).expect("bounded");
     // rounding decides how long one orbit stays near the regular ones, over 20 000 units a quarter of the exponent

@@ -7,8 +7,8 @@ use somersault_core::argument::ArgumentError;
 use somersault_ftla::budget::{Limit, Limits};
 use somersault_ftla::cold_start::{ArmTravel, cold_start};
 use somersault_ftla::continuation::{Continuation, Member, Reason, Stage};
-use somersault_ftla::flow::{Tolerances, VariationalFlow};
-use somersault_ftla::shooting::{End, Shooting, ShootingError, Status, graded_times};
+use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
+use somersault_ftla::shooting::{End, MultipleShooting, ShootingError, ShootingStatus, graded_times};
 use somersault_ftla::system::{
     ArmMinimumTorque, ControlProblem, CubicRegulator, DifferentiatedProblem, HamiltonianSystem,
     ProblemDerivatives, StateCostate, VectorField,
@@ -64,7 +64,7 @@ fn a_regulator_is_solved_to_the_same_digits_in_all_units() {
                 let costate = extremal.nodes[node][1] * length / cost;
                 assert!((costate - exact).abs() < 1e-10, "{length:e} {cost:e}: {costate} for {exact}");
             }
-            let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
+            let flow = VariationalFlow::try_new(&system, FlowTolerances::default()).expect("in range");
             let value = extremal.cost(&flow).expect("regular") / cost;
             assert!((value - 3.36205690494300).abs() < 1e-10, "{length:e} {cost:e}: {value}");
         }
@@ -87,7 +87,7 @@ fn the_arm_is_solved_whatever_its_weights() {
             continued.extremal.residual
         );
         assert_eq!((continued.steps, continued.stage), ([1, 0], Stage::LeastEffort), "{factor:e}");
-        let flow = VariationalFlow::try_new(&system, Tolerances::default()).expect("in range");
+        let flow = VariationalFlow::try_new(&system, FlowTolerances::default()).expect("in range");
         let cost = continued.extremal.cost(&flow).expect("regular") / factor;
         assert!((cost - 0.321777232).abs() < 1e-9, "{factor:e}: {cost}");
         let off = (&continued.extremal.nodes[0]
@@ -100,14 +100,14 @@ fn the_arm_is_solved_whatever_its_weights() {
 #[test]
 fn a_floor_of_rounding_is_a_status() {
     let thesis = ArmTravel::default();
-    let polish = Shooting { tolerance: 1e-15, ..Shooting::default() };
+    let polish = MultipleShooting { tolerance: 1e-15, ..MultipleShooting::default() };
     let found = thesis.solve(&Continuation { polish, ..Continuation::default() }).expect("well posed");
     let extremal = found.continued.extremal;
-    assert_eq!(extremal.status, Status::Floor, "{:e} {:e}", extremal.residual, extremal.floor);
+    assert_eq!(extremal.status, ShootingStatus::Floor, "{:e} {:e}", extremal.residual, extremal.floor);
     assert!(extremal.residual < 1e-11 && extremal.residual > 1e-15, "{:e}", extremal.residual);
-    assert_eq!(found.continued.reason, Some(Reason::Unsolved(Status::Floor)));
+    assert_eq!(found.continued.reason, Some(Reason::Unsolved(ShootingStatus::Floor)));
     for tolerance in [1e-16, 0.0, f64::NAN, 0.2] {
-        let polish = Shooting { tolerance, ..Shooting::default() };
+        let polish = MultipleShooting { tolerance, ..MultipleShooting::default() };
         let refused = thesis.solve(&Continuation { polish, ..Continuation::default() });
         assert!(
             matches!(
@@ -203,7 +203,11 @@ fn a_wrong_derivative_is_no_success() {
         let entry = [(0, 1), (1, 0), (1, 1)][case % 3];
         let found = solve(entry, part);
         assert!(!found.arrived(), "{entry:?} off by {part}: drift {:?}", found.extremal.hamiltonian_drift);
-        assert_eq!(found.reason, Some(Reason::Unsolved(Status::HamiltonianDrifts)), "{entry:?} {part}");
+        assert_eq!(
+            found.reason,
+            Some(Reason::Unsolved(ShootingStatus::HamiltonianDrifts)),
+            "{entry:?} {part}"
+        );
     }
 }
 
@@ -211,7 +215,7 @@ fn a_wrong_derivative_is_no_success() {
 fn every_search_ends_at_its_limits_with_what_it_has() {
     let thesis = ArmTravel::default();
     let within = |limits: Limits| {
-        let polish = Shooting { limits, ..Shooting::default() };
+        let polish = MultipleShooting { limits, ..MultipleShooting::default() };
         Continuation { polish, ..Continuation::default() }
     };
     let free = thesis.solve(&Continuation::default()).expect("well posed").continued;
@@ -267,7 +271,7 @@ fn trials_without_a_value_are_rejected_and_the_best_member_is_kept() {
     let fractions = graded_times(1.0, 0.02, 0.2).expect("positive");
     let stages = [0.0, 1.0, 1.5].map(|b| [vec![0.5 * b], vec![b]]);
     let found = Continuation::default().through(&Cliff, &stages, 10.0, &fractions).expect("well posed");
-    assert!(!found.arrived() && found.extremal.status == Status::OnTheWay);
+    assert!(!found.arrived() && found.extremal.status == ShootingStatus::OnTheWay);
     assert_eq!(found.stage, Stage::Leg { to: 3, of: 3 });
     assert!(matches!(found.reason, Some(Reason::Failed(_) | Reason::Unsolved(_))), "{:?}", found.reason);
     // 1.2 is two fifths of the way from 1 to 1.5
@@ -302,7 +306,7 @@ fn the_arm_by_hyper_duals_keeps_its_hamiltonian_too() {
     let guess: Vec<_> = nodes.iter().map(|(_, p)| p.clone()).collect();
     let ends =
         [thesis.initial, thesis.last].map(|[one, two]| End::try_state(&[one, two, 0.0, 0.0]).expect("four"));
-    let found = Shooting::default().solve(&system, &ends, &times, &guess).expect("well posed");
-    assert_eq!(found.status, Status::Converged);
+    let found = MultipleShooting::default().solve(&system, &ends, &times, &guess).expect("well posed");
+    assert_eq!(found.status, ShootingStatus::Converged);
     assert!(found.hamiltonian_drift < Some(1e-11), "{:?}", found.hamiltonian_drift);
 }

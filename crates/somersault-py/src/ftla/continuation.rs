@@ -17,12 +17,12 @@ use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::budget::Limits;
 use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
 use somersault::ftla::continuation::{self, Continuation, Member, Reason};
-use somersault::ftla::shooting::Shooting;
+use somersault::ftla::shooting::MultipleShooting;
 use std::sync::Arc;
 
 /// Where a continuation ended.
 #[pyclass(frozen, module = "somersault.ftla")]
-pub(crate) struct Continued {
+pub(crate) struct ContinuationResult {
     extremal: Py<Extremal>,
     /// float: The parameter of that extremal: one if the continuation arrived.
     #[pyo3(get)]
@@ -47,7 +47,7 @@ pub(crate) struct Continued {
 }
 
 #[pymethods]
-impl Continued {
+impl ContinuationResult {
     /// bool: Whether the last member was reached and polished.
     #[getter]
     fn success(&self) -> bool {
@@ -84,7 +84,7 @@ impl Continued {
         let Self { s, n_steps, n_rejected, n_iterations, .. } = self;
         let how = if self.success() { "arrived" } else { "broke off" };
         format!(
-            "<Continued: {how} at s = {s}, {n_steps} members, {n_rejected} in vain, {n_iterations} iterations>"
+            "<ContinuationResult: {how} at s = {s}, {n_steps} members, {n_rejected} in vain, {n_iterations} iterations>"
         )
     }
 
@@ -113,12 +113,12 @@ impl Continued {
 /// What a continuation leaves, as a value of Python.
 fn continued(
     py: Python<'_>,
-    found: continuation::Continued,
+    found: continuation::ContinuationResult,
     system: Py<System>,
-    polish: &Shooting,
-) -> Result<Continued, Error> {
+    polish: &MultipleShooting,
+) -> Result<ContinuationResult, Error> {
     let extremal = Extremal { system, settings: Settings::new(polish.flow), extremal: found.extremal };
-    Ok(Continued {
+    Ok(ContinuationResult {
         extremal: Py::new(py, extremal)?,
         s: found.s,
         n_steps: found.steps[0],
@@ -163,7 +163,7 @@ fn through(
     stages: &[[Vec<f64>; 2]],
     horizon: f64,
     fractions: &[f64],
-) -> Result<continuation::Continued, Error> {
+) -> Result<continuation::ContinuationResult, Error> {
     system.n_states()?;
     Ok(continuation.through(&system.watched(run)?, stages, horizon, fractions)?)
 }
@@ -193,7 +193,7 @@ fn through(
 ///
 /// Returns
 /// -------
-/// Continued
+/// ContinuationResult
 ///
 /// Examples
 /// --------
@@ -222,7 +222,7 @@ pub(crate) fn continue_through(
     min_step: f64,
     max_time: Option<&Bound<'_, PyAny>>,
     max_evaluations: Option<&Bound<'_, PyAny>>,
-) -> Result<Continued, Error> {
+) -> Result<ContinuationResult, Error> {
     let limits = limits_of(max_time, max_evaluations)?;
     let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     let fractions = fractions_of(fractions)?;
@@ -245,7 +245,7 @@ fn start_cold(
     run: &Arc<Run>,
     [initial, last]: [&[f64]; 2],
     horizon: f64,
-) -> Result<continuation::Continued, Error> {
+) -> Result<continuation::ContinuationResult, Error> {
     Ok(match system.tree() {
         Some(tree) => {
             let watch = |tree| Source::Compiled(Arc::new(tree)).watched(run);
@@ -284,7 +284,7 @@ fn start_cold(
 ///
 /// Returns
 /// -------
-/// Continued
+/// ContinuationResult
 ///
 /// Examples
 /// --------
@@ -311,7 +311,7 @@ pub(crate) fn cold_start(
     min_step: f64,
     max_time: Option<&Bound<'_, PyAny>>,
     max_evaluations: Option<&Bound<'_, PyAny>>,
-) -> Result<Continued, Error> {
+) -> Result<ContinuationResult, Error> {
     let limits = limits_of(max_time, max_evaluations)?;
     let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     positive("horizon", horizon)?;
@@ -345,7 +345,7 @@ pub(crate) fn cold_start(
 ///
 /// Returns
 /// -------
-/// Continued
+/// ContinuationResult
 #[pyfunction]
 #[pyo3(signature = (
     system, initial, last, horizon, fold, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, max_time=None,
@@ -364,7 +364,7 @@ pub(crate) fn travel_arm(
     atol: f64,
     max_time: Option<&Bound<'_, PyAny>>,
     max_evaluations: Option<&Bound<'_, PyAny>>,
-) -> Result<Continued, Error> {
+) -> Result<ContinuationResult, Error> {
     let polish = shooting_of([tol, rtol, atol], max_iterations, limits_of(max_time, max_evaluations)?)?;
     let Some(arm) = system.get().arm() else {
         return Err(input("`system` must be an arm, as `ftla.arm` makes it".to_owned()));
@@ -389,7 +389,7 @@ fn follow(
     first: &GivenMember,
     family: &(dyn Fn(f64) -> PyResult<GivenMember> + Sync),
     start: &Extremal,
-) -> Result<continuation::Continued, Error> {
+) -> Result<continuation::ContinuationResult, Error> {
     let (dimension, n) = (start.system.get().dimension, start.system.get().n_states()?);
     let member = |(system, initial, last, horizon): &GivenMember| -> Result<Member<_>, Error> {
         if !horizon.is_finite() || *horizon <= 0.0 {
@@ -443,7 +443,7 @@ fn follow(
 ///
 /// Returns
 /// -------
-/// Continued
+/// ContinuationResult
 #[pyfunction(name = "follow")]
 #[pyo3(signature = (
     family, start, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1, min_step=1e-4,
@@ -461,7 +461,7 @@ pub(crate) fn py_follow(
     min_step: f64,
     max_time: Option<&Bound<'_, PyAny>>,
     max_evaluations: Option<&Bound<'_, PyAny>>,
-) -> Result<Continued, Error> {
+) -> Result<ContinuationResult, Error> {
     let limits = limits_of(max_time, max_evaluations)?;
     let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     check_callable("family", "of s", family)?;

@@ -32,12 +32,12 @@ const NAMES: [&str; 5] = ["dynamics", "running_cost", "jacobian", "gradient", "h
 const UNEVEN: f64 = 1e-6;
 
 /// A problem in one run.
-pub(super) struct Posed {
+pub(super) struct DifferentiatedCallables {
     problem: Arc<Problem>,
     run: Arc<Run>,
 }
 
-impl Posed {
+impl DifferentiatedCallables {
     pub(super) fn new(problem: &Arc<Problem>, run: &Arc<Run>) -> Self {
         Self { problem: Arc::clone(problem), run: Arc::clone(run) }
     }
@@ -116,7 +116,7 @@ impl Posed {
     }
 }
 
-impl DifferentiatedProblem for Posed {
+impl DifferentiatedProblem for DifferentiatedCallables {
     fn sizes(&self) -> [usize; 2] {
         [self.problem.n_states, self.problem.n_controls]
     }

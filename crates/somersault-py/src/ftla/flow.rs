@@ -15,7 +15,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use rayon::prelude::*;
-use somersault::ftla::flow::{self, Tolerances};
+use somersault::ftla::flow::{self, FlowTolerances};
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
 use somersault::ftla::system::{Piece, Side, VectorField};
@@ -377,7 +377,7 @@ impl VariationalFlow {
     }
 
     fn __repr__(&self) -> String {
-        let Tolerances { relative, absolute } = self.settings.tolerances;
+        let FlowTolerances { relative, absolute } = self.settings.tolerances;
         format!("<VariationalFlow: rtol {relative:e}, atol {absolute:e}>")
     }
 

@@ -24,7 +24,7 @@ pub(crate) struct Following {
     without_placement: f64,
     /// float: For how long it does when its start has been placed, s.
     with_placement: f64,
-    /// str: How the placement ended, as `Placed.status`.
+    /// str: How the placement ended, as `PlacementResult.status`.
     status: &'static str,
     /// float: The largest entry of what placement leaves of the error.
     left: f64,

@@ -122,7 +122,7 @@ impl Matching {
         self.flow.get().system.get().dimension
     }
 
-    fn run(self_: &Bound<'_, Self>, search: &Search) -> Result<Matched, Error> {
+    fn run(self_: &Bound<'_, Self>, search: &Search) -> Result<MatchingResult, Error> {
         let (py, matching) = (self_.py(), self_.get());
         let owner = self_.clone().unbind();
         let mut found = attend(py, |run| search_in(matching, run, search))?;
@@ -131,16 +131,16 @@ impl Matching {
     }
 }
 
-fn search_in(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<Matched, Error> {
+fn search_in(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<MatchingResult, Error> {
     let flow = matching.flow.get();
     let system = flow.system.get().watched(run)?;
     let typed = matching.typed(flow.settings.flow(&system)?)?;
     let found = match search {
-        Search::Check => return Ok(Matched::default()),
+        Search::Check => return Ok(MatchingResult::default()),
         Search::Grid(search) => search.run(&typed)?,
         Search::LeastSquares(search) => search.run(&typed)?,
     };
-    Ok(Matched {
+    Ok(MatchingResult {
         status: name_of(found.status),
         ends: found.ends,
         meeting: found.meeting,
@@ -154,7 +154,7 @@ fn search_in(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<Mat
 }
 
 fn nodes_in(
-    matched: &Matched,
+    matched: &MatchingResult,
     matching: &Matching,
     run: &Arc<Run>,
     times: &[f64],
@@ -222,7 +222,7 @@ impl Matching {
     ///
     /// Returns
     /// -------
-    /// Matched
+    /// MatchingResult
     #[pyo3(signature = (
         spacing, *, tol=2e-3, finest=1e-4, max_rounds=100, max_time=None, max_evaluations=None
     ))]
@@ -234,7 +234,7 @@ impl Matching {
         #[pyo3(from_py_with = whole::max_rounds)] max_rounds: usize,
         max_time: Option<&Bound<'_, PyAny>>,
         max_evaluations: Option<&Bound<'_, PyAny>>,
-    ) -> Result<Matched, Error> {
+    ) -> Result<MatchingResult, Error> {
         let limits = limits_of(max_time, max_evaluations)?;
         let count = self_.get().placement.get().held_count();
         let numbers = with_shape("spacing", &[2, count], spacing)?;
@@ -266,7 +266,7 @@ impl Matching {
     ///
     /// Returns
     /// -------
-    /// Matched
+    /// MatchingResult
     #[pyo3(signature = (conserved=vec![], *, tol=2e-3, max_rounds=30, max_time=None, max_evaluations=None))]
     fn least_squares(
         self_: &Bound<'_, Self>,
@@ -275,7 +275,7 @@ impl Matching {
         #[pyo3(from_py_with = whole::max_rounds)] max_rounds: usize,
         max_time: Option<&Bound<'_, PyAny>>,
         max_evaluations: Option<&Bound<'_, PyAny>>,
-    ) -> Result<Matched, Error> {
+    ) -> Result<MatchingResult, Error> {
         let limits = limits_of(max_time, max_evaluations)?;
         let search = LeastSquares { conserved, tolerance: positive("tol", tol)?, max_rounds, limits };
         Self::run(self_, &Search::LeastSquares(search))
@@ -311,7 +311,7 @@ impl Matching {
 
 /// A pair of ends whose motions nearly meet: the best that was found.
 #[pyclass(frozen, module = "somersault.ftla")]
-pub(crate) struct Matched {
+pub(crate) struct MatchingResult {
     /// str: ``'matched'``, ``'exhausted'`` where spacing or steps have become too small, ``'max_rounds'``,
     /// ``'limit_reached'``, or ``'no_start'`` where nothing to begin with could be placed and followed.
     #[pyo3(get)]
@@ -334,7 +334,7 @@ pub(crate) struct Matched {
     matching: Option<Py<Matching>>,
 }
 
-impl Default for Matched {
+impl Default for MatchingResult {
     fn default() -> Self {
         Self {
             status: "no_start",
@@ -351,14 +351,14 @@ impl Default for Matched {
 }
 
 #[pymethods]
-impl Matched {
+impl MatchingResult {
     /// bool: Whether the mismatch is below the tolerance.
     #[getter]
     fn success(&self) -> bool {
         self.status == "matched"
     }
 
-    /// ndarray, shape (2, dimension): Placed points at the start and at the end.
+    /// ndarray, shape (2, dimension): PlacementResult points at the start and at the end.
     #[getter]
     fn ends<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rows_array(py, &self.ends, self.ends[0].len())
@@ -396,7 +396,9 @@ impl Matched {
 
     fn __repr__(&self) -> String {
         let Self { status, mismatch, n_rounds, n_branches, .. } = self;
-        format!("<Matched: {status}, mismatch {mismatch:.2e} after {n_rounds} rounds, {n_branches} branches>")
+        format!(
+            "<MatchingResult: {status}, mismatch {mismatch:.2e} after {n_rounds} rounds, {n_branches} branches>"
+        )
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

@@ -23,13 +23,13 @@ mod system;
 mod watched;
 
 pub(crate) use chain::{Chain, Transition};
-pub(crate) use continuation::{Continued, cold_start, continue_through, py_follow, travel_arm};
+pub(crate) use continuation::{ContinuationResult, cold_start, continue_through, py_follow, travel_arm};
 pub(crate) use control_problem::state_costate;
 pub(crate) use flow::VariationalFlow;
 pub(crate) use following::Following;
-pub(crate) use matching::{Matched, Matching};
+pub(crate) use matching::{Matching, MatchingResult};
 pub(crate) use named_systems::{arm, cubic_regulator, linear_regulator, tree};
-pub(crate) use placement::{Placed, Placement};
+pub(crate) use placement::{Placement, PlacementResult};
 pub(crate) use shooting::{Extremal, py_graded_times, shoot};
 pub(crate) use spectrum::{Diagnosis, Spectrum, diagnose};
 pub(crate) use subspace::{Splitting, Subspace, rank_held_costates, slow_subspace};

@@ -109,11 +109,11 @@ fn place(
     p: &DVector<f64>,
     direction: TimeDirection,
     limits: Limits,
-) -> Result<Placed, Error> {
+) -> Result<PlacementResult, Error> {
     let placement = placement.typed(system.dimension, direction)?;
     let system = system.watched(run)?;
     let budget = limits.start();
-    Ok(Placed::of(placement.place(&settings.flow(&system)?.within(&budget), p)))
+    Ok(PlacementResult::of(placement.place(&settings.flow(&system)?.within(&budget), p)))
 }
 
 #[pymethods]
@@ -194,7 +194,7 @@ impl Placement {
     ///
     /// Returns
     /// -------
-    /// Placed
+    /// PlacementResult
     ///     The placed point, or the best one found; the status says which.
     #[pyo3(signature = (flow, p, direction="forward", *, max_time=None, max_evaluations=None))]
     fn place(
@@ -205,7 +205,7 @@ impl Placement {
         direction: &str,
         max_time: Option<&Bound<'_, PyAny>>,
         max_evaluations: Option<&Bound<'_, PyAny>>,
-    ) -> Result<Placed, Error> {
+    ) -> Result<PlacementResult, Error> {
         let (p, system, settings) = (flow.point("p", p)?, flow.system.get(), flow.settings);
         let (direction, limits) = (direction_of(direction)?, limits_of(max_time, max_evaluations)?);
         attend(py, |run| place(self, system, settings, run, &p, direction, limits))
@@ -246,7 +246,7 @@ impl Placement {
 
 /// A placed point, or the best one found.
 #[pyclass(frozen, module = "somersault.ftla")]
-pub(crate) struct Placed {
+pub(crate) struct PlacementResult {
     p: DVector<f64>,
     /// str: ``'placed'``, ``'stalled'``, ``'max_iterations'``, ``'singular_costates'``, ``'flow'`` or ``'limit_reached'``.
     #[pyo3(get)]
@@ -288,8 +288,8 @@ pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
     found.ok_or_else(|| input(format!("`status` must be one of {known:?}, found '{name}'")))
 }
 
-impl Placed {
-    fn of(placed: placement::Placed) -> Self {
+impl PlacementResult {
+    fn of(placed: placement::PlacementResult) -> Self {
         let message = match &placed.status {
             PlacementStatus::Placed => {
                 "the angle is within the tolerance at the last averaging time".to_owned()
@@ -320,7 +320,7 @@ impl Placed {
 }
 
 #[pymethods]
-impl Placed {
+impl PlacementResult {
     /// ndarray, shape (dimension,): The point.
     #[getter]
     fn p<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
@@ -340,7 +340,7 @@ impl Placed {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Placed: {}, {:.1e} rad at T = {} s>", self.status, self.angle, self.time)
+        format!("<PlacementResult: {}, {:.1e} rad at T = {} s>", self.status, self.angle, self.time)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

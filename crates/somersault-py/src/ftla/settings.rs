@@ -6,7 +6,7 @@ use crate::convert::a_type;
 use crate::error::Error;
 use pyo3::prelude::*;
 use somersault::ftla::budget::Limits;
-use somersault::ftla::flow::{FlowError, Tolerances, VariationalFlow};
+use somersault::ftla::flow::{FlowError, FlowTolerances, VariationalFlow};
 use std::time::Duration;
 
 /// Steps of a run, unless a user allows another number.
@@ -15,7 +15,7 @@ const MAX_STEPS: usize = 100_000;
 /// Accuracy and length of runs.
 #[derive(Clone, Copy)]
 pub(crate) struct Settings {
-    pub(crate) tolerances: Tolerances,
+    pub(crate) tolerances: FlowTolerances,
     pub(crate) max_steps: usize,
 }
 
@@ -34,7 +34,7 @@ impl Settings {
     }
 
     /// Runs of the usual length.
-    pub(crate) fn new(tolerances: Tolerances) -> Self {
+    pub(crate) fn new(tolerances: FlowTolerances) -> Self {
         Self { tolerances, max_steps: MAX_STEPS }
     }
 
@@ -72,13 +72,13 @@ fn shown(value: &Bound<'_, PyAny>) -> String {
     value.repr().map_or_else(|_| a_type(value), |text| text.to_string())
 }
 
-/// Tolerances by the names that they have in Python.
-pub(crate) fn tolerances_of(rtol: f64, atol: f64) -> Result<Tolerances, Error> {
+/// FlowTolerances by the names that they have in Python.
+pub(crate) fn tolerances_of(rtol: f64, atol: f64) -> Result<FlowTolerances, Error> {
     if !(1e-15..=0.1).contains(&rtol) {
         return Err(input(format!("`rtol` must be from 1e-15 to 0.1, found {rtol}")));
     }
     if !atol.is_finite() || atol < 0.0 {
         return Err(input(format!("`atol` must be finite and not negative, found {atol}")));
     }
-    Ok(Tolerances { relative: rtol, absolute: atol })
+    Ok(FlowTolerances { relative: rtol, absolute: atol })
 }

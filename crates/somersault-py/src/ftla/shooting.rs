@@ -16,35 +16,35 @@ use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::nalgebra::DVector;
-use somersault::ftla::shooting::{self, End, Shooting, Status, graded_times};
+use somersault::ftla::shooting::{self, End, MultipleShooting, ShootingStatus, graded_times};
 use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem};
 use std::sync::Arc;
 
 /// What Python calls a status.
-pub(crate) fn name_of(status: Status) -> &'static str {
+pub(crate) fn name_of(status: ShootingStatus) -> &'static str {
     match status {
-        Status::Converged => "converged",
-        Status::Floor => "floor",
-        Status::HamiltonianDrifts => "hamiltonian_drifts",
-        Status::Stalled => "stalled",
-        Status::MaxIterations => "max_iterations",
-        Status::Singular => "singular",
-        Status::LimitReached => "limit_reached",
-        Status::OnTheWay => "on_the_way",
+        ShootingStatus::Converged => "converged",
+        ShootingStatus::Floor => "floor",
+        ShootingStatus::HamiltonianDrifts => "hamiltonian_drifts",
+        ShootingStatus::Stalled => "stalled",
+        ShootingStatus::MaxIterations => "max_iterations",
+        ShootingStatus::Singular => "singular",
+        ShootingStatus::LimitReached => "limit_reached",
+        ShootingStatus::OnTheWay => "on_the_way",
     }
 }
 
 /// A pickled status.
-fn status_named(name: &str) -> Result<Status, Error> {
+fn status_named(name: &str) -> Result<ShootingStatus, Error> {
     let all = [
-        Status::Converged,
-        Status::Floor,
-        Status::HamiltonianDrifts,
-        Status::Stalled,
-        Status::MaxIterations,
-        Status::Singular,
-        Status::LimitReached,
-        Status::OnTheWay,
+        ShootingStatus::Converged,
+        ShootingStatus::Floor,
+        ShootingStatus::HamiltonianDrifts,
+        ShootingStatus::Stalled,
+        ShootingStatus::MaxIterations,
+        ShootingStatus::Singular,
+        ShootingStatus::LimitReached,
+        ShootingStatus::OnTheWay,
     ];
     let known = all.into_iter().find(|status| name_of(*status) == name);
     known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
@@ -153,7 +153,7 @@ impl Extremal {
     /// bool: Whether it converged.
     #[getter]
     pub(crate) fn success(&self) -> bool {
-        self.extremal.status == Status::Converged
+        self.extremal.status == ShootingStatus::Converged
     }
 
     /// ndarray, shape (m,): Times of the nodes, s.
@@ -356,15 +356,15 @@ pub(crate) fn shooting_of(
     [tol, rtol, atol]: [f64; 3],
     max_iterations: usize,
     limits: Limits,
-) -> Result<Shooting, Error> {
+) -> Result<MultipleShooting, Error> {
     if !(1e-15..=0.1).contains(&tol) {
         return Err(input(format!("`tol` must be from 1e-15, below which is rounding, to 0.1, found {tol}")));
     }
-    Ok(Shooting { tolerance: tol, max_iterations, flow: tolerances_of(rtol, atol)?, limits })
+    Ok(MultipleShooting { tolerance: tol, max_iterations, flow: tolerances_of(rtol, atol)?, limits })
 }
 
 fn solve(
-    shooting: &Shooting,
+    shooting: &MultipleShooting,
     system: &System,
     run: &Arc<Run>,
     states: &[EndStates; 2],

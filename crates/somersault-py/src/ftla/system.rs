@@ -1,7 +1,7 @@
 //! State–costate systems, compiled or users' own.
 
 use super::argument::whole;
-use super::control_problem::{Posed, Problem, state_costate};
+use super::control_problem::{DifferentiatedCallables, Problem, state_costate};
 use super::dimension::{by_rows, expect_dimension};
 use super::error::input;
 use super::named_systems::{GivenTree, arm, cubic_regulator, linear_regulator, tree};
@@ -128,7 +128,7 @@ impl System {
         let source = match &self.origin {
             Origin::Callables(callables) => Source::Callables(Arc::clone(callables)),
             Origin::Problem(problem) => {
-                Source::Compiled(Arc::new(StateCostate::try_new(Posed::new(problem, run))?))
+                Source::Compiled(Arc::new(StateCostate::try_new(DifferentiatedCallables::new(problem, run))?))
             }
             Origin::Arm(arm) => Source::Compiled(Arc::new(*arm)),
             Origin::LinearRegulator => Source::Compiled(Arc::new(LinearRegulator)),
