@@ -3,28 +3,20 @@
 //! `tests/python/compare_with_pinocchio.py`.
 
 use nalgebra::DMatrix;
-use somersault_multibody::{Axes, Data, DerivativeData, Force, Joint, Model, Partials, Transform};
+use somersault_multibody::{Axes, Data, DerivativeData, Force, Model, Partials, Transform};
 use somersault_testkit::trees::{Random, State, diver, random_configuration, random_tree, random_wrenches};
 use std::error::Error;
-
-/// A joint as its name and axis.
-fn joint(joint: Option<&Joint>) -> (&'static str, [f64; 3]) {
-    match joint {
-        Some(Joint::Revolute { axis }) => ("revolute", (*axis).into()),
-        Some(Joint::Prismatic { axis }) => ("prismatic", (*axis).into()),
-        Some(Joint::Spherical) => ("spherical", [0.0; 3]),
-        Some(Joint::Planar) => ("planar", [0.0; 3]),
-        Some(Joint::Free) => ("free", [0.0; 3]),
-        Some(Joint::Fixed) | None => ("fixed", [0.0; 3]),
-    }
-}
 
 /// The tree, one object per body; the numbers of vectors and matrices by columns.
 fn tree(model: &Model) -> String {
     let mut bodies = Vec::new();
     for i in 0..model.n_bodies() {
-        let (kind, axis) = joint(model.joint(i));
-        let (Some(inertia), Some(placement)) = (model.inertia(i), model.placement(i)) else { continue };
+        let (Some(inertia), Some(placement), Some(joint)) =
+            (model.inertia(i), model.placement(i), model.joint(i))
+        else {
+            continue;
+        };
+        let (kind, axis) = (joint.kind().name, joint.axis().map_or([0.0; 3], |axis| (*axis).into()));
         bodies.push(format!(
             r#"{{"parent":{},"kind":"{kind}","axis":{axis:?},"rotation":{:?},"origin":{:?},"mass":{:?},"first_moment":{:?},"inertia":{:?}}}"#,
             model.parent(i).map_or(-1, |p| p as i64),
