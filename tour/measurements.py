@@ -39,7 +39,7 @@ TOP_STEP = 2.5e-5
 
 FULL = Setting(inertias=100, finest=-5.0, repeats=7, bodies=10_000, long_steps=1_000_000)
 #: For tests: the same pages in less time.
-REDUCED = Setting(inertias=40, finest=-3.0, repeats=1, bodies=500, long_steps=2_000)
+REDUCED = Setting(inertias=100, finest=-3.0, repeats=1, bodies=500, long_steps=2_000)
 
 
 @dataclass(frozen=True)
