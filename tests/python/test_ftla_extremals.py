@@ -109,7 +109,9 @@ def test_placed_motions_follow_the_optimum_for_longer(found: ftla.ContinuationRe
         )
 
 
-def test_a_least_squares_match_polishes_to_rounding(matching: ftla.Matching, found: ftla.ContinuationResult) -> None:
+def test_a_least_squares_match_polishes_to_rounding(
+    matching: ftla.Matching, found: ftla.ContinuationResult
+) -> None:
     matched = matching.least_squares([0])
     assert matched.status == "matched" and matched.success and matched.mismatch < 2e-3
     assert matched.ends.shape == (2, 8) and matched.meeting.shape == (2, 8)

@@ -260,7 +260,7 @@ impl TreeMinimumTorque {
                 Ok(found) => {
                     torque.u.copy_from_slice(found.value);
                     for (by, part) in torque.by.iter_mut().zip([found.q, found.v, found.input]) {
-                        by.copy_from(&part);
+                        by.copy_from(part);
                     }
                 }
                 Err(_) => torque.fill(f64::NAN),
