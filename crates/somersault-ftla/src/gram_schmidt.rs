@@ -17,7 +17,9 @@ pub(crate) fn orthonormalise<const PASSES: usize>(
             for (i, q) in done.chunks_exact(n).enumerate() {
                 let part = dot(q, column);
                 part_of(i, j, part);
-                column.iter_mut().zip(q).for_each(|(x, q)| *x -= part * q);
+                for k in 0..n {
+                    column[k] -= part * q[k];
+                }
             }
         }
         let norm = dot(column, column).sqrt();
@@ -27,13 +29,13 @@ pub(crate) fn orthonormalise<const PASSES: usize>(
 }
 
 /// In four sums, so that they need not wait for one another.
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (four_a, rest_a) = a.as_chunks::<4>();
-    let (four_b, rest_b) = b.as_chunks::<4>();
+    let n = a.len();
+    let b = &b[..n];
     let mut sums = [0.0; 4];
-    for (a, b) in four_a.iter().zip(four_b) {
-        (0..4).for_each(|k| sums[k] += a[k] * b[k]);
+    for k in 0..n {
+        sums[k % 4] += a[k] * b[k];
     }
-    rest_a.iter().zip(rest_b).enumerate().for_each(|(k, (a, b))| sums[k] += a * b);
     (sums[0] + sums[1]) + (sums[2] + sums[3])
 }

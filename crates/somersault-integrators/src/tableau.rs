@@ -440,7 +440,7 @@ mod tests {
         assert!(Tableau::try_new(&heun, &[0.5, 0.5], &[0.0, 1.0]).is_ok());
         let no_stages: [Vec<f64>; 0] = [];
         for (error, message) in [
-            (Tableau::try_new(&no_stages, &[], &[]), "`b` must have 1 entries, found 0"),
+            (Tableau::try_new(&no_stages, &[], &[]), "`b` must have at least 1 entries, found 0"),
             (Tableau::try_new(&heun, &[0.5, 0.5], &[0.0]), "`c` must have 2 entries, found 1"),
             (Tableau::try_new(&heun[..1], &[0.5, 0.5], &[0.0, 1.0]), "`a` must have 2 entries, found 1"),
             (Tableau::try_new(&heun, &[0.5, 0.6], &[0.0, 1.0]), "row 0 of `b` must sum to 1, found 1.1"),

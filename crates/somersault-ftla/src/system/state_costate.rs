@@ -265,7 +265,7 @@ impl<P: DifferentiatedProblem> StateCostate<P> {
         let mut u = DVector::zeros(m).sup(&lower).inf(&upper);
         let mut f = vec![0.0; x.len()];
         let (mut gradient, mut hessian) = (DVector::zeros(m), DMatrix::zeros(m, m));
-        let mut size = f64::INFINITY;
+        let (mut size, mut last) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..MAX_ITERATIONS {
             let at = u.as_slice();
             let value = self.problem.by_control_into(x, costate, at, gradient.as_mut_slice(), &mut hessian);
@@ -281,9 +281,13 @@ impl<P: DifferentiatedProblem> StateCostate<P> {
             size = (0..m).filter(|&i| free(i)).fold(0.0, |m, i| gradient[i].abs().max(m));
             let rounding =
                 newton.iter().zip(&u).all(|(d, u)| d.abs() <= 4.0 * f64::EPSILON * u.abs().max(1e-3));
-            if rounding {
+            // steps that are this short and no longer fall are rounding of the gradient
+            let step = newton.amax();
+            let floor = step <= 1e-8 * u.amax().max(1e-3) && step >= 0.5 * last;
+            if rounding || floor {
                 return Ok(Control { u, gradient, inverse });
             }
+            last = step;
             let trial = |step: f64| (&u + &newton * step).sup(&lower).inf(&upper);
             let accepted = (0..40).map(|k| trial(0.5f64.powi(k))).find(|w| {
                 let change = self.k(x, costate, w, &mut f) - value;
