@@ -302,6 +302,14 @@ def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:
     assert few.place(arm, START).status == "max_iterations"
 
 
+def _sliders(count: int) -> multibody.Model:
+    links = [
+        multibody.Link(f"b{i}", "prismatic", parent=f"b{i - 1}" if i else None, axis=(1, 0, 0), mass=1.0)
+        for i in range(count)
+    ]
+    return multibody.Model(links)
+
+
 @pytest.mark.parametrize(
     ("named", "make"),
     [
@@ -313,7 +321,7 @@ def test_placements_that_fail_say_why(arm: ftla.VariationalFlow) -> None:
         ("weights", lambda: ftla.tree(multibody.two_link_arm(), -1.0)),
         ("torque_limits", lambda: ftla.tree(multibody.two_link_arm(), torque_limits=0.0)),
         ("passive", lambda: ftla.tree(multibody.two_link_arm(), passive=[2])),
-        ("model", lambda: ftla.tree(multibody.diver_planar().model)),
+        ("model", lambda: ftla.tree(_sliders(65))),
         ("rtol", lambda: ftla.VariationalFlow(ftla.arm(), rtol=0.0)),
         ("atol", lambda: ftla.VariationalFlow(ftla.arm(), atol=np.nan)),
         ("max_steps", lambda: ftla.VariationalFlow(ftla.arm(), max_steps=0)),

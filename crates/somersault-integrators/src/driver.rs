@@ -6,7 +6,7 @@
 //! ([`Configuration::renormalize`]).
 
 use crate::dense::Interpolant;
-use crate::engine::{Engine, Slot, Stepping, Track};
+use crate::engine::{Engine, FormEngine, Slot, Track};
 pub use crate::error::IntegrateError;
 use crate::state::{Configuration, Rate, State};
 pub use crate::step_size::Adaptive;
@@ -205,7 +205,7 @@ where
     M: Stepper<S>,
 {
     check_state(initial)?;
-    let mut engine = Stepping::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
+    let mut engine = FormEngine::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
     run_fixed(&mut engine, initial, grid, observer)
 }
 
@@ -225,7 +225,7 @@ where
     M: EmbeddedStepper<S>,
 {
     check_state(initial)?;
-    let engine = Stepping::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
+    let engine = FormEngine::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
     run_adaptive(&mut engine.with_estimate(), initial, interval, control, observer)
 }
 

@@ -3,7 +3,7 @@
 //! A driver decides which steps are made: of what size, again or for good, and who sees them. For that it need not know
 //! by which method and in which variables: [`Engine`] makes the steps, from state to state in slots of its own, and turns
 //! states into those of the system where they are asked for. So the code of a driver is one for each kind of configuration,
-//! and the code of a method one for each system ([`Stepping`]), whichever drivers run it.
+//! and the code of a method one for each system ([`FormEngine`]), whichever drivers run it.
 //!
 //! A call through the pointer takes one or two nanoseconds, which is less than moving the states between steps: they stay in
 //! their slots.
@@ -100,7 +100,7 @@ struct Estimate<E> {
 }
 
 /// The engine that a stepper is, with the system in the form that it integrates and the way back from there.
-pub struct Stepping<'a, Q: Configuration, B: System, M: Stepper<B>, D> {
+pub struct FormEngine<'a, Q: Configuration, B: System, M: Stepper<B>, D> {
     form: &'a B,
     stepper: &'a M,
     decoder: D,
@@ -110,7 +110,7 @@ pub struct Stepping<'a, Q: Configuration, B: System, M: Stepper<B>, D> {
     states: Vec<StateOf<B>>,
 }
 
-impl<'a, Q, B, M, D> Stepping<'a, Q, B, M, D>
+impl<'a, Q, B, M, D> FormEngine<'a, Q, B, M, D>
 where
     Q: Configuration,
     B: System,
@@ -159,7 +159,7 @@ where
     }
 }
 
-impl<Q, B, M, D> Engine<Q> for Stepping<'_, Q, B, M, D>
+impl<Q, B, M, D> Engine<Q> for FormEngine<'_, Q, B, M, D>
 where
     Q: Configuration,
     B: System,

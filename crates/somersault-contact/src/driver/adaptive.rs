@@ -5,7 +5,7 @@ use super::run::{Run, broken_at_start, check_start, run};
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Status, check_interval};
-use somersault_integrators::engine::{Encode, Engine, Stepping};
+use somersault_integrators::engine::{Encode, Engine, FormEngine};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::stepper::EmbeddedStepper;
 use somersault_integrators::system::{Decoder, StateOf, System, Unchanged};
@@ -76,7 +76,7 @@ where
 {
     check_start(frozen.system(), interval.0, initial, location)?;
     frozen.freeze(interval.0, initial);
-    let engine = Stepping::start(form, stepper, decoder, encode, initial)
+    let engine = FormEngine::start(form, stepper, decoder, encode, initial)
         .map_err(|error| broken_at_start(IntegrateError::from(error).into(), interval.0, initial))?;
     go(frozen, &mut engine.with_estimate(), initial, (interval, settings), location, observer)
 }

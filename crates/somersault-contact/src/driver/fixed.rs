@@ -6,7 +6,7 @@ use super::stiff::Stiff;
 use crate::event::{Interruption, Location};
 use crate::hybrid::{Frozen, Hybrid, HybridBodies};
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, TimeGrid};
-use somersault_integrators::engine::{Encode, Engine, Stepping};
+use somersault_integrators::engine::{Encode, Engine, FormEngine};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{Decoder, StateOf, System, Unchanged};
@@ -80,7 +80,7 @@ where
     let t = grid.time(0);
     check_start(frozen.system(), t, initial, location)?;
     frozen.freeze(t, initial);
-    let mut engine = Stepping::start(form, stepper, decoder, encode, initial)
+    let mut engine = FormEngine::start(form, stepper, decoder, encode, initial)
         .map_err(|error| broken_at_start(IntegrateError::from(error).into(), t, initial))?;
     go(frozen, &mut engine, initial, grid, location, observer)
 }

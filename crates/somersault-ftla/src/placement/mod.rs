@@ -218,8 +218,8 @@ impl Placement {
     ) -> Result<Self, PlacementError> {
         dims.check(dimension)?;
         if !dimension.is_multiple_of(2) {
-            let (allowed, found) = ("even: as many costates as states", dimension as f64);
-            return Err(ArgumentError::OutOfRange { argument: "dimension", allowed, found }.into());
+            let (allowed, found) = ("even in all: as many costates as states", dimension as f64);
+            return Err(ArgumentError::OutOfRange { argument: "dims", allowed, found }.into());
         }
         let n = dimension / 2;
         for (i, &h) in held.iter().enumerate() {

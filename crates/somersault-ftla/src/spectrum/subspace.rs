@@ -39,12 +39,24 @@ impl Subspace {
         let mut found = 0;
         let units = (0..n).map(|i| DVector::from_fn(n, |j, _| if i == j { 1.0 } else { 0.0 }));
         let mut dim = 0;
-        for (k, vector) in vectors.iter().map(scaled).chain(units).enumerate() {
+        let rounding = 4.0 * f64::EPSILON * n as f64;
+        for (k, vector) in vectors.iter().cloned().chain(units).enumerate() {
             if found == n {
                 break;
             }
-            let size = vector.norm();
-            let mut rest = vector;
+            let is_unit = (vector.norm_squared() - 1.0).abs() <= rounding;
+            if k < vectors.len()
+                && is_unit
+                && (0..found).all(|j| basis.column(j).dot(&vector).abs() <= rounding)
+            {
+                // what is orthonormal keeps its bits
+                basis.set_column(found, &vector);
+                found += 1;
+                dim += 1;
+                continue;
+            }
+            let mut rest = scaled(&vector);
+            let size = rest.norm();
             for _ in 0..2 {
                 for j in 0..found {
                     let column = basis.column(j);

@@ -9,7 +9,7 @@
 pub use crate::adams::StartUp;
 use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid};
 use crate::driver::{check_state, run_adaptive, run_fixed};
-use crate::engine::{Engine, Stepping};
+use crate::engine::{Engine, FormEngine};
 use crate::state::{Configuration, State};
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, StepError, Stepper, Variables};
 use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System, Unchanged};
@@ -338,7 +338,7 @@ impl<S: RigidSystem, R> Visitor<S> for Engage<'_, S::Configuration, R> {
 
     fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let encode = |x: &_| form.encode(x);
-        let mut engine = Stepping::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
+        let mut engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
         Ok((self.run)(&mut engine))
     }
 }
@@ -348,7 +348,7 @@ impl<S: RigidSystem, R> EmbeddedVisitor<S> for Engage<'_, S::Configuration, R> {
 
     fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let encode = |x: &_| form.encode(x);
-        let engine = Stepping::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
+        let engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
         Ok((self.run)(&mut engine.with_estimate()))
     }
 }
@@ -365,7 +365,7 @@ impl<S: System, R> SystemVisitor<S> for EngageSystem<'_, S, R> {
 
     fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output {
         let Self { system, initial, run } = self;
-        Ok(run(&mut Stepping::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?))
+        Ok(run(&mut FormEngine::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?))
     }
 }
 
@@ -374,7 +374,7 @@ impl<S: System, R> EmbeddedSystemVisitor<S> for EngageSystem<'_, S, R> {
 
     fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output {
         let Self { system, initial, run } = self;
-        let engine = Stepping::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?;
+        let engine = FormEngine::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?;
         Ok(run(&mut engine.with_estimate()))
     }
 }

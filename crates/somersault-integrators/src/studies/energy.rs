@@ -33,7 +33,7 @@
 use super::{Progress, StudyError, check_not_empty, report};
 use crate::body::{BodyError, RigidBody};
 use crate::driver::IntegrateError;
-use crate::engine::{Engine, Stepping, Track};
+use crate::engine::{Engine, FormEngine, Track};
 use crate::methods::{Method, Options, StartUp};
 use crate::state::{Pose, RigidBodyState};
 use crate::stepper::{StepError, Stepper};
@@ -189,7 +189,7 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
     study(setup, bodies, progress, &|body| {
         let system = RigidBodySystem::free(*body);
         let initial = RigidBodyState::spinning(setup.angular_velocity);
-        let mut engine = Stepping::start(&system, stepper, Unchanged, &RigidBodyState::clone, &initial)?;
+        let mut engine = FormEngine::start(&system, stepper, Unchanged, &RigidBodyState::clone, &initial)?;
         run(&mut engine, &initial, body, setup)
     })
 }
