@@ -225,7 +225,7 @@ print("kept")
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
 def test_an_interrupted_search_keeps_the_best_iterate_of_starts_under_way() -> None:
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=120, check=False

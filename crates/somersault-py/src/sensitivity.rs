@@ -115,28 +115,30 @@ fn matrix(py: Python<'_>, matrix: &DMatrix<f64>) -> PyResult<Py<PyArrayDyn<f64>>
 
 /// A constant of the equations: a name, or a name with a contact or a direction.
 fn parameter(value: &Bound<'_, PyAny>) -> Result<Parameter, Error> {
-    if let Ok(name) = value.extract::<String>() {
+    let parameter = if let Ok(name) = value.extract::<String>() {
         match name.as_str() {
-            "mass" => return Ok(Parameter::Mass),
-            "inertia_scale" => return Ok(Parameter::InertiaScale),
-            _ => {}
+            "mass" => Some(Parameter::Mass),
+            "inertia_scale" => Some(Parameter::InertiaScale),
+            _ => None,
         }
-    }
-    if let Ok((name, of)) = value.extract::<(String, Bound<'_, PyAny>)>() {
+    } else if let Ok((name, of)) = value.extract::<(String, Bound<'_, PyAny>)>() {
         match (name.as_str(), of.extract::<usize>()) {
-            ("stiffness", Ok(contact)) => return Ok(Parameter::Stiffness(contact)),
-            ("damping", Ok(contact)) => return Ok(Parameter::Damping(contact)),
-            ("friction", Ok(contact)) => return Ok(Parameter::Friction(contact)),
-            ("acceleration", _) => {
-                return Ok(Parameter::uniform_acceleration(vector("parameters", &of)?));
-            }
-            _ => {}
+            ("stiffness", Ok(contact)) => Some(Parameter::Stiffness(contact)),
+            ("damping", Ok(contact)) => Some(Parameter::Damping(contact)),
+            ("friction", Ok(contact)) => Some(Parameter::Friction(contact)),
+            ("acceleration", _) => Some(Parameter::uniform_acceleration(vector("parameters", &of)?)),
+            (_, _) => None,
         }
+    } else {
+        None
+    };
+    match parameter {
+        Some(parameter) => Ok(parameter),
+        None => Err(Error::input(format!(
+            "`parameters` must hold 'mass', 'inertia_scale', ('stiffness', contact), ('damping', contact), ('friction', contact) or ('acceleration', direction), found {}",
+            value.repr()?
+        ))),
     }
-    Err(Error::input(format!(
-        "`parameters` must hold 'mass', 'inertia_scale', ('stiffness', contact), ('damping', contact), ('friction', contact) or ('acceleration', direction), found {}",
-        value.repr()?
-    )))
 }
 
 fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error> {
@@ -197,7 +199,8 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 /// Raises
 /// ------
 /// InputError
-///     If an argument is not allowed, or there is no such derivative: by friction where there is none, of a start on a surface.
+///     If an argument is not allowed, or the derivative does not exist: by the friction of a contact without friction, or
+///     of a start on a surface.
 /// SensitivityError
 ///     If the motion grazes a surface, touching it or just missing it. The derivatives in the attribute
 ///     `solution` are then one-sided; the message says of which side.

@@ -2,7 +2,7 @@
 //!
 //! A file is one document of CBOR (RFC 8949) that says which format, version and kind of thing it holds. Numbers keep all
 //! their bits, infinite ones too. What has conditions is made anew from its parts, so that no file brings a body of negative
-//! mass, a tree without a root, or a rotation that is none.
+//! mass, a tree without a root, or a quaternion that is no rotation.
 //!
 //! ```
 //! use somersault::multibody::models::CartPendulum;

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from somersault._somersault import Model, Trajectory, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.figures import equivalent_ellipsoid, figure
-from somersault.viewer.shapes import Box, Ellipsoid, Shape, rgb
+from somersault.viewer.shapes import Box, Ellipsoid, RoundShape, Shape, rgb
 from somersault.viewer.tracks import Moving, Touch, Track
 
 __all__ = ["Actor", "Shapes", "View", "body_index", "default_shapes", "named_shapes", "shape_data"]
@@ -130,11 +130,14 @@ def packed(values: ArrayLike) -> str:
 
 def shape_data(shape: Shape, color: str) -> dict[str, Any]:
     """What the page needs of a shape."""
-    form = (
-        {"lengths": np.asarray(shape.lengths, dtype=np.float64).tolist()}
-        if isinstance(shape, Box)
-        else {"rings": packed(shape.rings)}
-    )
+    form: dict[str, Any]
+    match shape:
+        case RoundShape():
+            form = {"rings": packed(shape.rings)}
+        case Box():
+            form = {"lengths": np.asarray(shape.lengths, dtype=np.float64).tolist()}
+        case _:
+            raise InputError(f"a shape must be a box or a round solid, found {type(shape).__name__}")
     return {
         **form,
         "position": np.round(shape.position, 7).tolist(),

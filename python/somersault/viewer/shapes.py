@@ -90,14 +90,22 @@ class Shape(ABC):
         """From the solid's own axes to the body's."""
 
     @property
+    @abstractmethod
+    def points(self) -> Array:
+        """Points of the skin in the axes of the body, enough to say how far it reaches."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RoundShape(Shape):
+    """A solid whose skin is drawn over rings."""
+
+    @property
+    @abstractmethod
     def rings(self) -> Array:
-        """The skin of a round solid in its own axes: rows (z, x, y, a, b)."""
-        # a box is not round, and is drawn without them
-        raise NotImplementedError
+        """The skin in the solid's own axes: rows (z, x, y, a, b)."""
 
     @property
     def points(self) -> Array:
-        """Points of the skin in the axes of the body, enough to say how far it reaches."""
         z, x, y, a, b = self.rings.T[:, :, None]
         angle = np.arange(8) * (np.pi / 4)
         skin = np.stack([x + a * np.cos(angle), y + b * np.sin(angle), z + 0.0 * angle], axis=-1)
@@ -126,7 +134,7 @@ class _Placed(Shape):
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipsoid(_Placed):
+class Ellipsoid(_Placed, RoundShape):
     """An ellipsoid of three radii."""
 
     radii: ArrayLike
@@ -145,7 +153,7 @@ class Ellipsoid(_Placed):
 
 
 @dataclass(frozen=True, eq=False)
-class Sphere(_Placed):
+class Sphere(_Placed, RoundShape):
     """A ball."""
 
     radius: float
@@ -177,7 +185,7 @@ class Box(_Placed):
 
 
 @dataclass(frozen=True, eq=False)
-class _Rod(Shape):
+class _Rod(RoundShape):
     """A round solid between two points; its radius goes from one to the other."""
 
     start: ArrayLike
@@ -250,7 +258,7 @@ class Cylinder(_Rod):
 
 
 @dataclass(frozen=True, eq=False)
-class Loft(_Placed):
+class Loft(_Placed, RoundShape):
     """A smooth skin over rings (z, x, y, a, b), z rising, closed at both ends."""
 
     stations: ArrayLike

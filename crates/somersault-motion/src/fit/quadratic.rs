@@ -209,7 +209,8 @@ impl BoundedQuadratic {
             let of_bound = match self.activity[i] {
                 Activity::Lower if self.lower[i] < self.upper[i] => self.slope[i] + sum,
                 Activity::Upper => -(self.slope[i] + sum),
-                _ => continue,
+                // a bound that is an equation is never let go
+                Activity::Lower | Activity::Free => continue,
             };
             if of_bound < worst {
                 (worst, found) = (of_bound, Some(i));

@@ -74,7 +74,9 @@ fn slopes<const D: usize>(times: &[f64], values: &[SVector<f64, D>]) -> Vec<SVec
             let middle = (chord[0] * h[1] + chord[1] * h[0]) / (h[0] + h[1]);
             return vec![chord[0] * 2.0 - middle, middle, chord[1] * 2.0 - middle];
         }
-        _ => {}
+        // from here on each end has a condition of its own
+        4.. => {}
+        0 => return Vec::new(),
     }
     let first = h[0] + h[1];
     let last = h[n - 2] + h[n - 3];

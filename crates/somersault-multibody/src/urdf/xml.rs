@@ -21,16 +21,14 @@ pub(super) fn parse(text: &str) -> Result<Document<'_>, UrdfError> {
 fn count_attributes(text: &str) -> Result<(), UrdfError> {
     let (mut line, mut count, mut assigned) = (1, 0, false);
     for byte in text.bytes() {
-        match byte {
-            b'<' => count = 0,
-            b'"' | b'\'' if assigned => {
-                count += 1;
-                if count > MAX_ATTRIBUTES {
-                    return Err(UrdfError::TooManyAttributes { line, allowed: MAX_ATTRIBUTES });
-                }
+        line += u32::from(byte == b'\n');
+        if byte == b'<' {
+            count = 0;
+        } else if assigned && matches!(byte, b'"' | b'\'') {
+            count += 1;
+            if count > MAX_ATTRIBUTES {
+                return Err(UrdfError::TooManyAttributes { line, allowed: MAX_ATTRIBUTES });
             }
-            b'\n' => line += 1,
-            _ => {}
         }
         assigned = byte == b'=' || assigned && byte.is_ascii_whitespace();
     }

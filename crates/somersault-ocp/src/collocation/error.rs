@@ -97,7 +97,7 @@ pub enum CollocationError {
     #[error(transparent)]
     Argument(#[from] ArgumentError),
     /// A mesh has no interval, an interval no point or too many, or its bounds do not increase from 0 to 1.
-    #[error("the mesh{} is none: {reason}", of(*phase))]
+    #[error("invalid mesh{}: {reason}", of(*phase))]
     Mesh {
         /// Number of the phase where there are several.
         phase: Option<usize>,

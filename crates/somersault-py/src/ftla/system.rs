@@ -365,7 +365,7 @@ impl System {
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
 
-    /// A pickled system; of one's own the callables must be those of a module.
+    /// A pickled system; user-defined callables must be functions of a module.
     #[classmethod]
     fn _restore(_: &Bound<'_, PyType>, kind: &str, arguments: &Bound<'_, PyTuple>) -> Result<Self, Error> {
         match kind {

@@ -51,7 +51,7 @@ impl CollocationOutcome {
 
 #[pymethods]
 impl CollocationOutcome {
-    /// str: ``'converged'``; ``'false_convergence'`` where the program was solved and its motion is none;
+    /// str: ``'converged'``; ``'false_convergence'`` where the solution of the program is not a motion;
     /// ``'mesh_limit'`` where the last mesh does not meet the tolerance; ``'no_minimum'`` where the cost still falls along a free
     /// time; else how the last program ended, as for `Report`.
     #[getter]
