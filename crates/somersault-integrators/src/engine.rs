@@ -14,6 +14,7 @@ use crate::state::{Configuration, State, Tolerances};
 use crate::step_size::{Adaptive, StepSizeControl};
 use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
 use crate::system::{Decoder, StateOf, System};
+use somersault_core::argument::ArgumentError;
 
 /// A place for a state in an engine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,7 +51,7 @@ pub trait Engine<Q: Configuration> {
 
     /// Makes a step of h from t, from the state in one slot to another, where it is read into `seen` if asked for.
     ///
-    /// Errors: failures of the method, and a state that is not finite.
+    /// Errors: failures of the method, a state that is not finite, and a step to the slot that it comes from.
     fn advance(
         &mut self,
         track: Track,
@@ -138,7 +139,7 @@ where
     {
         let attempt = |engine: &mut Self, t, h, from, to, tolerances: &Tolerances| {
             let Self { form, stepper, .. } = *engine;
-            let [before, after] = Self::pair(&mut engine.states, from, to);
+            let [before, after] = Self::pair(&mut engine.states, from, to)?;
             let memory = &mut engine.memories[Track::RUN.0];
             stepper.step(form, t, before, h, memory, after)?;
             let error = stepper.error(before, after, h, memory, tolerances);
@@ -151,11 +152,10 @@ where
 
     /// The states in two slots.
     #[inline(always)]
-    fn pair(states: &mut [StateOf<B>], from: Slot, to: Slot) -> [&mut StateOf<B>; 2] {
-        match states.get_disjoint_mut([from.0, to.0]) {
-            Ok(pair) => pair,
-            Err(_) => unreachable!("a step leads from one slot to another"),
-        }
+    fn pair(states: &mut [StateOf<B>], from: Slot, to: Slot) -> Result<[&mut StateOf<B>; 2], ArgumentError> {
+        let allowed = "a slot of this engine, and another than `from`";
+        let wrong = |_| ArgumentError::OutOfRange { argument: "to", allowed, found: to.0 as f64 };
+        states.get_disjoint_mut([from.0, to.0]).map_err(wrong)
     }
 }
 
@@ -201,7 +201,7 @@ where
         to: Slot,
         seen: Option<&mut State<Q>>,
     ) -> Result<(), IntegrateError> {
-        let [before, after] = Self::pair(&mut self.states, from, to);
+        let [before, after] = Self::pair(&mut self.states, from, to)?;
         self.stepper.step(self.form, t, before, h, &mut self.memories[track.0], after)?;
         after.configuration.renormalize();
         if !after.is_finite() {
