@@ -3,65 +3,32 @@
 //! These files convert, validate and delegate. The classes of exceptions are in `somersault.errors`.
 #![forbid(unsafe_code)]
 
-mod batch;
-mod bodies;
 mod contact;
-mod contact_law;
-mod contact_system;
-mod convert;
-mod dynamics;
-mod error;
-mod event;
-mod exact;
-mod forces;
+mod core;
 mod ftla;
-mod integrate;
-mod kinematics;
-mod link;
-mod located;
-mod memory;
-mod methods;
-mod model;
-mod monitor;
+mod integrators;
 mod motion;
-mod named_models;
+mod multibody;
 mod ocp;
-mod partials;
-mod plan;
-mod rows;
-mod sensitivity;
-mod studies;
-mod surface;
-mod trajectory;
-mod tree_flight;
-mod tree_motion;
-mod urdf;
-mod waiting;
 
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
 #[pyo3::pymodule]
 mod _somersault {
     #[pymodule_export]
-    use crate::batch::integrate_batch;
+    use crate::contact::contacts::{Contact, SpherePair};
     #[pymodule_export]
-    use crate::bodies::{RigidBody, State};
-    #[pymodule_export]
-    use crate::contact::{Contact, SpherePair};
-    #[pymodule_export]
-    use crate::contact_law::{
+    use crate::contact::law::{
         CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
         restitution,
     };
     #[pymodule_export]
-    use crate::contact_system::{
+    use crate::contact::sensitivity::{Sensitivities, differentiate};
+    #[pymodule_export]
+    use crate::contact::surface::{CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction};
+    #[pymodule_export]
+    use crate::contact::system::{
         ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
     };
-    #[pymodule_export]
-    use crate::event::Event;
-    #[pymodule_export]
-    use crate::exact::FreeBody;
-    #[pymodule_export]
-    use crate::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
     #[pymodule_export]
     use crate::ftla::{
         Chain, ContinuationResult, Diagnosis, Extremal, Following, Matching, MatchingResult, Placement,
@@ -70,13 +37,26 @@ mod _somersault {
         rank_held_costates, shoot, slow_subspace, state_costate, travel_arm, tree,
     };
     #[pymodule_export]
-    use crate::integrate::integrate;
+    use crate::integrators::batch::integrate_batch;
     #[pymodule_export]
-    use crate::link::Link;
+    use crate::integrators::bodies::{RigidBody, State};
     #[pymodule_export]
-    use crate::methods::{MethodInfo, MethodTable, method, methods};
+    use crate::integrators::event::Event;
     #[pymodule_export]
-    use crate::model::Model;
+    use crate::integrators::exact::FreeBody;
+    #[pymodule_export]
+    use crate::integrators::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
+    #[pymodule_export]
+    use crate::integrators::integrate::integrate;
+    #[pymodule_export]
+    use crate::integrators::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::integrators::studies::{
+        Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
+        spectral_radii, stability_region, work_precision_study,
+    };
+    #[pymodule_export]
+    use crate::integrators::trajectory::{DenseOutput, Solution, Trajectory};
     #[pymodule_export]
     use crate::motion::{
         Band, Baseline, Correlation, DiveFaults, GroupComparison, JudgedSet, MarkerFit, MarkerRecording,
@@ -88,7 +68,15 @@ mod _somersault {
         write_trc,
     };
     #[pymodule_export]
-    use crate::named_models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
+    use crate::multibody::flight::integrate_flight;
+    #[pymodule_export]
+    use crate::multibody::link::Link;
+    #[pymodule_export]
+    use crate::multibody::model::Model;
+    #[pymodule_export]
+    use crate::multibody::models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
+    #[pymodule_export]
+    use crate::multibody::motion::{TreeDenseOutput, TreeSolution, integrate_tree};
     #[pymodule_export]
     use crate::ocp::{
         CartPendulumProblem, CollocationOutcome, CollocationProblem, CollocationResult, Constraint, Cost,
@@ -97,21 +85,6 @@ mod _somersault {
         Term, Verification, axis_direction, body_orientation, displacement, dive_107b, dive_5174d, entries,
         function, momentum, point_position,
     };
-    #[pymodule_export]
-    use crate::sensitivity::{Sensitivities, differentiate};
-    #[pymodule_export]
-    use crate::studies::{
-        Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
-        spectral_radii, stability_region, work_precision_study,
-    };
-    #[pymodule_export]
-    use crate::surface::{CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction};
-    #[pymodule_export]
-    use crate::trajectory::{DenseOutput, Solution, Trajectory};
-    #[pymodule_export]
-    use crate::tree_flight::integrate_flight;
-    #[pymodule_export]
-    use crate::tree_motion::{TreeDenseOutput, TreeSolution, integrate_tree};
 
     /// The version of the package.
     #[pymodule_export]

@@ -1,8 +1,8 @@
 //! Arguments that are whole numbers, pairs or lists of them, read under the names that they have in Python.
 
 use super::error::input;
-use crate::convert::a_type;
-use crate::error::Error;
+use crate::core::convert::a_type;
+use crate::core::error::Error;
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 
@@ -19,7 +19,7 @@ fn whole_number(argument: &str, value: &Bound<'_, PyAny>) -> Result<usize, Error
 }
 
 fn entries<'py>(argument: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Error> {
-    crate::convert::entries(value)
+    crate::core::convert::entries(value)
         .map_err(|_| input(format!("`{argument}` must be a sequence, found {}", a_type(value))))
 }
 
@@ -35,7 +35,7 @@ fn three(argument: &str, value: &Bound<'_, PyAny>) -> Result<(usize, usize, usiz
 }
 
 fn two(argument: &str, value: &Bound<'_, PyAny>) -> Result<[f64; 2], Error> {
-    let found = crate::convert::with_shape(argument, &[2], value)?;
+    let found = crate::core::convert::with_shape(argument, &[2], value)?;
     Ok([found[0], found[1]])
 }
 

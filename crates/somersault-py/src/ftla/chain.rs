@@ -3,8 +3,8 @@
 use super::dimension::{by_rows, expect_square, matrix_array, vector};
 use super::error::input;
 use super::spectrum::Spectrum;
-use crate::convert::integer;
-use crate::error::Error;
+use crate::core::convert::integer;
+use crate::core::error::Error;
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;

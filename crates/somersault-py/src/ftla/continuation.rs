@@ -9,9 +9,9 @@ use super::settings::{Settings, limits_of};
 use super::shooting::{EndStates, Extremal, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;
-use crate::convert::{a_type, real_numbers};
-use crate::error::Error;
-use crate::plan::check_callable;
+use crate::core::convert::{a_type, real_numbers};
+use crate::core::error::Error;
+use crate::integrators::plan::check_callable;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::budget::Limits;
@@ -211,7 +211,7 @@ fn through(
 pub(crate) fn continue_through(
     py: Python<'_>,
     system: Py<System>,
-    #[pyo3(from_py_with = crate::convert::entries)] stages: Vec<Bound<'_, PyAny>>,
+    #[pyo3(from_py_with = crate::core::convert::entries)] stages: Vec<Bound<'_, PyAny>>,
     horizon: f64,
     fractions: &Bound<'_, PyAny>,
     tol: f64,

@@ -1,8 +1,8 @@
 //! How many numbers a point may have, and arrays of vectors and matrices.
 
 use super::error::input;
-use crate::convert::array;
-use crate::error::Error;
+use crate::core::convert::array;
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use somersault::ftla::nalgebra::{DMatrix, DVector};
 

@@ -1,6 +1,6 @@
 //! Errors of the analysis as Python exceptions.
 
-use crate::error::{Class, Error, inputs};
+use crate::core::error::{Class, Error, inputs};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use somersault::ftla::flow::FlowError;

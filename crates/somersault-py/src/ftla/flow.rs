@@ -8,9 +8,9 @@ use super::run::{Run, attend};
 use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
 use super::system::System;
-use crate::convert::{array, real_numbers};
-use crate::error::Error;
-use crate::rows::Rows;
+use crate::core::convert::{array, real_numbers};
+use crate::core::error::Error;
+use crate::core::rows::Rows;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -197,7 +197,7 @@ impl VariationalFlow {
         p: &Bound<'py, PyAny>,
         duration: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
-        let (p, (single, durations)) = (self.point("p", p)?, crate::convert::times("duration", duration)?);
+        let (p, (single, durations)) = (self.point("p", p)?, crate::core::convert::times("duration", duration)?);
         let system = self.system.get();
         let n = system.dimension;
         let ends = attend(py, |run| states(system, self.settings, run, &p, &durations))?;

@@ -1,7 +1,7 @@
 //! Calculations beside the interpreter: signals are looked for meanwhile, and what Python code raises ends them.
 
-use crate::error::{Class, Error};
-use crate::waiting;
+use crate::core::error::{Class, Error};
+use crate::core::waiting;
 use pyo3::exceptions::{PyArithmeticError, PyException};
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

@@ -2,8 +2,8 @@
 
 use super::error::input;
 use super::watched::Watched;
-use crate::convert::a_type;
-use crate::error::Error;
+use crate::core::convert::a_type;
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{FlowError, FlowTolerances, VariationalFlow};

@@ -3,7 +3,7 @@
 use super::dimension::{expect_square, matrix_array, vector};
 use super::error::input;
 use super::subspace::dims_of;
-use crate::error::Error;
+use crate::core::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};

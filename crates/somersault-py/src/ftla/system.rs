@@ -7,10 +7,10 @@ use super::error::input;
 use super::named_systems::{GivenTree, arm, cubic_regulator, linear_regulator, tree};
 use super::run::{Run, attend};
 use super::watched::{Callables, Source, Watched};
-use crate::error::Error;
-use crate::model::Model;
-use crate::plan::check_callable;
-use crate::rows::Rows;
+use crate::core::error::Error;
+use crate::core::rows::Rows;
+use crate::integrators::plan::check_callable;
+use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::system::{
@@ -159,7 +159,7 @@ impl System {
         }
         let count = rows.is_many().then_some(points.len() / n);
         let shape: Vec<usize> = count.into_iter().chain(inner.iter().copied()).collect();
-        Ok(crate::convert::array(py, values, &shape)?.into_any())
+        Ok(crate::core::convert::array(py, values, &shape)?.into_any())
     }
 }
 

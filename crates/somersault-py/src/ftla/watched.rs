@@ -3,8 +3,8 @@
 use super::differences::{Differences, expect_derivative};
 use super::error::input;
 use super::run::Run;
-use crate::convert::with_shape;
-use crate::error::Error;
+use crate::core::convert::with_shape;
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use somersault::ftla::nalgebra::DMatrix;

@@ -1,6 +1,6 @@
 //! Units and axes by their names.
 
-use crate::error::Error;
+use crate::core::error::Error;
 use somersault::motion::recording::{Axis, Convention, LengthUnit};
 
 fn axis(argument: &str, name: &str) -> Result<Axis, Error> {

@@ -1,9 +1,9 @@
 //! Faults of dives, and a SYNTHETIC judge of them.
 
 use super::matrix::matrix;
-use crate::convert::real_numbers;
-use crate::error::Error;
-use crate::model::Model;
+use crate::core::convert::real_numbers;
+use crate::core::error::Error;
+use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis;

@@ -3,11 +3,11 @@
 use super::markers::MarkerRecording;
 use super::matrix::{count, numbers_array};
 use super::motion_fit::MotionFit;
-use crate::convert::{a_type, array, entries_or_none, real_numbers, vector};
-use crate::error::Error;
-use crate::model::{Model, Which};
+use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector};
+use crate::core::error::Error;
+use crate::core::waiting::leave_on_signal;
+use crate::multibody::model::{Model, Which};
 use crate::ocp::EigenpostureBase;
-use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, Shape};

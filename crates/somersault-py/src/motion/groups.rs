@@ -2,9 +2,9 @@
 
 use super::matrix::{count, matrices, matrix, matrix_array, numbers_array, same_length};
 use super::motion_fit::MotionFit;
-use crate::convert::{a_type, real_numbers, with_shape};
-use crate::error::Error;
-use crate::model::Model;
+use crate::core::convert::{a_type, real_numbers, with_shape};
+use crate::core::error::Error;
+use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::analysis::{self, AnalysisError, Panel};

@@ -1,8 +1,8 @@
 //! Recordings of markers.
 
 use super::matrix::{count, mask, numbers_array};
-use crate::convert::{array, entries, real_numbers, with_shape};
-use crate::error::Error;
+use crate::core::convert::{array, entries, real_numbers, with_shape};
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use somersault::motion::nalgebra::Vector3;

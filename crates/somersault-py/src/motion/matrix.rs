@@ -1,7 +1,7 @@
 //! Arrays of two axes ↔ matrices.
 
-use crate::convert::{a_type, array, contiguous, shape_text};
-use crate::error::Error;
+use crate::core::convert::{a_type, array, contiguous, shape_text};
+use crate::core::error::Error;
 use numpy::PyUntypedArray;
 use numpy::prelude::*;
 use pyo3::exceptions::PyTypeError;

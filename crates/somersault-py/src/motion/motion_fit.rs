@@ -2,9 +2,9 @@
 
 use super::fit::MarkerFit;
 use super::matrix::{matrix, matrix_array, numbers_array};
-use crate::convert::{array, real_numbers, with_shape};
-use crate::error::Error;
-use crate::model::Model;
+use crate::core::convert::{array, real_numbers, with_shape};
+use crate::core::error::Error;
+use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, Estimate, FitStatus, FrameFit, Shape, UnknownStatus};

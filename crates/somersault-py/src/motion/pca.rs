@@ -1,10 +1,10 @@
 //! Principal components of motions, and motions in a base.
 
 use super::matrix::{count, matrices, matrix, matrix_array, numbers_array};
-use crate::convert::{real_numbers, with_shape};
-use crate::error::Error;
+use crate::core::convert::{real_numbers, with_shape};
+use crate::core::error::Error;
+use crate::core::waiting::leave_on_signal;
 use crate::ocp::EigenpostureBase;
-use crate::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis::{self, WeightBounds, eigenpostures};

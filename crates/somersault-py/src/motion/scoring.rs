@@ -3,9 +3,9 @@
 use super::markers::MarkerRecording;
 use super::matrix::{self, count, matrix, matrix_array, numbers_array, same_length};
 use super::pca::Pca;
-use crate::convert::{entries, real_numbers};
-use crate::error::Error;
-use crate::waiting::leave_on_signal;
+use crate::core::convert::{entries, real_numbers};
+use crate::core::error::Error;
+use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 use somersault::motion::nalgebra::Vector3;

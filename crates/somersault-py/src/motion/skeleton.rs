@@ -2,9 +2,9 @@
 
 use super::markers::{MarkerRecording, duration, new_times};
 use super::matrix::{count, numbers_array};
-use crate::convert::{array, components, quaternions, real_numbers, vector_array, vector_or, with_shape};
-use crate::error::Error;
-use crate::model::Model;
+use crate::core::convert::{array, components, quaternions, real_numbers, vector_array, vector_or, with_shape};
+use crate::core::error::Error;
+use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple, PyType};
 use somersault::motion::nalgebra::Vector3;

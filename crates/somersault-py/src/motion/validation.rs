@@ -2,9 +2,9 @@
 
 use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
-use crate::convert::{a_type, entries, real_numbers, with_shape};
-use crate::error::Error;
-use crate::waiting::leave_on_signal;
+use crate::core::convert::{a_type, entries, real_numbers, with_shape};
+use crate::core::error::Error;
+use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::scoring::{self, ValidationOptions};

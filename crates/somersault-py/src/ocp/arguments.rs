@@ -1,8 +1,8 @@
 //! Arguments as Python gives them, refused by their names.
 
-use crate::convert::a_type;
-pub(crate) use crate::convert::{integer, integer_or_none};
-use crate::error::Error;
+use crate::core::convert::a_type;
+pub(crate) use crate::core::convert::{integer, integer_or_none};
+use crate::core::error::Error;
 use pyo3::prelude::*;
 
 /// Most entries of anything that is kept in memory: steps, coefficients, starts.

@@ -1,9 +1,9 @@
 //! Eigenpostures, and joint motions made of splines.
 
 use super::arguments::{count, finite_all, index, integer};
-use crate::convert::{a_type, array, entries, real_numbers, times, with_shape};
-use crate::error::Error;
-use crate::memory::{bytes_of_numbers, expect_room};
+use crate::core::convert::{a_type, array, entries, real_numbers, times, with_shape};
+use crate::core::error::Error;
+use crate::core::memory::{bytes_of_numbers, expect_room};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::core::spline::UniformBasis;

@@ -3,8 +3,8 @@
 use super::arguments::tolerance;
 use super::solver::Report;
 use super::verification::Verifier;
-use crate::error::Error;
-use crate::waiting::{Cancellation, attend, deliver};
+use crate::core::error::Error;
+use crate::core::waiting::{Cancellation, attend, deliver};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::nlp::{

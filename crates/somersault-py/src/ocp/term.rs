@@ -1,9 +1,11 @@
 //! Terms of costs and constraints: what Python says of them, and what the library makes of it.
 
 use super::arguments::{count, finite_all, index, integer, integers_or_none};
-use crate::convert::{a_type, components, entries_or_none, orientation, real_numbers, vector, with_shape};
-use crate::error::Error;
-use crate::plan::check_callable;
+use crate::core::convert::{
+    a_type, components, entries_or_none, orientation, real_numbers, vector, with_shape,
+};
+use crate::core::error::Error;
+use crate::integrators::plan::check_callable;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
@@ -149,7 +151,7 @@ const MOMENTA: [(&str, MomentumPart); 3] = [
 #[pyfunction]
 #[pyo3(signature = (body, point=None))]
 pub(crate) fn point_position(body: String, point: Option<&Bound<'_, PyAny>>) -> Result<Term, Error> {
-    let point = crate::convert::vector_or("point", point, Vector3::zeros())?;
+    let point = crate::core::convert::vector_or("point", point, Vector3::zeros())?;
     Ok(Term(Kind::PointPosition { body, point }))
 }
 

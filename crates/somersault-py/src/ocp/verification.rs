@@ -1,6 +1,6 @@
 //! What accurate integrations make of results.
 
-use crate::error::{Class, Error};
+use crate::core::error::{Class, Error};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};

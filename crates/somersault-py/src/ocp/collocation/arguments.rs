@@ -1,7 +1,7 @@
 //! States, weights and bounds as Python gives them.
 
-use crate::convert::{a_type, numbers_or_one};
-use crate::error::Error;
+use crate::core::convert::{a_type, numbers_or_one};
+use crate::core::error::Error;
 use crate::ocp::arguments::number_or_range;
 use pyo3::prelude::*;
 use somersault::ocp::collocation::Interval;

@@ -2,8 +2,8 @@
 
 use super::arguments::rows_of;
 use super::{CollocationProblem, CollocationResult};
-use crate::convert::{a_type, real_numbers, with_shape};
-use crate::error::Error;
+use crate::core::convert::{a_type, real_numbers, with_shape};
+use crate::core::error::Error;
 use crate::ocp::arguments::finite_all;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;

@@ -1,7 +1,7 @@
 //! What a search found of several phases.
 
 use super::{CollocationOutcome, CollocationProblem, CollocationResult};
-use crate::error::Error;
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ocp::collocation::{CollocationReport, Confirmation, MeshRecord};

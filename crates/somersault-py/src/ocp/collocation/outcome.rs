@@ -1,6 +1,6 @@
 //! What a search found as a whole, of one phase or several.
 
-use crate::error::Error;
+use crate::core::error::Error;
 use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verification, Verifier};
 use pyo3::prelude::*;

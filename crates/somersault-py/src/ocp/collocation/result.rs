@@ -1,9 +1,9 @@
 //! What a search found of one phase.
 
 use super::CollocationOutcome;
-use crate::convert::{array, times};
-use crate::error::Error;
-use crate::model::Model;
+use crate::core::convert::{array, times};
+use crate::core::error::Error;
+use crate::multibody::model::Model;
 use crate::ocp::solver::{Report, status_name, status_of};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};

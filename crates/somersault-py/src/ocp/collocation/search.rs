@@ -1,11 +1,11 @@
 //! The search, as Python asks for it and watches it.
 
 use super::NAMES;
-use crate::error::Error;
+use crate::core::error::Error;
+use crate::core::waiting::{attend_or_leave, deliver};
+use crate::integrators::plan::returns_interrupted;
 use crate::ocp::arguments::{count, limit, tolerance};
 use crate::ocp::solver::{Watcher, duration};
-use crate::plan::returns_interrupted;
-use crate::waiting::{attend_or_leave, deliver};
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;

@@ -1,10 +1,10 @@
 //! The planar dive by explicit Euler.
 
-use crate::convert::{array, real_numbers, with_shape};
-use crate::error::Error;
+use crate::core::convert::{array, real_numbers, with_shape};
+use crate::core::error::Error;
+use crate::core::waiting::{Cancellation, attend, deliver, together};
+use crate::integrators::plan::returns_interrupted;
 use crate::ocp::solver::{Report, Watcher};
-use crate::plan::returns_interrupted;
-use crate::waiting::{Cancellation, attend, deliver, together};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::nlp::{self, Flow, Iteration};

@@ -12,11 +12,11 @@ pub(crate) use verification::DiveVerification;
 
 use super::arguments::{count, finite_all, integer, integer_or_none, limit, seed_of, tolerance};
 use super::solver::{Watcher, deadline};
-use crate::convert::{entries_or_none, with_shape};
-use crate::error::Error;
-use crate::named_models::Diver;
-use crate::plan::returns_interrupted;
-use crate::waiting::{Cancellation, attend, deliver};
+use crate::core::convert::{entries_or_none, with_shape};
+use crate::core::error::Error;
+use crate::core::waiting::{Cancellation, attend, deliver};
+use crate::integrators::plan::returns_interrupted;
+use crate::multibody::models::Diver;
 use plan::{Course, Plan};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -448,7 +448,7 @@ impl Dive {
         if z.len() != n {
             return Err(Error::input(format!("`z` must have {n} numbers, found {}", z.len())));
         }
-        z.into_iter().map(|x| crate::convert::finite("z", x)).collect()
+        z.into_iter().map(|x| crate::core::convert::finite("z", x)).collect()
     }
 
     fn search_with(

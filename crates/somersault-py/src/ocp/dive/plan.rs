@@ -1,9 +1,9 @@
 //! What a dive is made of.
 
 use super::Dive;
-use crate::convert::{a_type, did_you_mean, real_numbers};
-use crate::error::Error;
-use crate::named_models::Diver;
+use crate::core::convert::{a_type, did_you_mean, real_numbers};
+use crate::core::error::Error;
+use crate::multibody::models::Diver;
 use crate::ocp::arguments::{count, index, integer, number, number_or_range};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;

@@ -1,12 +1,12 @@
 //! A dive that was found.
 
 use super::{Dive, DiveVerification, LiteralDive};
-use crate::convert::array;
-use crate::error::Error;
+use crate::core::convert::array;
+use crate::core::error::Error;
+use crate::core::waiting::cancel_on_signal;
 use crate::ocp::arguments::{count, integer};
 use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verifier, judgement};
-use crate::waiting::cancel_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::nlp;

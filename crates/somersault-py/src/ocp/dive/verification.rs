@@ -1,7 +1,7 @@
 //! How a dive holds when integrated anew.
 
-use crate::convert::{any_vector, vector_array};
-use crate::error::Error;
+use crate::core::convert::{any_vector, vector_array};
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};

@@ -1,8 +1,8 @@
 //! Constraints on terms.
 
 use super::place::Place;
-use crate::convert::real_numbers;
-use crate::error::Error;
+use crate::core::convert::real_numbers;
+use crate::core::error::Error;
 use crate::ocp::arguments::integer_or_none;
 use crate::ocp::term::Term;
 use pyo3::prelude::*;

@@ -1,8 +1,8 @@
 //! Parts of the cost.
 
 use super::place::Place;
-use crate::convert::{numbers_or_one, real_numbers};
-use crate::error::Error;
+use crate::core::convert::{numbers_or_one, real_numbers};
+use crate::core::error::Error;
 use crate::ocp::arguments::{finite_all, integer_or_none};
 use crate::ocp::term::Term;
 use pyo3::prelude::*;

@@ -2,8 +2,8 @@
 
 use super::MotionProblem;
 use super::recipe::Program;
-use crate::convert::{finite, with_shape};
-use crate::error::Error;
+use crate::core::convert::{finite, with_shape};
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use somersault::nlp::{EvaluationError, Nlp};
 

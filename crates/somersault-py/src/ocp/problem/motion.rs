@@ -1,7 +1,7 @@
 //! A motion at the nodes of a transcription.
 
-use crate::convert::{array, real_numbers, with_shape};
-use crate::error::Error;
+use crate::core::convert::{array, real_numbers, with_shape};
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ocp::transcription::Transcription;

@@ -1,6 +1,6 @@
 //! A phase of a motion.
 
-use crate::error::Error;
+use crate::core::error::Error;
 use crate::ocp::arguments::{count, integer, number_or_range};
 use crate::ocp::joint_motion::SplineMotion;
 use pyo3::prelude::*;

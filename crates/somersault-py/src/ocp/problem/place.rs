@@ -1,6 +1,6 @@
 //! Where costs and constraints are taken.
 
-use crate::error::Error;
+use crate::core::error::Error;
 use crate::ocp::arguments::index;
 use somersault::ocp::problem::At;
 

@@ -1,8 +1,8 @@
 //! Where a search has its starts.
 
 use super::MotionProblem;
-use crate::convert::numbers_or_one;
-use crate::error::Error;
+use crate::core::convert::numbers_or_one;
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use somersault::nlp::{Bounds, Nlp};
 

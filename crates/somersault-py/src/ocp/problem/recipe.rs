@@ -1,12 +1,12 @@
 //! What a motion problem is made of.
 
 use super::{Constraint, Cost, Phase};
-use crate::convert::numbers_or_one;
-use crate::error::Error;
-use crate::model::Model;
+use crate::core::convert::numbers_or_one;
+use crate::core::error::Error;
+use crate::core::waiting::cancel_on_signal;
+use crate::multibody::model::Model;
 use crate::ocp::term::sizes_of;
 use crate::ocp::verification::{Verification, VerificationFailure, Verifier};
-use crate::waiting::cancel_on_signal;
 use pyo3::prelude::*;
 use somersault::multibody::Split;
 use somersault::nlp::{self, Bounds};

@@ -1,7 +1,7 @@
 //! A problem that several threads may ask for.
 
 use super::recipe::Program;
-use crate::error::Error;
+use crate::core::error::Error;
 use pyo3::prelude::*;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};

@@ -1,0 +1,398 @@
+//! Contacts of bodies with surfaces and with each other.
+
+use crate::contact::law::{Resistance, friction_law, laws, normal_law, parts, resistance_law};
+use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
+use crate::core::convert::{a_type, vector, vector_array, vector_or};
+use crate::core::error::Error;
+use crate::integrators::bodies::State;
+use crate::integrators::forces::{Failure, Reader, sequence};
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::contact::bodies::{self, BodyContacts, BodySphere};
+use somersault::contact::contacts::{self, Contacts};
+use somersault::contact::interface::ContactLaw;
+use somersault::contact::shape::Shape;
+use somersault::contact::surface;
+use somersault::integrators::body::RigidBody;
+use somersault::integrators::nalgebra::Vector3;
+use std::sync::Arc;
+
+/// A point of a body that touches a surface under some laws; by `ball` and `rim` a ball and a rim.
+///
+/// Parameters
+/// ----------
+/// point : array_like, shape (3,)
+///     Point, body frame, from the centre of mass, m.
+/// surface : Surface or callable
+///     A surface, or ``f(point) -> (distance, gradient)``: the signed distance of a point of the world, negative in
+///     the solid, and its gradient, of length 1. With p + 1 continuous derivatives it keeps an order p. A
+///     `SurfaceFunction` says besides how fast the distance changes; a plain callable counts as a distance,
+///     which changes by no more than the point moves.
+/// law : CompliantLaw or HuntCrossley
+///     Law of the normal force.
+/// friction : CoulombFriction or RegularisedFriction, optional
+///     Law of friction; none unless given.
+/// resistance : Resistance, optional
+///     Resistance to rolling and spinning; none unless given.
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct Contact {
+    /// Where the surface is a callable this has another, which each run replaces.
+    contact: contacts::Contact,
+    surface: Py<PyAny>,
+    /// Of a rim, as it was given.
+    axis: Option<Vector3<f64>>,
+}
+
+/// Law, friction and resistance as a file has them.
+type GivenLaws<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
+
+/// What a contact is made against until it meets its surface.
+fn built_in(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Error> {
+    if let Ok(surface) = surface.cast::<Surface>() {
+        return Ok(surface.get().0.clone());
+    }
+    if surface.is_callable() {
+        return Ok(Arc::new(surface::HalfSpace::ground()));
+    }
+    Err(Error::input(format!(
+        "`surface` must be a Surface or a callable f(point) -> (distance, gradient), found {}",
+        a_type(surface)
+    )))
+}
+
+impl Contact {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, contact: &contacts::Contact) -> PyResult<Self> {
+        let axis = match contact.shape() {
+            Shape::Rim { axis, .. } => Some(axis.into_inner()),
+            _ => None,
+        };
+        Ok(Self { contact: contact.clone(), surface: Surface::of(py, contact.surface())?, axis })
+    }
+
+    fn is_built_in(&self, py: Python<'_>) -> bool {
+        self.surface.bind(py).is_instance_of::<Surface>()
+    }
+
+    /// The contact, for a run in which `failure` collects what Python code raises.
+    fn contact(&self, py: Python<'_>, failure: &Failure) -> contacts::Contact {
+        let contact = self.contact.clone();
+        if self.is_built_in(py) {
+            return contact;
+        }
+        contact.against(Arc::new(CallableSurface::new(self.surface.bind(py), failure)))
+    }
+}
+
+#[pymethods]
+impl Contact {
+    #[new]
+    #[pyo3(signature = (point, surface, law, *, friction=None, resistance=None))]
+    fn new(
+        point: &Bound<'_, PyAny>,
+        surface: &Bound<'_, PyAny>,
+        law: &Bound<'_, PyAny>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let against = built_in(surface)?;
+        let law = laws(law, friction, resistance)?;
+        let contact = contacts::Contact::try_new(vector("point", point)?, against, law)?;
+        Ok(Self { contact, surface: surface.clone().unbind(), axis: None })
+    }
+
+    /// A ball fixed on a body, against any surface.
+    ///
+    /// Parameters
+    /// ----------
+    /// center : array_like, shape (3,)
+    ///     Centre, body frame, m.
+    /// radius : float
+    ///     Radius, m.
+    /// surface, law, friction, resistance
+    ///     As of a point.
+    #[staticmethod]
+    #[pyo3(signature = (center, radius, surface, law, *, friction=None, resistance=None))]
+    fn ball(
+        center: &Bound<'_, PyAny>,
+        radius: f64,
+        surface: &Bound<'_, PyAny>,
+        law: &Bound<'_, PyAny>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let against = built_in(surface)?;
+        let law = laws(law, friction, resistance)?;
+        let contact = contacts::Contact::try_ball(vector("center", center)?, radius, against, law)?;
+        Ok(Self { contact, surface: surface.clone().unbind(), axis: None })
+    }
+
+    /// The rim of a disk fixed on a body, against a plane.
+    ///
+    /// Parameters
+    /// ----------
+    /// center, axis : array_like, shape (3,)
+    ///     Centre, m, and axis, of any length but zero, body frame.
+    /// radius : float
+    ///     Radius, m.
+    /// plane : HalfSpace
+    ///     The plane.
+    /// law, friction, resistance
+    ///     As of a point.
+    #[staticmethod]
+    #[pyo3(signature = (center, axis, radius, plane, law, *, friction=None, resistance=None))]
+    fn rim(
+        center: &Bound<'_, PyAny>,
+        axis: &Bound<'_, PyAny>,
+        radius: f64,
+        plane: &Bound<'_, PyAny>,
+        law: &Bound<'_, PyAny>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let half_space = plane
+            .cast::<HalfSpace>()
+            .map_err(|_| Error::input(format!("`plane` must be a HalfSpace, found {}", a_type(plane))))?;
+        let law = laws(law, friction, resistance)?;
+        let (center, axis) = (vector("center", center)?, vector("axis", axis)?);
+        let contact = contacts::Contact::try_rim(center, axis, radius, half_space.get().surface, law)?;
+        Ok(Self { contact, surface: plane.clone().unbind(), axis: Some(axis) })
+    }
+
+    /// ndarray, shape (3,): The point, or the centre of the ball or the rim, body frame, m.
+    #[getter]
+    fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, self.contact.shape().centre())
+    }
+
+    /// Surface or callable: The surface.
+    #[getter]
+    fn surface(&self, py: Python<'_>) -> Py<PyAny> {
+        self.surface.clone_ref(py)
+    }
+
+    /// CompliantLaw or HuntCrossley: The law of the normal force.
+    #[getter]
+    fn law<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        normal_law(py, self.contact.law())
+    }
+
+    /// CoulombFriction, RegularisedFriction or None: The law of friction.
+    #[getter]
+    fn friction<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        friction_law(py, self.contact.law())
+    }
+
+    /// Resistance or None: The resistance to rolling and spinning.
+    #[getter]
+    fn resistance<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, Resistance>>> {
+        resistance_law(py, self.contact.law())
+    }
+
+    /// float or None: The radius of the ball or the rim, m.
+    #[getter]
+    fn radius(&self) -> Option<f64> {
+        match self.contact.shape() {
+            Shape::Ball { radius, .. } | Shape::Rim { radius, .. } => Some(*radius),
+            _ => None,
+        }
+    }
+
+    /// ndarray, shape (3,), or None: The axis of the rim, body frame.
+    #[getter]
+    fn axis<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
+        self.axis.map(|axis| vector_array(py, &axis))
+    }
+
+    /// Gap and its rate in a state of the body.
+    ///
+    /// Parameters
+    /// ----------
+    /// state : State
+    ///     The state.
+    ///
+    /// Returns
+    /// -------
+    /// gap, rate : float
+    ///     Gap, m, negative inside the surface, and its rate, m/s.
+    fn gap(&self, py: Python<'_>, state: State) -> Result<(f64, f64), Error> {
+        let failure = Failure::default();
+        // Neither depends on mass and inertia.
+        let any = RigidBody::try_principal(1.0, Vector3::repeat(1.0))?;
+        let at = self.contact(py, &failure).encounter(&any, &state.0);
+        match failure.get() {
+            Some(error) => Err(error.clone_ref(py).into()),
+            None => Ok((at.gap, at.rate)),
+        }
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (surface, law) = (self.surface.bind(py).repr()?, self.law(py)?.repr()?);
+        Ok(format!("Contact({:?}, {surface}, {law})", self.contact.shape().centre().as_slice()))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let shape = (own.point(py), own.axis(py), own.radius());
+        let arguments = (shape, own.surface(py), parts(py, own.contact.law())?);
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled contact.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        shape: (Bound<'_, PyAny>, Option<Bound<'_, PyAny>>, Option<f64>),
+        surface: &Bound<'_, PyAny>,
+        laws: GivenLaws<'_>,
+    ) -> Result<Self, Error> {
+        let (center, axis, radius) = shape;
+        let (law, friction, resistance) = (&laws.0, laws.1.as_ref(), laws.2.as_ref());
+        match (axis, radius) {
+            (Some(axis), Some(radius)) => {
+                Self::rim(&center, &axis, radius, surface, law, friction, resistance)
+            }
+            (None, Some(radius)) => Self::ball(&center, radius, surface, law, friction, resistance),
+            _ => Self::new(&center, surface, law, friction, resistance),
+        }
+    }
+}
+
+/// Two spheres fixed on two of several bodies, which touch under some laws.
+///
+/// Parameters
+/// ----------
+/// bodies : tuple of int
+///     The two bodies, by their places among those integrated.
+/// radii : tuple of float
+///     Radii of the spheres, m.
+/// law : CompliantLaw or HuntCrossley
+///     Law of the normal force.
+/// centers : tuple of array_like, shape (3,), optional
+///     Centres of the spheres, each in the frame of its body, m; the centres of mass unless given.
+/// friction : CoulombFriction or RegularisedFriction, optional
+///     Law of friction; none unless given.
+/// resistance : Resistance, optional
+///     Resistance to rolling and spinning; none unless given.
+#[pyclass(frozen, from_py_object, module = "somersault.contact")]
+#[derive(Clone, Copy)]
+pub(crate) struct SpherePair {
+    pair: bodies::SpherePair,
+    bodies: [usize; 2],
+    radii: [f64; 2],
+    centers: [Vector3<f64>; 2],
+    law: ContactLaw,
+}
+
+#[pymethods]
+impl SpherePair {
+    #[new]
+    #[pyo3(signature = (bodies, radii, law, *, centers=None, friction=None, resistance=None))]
+    fn new(
+        bodies: [usize; 2],
+        radii: [f64; 2],
+        law: &Bound<'_, PyAny>,
+        centers: Option<[Bound<'_, PyAny>; 2]>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let center = |i: usize| vector_or("centers", centers.as_ref().map(|c| &c[i]), Vector3::zeros());
+        let centers = [center(0)?, center(1)?];
+        let sphere = |i: usize| BodySphere::try_new(bodies[i], centers[i], radii[i]);
+        let law = laws(law, friction, resistance)?;
+        let pair = bodies::SpherePair::try_new(sphere(0)?, sphere(1)?, law)?;
+        Ok(Self { pair, bodies, radii, centers, law })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<{:?}>", self.pair)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let [first, second] = own.centers.map(|center| vector_array(py, &center));
+        let (bodies, radii) = (own.bodies, own.radii);
+        let spheres = ((bodies[0], bodies[1]), (radii[0], radii[1]), (first, second));
+        let arguments = (spheres, parts(py, &own.law)?).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled pair.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        spheres: ([usize; 2], [f64; 2], [Bound<'_, PyAny>; 2]),
+        laws: GivenLaws<'_>,
+    ) -> Result<Self, Error> {
+        let (bodies, radii, centers) = spheres;
+        Self::new(bodies, radii, &laws.0, Some(centers), laws.1.as_ref(), laws.2.as_ref())
+    }
+}
+
+impl Reader {
+    fn contact(&mut self, argument: &str, value: &Bound<'_, PyAny>) -> Result<contacts::Contact, Error> {
+        let py = value.py();
+        let contact = value
+            .cast::<Contact>()
+            .map_err(|_| Error::input(format!("`{argument}` must hold contacts, found {}", a_type(value))))?;
+        self.calls_python |= !contact.get().is_built_in(py);
+        Ok(contact.get().contact(py, &self.failure))
+    }
+
+    fn some_contacts(
+        &mut self,
+        argument: &str,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Vec<contacts::Contact>, Error> {
+        match sequence(value) {
+            Some(list) => list.try_iter()?.map(|contact| self.contact(argument, &contact?)).collect(),
+            None if value.is_none() => Ok(Vec::new()),
+            None => Ok(vec![self.contact(argument, value)?]),
+        }
+    }
+
+    /// The contacts of a body: one, several or none.
+    pub(crate) fn contacts(&mut self, argument: &str, value: &Bound<'_, PyAny>) -> Result<Contacts, Error> {
+        Ok(Contacts::new(self.some_contacts(argument, value)?))
+    }
+
+    /// The contacts of several bodies: an entry for each with surfaces, and pairs of spheres.
+    pub(crate) fn body_contacts(
+        &mut self,
+        count: usize,
+        contacts: Option<&Bound<'_, PyAny>>,
+        pairs: Option<&Bound<'_, PyAny>>,
+    ) -> Result<BodyContacts, Error> {
+        let mut on_surfaces = Vec::new();
+        if let Some(value) = contacts {
+            let wrong = |found: String| {
+                Error::input(format!(
+                    "`contacts` must have an entry for each of {count} bodies, found {found}"
+                ))
+            };
+            let list = sequence(value).ok_or_else(|| wrong(a_type(value)))?;
+            if list.len()? != count {
+                return Err(wrong(format!("{} entries", list.len()?)));
+            }
+            for (body, entry) in list.try_iter()?.enumerate() {
+                let found = self.some_contacts("contacts", &entry?)?;
+                on_surfaces.extend(found.into_iter().map(|contact| (body, contact)));
+            }
+        }
+        let wrong = |value: &Bound<'_, PyAny>| {
+            Error::input(format!("`pairs` must hold sphere pairs, found {}", a_type(value)))
+        };
+        let one = |value: &Bound<'_, PyAny>| match value.extract() {
+            Ok(SpherePair { pair, .. }) => Ok(pair),
+            Err(_) => Err(wrong(value)),
+        };
+        let pairs = match pairs {
+            None => Vec::new(),
+            Some(value) => match sequence(value) {
+                Some(list) => list.try_iter()?.map(|pair| one(&pair?)).collect::<Result<_, _>>()?,
+                None => vec![one(value)?],
+            },
+        };
+        Ok(BodyContacts::try_new(count, on_surfaces, pairs)?)
+    }
+}

@@ -1,0 +1,414 @@
+//! Errors of the Rust crates as Python exceptions.
+//!
+//! The classes are those of `somersault.errors`; this file says which one an error belongs to.
+
+use crate::core::convert::did_you_mean;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use somersault::contact::ContactError;
+use somersault::contact::event::Interruption;
+use somersault::contact::models::ModelError as ContactModelError;
+use somersault::contact::sensitivity::SensitivityError;
+use somersault::core::InertiaError;
+use somersault::integrators::batch::BatchError;
+use somersault::integrators::body::BodyError;
+use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::exact::FreeBodyError;
+use somersault::integrators::methods::{Method, UnknownMethod};
+use somersault::integrators::stepper::StepError;
+use somersault::integrators::studies::StudyError;
+use somersault::integrators::system::CountMismatch;
+use somersault::motion::analysis::AnalysisError;
+use somersault::motion::fit::FitError;
+use somersault::motion::recording::RecordingError;
+use somersault::motion::scoring::{ScoringError, StorageError};
+use somersault::motion::synthetic::SyntheticError;
+use somersault::motion::writers::WriteError;
+use somersault::multibody::flight::FlightError;
+use somersault::multibody::joint_motion::JointMotionError;
+use somersault::multibody::models::PostureError;
+use somersault::multibody::motion::MotionError;
+use somersault::multibody::urdf::UrdfError;
+use somersault::multibody::{DynamicsError, ModelError};
+use somersault::nlp::SolverError;
+use somersault::ocp::OcpError;
+use somersault::ocp::collocation::CollocationError;
+use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
+
+/// A class of `somersault.errors`.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Class {
+    Chattering,
+    Dynamics,
+    Evaluation,
+    Input,
+    Integration,
+    Read,
+    Sensitivity,
+    Somersault,
+    Write,
+}
+
+impl Class {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Chattering => "ChatteringError",
+            Self::Dynamics => "DynamicsError",
+            Self::Evaluation => "EvaluationError",
+            Self::Input => "InputError",
+            Self::Integration => "IntegrationError",
+            Self::Read => "ReadError",
+            Self::Sensitivity => "SensitivityError",
+            Self::Somersault => "SomersaultError",
+            Self::Write => "WriteError",
+        }
+    }
+}
+
+/// What a function of this module fails with.
+pub(crate) enum Error {
+    /// An exception that Python code raised.
+    Raised(PyErr),
+    /// An exception of `somersault.errors`.
+    Own { class: Class, message: String },
+}
+
+impl Error {
+    /// An argument that is not allowed.
+    pub(crate) fn input(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Input, message: message.into() }
+    }
+
+    /// A function or a result that has no value.
+    pub(crate) fn evaluation(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Evaluation, message: message.into() }
+    }
+
+    /// A file or document that is not what it should be.
+    pub(crate) fn read(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Read, message: message.into() }
+    }
+
+    /// What the system refuses.
+    pub(crate) fn of_system(message: impl Into<String>) -> Self {
+        Self::Own { class: Class::Somersault, message: message.into() }
+    }
+
+    /// An error of the library.
+    pub(crate) fn own(class: Class, error: &impl ToString) -> Self {
+        Self::Own { class, message: error.to_string() }
+    }
+
+    /// The same error, which says more.
+    pub(crate) fn followed_by(self, more: &str) -> Self {
+        match self {
+            Self::Own { class, message } => Self::Own { class, message: message + more },
+            raised => raised,
+        }
+    }
+
+    /// What it says.
+    pub(crate) fn message(&self) -> String {
+        match self {
+            Self::Raised(error) => error.to_string(),
+            Self::Own { message, .. } => message.clone(),
+        }
+    }
+
+    /// The error of one of many rows.
+    pub(crate) fn in_row(self, row: usize) -> Self {
+        match self {
+            Self::Own { class, message } => Self::Own { class, message: format!("row {row}: {message}") },
+            raised => raised,
+        }
+    }
+}
+
+/// Errors of which every one is an argument's.
+macro_rules! inputs {
+    ($($error:ty),* $(,)?) => {$(
+        impl From<$error> for Error {
+            fn from(error: $error) -> Self {
+                Self::own(Class::Input, &error)
+            }
+        }
+    )*};
+}
+pub(crate) use inputs;
+
+inputs!(
+    BodyError,
+    ContactError,
+    ContactModelError,
+    CountMismatch,
+    FreeBodyError,
+    InertiaError,
+    JointMotionError,
+    ModelError,
+    PostureError,
+);
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Raised(error) => error,
+            Error::Own { class, message } => Python::attach(|py| {
+                let found = py
+                    .import("somersault.errors")
+                    .and_then(|errors| errors.getattr(class.name()))
+                    .and_then(|class| Ok(class.cast_into::<PyType>()?));
+                match found {
+                    Ok(class) => PyErr::from_type(class, message),
+                    // Only where the extension is imported without its package.
+                    Err(_) => PyRuntimeError::new_err(message),
+                }
+            }),
+        }
+    }
+}
+
+impl From<PyErr> for Error {
+    fn from(error: PyErr) -> Self {
+        Self::Raised(error)
+    }
+}
+
+impl From<UnknownMethod> for Error {
+    fn from(error: UnknownMethod) -> Self {
+        let meant = did_you_mean(&error.found, Method::ALL.iter().map(|method| method.info().name));
+        Self::own(Class::Input, &error).followed_by(&meant)
+    }
+}
+
+impl From<StepError> for Error {
+    fn from(error: StepError) -> Self {
+        match error {
+            StepError::Torque { .. } => Self::own(Class::Input, &error),
+            error => Self::own(Class::Integration, &error),
+        }
+    }
+}
+
+impl From<IntegrateError> for Error {
+    fn from(error: IntegrateError) -> Self {
+        match error {
+            IntegrateError::Step(error) => error.into(),
+            IntegrateError::Interval { .. }
+            | IntegrateError::Argument(_)
+            | IntegrateError::TooManySteps { .. }
+            | IntegrateError::InitialState { .. }
+            | IntegrateError::NoErrorEstimate { .. }
+            | IntegrateError::RigidBodiesOnly { .. }
+            | IntegrateError::Variables { .. } => Self::own(Class::Input, &error),
+            error => Self::own(Class::Integration, &error),
+        }
+    }
+}
+
+impl From<BatchError> for Error {
+    fn from(error: BatchError) -> Self {
+        match error {
+            BatchError::Length { .. } | BatchError::NonFinite { .. } | BatchError::NotPositive { .. } => {
+                Self::own(Class::Input, &error)
+            }
+            error => Self::own(Class::Integration, &error),
+        }
+    }
+}
+
+impl From<StudyError> for Error {
+    fn from(error: StudyError) -> Self {
+        match error {
+            StudyError::Step(error) => error.into(),
+            StudyError::Integrate(error) => error.into(),
+            StudyError::Body(_)
+            | StudyError::FreeBody(_)
+            | StudyError::Empty { .. }
+            | StudyError::Argument(_)
+            | StudyError::NotIncreasing { .. } => Self::own(Class::Input, &error),
+            error => Self::own(Class::Evaluation, &error),
+        }
+    }
+}
+
+impl From<DynamicsError> for Error {
+    fn from(error: DynamicsError) -> Self {
+        match error {
+            DynamicsError::Singular { .. } => Self::own(Class::Dynamics, &error),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<Interruption> for Error {
+    fn from(reason: Interruption) -> Self {
+        match reason {
+            Interruption::Integrate(error) => error.into(),
+            Interruption::Chattering { .. } => Self::own(Class::Chattering, &reason),
+            Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::input(format!(
+                "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
+            )),
+            Interruption::Surface { .. } => Self::own(Class::Input, &reason),
+            reason => Self::own(Class::Integration, &reason),
+        }
+    }
+}
+
+impl From<SensitivityError> for Error {
+    fn from(error: SensitivityError) -> Self {
+        match error {
+            SensitivityError::Run(reason) => reason.into(),
+            SensitivityError::Grazing(_) => Self::own(Class::Sensitivity, &error),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<UrdfError> for Error {
+    fn from(error: UrdfError) -> Self {
+        match error {
+            UrdfError::NotRepresentable { .. } => Self::own(Class::Write, &error),
+            error => Self::own(Class::Read, &error),
+        }
+    }
+}
+
+impl From<MotionError> for Error {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Integrate(error) => error.into(),
+            error => Self::own(Class::Dynamics, &error),
+        }
+    }
+}
+
+impl From<FlightError> for Error {
+    fn from(error: FlightError) -> Self {
+        match error {
+            FlightError::Dynamics(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<OcpError> for Error {
+    fn from(error: OcpError) -> Self {
+        match error {
+            OcpError::Dynamics(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<SolverError> for Error {
+    fn from(error: SolverError) -> Self {
+        match error {
+            SolverError::Failed { source, .. } => Self::own(Class::Evaluation, &source),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<CollocationError> for Error {
+    fn from(error: CollocationError) -> Self {
+        match error {
+            CollocationError::Solver(error) => error.into(),
+            CollocationError::Evaluation(error) => Self::own(Class::Evaluation, &error),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<DiveError> for Error {
+    fn from(error: DiveError) -> Self {
+        match error {
+            DiveError::Dynamics(error) => error.into(),
+            DiveError::Flight(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<DiveSearchError> for Error {
+    fn from(error: DiveSearchError) -> Self {
+        match error {
+            DiveSearchError::Dive(error) => error.into(),
+            DiveSearchError::Solver(error) => error.into(),
+            error => Self::own(Class::Evaluation, &error),
+        }
+    }
+}
+
+impl From<DiveJudgementError> for Error {
+    fn from(error: DiveJudgementError) -> Self {
+        match error {
+            DiveJudgementError::Dive(error) => error.into(),
+            DiveJudgementError::Motion(error) => error.into(),
+            error => Self::own(Class::Evaluation, &error),
+        }
+    }
+}
+
+impl From<RecordingError> for Error {
+    fn from(error: RecordingError) -> Self {
+        match error {
+            RecordingError::Model(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<FitError> for Error {
+    fn from(error: FitError) -> Self {
+        match error {
+            FitError::Model(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<AnalysisError> for Error {
+    fn from(error: AnalysisError) -> Self {
+        match error {
+            AnalysisError::NoConvergence => Self::own(Class::Evaluation, &error),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<ScoringError> for Error {
+    fn from(error: ScoringError) -> Self {
+        match error {
+            ScoringError::Analysis(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<StorageError> for Error {
+    fn from(error: StorageError) -> Self {
+        Self::own(Class::Read, &error)
+    }
+}
+
+impl From<WriteError> for Error {
+    fn from(error: WriteError) -> Self {
+        Self::own(Class::Write, &error)
+    }
+}
+
+impl From<SyntheticError> for Error {
+    fn from(error: SyntheticError) -> Self {
+        match error {
+            SyntheticError::Recording(error) => error.into(),
+            SyntheticError::Model(error) => error.into(),
+            SyntheticError::Flight(error) => error.into(),
+            SyntheticError::Motion(error) => error.into(),
+            SyntheticError::Markers(error) => error.into(),
+            SyntheticError::Faults(error) => error.into(),
+            SyntheticError::Scoring(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! What happens in contacts during a run.
+
+use crate::core::convert::{a_type, entries};
+use crate::core::error::Error;
+use crate::integrators::bodies::State;
+use crate::integrators::trajectory::Seen;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::contact::event;
+use somersault::integrators::nalgebra::Vector3;
+
+/// The events of a run, and what it took to find them.
+pub(crate) struct Events<Q: Seen> {
+    /// Steps tried.
+    pub(crate) trials: u64,
+    /// Steps that were parts of longer ones.
+    pub(crate) substeps: u64,
+    /// How many there were.
+    pub(crate) count: u64,
+    /// How many contacts there are; the guards of their friction follow theirs.
+    pub(crate) contacts: usize,
+    /// Those kept.
+    pub(crate) events: Vec<event::Event<Q>>,
+    /// Stretches of the contacts in the state reached, m.
+    pub(crate) stretches: Vec<Vector3<f64>>,
+}
+
+impl<Q: Seen> Events<Q> {
+    /// Of a run that looks for none.
+    pub(crate) fn none() -> Self {
+        Self { trials: 0, substeps: 0, count: 0, contacts: 1, events: Vec::new(), stretches: Vec::new() }
+    }
+}
+
+/// A change in a contact: its beginning, its end, the change between sticking and sliding.
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct Event {
+    t: f64,
+    contact: usize,
+    kind: String,
+    impulse: f64,
+    state: Py<PyAny>,
+}
+
+impl Event {
+    pub(crate) fn of<Q: Seen>(py: Python<'_>, contacts: usize, event: &event::Event<Q>) -> PyResult<Self> {
+        let state = Q::to_python(py, &event.state)?.unbind();
+        Ok(Self {
+            t: event.t,
+            contact: event.guard % contacts.max(1),
+            kind: event.kind.name().to_owned(),
+            impulse: event.impulse,
+            state,
+        })
+    }
+}
+
+#[pymethods]
+impl Event {
+    #[new]
+    fn new(
+        t: f64,
+        contact: usize,
+        kind: &str,
+        impulse: f64,
+        state: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let is_one = state.is_instance_of::<State>();
+        if !is_one && entries::<State>(state).is_err() {
+            let found = a_type(state);
+            return Err(Error::input(format!("`state` must be a State or a list of them, found {found}")));
+        }
+        Ok(Self { t, contact, kind: kind.to_owned(), impulse, state: state.clone().unbind() })
+    }
+
+    /// float: When, s.
+    #[getter]
+    fn t(&self) -> f64 {
+        self.t
+    }
+
+    /// int: Which contact, by its place among those given; pairs of spheres follow those with surfaces.
+    #[getter]
+    fn contact(&self) -> usize {
+        self.contact
+    }
+
+    /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
+    /// released below the surface is held again, ``'stick'`` or ``'slip'``.
+    #[getter]
+    fn kind(&self) -> &str {
+        &self.kind
+    }
+
+    /// float: Impulse that a release completes, ∫ F dt, N s, to order 4; 0 for the others.
+    #[getter]
+    fn impulse(&self) -> f64 {
+        self.impulse
+    }
+
+    /// State or list of State: The state.
+    #[getter]
+    fn state(&self, py: Python<'_>) -> Py<PyAny> {
+        self.state.clone_ref(py)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Event: {} of contact {} at t = {}>", self.kind, self.contact, self.t)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, event) = (slf.py(), slf.get());
+        let arguments = (event.t, event.contact, event.kind(), event.impulse, event.state(py));
+        Ok((slf.get_type(), arguments.into_pyobject(py)?))
+    }
+}

@@ -1,0 +1,669 @@
+//! Forces and torques: the models of the library, and Python callables in their place.
+
+use crate::core::convert::{a_type, any_vector, any_vectors, finite, vector, vector_array, vector_or};
+use crate::core::error::Error;
+use crate::integrators::bodies::{RigidBody, State};
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PySequence, PyString, PyTuple, PyType};
+use somersault::integrators::body;
+use somersault::integrators::force::{self, BoxedForce, Wrench};
+use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::state::{Pose, RigidBodiesState, RigidBodyState, State as StateOf, Twist};
+use somersault::integrators::system::{self, BoxedInteraction, Interaction};
+use somersault::integrators::variation::Tangent;
+use std::sync::{Arc, OnceLock};
+
+/// Base of the built-in force models.
+#[pyclass(frozen, subclass, module = "somersault.forces")]
+pub(crate) struct ForceModel(Shared);
+
+#[pymethods]
+impl ForceModel {
+    /// Force and torque on a body.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float
+    ///     Time, s.
+    /// body : RigidBody
+    ///     The body.
+    /// state : State
+    ///     Its state.
+    ///
+    /// Returns
+    /// -------
+    /// force, torque : ndarray, shape (3,)
+    ///     Force, N, and torque about the centre of mass, N m, world frame.
+    fn wrench<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        body: RigidBody,
+        state: State,
+    ) -> (Bound<'py, PyAny>, Bound<'py, PyAny>) {
+        let wrench = force::ForceModel::wrench(&self.0, t, &body.0, &state.0);
+        (vector_array(py, &wrench.force), vector_array(py, &wrench.torque))
+    }
+}
+
+/// A model that a Python object and an integration own together.
+#[derive(Clone)]
+struct Shared(Arc<dyn force::ForceModel + Send + Sync>);
+
+impl force::ForceModel for Shared {
+    fn wrench(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.wrench(t, body, x)
+    }
+    fn is_free(&self) -> bool {
+        self.0.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.0.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.0.depends_on_velocity()
+    }
+    fn bound(&self, body: &body::RigidBody, reach: &force::Reach) -> Option<force::WrenchBound> {
+        self.0.bound(body, reach)
+    }
+    fn potential(&self, body: &body::RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.0.potential(body, x)
+    }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &body::RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.0.wrench_variation(t, body, x, along)
+    }
+    fn mass_derivative(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.mass_derivative(t, body, x)
+    }
+}
+
+fn build<M, C>(model: M, wrap: impl FnOnce(M) -> C) -> PyClassInitializer<C>
+where
+    M: force::ForceModel + Copy + Send + Sync + 'static,
+    C: pyo3::PyClass<BaseType = ForceModel>,
+{
+    PyClassInitializer::from(ForceModel(Shared(Arc::new(model)))).add_subclass(wrap(model))
+}
+
+/// Uniform gravity: F = m g.
+///
+/// Parameters
+/// ----------
+/// acceleration : array_like, shape (3,), optional
+///     g, m/s²; 9.81 along −z unless given.
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct Gravity(force::Gravity);
+
+impl Gravity {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, gravity: force::Gravity) -> PyResult<Py<Self>> {
+        Py::new(py, build(gravity, Self))
+    }
+}
+
+#[pymethods]
+impl Gravity {
+    #[new]
+    #[pyo3(signature = (acceleration=None))]
+    fn new(acceleration: Option<&Bound<'_, PyAny>>) -> Result<PyClassInitializer<Self>, Error> {
+        let acceleration = vector_or("acceleration", acceleration, force::Gravity::earth().acceleration)?;
+        Ok(build(force::Gravity { acceleration }, Self))
+    }
+
+    /// ndarray, shape (3,): g, m/s².
+    #[getter]
+    fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.0.acceleration)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Gravity({:?})", self.0.acceleration.as_slice())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.acceleration(py),).into_pyobject(py)?))
+    }
+}
+
+/// Linear spring and damper between a point of the body and an anchor in the world.
+///
+/// With s the vector from the anchor to the attachment, F = −k (1 − l₀/‖s‖) s − c (ṡ·s) s/‖s‖².
+///
+/// Parameters
+/// ----------
+/// stiffness : float
+///     k, N/m.
+/// anchor : array_like, shape (3,), optional
+///     Fixed end, world frame, m.
+/// attachment : array_like, shape (3,), optional
+///     End on the body, body frame, m; the centre of mass unless given.
+/// damping : float, optional
+///     c, N s/m.
+/// rest_length : float, optional
+///     l₀, m.
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct Spring(force::Spring);
+
+impl Spring {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, spring: force::Spring) -> PyResult<Py<Self>> {
+        Py::new(py, build(spring, Self))
+    }
+}
+
+#[pymethods]
+impl Spring {
+    #[new]
+    #[pyo3(signature = (stiffness, anchor=None, attachment=None, *, damping=0.0, rest_length=0.0))]
+    fn new(
+        stiffness: f64,
+        anchor: Option<&Bound<'_, PyAny>>,
+        attachment: Option<&Bound<'_, PyAny>>,
+        damping: f64,
+        rest_length: f64,
+    ) -> Result<PyClassInitializer<Self>, Error> {
+        let spring = force::Spring {
+            anchor: vector_or("anchor", anchor, Vector3::zeros())?,
+            attachment: vector_or("attachment", attachment, Vector3::zeros())?,
+            stiffness: finite("stiffness", stiffness)?,
+            damping: finite("damping", damping)?,
+            rest_length: finite("rest_length", rest_length)?,
+        };
+        Ok(build(spring, Self))
+    }
+
+    /// float: k, N/m.
+    #[getter]
+    fn stiffness(&self) -> f64 {
+        self.0.stiffness
+    }
+
+    /// ndarray, shape (3,): Fixed end, world frame, m.
+    #[getter]
+    fn anchor<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.0.anchor)
+    }
+
+    /// ndarray, shape (3,): End on the body, body frame, m.
+    #[getter]
+    fn attachment<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.0.attachment)
+    }
+
+    /// float: c, N s/m.
+    #[getter]
+    fn damping(&self) -> f64 {
+        self.0.damping
+    }
+
+    /// float: l₀, m.
+    #[getter]
+    fn rest_length(&self) -> f64 {
+        self.0.rest_length
+    }
+
+    fn __repr__(&self) -> String {
+        let s = &self.0;
+        format!(
+            "Spring({:?}, anchor={:?}, attachment={:?}, damping={:?}, rest_length={:?})",
+            s.stiffness,
+            s.anchor.as_slice(),
+            s.attachment.as_slice(),
+            s.damping,
+            s.rest_length
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let ends = (own.anchor(py), own.attachment(py));
+        let arguments = (own.stiffness(), ends.0, ends.1, own.damping(), own.rest_length());
+        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+    }
+
+    /// A pickled spring.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        stiffness: f64,
+        anchor: &Bound<'_, PyAny>,
+        attachment: &Bound<'_, PyAny>,
+        damping: f64,
+        rest_length: f64,
+    ) -> Result<Py<Self>, Error> {
+        let spring = Self::new(stiffness, Some(anchor), Some(attachment), damping, rest_length)?;
+        Ok(Py::new(cls.py(), spring)?)
+    }
+}
+
+/// Drag: F = −(c₁ + c₂‖v‖) v, M = −c₃ ω.
+///
+/// Parameters
+/// ----------
+/// linear : float, optional
+///     c₁, N s/m.
+/// quadratic : float, optional
+///     c₂, N s²/m².
+/// angular : float, optional
+///     c₃, N m s.
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct Drag(force::Drag);
+
+impl Drag {
+    /// One of the library's.
+    pub(crate) fn of(py: Python<'_>, drag: force::Drag) -> PyResult<Py<Self>> {
+        Py::new(py, build(drag, Self))
+    }
+}
+
+#[pymethods]
+impl Drag {
+    #[new]
+    #[pyo3(signature = (linear=0.0, quadratic=0.0, angular=0.0))]
+    fn new(linear: f64, quadratic: f64, angular: f64) -> Result<PyClassInitializer<Self>, Error> {
+        let drag = force::Drag {
+            linear: finite("linear", linear)?,
+            quadratic: finite("quadratic", quadratic)?,
+            angular: finite("angular", angular)?,
+        };
+        Ok(build(drag, Self))
+    }
+
+    /// float: c₁, N s/m.
+    #[getter]
+    fn linear(&self) -> f64 {
+        self.0.linear
+    }
+
+    /// float: c₂, N s²/m².
+    #[getter]
+    fn quadratic(&self) -> f64 {
+        self.0.quadratic
+    }
+
+    /// float: c₃, N m s.
+    #[getter]
+    fn angular(&self) -> f64 {
+        self.0.angular
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "Drag(linear={:?}, quadratic={:?}, angular={:?})",
+            self.0.linear, self.0.quadratic, self.0.angular
+        )
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.linear(), own.quadratic(), own.angular()).into_pyobject(py)?))
+    }
+}
+
+/// Constant torque about the centre of mass, fixed in the world or in the body.
+///
+/// Parameters
+/// ----------
+/// torque : array_like, shape (3,)
+///     Torque, N m.
+/// frame : {'world', 'body'}, optional
+///     Where it is fixed.
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct Torque(force::ConstantTorque);
+
+#[pymethods]
+impl Torque {
+    #[new]
+    #[pyo3(signature = (torque, frame="world"))]
+    fn new(torque: &Bound<'_, PyAny>, frame: &str) -> Result<PyClassInitializer<Self>, Error> {
+        let torque = vector("torque", torque)?;
+        let torque = match frame {
+            "world" => force::ConstantTorque::World(torque),
+            "body" => force::ConstantTorque::Body(torque),
+            _ => return Err(Error::input(format!("`frame` must be 'world' or 'body', found '{frame}'"))),
+        };
+        Ok(build(torque, Self))
+    }
+
+    /// ndarray, shape (3,): Torque, N m.
+    #[getter]
+    fn torque<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        let (force::ConstantTorque::World(torque) | force::ConstantTorque::Body(torque)) = &self.0;
+        vector_array(py, torque)
+    }
+
+    /// str: Where it is fixed, ``"world"`` or ``"body"``.
+    #[getter]
+    fn frame(&self) -> &'static str {
+        match self.0 {
+            force::ConstantTorque::World(_) => "world",
+            force::ConstantTorque::Body(_) => "body",
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let (force::ConstantTorque::World(torque) | force::ConstantTorque::Body(torque)) = &self.0;
+        format!("Torque({:?}, frame='{}')", torque.as_slice(), self.frame())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.torque(py), own.frame()).into_pyobject(py)?))
+    }
+}
+
+/// Constant force, fixed in the world, at a point of the body.
+///
+/// Parameters
+/// ----------
+/// force : array_like, shape (3,)
+///     Force, world frame, N.
+/// point : array_like, shape (3,), optional
+///     Point of action, body frame, m; the centre of mass unless given.
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct Force(force::ConstantForce);
+
+#[pymethods]
+impl Force {
+    #[new]
+    #[pyo3(signature = (force, point=None))]
+    fn new(
+        force: &Bound<'_, PyAny>,
+        point: Option<&Bound<'_, PyAny>>,
+    ) -> Result<PyClassInitializer<Self>, Error> {
+        let force = force::ConstantForce {
+            force: vector("force", force)?,
+            point: vector_or("point", point, Vector3::zeros())?,
+        };
+        Ok(build(force, Self))
+    }
+
+    /// ndarray, shape (3,): Force, world frame, N.
+    #[getter]
+    fn force<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.0.force)
+    }
+
+    /// ndarray, shape (3,): Point of action, body frame, m.
+    #[getter]
+    fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, &self.0.point)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Force({:?}, point={:?})", self.0.force.as_slice(), self.0.point.as_slice())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.force(py), own.point(py)).into_pyobject(py)?))
+    }
+}
+
+/// Newtonian attraction between the centres of mass: F = G m₁ m₂/d².
+///
+/// Parameters
+/// ----------
+/// constant : float, optional
+///     G in the units of the problem; the CODATA value of 2018 in m³/(kg s²) unless given.
+#[pyclass(frozen, from_py_object, module = "somersault.forces")]
+#[derive(Clone, Copy)]
+pub(crate) struct Gravitation(system::Gravitation);
+
+#[pymethods]
+impl Gravitation {
+    #[new]
+    #[pyo3(signature = (constant=6.6743e-11))]
+    fn new(constant: f64) -> Result<Self, Error> {
+        Ok(Self(system::Gravitation { constant: finite("constant", constant)? }))
+    }
+
+    /// float: G.
+    #[getter]
+    fn constant(&self) -> f64 {
+        self.0.constant
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Gravitation({:?})", self.0.constant)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        Ok((slf.get_type(), (own.constant(),).into_pyobject(py)?))
+    }
+}
+
+/// The first exception that Python code raised in a run. The run stops at it.
+#[derive(Clone, Default)]
+pub(crate) struct Failure(Arc<OnceLock<PyErr>>);
+
+impl Failure {
+    /// Keeps an exception unless there is one.
+    pub(crate) fn set(&self, error: PyErr) {
+        // A later exception is a consequence of the first.
+        let _ = self.0.set(error);
+    }
+
+    /// The exception kept.
+    pub(crate) fn get(&self) -> Option<&PyErr> {
+        self.0.get()
+    }
+}
+
+/// What a Python callable gives that stands for a force model: NaN once anything has been raised.
+pub(crate) fn call<T>(failure: &Failure, nan: T, f: impl FnOnce(Python<'_>) -> Result<T, Error>) -> T {
+    if failure.get().is_some() {
+        return nan;
+    }
+    Python::attach(f).unwrap_or_else(|error| {
+        failure.set(error.into());
+        nan
+    })
+}
+
+fn check_returned(name: &str, t: f64, finite: bool) -> Result<(), Error> {
+    if finite {
+        Ok(())
+    } else {
+        Err(Error::input(format!("`{name}` returned a force or torque that is NaN or infinite at t = {t}")))
+    }
+}
+
+/// A callable ``f(t, state) -> (force, torque)``.
+struct CallableForce {
+    callable: Py<PyAny>,
+    name: String,
+    failure: Failure,
+}
+
+const NAN: Vector3<f64> = Vector3::new(f64::NAN, f64::NAN, f64::NAN);
+
+impl force::ForceModel for CallableForce {
+    fn wrench(&self, t: f64, _: &body::RigidBody, x: &RigidBodyState) -> Wrench {
+        call(&self.failure, Wrench { force: NAN, torque: NAN }, |py| {
+            let returned = self.callable.call1(py, (t, State(*x)))?;
+            let (force, torque) = pair(&self.name, "(3,)", returned.bind(py))?;
+            let wrench = Wrench {
+                force: any_vector(&format!("{}(t, state)[0]", self.name), &force)?,
+                torque: any_vector(&format!("{}(t, state)[1]", self.name), &torque)?,
+            };
+            check_returned(&self.name, t, (wrench.force + wrench.torque).iter().all(|x| x.is_finite()))?;
+            Ok(wrench)
+        })
+    }
+}
+
+fn pair<'py>(
+    name: &str,
+    shape: &str,
+    returned: &Bound<'py, PyAny>,
+) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+    returned.extract().map_err(|_| {
+        Error::input(format!(
+            "`{name}` must return a pair (force, torque), each of shape {shape}, found {}",
+            a_type(returned)
+        ))
+    })
+}
+
+/// What a callable calls itself, for messages.
+pub(crate) fn callable_name(callable: &Bound<'_, PyAny>) -> String {
+    let name = callable.getattr("__qualname__").and_then(|name| name.extract::<String>());
+    name.or_else(|_| callable.get_type().name().map(|name| name.to_string())).unwrap_or_default()
+}
+
+/// Reads force models, and notes whether a Python callable is among them.
+pub(crate) struct Reader {
+    pub(crate) failure: Failure,
+    pub(crate) calls_python: bool,
+}
+
+impl Reader {
+    fn model(&mut self, argument: &str, value: &Bound<'_, PyAny>) -> Result<BoxedForce, Error> {
+        if let Ok(model) = value.cast::<ForceModel>() {
+            return Ok(Box::new(model.get().0.clone()));
+        }
+        if value.is_callable() && !value.is_instance_of::<pyo3::types::PyType>() {
+            self.calls_python = true;
+            return Ok(Box::new(CallableForce {
+                callable: value.clone().unbind(),
+                name: callable_name(value),
+                failure: self.failure.clone(),
+            }));
+        }
+        Err(Error::input(format!(
+            "`{argument}` must hold force models or callables f(t, state) -> (force, torque), found {}",
+            a_type(value)
+        )))
+    }
+
+    /// The sum of one or several models; None is no force.
+    pub(crate) fn sum(&mut self, argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<BoxedForce>, Error> {
+        if value.is_none() {
+            return Ok(Vec::new());
+        }
+        match sequence(value) {
+            Some(list) => list.try_iter()?.map(|f| self.model(argument, &f?)).collect(),
+            None => Ok(vec![self.model(argument, value)?]),
+        }
+    }
+
+    /// What acts on each of several bodies: one entry for each, or one model for all.
+    pub(crate) fn for_each(
+        &mut self,
+        argument: &str,
+        bodies: usize,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Vec<Vec<BoxedForce>>, Error> {
+        match sequence(value) {
+            Some(list) if list.len()? > 0 => {
+                list.try_iter()?.map(|entry| self.sum(argument, &entry?)).collect()
+            }
+            Some(_) => Ok((0..bodies).map(|_| Vec::new()).collect()),
+            None => (0..bodies).map(|_| self.sum(argument, value)).collect(),
+        }
+    }
+
+    /// What acts between bodies.
+    pub(crate) fn between(&mut self, value: Option<&Bound<'_, PyAny>>) -> Result<BoxedInteraction, Error> {
+        let Some(value) = value else { return Ok(Box::new(())) };
+        if let Ok(Gravitation(gravitation)) = value.extract::<Gravitation>() {
+            return Ok(Box::new(gravitation));
+        }
+        if value.is_callable() {
+            self.calls_python = true;
+            return Ok(Box::new(CallableInteraction {
+                callable: value.clone().unbind(),
+                name: callable_name(value),
+                failure: self.failure.clone(),
+            }));
+        }
+        Err(Error::input(format!(
+            "`interaction` must be a Gravitation or a callable f(t, states) -> (forces, torques), found {}",
+            a_type(value)
+        )))
+    }
+}
+
+/// Built-in models that add up, to be run without the interpreter.
+#[derive(Clone, Default)]
+pub(crate) struct Models(Arc<[Py<ForceModel>]>);
+
+impl Models {
+    /// One built-in model or several.
+    pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let model = |value: &Bound<'_, PyAny>| match value.cast::<ForceModel>() {
+            Ok(model) => Ok(model.clone().unbind()),
+            Err(_) => {
+                Err(Error::input(format!("`{argument}` must hold force models, found {}", a_type(value))))
+            }
+        };
+        let models: Arc<[_]> = match sequence(value) {
+            Some(list) => list.try_iter()?.map(|f| model(&f?)).collect::<Result<_, _>>()?,
+            None => Arc::new([model(value)?]),
+        };
+        Ok(Self(models))
+    }
+
+    /// Whether there is none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The models as they were given.
+    pub(crate) fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        PyList::new(py, self.0.iter())
+    }
+
+    /// What they are to a system.
+    pub(crate) fn boxed(&self) -> Vec<BoxedForce> {
+        self.0.iter().map(|model| Box::new(model.get().0.clone()) as BoxedForce).collect()
+    }
+}
+
+/// A list or a tuple, or whatever else is a sequence but no text.
+pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Bound<'py, PySequence>> {
+    if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }
+}
+
+/// An interaction that Python gave.
+struct CallableInteraction {
+    callable: Py<PyAny>,
+    name: String,
+    failure: Failure,
+}
+
+impl Interaction for CallableInteraction {
+    fn add_wrenches(&self, t: f64, _: &[body::RigidBody], x: &RigidBodiesState, out: &mut [Twist]) {
+        let Self { callable, name, failure } = self;
+        let nan = vec![Twist { linear: NAN, angular: NAN }; out.len()];
+        let wrenches = call(failure, nan, |py| {
+            let returned = callable.call1(py, (t, states_list(py, x)?))?;
+            let shape = format!("({}, 3)", out.len());
+            let (forces, torques) = pair(name, &shape, returned.bind(py))?;
+            let forces = any_vectors(&format!("{name}(t, states)[0]"), &[out.len()], &forces)?;
+            let torques = any_vectors(&format!("{name}(t, states)[1]"), &[out.len()], &torques)?;
+            let finite = forces.iter().chain(&torques).all(|v| v.iter().all(|x| x.is_finite()));
+            check_returned(name, t, finite)?;
+            let twists = forces.into_iter().zip(torques);
+            Ok(twists.map(|(linear, angular)| Twist { linear, angular }).collect())
+        });
+        for (sum, wrench) in out.iter_mut().zip(wrenches) {
+            sum.linear += wrench.linear;
+            sum.angular += wrench.angular;
+        }
+    }
+}
+
+/// The states of several bodies as a list of `State`.
+pub(crate) fn states_list<'py>(py: Python<'py>, x: &StateOf<Vec<Pose>>) -> PyResult<Bound<'py, PyList>> {
+    PyList::new(py, (0..x.configuration.len()).filter_map(|i| x.body(i)).map(State))
+}

@@ -1,0 +1,395 @@
+//! The front door: integration of one body or of several.
+
+use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
+use crate::core::error::Error;
+use crate::integrators::event::Events;
+use crate::integrators::forces::{Failure, Reader};
+use crate::integrators::located::{CountedForces, InContact};
+use crate::integrators::methods;
+use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
+use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
+use crate::integrators::trajectory::{Cast, Report, Seen, Solution};
+use pyo3::prelude::*;
+use somersault::contact::bodies::BodiesInContact;
+use somersault::contact::contacts::BodyInContact;
+use somersault::contact::event::{Location, StiffSteps};
+use somersault::contact::interface::ContactLaw;
+use somersault::contact::stretches::{Touching, WithStretches};
+use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::state::{Pose, State};
+use somersault::integrators::studies::work_precision::Counted;
+use somersault::integrators::system::{
+    BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
+};
+
+/// How a run ended and what it took.
+pub(crate) struct Ended<Q: Seen> {
+    pub(crate) status: Result<Status, Error>,
+    pub(crate) rejected: u64,
+    pub(crate) nfev: u64,
+    pub(crate) events: Events<Q>,
+}
+
+impl<Q: Seen> Ended<Q> {
+    fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
+        Self { status, rejected, nfev, events: Events::none() }
+    }
+}
+
+/// Bodies to be integrated, and a count of how often their equations are evaluated.
+pub(crate) trait Bodies: Sync {
+    /// What moves.
+    type Configuration: Seen;
+
+    /// Integrates as planned.
+    fn solve(
+        &self,
+        initial: &State<Self::Configuration>,
+        plan: &Plan,
+        observer: &mut Monitor<Self::Configuration>,
+    ) -> Ended<Self::Configuration>;
+}
+
+/// A body without forces. Counting would hide from the methods that they can skip the forces.
+struct Free(RigidBodySystem);
+
+impl Bodies for Free {
+    type Configuration = Pose;
+
+    fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
+        let outcome = plan.solve(&self.0, initial, observer);
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
+        Ended::without_events(outcome, nfev)
+    }
+}
+
+/// Bodies under forces.
+struct Forced<S>(S);
+
+impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
+    type Configuration = S::Configuration;
+
+    fn solve(
+        &self,
+        initial: &StateOf<S>,
+        plan: &Plan,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> Ended<S::Configuration> {
+        let system = Counted::new(&self.0);
+        let outcome = plan.solve(&system, initial, observer);
+        Ended::without_events(outcome, system.calls())
+    }
+}
+
+impl Plan {
+    fn solve<S: RigidSystem>(
+        &self,
+        system: &S,
+        initial: &StateOf<S>,
+        observer: &mut Monitor<S::Configuration>,
+    ) -> Result<Outcome<S::Configuration>, IntegrateError>
+    where
+        S::Configuration: Seen,
+    {
+        match &self.steps {
+            Steps::Fixed(grid) => self.method.integrate(self.options, system, initial, grid, observer),
+            Steps::Adapted(interval, control) => {
+                self.method.integrate_adaptive(self.options, system, initial, *interval, control, observer)
+            }
+        }
+    }
+}
+
+fn run<B: Bodies>(
+    py: Python<'_>,
+    cast: Cast,
+    bodies: &B,
+    initial: &State<B::Configuration>,
+    plan: &Plan,
+    observer: Option<Py<PyAny>>,
+    progress: Option<ProgressBar>,
+    failure: Failure,
+) -> Result<Py<Solution>, Error> {
+    let watch = observer.map(|observer| -> Watch<B::Configuration> {
+        Box::new(move |py, t, x| {
+            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?))?;
+            answer.bind(py).is_truthy()
+        })
+    });
+    let mut monitor = Monitor::try_new(plan, initial, 13 * cast.bodies.len(), watch, progress, failure)?;
+    let Ended { status, rejected, nfev, events } =
+        monitor.supervise(py, plan, |monitor| bodies.solve(initial, plan, monitor))?;
+    let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);
+    let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
+    let solution = Solution::create(py, cast, recorded, plan.dense, report, events)?;
+    plan.deliver(py, failed, solution)
+}
+
+/// A state with the stretches that an argument asks for.
+pub(crate) fn stretched<S: Touching>(
+    system: &WithStretches<S>,
+    stretches: Option<&Bound<'_, PyAny>>,
+    t: f64,
+    x: StateOf<S>,
+) -> Result<StateOf<WithStretches<S>>, Error> {
+    let Some(given) = stretches else { return Ok(system.unstretched(x)) };
+    if given.extract::<&str>().is_ok_and(|word| word == "loaded") {
+        return Ok(system.loaded(t, x));
+    }
+    let count = system.0.laws().count();
+    let values = with_shape("stretches", &[count, 3], given)?;
+    let stretches = values.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    Ok(system.stretched(x, stretches)?)
+}
+
+/// Refuses friction with a stretch where forces switch with the state, which has no place for it.
+fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result<(), Error> {
+    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+        return Err(Error::input(
+            "`locate` must be true where friction is a CoulombFriction with stiffness: it has a state of its own",
+        ));
+    }
+    Ok(())
+}
+
+/// Motion of one rigid body, or of several, under forces.
+///
+/// Integrates m r̈ = F, Ṙ = ω̂ R and I ω̇ = M − ω × I ω from `state` over `interval`, with a fixed step
+/// `dt` or, where `dt` is left out, with steps adapted to `rtol` and `atol`.
+///
+/// Parameters
+/// ----------
+/// body : RigidBody or sequence of RigidBody
+///     The body, or the bodies.
+/// state : State or sequence of State
+///     State at the start, one for each body.
+/// interval : tuple of float
+///     Start and end time, s.
+/// dt : float, optional
+///     Step, s. Where it does not divide the interval the last step is shorter.
+/// method : str or MethodInfo, optional
+///     A method of the table that `somersault.methods` returns; ``"rkmk"`` unless given, or ``"rkmk8_b"``
+///     where the steps are adapted.
+/// forces : force model, callable, or sequence of them, optional
+///     What acts on the body; the models of a sequence add up. A callable ``f(t, state)`` returns force
+///     and torque about the centre of mass, world frame. For several bodies a sequence has one entry
+///     for each of them, itself a model, a sequence or None; a single model acts on every body.
+/// interaction : Gravitation or callable, optional
+///     What acts between several bodies. A callable ``f(t, states)`` returns forces and torques, each of
+///     shape (bodies, 3).
+/// contacts : Contact or sequence of Contact, optional
+///     Where the body touches surfaces. For several bodies a sequence has one entry for each of them,
+///     itself a contact, a sequence or None.
+/// pairs : SpherePair or sequence of SpherePair, optional
+///     Where several bodies touch each other.
+/// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+///     Stretches of the friction of the contacts at the start, m, world frame; those of pairs follow those of
+///     surfaces. ``'loaded'`` lets them carry the load as far as friction can, so that a body at rest on a
+///     slope stays at rest from the start. Unstretched unless given.
+/// locate : bool, optional
+///     Whether to cut steps where a contact begins or ends, so that the method keeps its order, and to log
+///     these events. Otherwise the forces of contacts switch within steps.
+/// max_event_rate : float, optional
+///     Most events per second and contact, averaged over the last 64, 1e9 unless given; more are an error.
+/// keep_events : bool, optional
+///     Whether to keep the events; they are counted in any case.
+/// graze : float, optional
+///     Depth below which a hit on a rim or on a surface without a known `concavity` may be missed, m; 1e-6 unless
+///     given. Hits on all others are found whatever their depth.
+/// max_substeps : int or None, optional
+///     Most parts that a fixed step is divided into for the contacts closed; 100 000 unless given. 1 refuses steps
+///     that are too long for a contact with `IntegrationError`; None makes steps as they are given, for studies of
+///     methods.
+/// rtol, atol : float, optional
+///     Relative and absolute tolerance of an adaptive step, 1e-8 and 1e-10 unless given. Each vector is
+///     weighed by its length; an orientation counts as one radian.
+/// max_step, first_step : float, optional
+///     Largest and first step of an adaptive run, s.
+/// max_steps : int, optional
+///     Largest number of steps of an adaptive run, 10 million unless given.
+/// start_up : {'one_step', 'ladder'}, optional
+///     How the Adams methods make their first steps: by a one-step method of order 4, or by their own
+///     family with as many steps as there are.
+/// dense_output : bool, optional
+///     Whether to keep the curves between the steps, for ``solution.sol(t)``.
+/// every : int, optional
+///     Record every so many steps. The last is always recorded.
+/// observer : callable, optional
+///     ``f(t, state)``, called after every step; the run stops where it returns something true.
+/// on_interrupt : {'raise', 'return'}, optional
+///     At Ctrl-C, raise KeyboardInterrupt or return what was recorded with status −1.
+/// progress : bool, optional
+///     Whether to show a progress bar, for which tqdm must be installed.
+///
+/// Returns
+/// -------
+/// Solution
+///     Times, states and what is derived from them.
+///
+/// Raises
+/// ------
+/// InputError
+///     If an argument is not allowed: no method has this name, the method takes no torque, or a surface is not fit to be
+///     touched, which may be found on the way.
+/// IntegrationError
+///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
+///     of an implicit step was not solved, events follow each other too fast (`ChatteringError`), a step is too long for a
+///     contact or the method gains energy in it.
+///
+/// Notes
+/// -----
+/// Other Python threads run meanwhile unless a callable is given. What a callable raises stops the run
+/// and comes out as it is. Every exception that stops a run has what was recorded before in its attribute
+/// `solution`.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+/// >>> start = somersault.State(velocity=(0.0, 0.0, 5.0), angular_velocity=(0.0, 8.0, 0.1))
+/// >>> gravity = somersault.forces.Gravity()
+/// >>> motion = somersault.integrate(body, start, (0.0, 1.0), dt=0.01, forces=gravity)
+/// >>> motion.position.shape
+/// (101, 3)
+/// >>> round(float(motion.position[-1, 2]), 6)
+/// 0.095
+#[pyfunction]
+#[pyo3(signature = (
+    body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, stretches=None, locate=true,
+    max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    observer=None, on_interrupt="raise", progress=false
+))]
+pub(crate) fn integrate<'py>(
+    py: Python<'py>,
+    body: &Bound<'py, PyAny>,
+    state: &Bound<'py, PyAny>,
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
+    dt: Option<f64>,
+    method: Option<&Bound<'py, PyAny>>,
+    forces: Option<&Bound<'py, PyAny>>,
+    interaction: Option<&Bound<'py, PyAny>>,
+    contacts: Option<&Bound<'py, PyAny>>,
+    pairs: Option<&Bound<'py, PyAny>>,
+    stretches: Option<&Bound<'py, PyAny>>,
+    locate: bool,
+    max_event_rate: f64,
+    keep_events: bool,
+    graze: f64,
+    #[pyo3(from_py_with = integer_or_none)] max_substeps: Option<i64>,
+    rtol: Option<f64>,
+    atol: Option<f64>,
+    max_step: Option<f64>,
+    first_step: Option<f64>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
+    start_up: &str,
+    dense_output: bool,
+    #[pyo3(from_py_with = integer)] every: i64,
+    observer: Option<Bound<'py, PyAny>>,
+    on_interrupt: &str,
+    progress: bool,
+) -> Result<Py<Solution>, Error> {
+    let interval = (interval[0], interval[1]);
+    let cast = Cast::extract("body", body)?;
+    let initial = cast.states("state", state)?;
+    let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8B };
+    let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
+    let options = Options { start_up: start_up_of(start_up)? };
+    let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
+    let steps = arguments.steps(method, interval)?;
+    let every = plan::every_of(every)?;
+    let return_interrupted = plan::returns_interrupted(on_interrupt)?;
+    if let Some(observer) = &observer {
+        plan::check_callable("observer", "f(t, state)", observer)?;
+    }
+    let failure = Failure::default();
+    let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };
+    let none = py.None().into_bound(py);
+    let forces = forces.unwrap_or(&none);
+    let bar = |start, end| if progress { ProgressBar::open(py, start, end).map(Some) } else { Ok(None) };
+    let plan = |calls_python| Plan {
+        method,
+        options,
+        steps,
+        start: interval.0,
+        every,
+        dense: dense_output,
+        calls_python,
+        return_interrupted,
+    };
+    let stiff = match max_substeps.map(u64::try_from) {
+        None => StiffSteps::AsGiven,
+        Some(Ok(most @ 1..)) => StiffSteps::Divide { most },
+        Some(_) => {
+            let found = max_substeps.unwrap_or_default();
+            return Err(Error::input(format!("`max_substeps` must be positive or None, found {found}")));
+        }
+    };
+    let location = Location { max_event_rate, keep_events, graze, stiff };
+    let observer = observer.map(Bound::unbind);
+    if stretches.is_some() && (!locate || contacts.is_none() && pairs.is_none()) {
+        return Err(Error::input("`stretches` are those of contacts that are located, and there are none"));
+    }
+    if cast.single {
+        if interaction.is_some() {
+            return Err(Error::input("`interaction` acts between several bodies, and there is one"));
+        }
+        let (body, mut models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        if pairs.is_some() {
+            return Err(Error::input("`pairs` touch between several bodies, and there is one"));
+        }
+        let contacts = contacts.map(|contacts| reader.contacts("contacts", contacts)).transpose()?;
+        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        if let Some(contacts) = contacts {
+            if locate {
+                let count = contacts.len();
+                let system = BodyInContact::new(body, (CountedForces::new(models), contacts));
+                let system = WithStretches(system);
+                let initial = stretched(&system, stretches, interval.0, initial[0])?;
+                let bodies = InContact { system, contacts: count, location };
+                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+            }
+            without_stretch(contacts.iter().map(|contact| contact.law()))?;
+            models.push(Box::new(contacts));
+        }
+        if models.is_empty() {
+            let bodies = Free(RigidBodySystem::free(body));
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+        } else {
+            let bodies = Forced(RigidBodySystem::new(body, models));
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+        }
+    } else {
+        let each = reader.for_each("forces", cast.bodies.len(), forces)?;
+        let initial = State::from_bodies(&initial);
+        if contacts.is_some() || pairs.is_some() {
+            if interaction.is_some() {
+                return Err(Error::input(
+                    "`interaction` cannot be given together with `contacts` or `pairs`",
+                ));
+            }
+            let contacts = reader.body_contacts(cast.bodies.len(), contacts, pairs)?;
+            let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+            if !locate {
+                without_stretch(contacts.laws())?;
+                let between: BoxedInteraction = Box::new(contacts);
+                let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
+                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+            }
+            let count = contacts.len();
+            let each = each.into_iter().map(CountedForces::new).collect();
+            let system = WithStretches(BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?);
+            let initial = stretched(&system, stretches, interval.0, initial)?;
+            let bodies = InContact { system, contacts: count, location };
+            return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+        }
+        let between = reader.between(interaction)?;
+        let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
+        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
+        run(py, cast, &bodies, &initial, &plan, observer, bar, failure)
+    }
+}

@@ -1,0 +1,149 @@
+//! What a run is asked to do.
+
+use crate::core::convert::a_type;
+use crate::core::error::Error;
+use crate::core::waiting::deliver;
+use pyo3::prelude::*;
+use somersault::integrators::driver::{Adaptive, TimeGrid};
+use somersault::integrators::methods::{Method, Options, StartUp};
+use somersault::integrators::state::Tolerances;
+
+/// How the steps are chosen.
+#[derive(Clone, Copy)]
+pub(crate) enum Steps {
+    Fixed(TimeGrid),
+    Adapted((f64, f64), Adaptive),
+}
+
+/// A run, as asked for.
+pub(crate) struct Plan {
+    pub(crate) method: Method,
+    pub(crate) options: Options,
+    pub(crate) steps: Steps,
+    pub(crate) start: f64,
+    pub(crate) every: u64,
+    pub(crate) dense: bool,
+    pub(crate) calls_python: bool,
+    pub(crate) return_interrupted: bool,
+}
+
+impl Plan {
+    /// The solution, or the exception with the solution as its attribute.
+    pub(crate) fn deliver<S: pyo3::PyClass>(
+        &self,
+        py: Python<'_>,
+        failed: Option<PyErr>,
+        solution: Py<S>,
+    ) -> Result<Py<S>, Error> {
+        deliver(py, failed, self.return_interrupted, solution)
+    }
+}
+
+/// The arguments that choose the steps.
+pub(crate) struct StepArguments {
+    pub(crate) dt: Option<f64>,
+    pub(crate) rtol: Option<f64>,
+    pub(crate) atol: Option<f64>,
+    pub(crate) max_step: Option<f64>,
+    pub(crate) first_step: Option<f64>,
+    pub(crate) max_steps: Option<i64>,
+}
+
+impl StepArguments {
+    /// Fixed steps where `dt` is given, adapted ones where it is not.
+    pub(crate) fn steps(self, method: Method, interval: (f64, f64)) -> Result<Steps, Error> {
+        match self.dt {
+            Some(dt) => {
+                let adaptive = [
+                    ("rtol", self.rtol.is_some()),
+                    ("atol", self.atol.is_some()),
+                    ("max_step", self.max_step.is_some()),
+                    ("first_step", self.first_step.is_some()),
+                    ("max_steps", self.max_steps.is_some()),
+                ];
+                if let Some((name, _)) = adaptive.iter().find(|(_, given)| *given) {
+                    return Err(Error::input(format!(
+                        "`{name}` is for adaptive steps; leave out `dt` to have them"
+                    )));
+                }
+                Ok(Steps::Fixed(TimeGrid::try_new(interval.0, interval.1, dt)?))
+            }
+            None => {
+                if method.info().embedded.is_none() {
+                    return Err(Error::input(format!(
+                        "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; those with one are {}",
+                        method.info().name,
+                        adaptive_names()
+                    )));
+                }
+                let default = Adaptive::default();
+                Ok(Steps::Adapted(
+                    interval,
+                    Adaptive {
+                        tolerances: Tolerances {
+                            relative: positive("rtol", self.rtol.unwrap_or(default.tolerances.relative))?,
+                            absolute: positive("atol", self.atol.unwrap_or(default.tolerances.absolute))?,
+                        },
+                        first_step: self.first_step,
+                        max_step: self.max_step.unwrap_or(default.max_step),
+                        max_steps: self.max_steps.map_or(Ok(default.max_steps), max_steps_of)?,
+                    },
+                ))
+            }
+        }
+    }
+}
+
+fn max_steps_of(max_steps: i64) -> Result<usize, Error> {
+    let positive = usize::try_from(max_steps).ok().filter(|n| *n > 0);
+    positive.ok_or_else(|| {
+        Error::input(format!("`max_steps` must be a positive number of steps, found {max_steps}"))
+    })
+}
+
+/// A number of steps.
+pub(crate) fn every_of(every: i64) -> Result<u64, Error> {
+    let positive = u64::try_from(every).ok().filter(|n| *n > 0);
+    positive.ok_or_else(|| Error::input(format!("`every` must be a positive number of steps, found {every}")))
+}
+
+/// Whether an interrupted run is returned.
+pub(crate) fn returns_interrupted(on_interrupt: &str) -> Result<bool, Error> {
+    match on_interrupt {
+        "raise" => Ok(false),
+        "return" => Ok(true),
+        _ => Err(Error::input(format!("`on_interrupt` must be 'raise' or 'return', found '{on_interrupt}'"))),
+    }
+}
+
+/// Fails unless an argument can be called.
+pub(crate) fn check_callable(argument: &str, signature: &str, value: &Bound<'_, PyAny>) -> Result<(), Error> {
+    if value.is_callable() {
+        return Ok(());
+    }
+    Err(Error::input(format!("`{argument}` must be a callable {signature}, found {}", a_type(value))))
+}
+
+/// The adaptive methods, for a message.
+fn adaptive_names() -> String {
+    let names: Vec<_> =
+        Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
+    names.join(", ")
+}
+
+/// How the Adams methods start, by its name.
+pub(crate) fn start_up_of(name: &str) -> Result<StartUp, Error> {
+    match name {
+        "one_step" => Ok(StartUp::OneStep),
+        "ladder" => Ok(StartUp::Ladder),
+        _ => Err(Error::input(format!("`start_up` must be 'one_step' or 'ladder', found '{name}'"))),
+    }
+}
+
+fn positive(argument: &str, value: f64) -> Result<f64, Error> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
+    }
+}

@@ -1,0 +1,639 @@
+//! What an integration leaves: states over time, and what is derived from them.
+
+use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, times};
+use crate::core::error::Error;
+use crate::integrators::bodies::{RigidBody, State};
+use crate::integrators::event::{Event, Events};
+use crate::integrators::forces::sequence;
+use pyo3::exceptions::{PyIndexError, PyTypeError};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyList, PyTuple, PyType};
+use somersault::integrators::augmented::Augmented;
+use somersault::integrators::dense::Interpolant;
+use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::solution;
+use somersault::integrators::state::{Pose, Poses, RigidBodyState, State as StateOf};
+use somersault::integrators::{body, state::Configuration};
+use std::sync::Arc;
+
+/// One body or several. Where there is one, arrays have no axis for bodies.
+#[derive(Clone)]
+pub(crate) struct Cast {
+    pub(crate) bodies: Vec<body::RigidBody>,
+    pub(crate) single: bool,
+}
+
+impl Cast {
+    /// A body, or a sequence of them.
+    pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        if let Ok(RigidBody(body)) = value.extract() {
+            return Ok(Self { bodies: vec![body], single: true });
+        }
+        let wrong = |found: &Bound<'_, PyAny>| {
+            let found = a_type(found);
+            Error::input(format!("`{argument}` must be a RigidBody or a sequence of them, found {found}"))
+        };
+        let list = sequence(value).ok_or_else(|| wrong(value))?;
+        let mut bodies = Vec::new();
+        for entry in list.try_iter()? {
+            let entry = entry?;
+            bodies.push(entry.extract::<RigidBody>().map_err(|_| wrong(&entry))?.0);
+        }
+        if bodies.is_empty() {
+            return Err(Error::input(format!("`{argument}` must hold at least one body")));
+        }
+        Ok(Self { bodies, single: false })
+    }
+
+    /// One state for each body.
+    pub(crate) fn states(
+        &self,
+        argument: &str,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Vec<RigidBodyState>, Error> {
+        if self.single {
+            let wrong = |_| Error::input(format!("`{argument}` must be a State, found {}", a_type(value)));
+            return Ok(vec![value.extract::<State>().map_err(wrong)?.0]);
+        }
+        let wrong = |found: String| {
+            let n = self.bodies.len();
+            Error::input(format!(
+                "`{argument}` must be a sequence of {n} states, one for each body, found {found}"
+            ))
+        };
+        let list = sequence(value).ok_or_else(|| wrong(a_type(value)))?;
+        let mut states = Vec::new();
+        for entry in list.try_iter()? {
+            let entry = entry?;
+            states.push(entry.extract::<State>().map_err(|_| wrong(format!("{} in it", a_type(&entry))))?.0);
+        }
+        if states.len() != self.bodies.len() {
+            return Err(wrong(format!("{} states", states.len())));
+        }
+        Ok(states)
+    }
+
+    /// The body, or the list of bodies.
+    fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        if self.single {
+            Ok(Bound::new(py, RigidBody(self.bodies[0]))?.into_any())
+        } else {
+            Ok(PyList::new(py, self.bodies.iter().map(|b| RigidBody(*b)))?.into_any())
+        }
+    }
+}
+
+/// What is made for Python when it is first asked for.
+#[derive(Clone, Copy)]
+enum Made {
+    T,
+    Position,
+    Orientation,
+    Quaternion,
+    Velocity,
+    AngularVelocity,
+    AngularVelocityBody,
+    AngularMomentum,
+    KineticEnergy,
+    RotationalEnergy,
+}
+
+/// The number of kinds of it.
+const MADE: usize = Made::RotationalEnergy as usize + 1;
+
+/// States of one body or of several over time.
+///
+/// The first axis of every array is time. With several bodies the second counts them; with one there
+/// is no such axis. Everything is in the world frame but for names that end in ``_body``. Indexing
+/// with a number gives the `State` at that index, or a list of them.
+///
+/// Parameters
+/// ----------
+/// body : RigidBody or sequence of RigidBody
+///     The body, or the bodies.
+/// t : array_like, shape (n,)
+///     Times, s.
+/// position : array_like, shape (n, 3) or (n, bodies, 3)
+///     Positions of the centre of mass, m.
+/// quaternion : array_like, shape (n, 4) or (n, bodies, 4)
+///     Orientations as quaternions (x, y, z, w).
+/// velocity : array_like, shape (n, 3) or (n, bodies, 3)
+///     Velocities of the centre of mass, m/s.
+/// angular_velocity : array_like, shape (n, 3) or (n, bodies, 3)
+///     Angular velocities in the world frame, rad/s.
+#[pyclass(frozen, subclass, module = "somersault")]
+pub(crate) struct Trajectory {
+    cast: Cast,
+    times: Vec<f64>,
+    /// The states of all bodies at the first time, then at the second, …
+    states: Vec<RigidBodyState>,
+    made: [PyOnceLock<Py<PyAny>>; MADE],
+}
+
+impl Trajectory {
+    pub(crate) fn new(cast: Cast, times: Vec<f64>, states: Vec<RigidBodyState>) -> Self {
+        Self { cast, times, states, made: std::array::from_fn(|_| PyOnceLock::new()) }
+    }
+
+    /// The array of `N` numbers for each body at each time.
+    fn array<'py, const N: usize>(
+        &self,
+        py: Python<'py>,
+        what: Made,
+        values: impl Fn(&body::RigidBody, &RigidBodyState) -> [f64; N],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let made = self.made[what as usize].get_or_try_init(py, || {
+            let bodies = self.cast.bodies.iter().cycle();
+            let flat: Vec<f64> = bodies.zip(&self.states).flat_map(|(body, x)| values(body, x)).collect();
+            let mut shape = vec![self.times.len()];
+            if !self.cast.single {
+                shape.push(self.cast.bodies.len());
+            }
+            if N > 1 {
+                shape.push(N);
+            }
+            Ok::<_, PyErr>(array(py, flat, &shape)?.into_any().unbind())
+        })?;
+        Ok(made.bind(py).clone())
+    }
+
+    fn state<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.cast.bodies.len();
+        let states = &self.states[i * n..(i + 1) * n];
+        if self.cast.single {
+            Ok(Bound::new(py, State(states[0]))?.into_any())
+        } else {
+            Ok(PyList::new(py, states.iter().map(|x| State(*x)))?.into_any())
+        }
+    }
+
+    /// What the constructor takes.
+    fn arguments<'py>(&self, py: Python<'py>) -> PyResult<[Bound<'py, PyAny>; 6]> {
+        Ok([
+            self.cast.to_python(py)?,
+            self.t(py),
+            self.position(py)?,
+            self.quaternion(py)?,
+            self.velocity(py)?,
+            self.angular_velocity(py)?,
+        ])
+    }
+}
+
+#[pymethods]
+impl Trajectory {
+    #[new]
+    fn from_arrays(
+        body: &Bound<'_, PyAny>,
+        t: &Bound<'_, PyAny>,
+        position: &Bound<'_, PyAny>,
+        quaternion: &Bound<'_, PyAny>,
+        velocity: &Bound<'_, PyAny>,
+        angular_velocity: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        let cast = Cast::extract("body", body)?;
+        let (_, times) = times("t", t)?;
+        let axes = if cast.single { vec![times.len()] } else { vec![times.len(), cast.bodies.len()] };
+        let positions = any_vectors("position", &axes, position)?;
+        let orientations = quaternions("quaternion", &axes, quaternion)?;
+        let velocities = any_vectors("velocity", &axes, velocity)?;
+        let angular_velocities = any_vectors("angular_velocity", &axes, angular_velocity)?;
+        let states = (0..positions.len())
+            .map(|i| RigidBodyState::new(positions[i], orientations[i], velocities[i], angular_velocities[i]))
+            .collect();
+        Ok(Self::new(cast, times, states))
+    }
+
+    /// RigidBody or list of RigidBody: What moves.
+    #[getter]
+    fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.cast.to_python(py)
+    }
+
+    /// ndarray, shape (n,): Times, s.
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        let made = self.made[Made::T as usize]
+            .get_or_init(py, || numpy::PyArray1::from_slice(py, &self.times).into_any().unbind());
+        made.bind(py).clone()
+    }
+
+    /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::Position, |_, x| (*x.position()).into())
+    }
+
+    /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
+    #[getter]
+    fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::Quaternion, |_, x| components(x.orientation()))
+    }
+
+    /// scipy.spatial.transform.Rotation: Rotations from the body frame to the world frame.
+    ///
+    /// A stack of n for one body. For several, of shape (n, bodies), which SciPy has from 1.17 on.
+    #[getter]
+    fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let made = self.made[Made::Orientation as usize]
+            .get_or_try_init(py, || Ok::<_, PyErr>(rotation(&self.quaternion(py)?)?.unbind()))?;
+        Ok(made.bind(py).clone())
+    }
+
+    /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::Velocity, |_, x| (*x.velocity()).into())
+    }
+
+    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
+    #[getter]
+    fn angular_velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into())
+    }
+
+    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the body frame, rad/s.
+    #[getter]
+    fn angular_velocity_body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::AngularVelocityBody, |_, x| {
+            x.orientation().inverse_transform_vector(x.angular_velocity()).into()
+        })
+    }
+
+    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
+    #[getter]
+    fn angular_momentum<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into())
+    }
+
+    /// ndarray, shape (n,) or (n, bodies): Kinetic energies of translation and rotation, J.
+    #[getter]
+    fn kinetic_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::KineticEnergy, |body, x| [body.kinetic_energy(x)])
+    }
+
+    /// ndarray, shape (n,) or (n, bodies): Kinetic energies of the rotation, J.
+    #[getter]
+    fn rotational_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, Made::RotationalEnergy, |body, x| [body.rotational_energy(x)])
+    }
+
+    fn __len__(&self) -> usize {
+        self.times.len()
+    }
+
+    fn __getitem__<'py>(&self, py: Python<'py>, index: isize) -> PyResult<Bound<'py, PyAny>> {
+        let from_start = if index < 0 { index + self.times.len() as isize } else { index };
+        match usize::try_from(from_start) {
+            Ok(i) if i < self.times.len() => self.state(py, i),
+            _ => {
+                let n = self.times.len();
+                Err(PyIndexError::new_err(format!("there are states at {n} times, found index {index}")))
+            }
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let span = match self.times[..] {
+            [] => String::new(),
+            [t] => format!(" at t = {t}"),
+            [first, .., last] => format!(" from t = {first} to {last}"),
+        };
+        let bodies =
+            if self.cast.single { String::new() } else { format!(", {} bodies", self.cast.bodies.len()) };
+        format!("<Trajectory: {} states{span}{bodies}>", self.times.len())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let py = slf.py();
+        Ok((py.get_type::<Self>(), PyTuple::new(py, slf.get().arguments(py)?)?))
+    }
+}
+
+/// Recorded curves of one body or of several.
+enum Curves {
+    One(solution::Solution<Pose>),
+    Several(solution::Solution<Vec<Pose>>),
+}
+
+/// The state at any time of an integration.
+///
+/// Called with a number it gives the `State`, or a list of them for several bodies; called with an
+/// array of times, a `Trajectory`. Its curves are not written to files or pickles; a `Trajectory` is.
+#[pyclass(frozen, module = "somersault")]
+pub(crate) struct DenseOutput {
+    cast: Cast,
+    curves: Arc<Curves>,
+}
+
+#[pymethods]
+impl DenseOutput {
+    /// float: First time.
+    #[getter]
+    fn t_min(&self) -> f64 {
+        match &*self.curves {
+            Curves::One(s) => s.times.first(),
+            Curves::Several(s) => s.times.first(),
+        }
+        .copied()
+        .unwrap_or(f64::NAN)
+    }
+
+    /// float: Last time.
+    #[getter]
+    fn t_max(&self) -> f64 {
+        match &*self.curves {
+            Curves::One(s) => s.segments.last().map(|(end, _)| *end),
+            Curves::Several(s) => s.segments.last().map(|(end, _)| *end),
+        }
+        .unwrap_or_else(|| self.t_min())
+    }
+
+    #[pyo3(signature = (t, /))]
+    fn __call__<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let (scalar, times) = times("t", t)?;
+        let mut states = Vec::with_capacity(times.len() * self.cast.bodies.len());
+        for t in &times {
+            let found = match &*self.curves {
+                Curves::One(s) => s.at(*t).map(|x| states.push(x)),
+                Curves::Several(s) => {
+                    s.at(*t).map(|x| states.extend((0..x.configuration.len()).filter_map(|i| x.body(i))))
+                }
+            };
+            if found.is_none() {
+                return Err(Error::input(format!(
+                    "`t` must be within the times integrated, {} to {}, found {t}",
+                    self.t_min(),
+                    self.t_max()
+                )));
+            }
+        }
+        let trajectory = Trajectory::new(self.cast.clone(), times, states);
+        if scalar { Ok(trajectory.state(py, 0)?) } else { Ok(Bound::new(py, trajectory)?.into_any()) }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<DenseOutput from t = {} to {}>", self.t_min(), self.t_max())
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(PyTypeError::new_err(
+            "the curves of a DenseOutput cannot be written or pickled: take the Trajectory that it gives at the times needed",
+        ))
+    }
+}
+
+/// How a run ended and what it took.
+#[derive(Clone)]
+pub(crate) struct Report {
+    pub(crate) status: i32,
+    pub(crate) message: String,
+    pub(crate) nfev: u64,
+    pub(crate) n_steps: u64,
+    pub(crate) n_rejected: u64,
+}
+
+/// The events of a run as Python sees them.
+struct Log {
+    events: Py<PyTuple>,
+    count: u64,
+    trials: u64,
+    stretches: Vec<Vector3<f64>>,
+    substeps: u64,
+}
+
+/// What an integration leaves: a `Trajectory`, how it ended and what it took.
+#[pyclass(frozen, extends = Trajectory, module = "somersault")]
+pub(crate) struct Solution {
+    report: Report,
+    log: Log,
+    dense: Option<Py<DenseOutput>>,
+}
+
+/// A configuration of one body or of several, as Python sees it.
+pub(crate) trait Seen: Poses {
+    /// The state as an object: a `State`, or a list of them.
+    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>>
+    where
+        Self: Configuration;
+    /// The states of the bodies.
+    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState>
+    where
+        Self: Configuration;
+    /// Curves for dense output.
+    fn curves(recorded: solution::Solution<Self>) -> DenseCurves;
+}
+
+/// Curves of an integration, to be evaluated from Python.
+pub(crate) struct DenseCurves(Curves);
+
+impl Seen for Pose {
+    fn to_python<'py>(py: Python<'py>, x: &RigidBodyState) -> PyResult<Bound<'py, PyAny>> {
+        Ok(Bound::new(py, State(*x))?.into_any())
+    }
+    fn split(x: &RigidBodyState) -> Vec<RigidBodyState> {
+        vec![*x]
+    }
+    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
+        DenseCurves(Curves::One(recorded))
+    }
+}
+
+impl Seen for Vec<Pose> {
+    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
+        Ok(crate::integrators::forces::states_list(py, x)?.into_any())
+    }
+    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
+        (0..x.configuration.len()).filter_map(|i| x.body(i)).collect()
+    }
+    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
+        DenseCurves(Curves::Several(recorded))
+    }
+}
+
+/// Curves of states with variables beside them, read without these.
+struct WithoutVariables<Q: Configuration> {
+    curve: Box<dyn Interpolant<Augmented<Q>>>,
+    /// How many variables there are.
+    count: usize,
+}
+
+impl<Q: Configuration> Interpolant<Q> for WithoutVariables<Q> {
+    fn evaluate(&self, t: f64, out: &mut StateOf<Q>) {
+        let mut whole = StateOf::augmented(out.clone(), vec![Vector3::zeros(); self.count]);
+        self.curve.evaluate(t, &mut whole);
+        *out = whole.base();
+    }
+}
+
+impl<Q: Seen> Seen for Augmented<Q> {
+    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
+        Q::to_python(py, &x.base())
+    }
+    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
+        Q::split(&x.base())
+    }
+    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
+        let solution::Solution { times, states, segments } = recorded;
+        let count = states.first().map_or(0, |state| state.variables().len());
+        let bare = |(end, curve)| {
+            let curve: Box<dyn Interpolant<Q>> = Box::new(WithoutVariables { curve, count });
+            (end, curve)
+        };
+        Q::curves(solution::Solution {
+            times,
+            states: states.iter().map(|state| state.base()).collect(),
+            segments: segments.into_iter().map(bare).collect(),
+        })
+    }
+}
+
+impl Solution {
+    /// What a recorder leaves, as a Python object.
+    pub(crate) fn create<Q: Seen>(
+        py: Python<'_>,
+        cast: Cast,
+        mut recorded: solution::Solution<Q>,
+        dense: bool,
+        report: Report,
+        events: Events<Q>,
+    ) -> PyResult<Py<Self>> {
+        let Events { trials, substeps, count, contacts, events, stretches } = events;
+        let events =
+            events.iter().map(|event| Event::of(py, contacts, event)).collect::<PyResult<Vec<_>>>()?;
+        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials, substeps, stretches };
+        let times = std::mem::take(&mut recorded.times);
+        let states = recorded.states.iter().flat_map(Q::split).collect();
+        let dense = if dense {
+            // The curves know their ends; of the states only a first is needed, to be written into.
+            recorded.times = times.first().copied().into_iter().collect();
+            recorded.states.truncate(1);
+            let DenseCurves(curves) = Q::curves(recorded);
+            Some(Py::new(py, DenseOutput { cast: cast.clone(), curves: Arc::new(curves) })?)
+        } else {
+            None
+        };
+        let trajectory = Trajectory::new(cast, times, states);
+        Py::new(py, PyClassInitializer::from(trajectory).add_subclass(Self { report, log, dense }))
+    }
+}
+
+#[pymethods]
+impl Solution {
+    /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
+    /// interrupted, -2 if it failed.
+    #[getter]
+    fn status(&self) -> i32 {
+        self.report.status
+    }
+
+    /// str: The same in words.
+    #[getter]
+    fn message(&self) -> &str {
+        &self.report.message
+    }
+
+    /// bool: Whether the run ended as asked, by its interval or its observer.
+    #[getter]
+    fn success(&self) -> bool {
+        self.report.status >= 0
+    }
+
+    /// int: How often the equations of motion were evaluated, for all bodies at once.
+    ///
+    /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
+    /// without forces the nominal number, steps tried times evaluations of the method.
+    #[getter]
+    fn nfev(&self) -> u64 {
+        self.report.nfev
+    }
+
+    /// int: Steps made.
+    #[getter]
+    fn n_steps(&self) -> u64 {
+        self.report.n_steps
+    }
+
+    /// int: Steps tried and rejected by the step size control.
+    #[getter]
+    fn n_rejected(&self) -> u64 {
+        self.report.n_rejected
+    }
+
+    /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
+    #[getter]
+    fn events(&self, py: Python<'_>) -> Py<PyTuple> {
+        self.log.events.clone_ref(py)
+    }
+
+    /// int: Number of events located, kept or not.
+    #[getter]
+    fn n_events(&self) -> u64 {
+        self.log.count
+    }
+
+    /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
+    #[getter]
+    fn n_trials(&self) -> u64 {
+        self.log.trials
+    }
+
+    /// ndarray, shape (contacts, 3): The stretch of the friction of each contact in the last state, m, world frame,
+    /// zero where it has none: what a run that goes on from there takes as `stretches`.
+    #[getter]
+    fn stretches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let stretches = &self.log.stretches;
+        let values: Vec<f64> = stretches.iter().flatten().copied().collect();
+        Ok(array(py, values, &[stretches.len(), 3])?.into_any())
+    }
+
+    /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
+    #[getter]
+    fn n_substeps(&self) -> u64 {
+        self.log.substeps
+    }
+
+    /// DenseOutput or None: The state at any time, where dense output was asked for.
+    #[getter]
+    fn sol(&self, py: Python<'_>) -> Option<Py<DenseOutput>> {
+        self.dense.as_ref().map(|dense| dense.clone_ref(py))
+    }
+
+    fn __repr__(slf: &Bound<'_, Self>) -> String {
+        let own = slf.get();
+        let base = slf.as_super().get().__repr__();
+        let base = base.trim_start_matches("<Trajectory: ").trim_end_matches('>');
+        format!("<Solution: {base}; {} ({} steps)>", own.report.message, own.report.n_steps)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let py = slf.py();
+        let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
+        let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
+        let Log { events, count, trials, substeps, stretches } = &slf.get().log;
+        let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
+        let log = (events, *count, *trials, *substeps, stretches);
+        let arguments = (base, (status, message, nfev, n_steps, n_rejected), log).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled solution; the dense output is not part of it.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        py: Python<'_>,
+        arrays: [Bound<'_, PyAny>; 6],
+        report: (i32, String, u64, u64, u64),
+        log: (Py<PyTuple>, u64, u64, u64, Vec<[f64; 3]>),
+    ) -> Result<Py<Self>, Error> {
+        let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
+        let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
+        let (status, message, nfev, n_steps, n_rejected) = report;
+        let report = Report { status, message, nfev, n_steps, n_rejected };
+        let (events, count, trials, substeps, stretches) = log;
+        let stretches = stretches.into_iter().map(Vector3::from).collect();
+        let log = Log { events, count, trials, substeps, stretches };
+        Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, log, dense: None }))?)
+    }
+}

@@ -1,0 +1,220 @@
+//! Inverse, forward and hybrid dynamics of trees.
+
+use crate::core::convert::{a_type, entries};
+use crate::core::error::Error;
+use crate::multibody::model::Model;
+use pyo3::prelude::*;
+use somersault::multibody::Split;
+
+impl Model {
+    /// Which degrees of freedom are active: bodies by name, or a flag for each.
+    pub(crate) fn split(&self, value: &Bound<'_, PyAny>) -> Result<Split, Error> {
+        let n = self.model.n_velocities();
+        if let Ok(names) = entries::<String>(value) {
+            let names: Vec<_> = names.iter().map(String::as_str).collect();
+            return Ok(Split::try_active(&self.model, &names)?);
+        }
+        match entries::<bool>(value) {
+            Ok(flags) if flags.len() == n => Ok(Split::new(flags)),
+            Ok(flags) => Err(Error::input(format!(
+                "`active` must hold names of bodies or {n} booleans, found {} of them",
+                flags.len()
+            ))),
+            Err(_) => Err(Error::input(format!(
+                "`active` must hold names of bodies or {n} booleans, found {}",
+                a_type(value)
+            ))),
+        }
+    }
+}
+
+#[pymethods]
+impl Model {
+    /// Joint forces that produce an acceleration: τ = M(q) a + h(q, v) − Σ Jᵀ f.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v, a : array_like, shape (..., n)
+    ///     Configuration, velocity and acceleration.
+    /// wrenches : array_like, shape (..., n_bodies, 6), optional
+    ///     Force, N, and moment about the origin of the body, N m, on every body, in its axes.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_velocities)
+    ///     Forces, N for linear and N m for angular degrees of freedom.
+    #[pyo3(signature = (q, v, a, wrenches=None))]
+    fn inverse_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        a: &Bound<'py, PyAny>,
+        wrenches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (q, v, a, wrenches) =
+            (self.q("q", q)?, self.v("v", v)?, self.v("a", a)?, self.wrenches(wrenches)?);
+        let n = self.model.n_velocities();
+        let torque = self.map(py, [&q, &v, &a, &wrenches], n, |w, [q, v, a, f], out| {
+            w.take_wrenches(f);
+            out.copy_from_slice(self.model.inverse_dynamics(&mut w.data, q, v, a, &w.wrenches)?);
+            Ok(())
+        })?;
+        Ok(torque.array(py, &[n])?)
+    }
+
+    /// Accelerations under joint forces: M(q) a = τ − h(q, v) + Σ Jᵀ f.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v, torque : array_like, shape (..., n)
+    ///     Configuration, velocity and joint forces.
+    /// wrenches : array_like, shape (..., n_bodies, 6), optional
+    ///     As in `inverse_dynamics`.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_velocities)
+    ///
+    /// Raises
+    /// ------
+    /// DynamicsError
+    ///     If some motion of a joint moves no mass.
+    #[pyo3(signature = (q, v, torque, wrenches=None))]
+    fn forward_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        torque: &Bound<'py, PyAny>,
+        wrenches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (q, v) = (self.q("q", q)?, self.v("v", v)?);
+        let (torque, wrenches) = (self.v("torque", torque)?, self.wrenches(wrenches)?);
+        let n = self.model.n_velocities();
+        let a = self.map(py, [&q, &v, &torque, &wrenches], n, |w, [q, v, torque, f], out| {
+            w.take_wrenches(f);
+            out.copy_from_slice(self.model.forward_dynamics(&mut w.data, q, v, torque, &w.wrenches)?);
+            Ok(())
+        })?;
+        Ok(a.array(py, &[n])?)
+    }
+
+    /// Accelerations of passive and forces of active degrees of freedom.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (..., n)
+    ///     Configuration and velocity.
+    /// a : array_like, shape (..., n_velocities)
+    ///     Accelerations of the active degrees of freedom; the others are not used.
+    /// torque : array_like, shape (..., n_velocities)
+    ///     Forces of the passive degrees of freedom; the others are not used.
+    /// active : sequence of str, or array_like of bool, shape (n_velocities,)
+    ///     Bodies whose joints are active, or a flag for each degree of freedom.
+    /// wrenches : array_like, shape (..., n_bodies, 6), optional
+    ///     As in `inverse_dynamics`.
+    ///
+    /// Returns
+    /// -------
+    /// a, torque : ndarray, shape (..., n_velocities)
+    ///     Both complete, with M a + h = τ + Σ Jᵀ f.
+    ///
+    /// Raises
+    /// ------
+    /// DynamicsError
+    ///     If some motion of a passive joint moves no mass.
+    #[pyo3(signature = (q, v, a, torque, active, wrenches=None))]
+    fn hybrid_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        a: &Bound<'py, PyAny>,
+        torque: &Bound<'py, PyAny>,
+        active: &Bound<'py, PyAny>,
+        wrenches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+        let (q, v, a) = (self.q("q", q)?, self.v("v", v)?, self.v("a", a)?);
+        let (torque, wrenches) = (self.v("torque", torque)?, self.wrenches(wrenches)?);
+        let split = self.split(active)?;
+        let n = self.model.n_velocities();
+        let both =
+            self.map(py, [&q, &v, &a, &torque, &wrenches], 2 * n, |w, [q, v, a, torque, f], out| {
+                w.take_wrenches(f);
+                let (acceleration, force) = out.split_at_mut(n);
+                acceleration.copy_from_slice(a);
+                force.copy_from_slice(torque);
+                self.model.hybrid_dynamics(&mut w.data, &split, q, v, acceleration, force, &w.wrenches)
+            })?;
+        let [a, torque] = both.arrays(py, [&[n], &[n]])?;
+        Ok((a, torque))
+    }
+
+    /// Mass matrix M(q).
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (..., n_positions)
+    ///     Configuration.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_velocities, n_velocities)
+    fn mass_matrix<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let (q, n) = (self.q("q", q)?, self.model.n_velocities());
+        let m = self.map(py, [&q], n * n, |w, [q], out| {
+            // Symmetric, so that the order does not matter.
+            out.copy_from_slice(self.model.mass_matrix(&mut w.data, q)?.as_slice());
+            Ok(())
+        })?;
+        Ok(m.array(py, &[n, n])?)
+    }
+
+    /// Bias h(q, v): Coriolis and centrifugal forces, damping and weight.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (..., n)
+    ///     Configuration and velocity.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_velocities)
+    fn bias<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (q, v, n) = (self.q("q", q)?, self.v("v", v)?, self.model.n_velocities());
+        let h = self.map(py, [&q, &v], n, |w, [q, v], out| {
+            out.copy_from_slice(self.model.bias(&mut w.data, q, v)?);
+            Ok(())
+        })?;
+        Ok(h.array(py, &[n])?)
+    }
+
+    /// Joint forces that hold the tree at rest against gravity.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (..., n_positions)
+    ///     Configuration.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_velocities)
+    fn gravity_forces<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (q, n) = (self.q("q", q)?, self.model.n_velocities());
+        let g = self.map(py, [&q], n, |w, [q], out| {
+            out.copy_from_slice(self.model.gravity_forces(&mut w.data, q)?);
+            Ok(())
+        })?;
+        Ok(g.array(py, &[n])?)
+    }
+}

@@ -1,0 +1,412 @@
+//! Trees of bodies and their dynamics, at one configuration or at many.
+
+use crate::core::convert::{a_type, did_you_mean, vector_array, vector_or};
+use crate::core::error::Error;
+use crate::core::rows::{self, Results, Rows, Workspaces};
+use crate::integrators::forces::sequence;
+use crate::multibody::link::Link;
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PySlice, PyTuple, PyType};
+use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
+use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, JointKind, Turning};
+use std::f64::consts::PI;
+use std::ops::Range;
+
+/// How far the norm of a quaternion may be from one: what is left of one in single precision.
+const UNIT: f64 = 1e-6;
+
+/// Where an evaluation computes.
+pub(crate) struct Workspace {
+    pub(crate) data: Data,
+    pub(crate) wrenches: Vec<Force<f64>>,
+    pub(crate) jacobian: DMatrix<f64>,
+    /// Made when it is first needed.
+    pub(crate) derivatives: Option<DerivativeData>,
+}
+
+impl Workspace {
+    fn new(model: &multibody::Model) -> Self {
+        Self {
+            data: Data::new(model),
+            wrenches: Vec::with_capacity(model.n_bodies()),
+            jacobian: DMatrix::zeros(6, model.n_velocities()),
+            derivatives: None,
+        }
+    }
+
+    /// Takes six numbers for each body, or none.
+    pub(crate) fn take_wrenches(&mut self, numbers: &[f64]) {
+        let force = |f: &[f64]| Force::new(Vector3::new(f[0], f[1], f[2]), Vector3::new(f[3], f[4], f[5]));
+        self.wrenches.clear();
+        self.wrenches.extend(numbers.chunks_exact(6).map(force));
+    }
+}
+
+/// Tree of rigid bodies.
+///
+/// Every function takes one configuration or many: where arguments have an axis in front, the result has it
+/// too, and arguments without it stand for all. Many are computed in parallel while other Python threads
+/// run, and each as it would be alone, to the last bit. Arrays of float64 in the order of C are read in
+/// place.
+///
+/// q has `n_positions` numbers, v, accelerations and joint forces `n_velocities`, by joints in the order of
+/// the bodies (see `Link`). Velocities of a joint are in the axes of its body, linear before angular.
+/// Quaternions are of unit length.
+///
+/// Parameters
+/// ----------
+/// links : sequence of Link
+///     The bodies: the root first, every other after its parent.
+/// gravity : array_like, shape (3,), optional
+///     Acceleration, m/s²; 9.81 along −z unless given.
+///
+/// Raises
+/// ------
+/// InputError
+///     If the bodies make no tree.
+///
+/// Examples
+/// --------
+/// A pendulum of 1 kg and 1 m, held out level:
+///
+/// >>> from somersault.multibody import Link, Model
+/// >>> bob = Link("bob", "revolute", axis=(0, -1, 0), mass=1.0, center=(1, 0, 0))
+/// >>> pendulum = Model([bob], gravity=(0, 0, -9.81))
+/// >>> pendulum.forward_dynamics([0.0], [0.0], [0.0])
+/// array([-9.81])
+#[pyclass(frozen, eq, module = "somersault.multibody")]
+pub(crate) struct Model {
+    pub(crate) model: multibody::Model,
+    workspaces: Workspaces<Workspace>,
+}
+
+impl PartialEq for Model {
+    fn eq(&self, other: &Self) -> bool {
+        self.model.links() == other.model.links() && self.model.gravity() == other.model.gravity()
+    }
+}
+
+/// A body by its name or its number.
+#[derive(FromPyObject)]
+pub(crate) enum Which {
+    Name(String),
+    Number(usize),
+}
+
+impl Model {
+    pub(crate) fn of(model: multibody::Model) -> Self {
+        Self { model, workspaces: Workspaces::default() }
+    }
+
+    fn body_of(&self, name: &str) -> Result<usize, Error> {
+        self.model.body(name).map_err(|error| {
+            let known = self.model.links().iter().map(multibody::Link::name);
+            Error::from(error).followed_by(&did_you_mean(name, known))
+        })
+    }
+
+    pub(crate) fn which(&self, body: Which) -> Result<usize, Error> {
+        let n_bodies = self.model.n_bodies();
+        match body {
+            Which::Name(name) => self.body_of(&name),
+            Which::Number(i) if i < n_bodies => Ok(i),
+            Which::Number(found) => Err(DynamicsError::NoSuchBody { found, n_bodies }.into()),
+        }
+    }
+
+    /// Configurations, whose quaternions must be of unit length.
+    pub(crate) fn q<'py>(&self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<Rows<'py>, Error> {
+        let rows = Rows::extract(name, &[self.model.n_positions()], value)?;
+        let quaternions = (0..self.model.n_bodies()).filter_map(|i| Some((i, self.model.quaternion_of(i)?)));
+        let all = rows.all()?;
+        for (i, quaternion) in quaternions {
+            for (n, row) in all.chunks_exact(self.model.n_positions()).enumerate() {
+                let norm = row[quaternion.clone()].iter().map(|x| x * x).sum::<f64>().sqrt();
+                if (norm - 1.0).abs() > UNIT {
+                    let error = Error::input(format!(
+                        "`{name}` must have a unit quaternion at joint '{}', found one of norm {norm}; see `Model.normalize`",
+                        self.model.name(i).unwrap_or_default()
+                    ));
+                    return Err(if rows.is_many() { error.in_row(n) } else { error });
+                }
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Velocities, accelerations or joint forces.
+    pub(crate) fn v<'py>(&self, name: &'static str, value: &Bound<'py, PyAny>) -> Result<Rows<'py>, Error> {
+        Rows::extract(name, &[self.model.n_velocities()], value)
+    }
+
+    pub(crate) fn wrenches<'py>(&self, value: Option<&Bound<'py, PyAny>>) -> Result<Rows<'py>, Error> {
+        Rows::extract_or_empty("wrenches", &[self.model.n_bodies(), 6], value)
+    }
+
+    /// Evaluates at every row; `length` is that of a row of the result.
+    pub(crate) fn map<const N: usize>(
+        &self,
+        py: Python<'_>,
+        arguments: [&Rows<'_>; N],
+        length: usize,
+        evaluate: impl Fn(&mut Workspace, [&[f64]; N], &mut [f64]) -> Result<(), DynamicsError> + Sync,
+    ) -> Result<Results, Error> {
+        let workspace = || Workspace::new(&self.model);
+        rows::map(py, arguments, length, self.model.n_bodies(), &self.workspaces, workspace, evaluate)
+    }
+}
+
+fn slice(py: Python<'_>, range: Range<usize>) -> Bound<'_, PySlice> {
+    PySlice::new(py, range.start as isize, range.end as isize, 1)
+}
+
+#[pymethods]
+impl Model {
+    #[new]
+    #[pyo3(signature = (links, *, gravity=None))]
+    fn new(links: &Bound<'_, PyAny>, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
+        let wrong =
+            |found: String| Error::input(format!("`links` must be a sequence of Link, found {found}"));
+        let list = sequence(links).ok_or_else(|| wrong(a_type(links)))?;
+        let mut builder = multibody::ModelBuilder::new();
+        for entry in list.try_iter()? {
+            let entry = entry?;
+            let Link(link) = entry.extract().map_err(|_| wrong(format!("{} in it", a_type(&entry))))?;
+            builder.add(link)?;
+        }
+        let gravity = vector_or("gravity", gravity, Vector3::new(0.0, 0.0, -9.81))?;
+        Ok(Self::of(builder.with_gravity(gravity).build()?))
+    }
+
+    /// list of Link: The bodies with their joints, in their order.
+    #[getter]
+    fn links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        PyList::new(py, self.model.links().iter().cloned().map(Link))
+    }
+
+    /// list of str: Names of the bodies.
+    #[getter]
+    fn names(&self) -> Vec<&str> {
+        self.model.links().iter().map(multibody::Link::name).collect()
+    }
+
+    /// int: Number of bodies.
+    #[getter]
+    fn n_bodies(&self) -> usize {
+        self.model.n_bodies()
+    }
+
+    /// int: Numbers in q.
+    #[getter]
+    fn n_positions(&self) -> usize {
+        self.model.n_positions()
+    }
+
+    /// int: Degrees of freedom: numbers in v, in accelerations and in joint forces.
+    #[getter]
+    fn n_velocities(&self) -> usize {
+        self.model.n_velocities()
+    }
+
+    /// ndarray, shape (3,): Gravitational acceleration, m/s².
+    #[getter]
+    fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        vector_array(py, self.model.gravity())
+    }
+
+    /// float: Mass of all bodies, kg.
+    #[getter]
+    fn mass(&self) -> f64 {
+        self.model.mass()
+    }
+
+    /// Number of a body.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    ///     Its name.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If no body has this name.
+    fn body(&self, name: &str) -> Result<usize, Error> {
+        self.body_of(name)
+    }
+
+    /// Where the joint of a body has its numbers in q.
+    ///
+    /// Parameters
+    /// ----------
+    /// body : str or int
+    ///     Name or number of the body.
+    ///
+    /// Returns
+    /// -------
+    /// slice
+    fn positions_of<'py>(&self, py: Python<'py>, body: Which) -> Result<Bound<'py, PySlice>, Error> {
+        Ok(slice(py, self.model.positions_of(self.which(body)?)))
+    }
+
+    /// Where the joint of a body has its numbers in v.
+    ///
+    /// Parameters
+    /// ----------
+    /// body : str or int
+    ///     Name or number of the body.
+    ///
+    /// Returns
+    /// -------
+    /// slice
+    fn velocities_of<'py>(&self, py: Python<'py>, body: Which) -> Result<Bound<'py, PySlice>, Error> {
+        Ok(slice(py, self.model.velocities_of(self.which(body)?)))
+    }
+
+    /// The configuration with all angles and displacements zero.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_positions,)
+    fn neutral<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+        numpy::PyArray1::from_vec(py, self.model.neutral()).into_any()
+    }
+
+    /// A random configuration.
+    ///
+    /// Rotations are uniform on SO(3). A coordinate with limits is uniform between them; without, an angle is
+    /// uniform within ±π and a displacement within ±1 m.
+    ///
+    /// Parameters
+    /// ----------
+    /// seed : int or numpy.random.Generator, optional
+    ///     Where the numbers come from, as `numpy.random.default_rng` takes it.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_positions,)
+    #[pyo3(signature = (seed=None))]
+    fn random<'py>(&self, py: Python<'py>, seed: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let random = py.import("numpy.random")?.call_method1("default_rng", (seed,))?;
+        let uniform = |lower: f64, upper: f64| -> PyResult<f64> {
+            random.call_method1("uniform", (lower, upper))?.extract()
+        };
+        let mut q = Vec::with_capacity(self.model.n_positions());
+        for (i, link) in self.model.links().iter().enumerate() {
+            let within = |most: f64| {
+                let [lower, upper] = self.model.limits(i).unwrap_or([-most, most]);
+                uniform(
+                    if lower.is_finite() { lower } else { -most },
+                    if upper.is_finite() { upper } else { most },
+                )
+            };
+            let JointKind { n_linear, turning, .. } = link.joint().kind();
+            // A joint of one number has limits.
+            let one = n_linear + usize::from(turning == Turning::Angle) == 1;
+            for _ in 0..n_linear {
+                q.push(if one { within(1.0)? } else { uniform(-1.0, 1.0)? });
+            }
+            match turning {
+                Turning::None => {}
+                Turning::Angle => q.push(if one { within(PI)? } else { uniform(-PI, PI)? }),
+                Turning::Rotation => {
+                    // Normal in ℝ⁴ is uniform in direction.
+                    let x: [f64; 4] = random.call_method1("standard_normal", (4,))?.extract()?;
+                    let turn = UnitQuaternion::new_normalize(Quaternion::from(x));
+                    q.extend(turn.coords.iter());
+                }
+            }
+        }
+        Ok(numpy::PyArray1::from_vec(py, q).into_any())
+    }
+
+    /// q ⊕ v: moves every joint by the exponential of its group.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (..., n_positions)
+    ///     Configuration.
+    /// v : array_like, shape (..., n_velocities)
+    ///     Velocity times time.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_positions)
+    fn displace<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (q, v) = (self.q("q", q)?, self.v("v", v)?);
+        let n = self.model.n_positions();
+        let moved = self.map(py, [&q, &v], n, |_, [q, v], out| self.model.displace(q, v, out))?;
+        Ok(moved.array(py, &[n])?)
+    }
+
+    /// The v of least rotation with start ⊕ v = end.
+    ///
+    /// Unique while rotations differ by less than a half turn.
+    ///
+    /// Parameters
+    /// ----------
+    /// start, end : array_like, shape (..., n_positions)
+    ///     Configurations.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_velocities)
+    fn difference<'py>(
+        &self,
+        py: Python<'py>,
+        start: &Bound<'py, PyAny>,
+        end: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        let (start, end) = (self.q("start", start)?, self.q("end", end)?);
+        let n = self.model.n_velocities();
+        let v = self.map(py, [&start, &end], n, |_, [a, b], out| self.model.difference(a, b, out))?;
+        Ok(v.array(py, &[n])?)
+    }
+
+    /// The configuration with its quaternions brought to unit length.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (..., n_positions)
+    ///     Configuration.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (..., n_positions)
+    fn normalize<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let n = self.model.n_positions();
+        let q = Rows::extract("q", &[n], q)?;
+        let normal = self.map(py, [&q], n, |_, [q], out| {
+            out.copy_from_slice(q);
+            self.model.normalize(out)
+        })?;
+        Ok(normal.array(py, &[n])?)
+    }
+
+    fn __repr__(&self) -> String {
+        let (bodies, n) = (self.model.n_bodies(), self.model.n_velocities());
+        let root = self.model.name(0).unwrap_or_default();
+        format!("<Model: {bodies} bodies from '{root}', {n} degrees of freedom, {} kg>", self.model.mass())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, model) = (slf.py(), slf.get());
+        let arguments = (model.links(py)?, model.gravity(py)).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled model.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        links: &Bound<'_, PyAny>,
+        gravity: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
+        Self::new(links, Some(gravity))
+    }
+}

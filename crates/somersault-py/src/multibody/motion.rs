@@ -1,0 +1,456 @@
+//! Motion of trees under joint forces, with joints that may be driven.
+
+use crate::core::convert::{array, integer, integer_or_none, interval_of, times, with_shape};
+use crate::core::error::Error;
+use crate::integrators::forces::{Failure, call, callable_name};
+use crate::integrators::methods;
+use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
+use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
+use crate::integrators::trajectory::Report;
+use crate::multibody::model::Model;
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::integrators::driver::Outcome;
+use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::solution;
+use somersault::multibody::motion::{
+    Coordinates, MotionError, TreeForces, TreeMotion, TreeState, TreeSystem,
+};
+use somersault::multibody::{self, Split};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// One number for each degree of freedom, given as such or by a callable ``f(t, q, v)``.
+struct Given {
+    source: Source,
+    failure: Failure,
+    calls: AtomicU64,
+}
+
+enum Source {
+    Numbers(Vec<f64>),
+    Callable { callable: Py<PyAny>, name: String },
+}
+
+impl Given {
+    fn extract(
+        argument: &str,
+        n: usize,
+        value: Option<&Bound<'_, PyAny>>,
+        failure: &Failure,
+    ) -> Result<Self, Error> {
+        let source = match value {
+            None => Source::Numbers(vec![0.0; n]),
+            Some(value) if value.is_callable() => {
+                Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
+            }
+            Some(value) => Source::Numbers(finite(argument, with_shape(argument, &[n], value)?)?),
+        };
+        Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
+    }
+
+    fn is_callable(&self) -> bool {
+        matches!(self.source, Source::Callable { .. })
+    }
+
+    /// Writes `write`(number given) to every entry.
+    fn apply(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64], write: impl Fn(&mut f64, f64)) {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        let all = |out: &mut [f64], numbers: &[f64]| {
+            out.iter_mut().zip(numbers).for_each(|(out, x)| write(out, *x));
+        };
+        match &self.source {
+            Source::Numbers(numbers) => all(out, numbers),
+            Source::Callable { callable, name } => {
+                let found = call(&self.failure, vec![f64::NAN; out.len()], |py| {
+                    let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
+                    let returned = callable.call1(py, arguments)?;
+                    let what = format!("{name}(t, q, v)");
+                    finite(&what, with_shape(&what, &[v.len()], returned.bind(py))?)
+                });
+                all(out, &found);
+            }
+        }
+    }
+}
+
+/// The numbers, which must be finite.
+pub(crate) fn finite(argument: &str, numbers: Vec<f64>) -> Result<Vec<f64>, Error> {
+    match numbers.iter().find(|x| !x.is_finite()) {
+        None => Ok(numbers),
+        Some(x) => Err(Error::input(format!("`{argument}` must be finite, found {x}"))),
+    }
+}
+
+impl TreeForces for &Given {
+    fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
+        self.apply(t, q, v, torque, |sum, x| *sum += x);
+    }
+}
+
+/// q and v of a state.
+fn coordinates(model: &multibody::Model, x: &TreeState) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let mut v = vec![0.0; model.n_velocities()];
+    model.joint_velocities(x, &mut v)?;
+    Ok((x.configuration.as_slice().to_vec(), v))
+}
+
+/// q and v of states, one after the other.
+fn rows(model: &multibody::Model, states: &[TreeState]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let (mut q, mut v) = (Vec::new(), Vec::new());
+    for x in states {
+        let (of_q, of_v) = coordinates(model, x)?;
+        q.extend(of_q);
+        v.extend(of_v);
+    }
+    Ok((q, v))
+}
+
+/// Configuration and velocity of a tree at any time of an integration.
+///
+/// Called with a number it gives (q, v); called with n times, arrays with n rows each. Its curves are not written to
+/// files or pickles; arrays are.
+#[pyclass(frozen, module = "somersault.multibody")]
+pub(crate) struct TreeDenseOutput {
+    model: Py<Model>,
+    curves: solution::Solution<Coordinates>,
+}
+
+#[pymethods]
+impl TreeDenseOutput {
+    /// float: First time.
+    #[getter]
+    fn t_min(&self) -> f64 {
+        self.curves.times.first().copied().unwrap_or(f64::NAN)
+    }
+
+    /// float: Last time.
+    #[getter]
+    fn t_max(&self) -> f64 {
+        self.curves.segments.last().map_or_else(|| self.t_min(), |(end, _)| *end)
+    }
+
+    #[pyo3(signature = (t, /))]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+        let (scalar, times) = times("t", t)?;
+        let mut states = Vec::with_capacity(times.len());
+        for t in times {
+            states.push(self.curves.at(t).ok_or_else(|| {
+                let (first, last) = (self.t_min(), self.t_max());
+                Error::input(format!("`t` must be within the times integrated, {first} to {last}, found {t}"))
+            })?);
+        }
+        let model = &self.model.get().model;
+        let (q, v) = rows(model, &states)?;
+        let q = array(py, q, &[states.len(), model.n_positions()])?.into_any();
+        let v = array(py, v, &[states.len(), model.n_velocities()])?.into_any();
+        if scalar { Ok((q.get_item(0)?, v.get_item(0)?)) } else { Ok((q, v)) }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<TreeDenseOutput from t = {} to {}>", self.t_min(), self.t_max())
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(PyTypeError::new_err(
+            "the curves of a TreeDenseOutput cannot be written or pickled: take the arrays that it gives at the times needed",
+        ))
+    }
+}
+
+/// Motion of a tree: times, configurations and velocities, how the run ended and what it took.
+///
+/// Quantities of the model follow from q and v, as in ``solution.model.kinetic_energy(solution.q,
+/// solution.v)``.
+#[pyclass(frozen, module = "somersault.multibody")]
+pub(crate) struct TreeSolution {
+    model: Py<Model>,
+    t: Py<PyAny>,
+    q: Py<PyAny>,
+    v: Py<PyAny>,
+    report: Report,
+    dense: Option<Py<TreeDenseOutput>>,
+}
+
+impl TreeSolution {
+    /// From times, and as many configurations and velocities, one after the other.
+    pub(crate) fn of(
+        py: Python<'_>,
+        model: &Bound<'_, Model>,
+        t: Vec<f64>,
+        q: Vec<f64>,
+        v: Vec<f64>,
+        report: Report,
+        dense: Option<Py<TreeDenseOutput>>,
+    ) -> PyResult<Py<Self>> {
+        let (n, tree) = (t.len(), &model.get().model);
+        let q = array(py, q, &[n, tree.n_positions()])?.into_any().unbind();
+        let v = array(py, v, &[n, tree.n_velocities()])?.into_any().unbind();
+        let t = PyArray1::from_vec(py, t).into_any().unbind();
+        Py::new(py, Self { model: model.clone().unbind(), t, q, v, report, dense })
+    }
+}
+
+#[pymethods]
+impl TreeSolution {
+    /// Model: The tree.
+    #[getter]
+    fn model(&self, py: Python<'_>) -> Py<Model> {
+        self.model.clone_ref(py)
+    }
+
+    /// ndarray, shape (n,): Times, s.
+    #[getter]
+    fn t(&self, py: Python<'_>) -> Py<PyAny> {
+        self.t.clone_ref(py)
+    }
+
+    /// ndarray, shape (n, n_positions): Configurations.
+    #[getter]
+    fn q(&self, py: Python<'_>) -> Py<PyAny> {
+        self.q.clone_ref(py)
+    }
+
+    /// ndarray, shape (n, n_velocities): Velocities.
+    #[getter]
+    fn v(&self, py: Python<'_>) -> Py<PyAny> {
+        self.v.clone_ref(py)
+    }
+
+    /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
+    /// interrupted, -2 if it failed.
+    #[getter]
+    fn status(&self) -> i32 {
+        self.report.status
+    }
+
+    /// str: The same in words.
+    #[getter]
+    fn message(&self) -> &str {
+        &self.report.message
+    }
+
+    /// bool: Whether the run ended as asked, by its interval or its observer.
+    #[getter]
+    fn success(&self) -> bool {
+        self.report.status >= 0
+    }
+
+    /// int: How often the equations of motion were evaluated.
+    #[getter]
+    fn nfev(&self) -> u64 {
+        self.report.nfev
+    }
+
+    /// int: Steps made.
+    #[getter]
+    fn n_steps(&self) -> u64 {
+        self.report.n_steps
+    }
+
+    /// int: Steps tried and rejected by the step size control.
+    #[getter]
+    fn n_rejected(&self) -> u64 {
+        self.report.n_rejected
+    }
+
+    /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was asked for.
+    #[getter]
+    fn sol(&self, py: Python<'_>) -> Option<Py<TreeDenseOutput>> {
+        self.dense.as_ref().map(|dense| dense.clone_ref(py))
+    }
+
+    fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
+        self.t.bind(py).len()
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (n, report) = (self.__len__(py)?, &self.report);
+        Ok(format!("<TreeSolution: {n} states; {} ({} steps)>", report.message, report.n_steps))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let Report { status, message, nfev, n_steps, n_rejected } = own.report.clone();
+        let arrays = (own.model(py), own.t(py), own.q(py), own.v(py));
+        let arguments = (arrays, (status, message, nfev, n_steps, n_rejected)).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled solution; the dense output is not part of it.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        arrays: (Py<Model>, Py<PyAny>, Py<PyAny>, Py<PyAny>),
+        report: (i32, String, u64, u64, u64),
+    ) -> Self {
+        let (model, t, q, v) = arrays;
+        let (status, message, nfev, n_steps, n_rejected) = report;
+        Self { model, t, q, v, report: Report { status, message, nfev, n_steps, n_rejected }, dense: None }
+    }
+}
+
+/// Integrates as planned.
+pub(crate) fn solve(
+    plan: &Plan,
+    system: &impl TreeMotion,
+    initial: &TreeState,
+    monitor: &mut Monitor<Coordinates>,
+) -> Result<Outcome<Coordinates>, MotionError> {
+    match &plan.steps {
+        Steps::Fixed(grid) => system.integrate(plan.method, plan.options, initial, grid, monitor),
+        Steps::Adapted(interval, control) => {
+            system.integrate_adaptive(plan.method, plan.options, initial, *interval, control, monitor)
+        }
+    }
+}
+
+/// Motion of a tree under joint forces.
+///
+/// Integrates q̇ = v and M(q) v̇ + h(q, v) = τ on the configuration manifold. Where some degrees of freedom
+/// are active, they follow the accelerations given, by whatever forces that takes.
+///
+/// Parameters
+/// ----------
+/// model : Model
+///     The tree.
+/// q, v : array_like, shape (n_positions,) and (n_velocities,)
+///     Configuration and velocity at the start.
+/// interval : tuple of float
+///     Start and end time, s.
+/// dt : float, optional
+///     Step, s; without it steps are adapted.
+/// method : str or MethodInfo, optional
+///     A method of the table whose scope is any system, in the world's variables; ``"rkmk"`` unless given,
+///     or ``"rkmk8"`` where steps are adapted.
+/// torque : array_like, shape (n_velocities,), or callable, optional
+///     Joint forces, or ``f(t, q, v)`` that returns them; none unless given.
+/// active : sequence of str, or array_like of bool, shape (n_velocities,), optional
+///     Bodies whose joints are active, or a flag for each degree of freedom; none unless given.
+/// acceleration : array_like, shape (n_velocities,), or callable, optional
+///     Accelerations of the active degrees of freedom, or ``f(t, q, v)`` that returns them; zero unless
+///     given. The others are not used.
+/// rtol, atol, max_step, first_step, max_steps, start_up, dense_output, every
+///     As of `somersault.integrate`.
+/// observer : callable, optional
+///     ``f(t, q, v)``, called after every step; the run stops where it returns something true.
+/// on_interrupt, progress
+///     As of `somersault.integrate`.
+///
+/// Returns
+/// -------
+/// TreeSolution
+///
+/// Raises
+/// ------
+/// InputError
+///     If an argument is not allowed.
+/// IntegrationError
+///     If the run cannot go on.
+/// DynamicsError
+///     If the mass matrix becomes singular.
+///
+/// Examples
+/// --------
+/// >>> from somersault import multibody
+/// >>> pole = multibody.cart_pendulum()
+/// >>> motion = multibody.integrate_tree(pole, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.01)
+/// >>> motion.q.shape
+/// (101, 2)
+#[pyfunction]
+#[pyo3(signature = (
+    model, q, v, interval, *, dt=None, method=None, torque=None, active=None, acceleration=None, rtol=None,
+    atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false,
+    every=1, observer=None, on_interrupt="raise", progress=false
+))]
+pub(crate) fn integrate_tree<'py>(
+    py: Python<'py>,
+    model: &Bound<'py, Model>,
+    q: &Bound<'py, PyAny>,
+    v: &Bound<'py, PyAny>,
+    #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
+    dt: Option<f64>,
+    method: Option<&Bound<'py, PyAny>>,
+    torque: Option<&Bound<'py, PyAny>>,
+    active: Option<&Bound<'py, PyAny>>,
+    acceleration: Option<&Bound<'py, PyAny>>,
+    rtol: Option<f64>,
+    atol: Option<f64>,
+    max_step: Option<f64>,
+    first_step: Option<f64>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
+    start_up: &str,
+    dense_output: bool,
+    #[pyo3(from_py_with = integer)] every: i64,
+    observer: Option<Bound<'py, PyAny>>,
+    on_interrupt: &str,
+    progress: bool,
+) -> Result<Py<TreeSolution>, Error> {
+    let tree = &model.get().model;
+    let n = tree.n_velocities();
+    let interval = (interval[0], interval[1]);
+    let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8 };
+    let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
+    let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
+    let steps = arguments.steps(method, interval)?;
+    let q = finite("q", with_shape("q", &[tree.n_positions()], q)?)?;
+    let v = finite("v", with_shape("v", &[n], v)?)?;
+    let initial = tree.state(&q, &v)?;
+    if acceleration.is_some() && active.is_none() {
+        return Err(Error::input(
+            "`acceleration` is that of `active` degrees of freedom, and there are none",
+        ));
+    }
+    let split = active.map_or(Ok(Split::new(vec![false; n])), |active| model.get().split(active))?;
+    let failure = Failure::default();
+    let torque = Given::extract("torque", n, torque, &failure)?;
+    let acceleration = Given::extract("acceleration", n, acceleration, &failure)?;
+    if let Some(observer) = &observer {
+        plan::check_callable("observer", "f(t, q, v)", observer)?;
+    }
+    let plan = Plan {
+        method,
+        options: Options { start_up: start_up_of(start_up)? },
+        steps,
+        start: interval.0,
+        every: plan::every_of(every)?,
+        dense: dense_output,
+        calls_python: observer.is_some() || torque.is_callable() || acceleration.is_callable(),
+        return_interrupted: plan::returns_interrupted(on_interrupt)?,
+    };
+    let watch = observer.map(|observer| -> Watch<Coordinates> {
+        let (observer, model) = (observer.unbind(), model.clone().unbind());
+        Box::new(move |py, t, x| {
+            let (q, v) = coordinates(&model.get().model, x)?;
+            let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)))?;
+            answer.bind(py).is_truthy()
+        })
+    });
+    let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
+    let mut monitor = Monitor::try_new(&plan, &initial, q.len() + v.len(), watch, bar, failure)?;
+    let drive = |t: f64, q: &[f64], v: &[f64], out: &mut [f64]| {
+        acceleration.apply(t, q, v, out, |out, x| *out = x);
+    };
+    let system = TreeSystem::new(tree, &torque).driven(split, drive)?;
+    let outcome = monitor.supervise(py, &plan, |monitor| solve(&plan, &system, &initial, monitor))?;
+    let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+    let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
+    let Finish { mut recorded, steps, status, message, failed } = monitor.finish(py, status);
+    let nfev = torque.calls.load(Ordering::Relaxed);
+    let report = Report { status, message, nfev, n_steps: steps, n_rejected };
+    let (t, (q, v)) = (recorded.times.clone(), rows(tree, &recorded.states)?);
+    let dense = if dense_output {
+        // The curves know their ends; of the states only a first is needed, to be written into.
+        recorded.times.truncate(1);
+        recorded.states.truncate(1);
+        Some(Py::new(py, TreeDenseOutput { model: model.clone().unbind(), curves: recorded })?)
+    } else {
+        None
+    };
+    plan.deliver(py, failed, TreeSolution::of(py, model, t, q, v, report, dense)?)
+}
