@@ -71,7 +71,7 @@ bench:
 
 # The facade with each of its features alone, and with none.
 features:
-	for feature in "" contact ftla motion multibody nlp ocp rayon serde storage urdf; do \
+	for feature in "" contact dives ftla motion multibody nlp ocp rayon serde storage urdf; do \
 		cargo check --package somersault --no-default-features --features "$$feature" || exit 1; done
 
 # The same problems solved by other packages, side by side.

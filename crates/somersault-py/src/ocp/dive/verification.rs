@@ -4,7 +4,7 @@ use crate::core::convert::{any_vector, vector_array};
 use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};
+use somersault::dives::{ALLOWED, DiveReport, Nearest, PeakTorque};
 
 /// Least distance, limbs, time and clearance of a pickled verification.
 type NearestParts = (f64, [String; 2], f64, f64);
