@@ -223,6 +223,7 @@ __all__ = [
     "read_bvh",
     "read_c3d",
     "read_csv",
+    "read_file",
     "read_joint_motion",
     "read_judged",
     "read_trc",
@@ -1813,6 +1814,16 @@ def read_trc(
 def read_csv(
     source: _Source, *, unit: str = "m", up: str = "z", forward: str = "x", nan_is_gap: bool = False
 ) -> MarkerRecording: ...
+def read_file(
+    source: _Source,
+    *,
+    format: str | None = None,
+    unit: str | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    nan_is_gap: bool = False,
+    diver: Diver | None = None,
+) -> MarkerRecording | SkeletonRecording: ...
 def read_joint_motion(source: _Source, diver: Diver | None = None) -> SkeletonRecording: ...
 def write_csv(
     path: str | PathLike[str],

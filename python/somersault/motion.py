@@ -12,6 +12,7 @@ model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` de
 | C3D, point data | `read_c3d` | `write_c3d` | markers |
 | TRC | `read_trc` | `write_trc` | markers |
 | CSV | `read_csv` | `write_csv` | markers |
+| any of these, as the ending says | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
 
 Since no set of judged dives is public, a `SyntheticSet` makes one; whatever comes of it is labelled
@@ -74,6 +75,7 @@ from somersault._somersault import (
     read_bvh,
     read_c3d,
     read_csv,
+    read_file,
     read_joint_motion,
     read_judged,
     read_trc,
@@ -123,6 +125,7 @@ __all__ = [
     "read_bvh",
     "read_c3d",
     "read_csv",
+    "read_file",
     "read_joint_motion",
     "read_judged",
     "read_trc",

@@ -351,6 +351,7 @@ motion.read_csv("a.csv", unit="m", up="z", forward="x", nan_is_gap=True)
 motion.read_trc("a.trc")
 motion.read_c3d("a.c3d")
 motion.read_bvh("a.bvh", unit="m")
+motion.read_file("a.bvh", unit="m", up="y", forward="z")
 numbers = (
     [0.1, 0.0, 0.9, 0.0]
     + [1.0, 0.0, 0.0, 0.0] * 4

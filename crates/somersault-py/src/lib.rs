@@ -14,6 +14,8 @@ mod ocp;
 /// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
 #[pyo3::pymodule]
 mod _somersault {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::contact::contacts::{Contact, SpherePair};
     #[pymodule_export]
@@ -24,7 +26,9 @@ mod _somersault {
     #[pymodule_export]
     use crate::contact::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]
-    use crate::contact::surface::{CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction};
+    use crate::contact::surface::{
+        CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction,
+    };
     #[pymodule_export]
     use crate::contact::system::{
         ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
@@ -63,9 +67,9 @@ mod _somersault {
         MarkerSet, MotionFit, Pca, Performance, Perturbation, Projection, Score, ScoringModel,
         ScoringOptions, Skeleton, SkeletonJoint, SkeletonRecording, SyntheticDive, SyntheticFlight,
         SyntheticJudge, SyntheticSet, Validation, common_eigenpostures, eigenpostures_per_motion,
-        normalize_frames, pearson, project, read_bvh, read_c3d, read_csv, read_joint_motion, read_judged,
-        read_trc, spearman, turns_about, validate, write_bvh, write_c3d, write_csv, write_joint_motion,
-        write_trc,
+        normalize_frames, pearson, project, read_bvh, read_c3d, read_csv, read_file, read_joint_motion,
+        read_judged, read_trc, spearman, turns_about, validate, write_bvh, write_c3d, write_csv,
+        write_joint_motion, write_trc,
     };
     #[pymodule_export]
     use crate::multibody::flight::integrate_flight;
@@ -74,7 +78,7 @@ mod _somersault {
     #[pymodule_export]
     use crate::multibody::model::Model;
     #[pymodule_export]
-    use crate::multibody::models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
+    use crate::multibody::models::Diver;
     #[pymodule_export]
     use crate::multibody::motion::{TreeDenseOutput, TreeSolution, integrate_tree};
     #[pymodule_export]
@@ -82,9 +86,14 @@ mod _somersault {
         CartPendulumProblem, CollocationOutcome, CollocationProblem, CollocationResult, Constraint, Cost,
         Dive, DiveSolution, DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem,
         MultiphaseProblem, MultiphaseResult, Phase, Report, SearchResult, SplineMotion, SwingUpVerification,
-        Term, Verification, axis_direction, body_orientation, displacement, dive_107b, dive_5174d, entries,
-        function, momentum, point_position,
+        Term, Verification, dive_107b, dive_5174d,
     };
+
+    #[pymodule_init]
+    fn add_tables(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::multibody::models::add_functions(module)?;
+        crate::ocp::add_terms(module)
+    }
 
     /// The version of the package.
     #[pymodule_export]

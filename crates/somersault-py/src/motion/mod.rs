@@ -23,7 +23,7 @@ pub(crate) use judged::{JudgedSet, read_judged};
 pub(crate) use markers::MarkerRecording;
 pub(crate) use motion_fit::MotionFit;
 pub(crate) use pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
-pub(crate) use readers::{read_bvh, read_c3d, read_csv, read_joint_motion, read_trc};
+pub(crate) use readers::{read_bvh, read_c3d, read_csv, read_file, read_joint_motion, read_trc};
 pub(crate) use scoring::{Performance, Score, ScoringModel, ScoringOptions};
 pub(crate) use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
 pub(crate) use synthetic::{Perturbation, SyntheticDive, SyntheticFlight, SyntheticSet};

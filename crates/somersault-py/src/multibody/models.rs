@@ -6,6 +6,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::multibody::models::{self, CartPendulum, Dimension, Posture, TwoLinkArm};
 
+/// Adds the functions that make them to the module of Python.
+pub(crate) fn add_functions(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(cart_pendulum, module)?)?;
+    module.add_function(wrap_pyfunction!(diver_planar, module)?)?;
+    module.add_function(wrap_pyfunction!(diver_spatial, module)?)?;
+    module.add_function(wrap_pyfunction!(two_link_arm, module)?)
+}
+
 /// The pendulum on a cart (thesis appendix A).
 ///
 /// q = (r, θ) with r along x and θ from the upright towards −x.

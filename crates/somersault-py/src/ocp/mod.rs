@@ -20,7 +20,5 @@ pub(crate) use problem::{Constraint, Cost, Motion, MotionProblem, Phase};
 pub(crate) use search::SearchResult;
 pub(crate) use solver::Report;
 pub(crate) use swing_up::CartPendulumProblem;
-pub(crate) use term::{
-    Term, axis_direction, body_orientation, displacement, entries, function, momentum, point_position,
-};
+pub(crate) use term::{Term, add_functions as add_terms};
 pub(crate) use verification::{SwingUpVerification, Verification};
