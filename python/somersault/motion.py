@@ -40,7 +40,7 @@ Whether it is a success is another question: joint centres do not say how head, 
 """
 
 from somersault._markers import low_pass, place_markers
-from somersault._somersault import (
+from somersault._somersault.motion import (
     Band,
     Baseline,
     Correlation,

@@ -12,7 +12,7 @@ name. `integrate_tree` moves a tree, and `fly` one in the air whose joints move 
 (100, 2)
 """
 
-from somersault._somersault import (
+from somersault._somersault.multibody import (
     Diver,
     Link,
     Model,
@@ -21,10 +21,10 @@ from somersault._somersault import (
     cart_pendulum,
     diver_planar,
     diver_spatial,
+    fly,
     integrate_tree,
     two_link_arm,
 )
-from somersault._somersault import integrate_flight as fly
 
 __all__ = [
     "Diver",

@@ -28,7 +28,7 @@ two examples of the thesis.
 """
 
 from somersault._arm import arm_motion, arm_problem
-from somersault._somersault import (
+from somersault._somersault.ocp import (
     CartPendulumProblem,
     CollocationOutcome,
     CollocationProblem,

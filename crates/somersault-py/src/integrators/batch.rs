@@ -129,3 +129,10 @@ fn from(first: usize, error: BatchError) -> BatchError {
         error => error,
     }
 }
+
+/// Many rigid bodies at once.
+#[pyo3::pymodule(name = "batch", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::batch::integrate_batch;
+}

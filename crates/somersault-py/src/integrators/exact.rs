@@ -79,3 +79,10 @@ impl FreeBody {
         (slf.get_type(), (own.body, own.start, own.t0))
     }
 }
+
+/// Motions in closed form.
+#[pyo3::pymodule(name = "exact", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::exact::FreeBody;
+}

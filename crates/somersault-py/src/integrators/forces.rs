@@ -667,3 +667,10 @@ impl Interaction for CallableInteraction {
 pub(crate) fn states_list<'py>(py: Python<'py>, x: &StateOf<Vec<Pose>>) -> PyResult<Bound<'py, PyList>> {
     PyList::new(py, (0..x.configuration.len()).filter_map(|i| x.body(i)).map(State))
 }
+
+/// What acts on bodies.
+#[pyo3::pymodule(name = "forces", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
+}

@@ -332,7 +332,7 @@ fn at_most_a_thousand(argument: &str, found: i64) -> Result<usize, Error> {
 /// ------
 /// InputError
 ///     If an argument is not allowed or the method does not apply to free bodies.
-#[pyfunction]
+#[pyfunction(name = "energy")]
 #[pyo3(signature = (
     method, bodies=None, *, angular_velocity=None, dt=1.0, steps=vec![1, 2, 5, 10, 20, 50, 100], start_up="ladder"
 ))]
@@ -762,7 +762,7 @@ impl WorkPrecision {
 /// ------
 /// InputError
 ///     If a step or a tolerance is not positive.
-#[pyfunction]
+#[pyfunction(name = "work_precision")]
 #[pyo3(signature = (problem, method, dts=None, *, tolerances=None, repeats=3, start_up="one_step"))]
 pub(crate) fn work_precision_study(
     py: Python<'_>,
@@ -787,4 +787,14 @@ pub(crate) fn work_precision_study(
             work_precision::work_precision(p, method, options, &choices, repeats, progress)
         }
     })?))
+}
+
+/// Studies of stability and accuracy.
+#[pyo3::pymodule(name = "studies", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::studies::{
+        Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
+        spectral_radii, stability_region, work_precision_study,
+    };
 }

@@ -7,7 +7,7 @@ use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector}
 use crate::core::error::Error;
 use crate::core::waiting::leave_on_signal;
 use crate::multibody::model::{Model, Which};
-use crate::ocp::EigenpostureBase;
+use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, Shape};

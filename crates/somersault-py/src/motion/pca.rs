@@ -4,7 +4,7 @@ use super::matrix::{count, matrices, matrix, matrix_array, numbers_array};
 use crate::core::convert::{real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::leave_on_signal;
-use crate::ocp::EigenpostureBase;
+use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::motion::analysis::{self, WeightBounds, eigenpostures};

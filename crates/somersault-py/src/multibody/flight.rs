@@ -93,7 +93,7 @@ impl ShapeMotion for Shape {
     model, q, v, shape, interval, *, dt=None, method=None, rtol=None, atol=None, max_step=None,
     first_step=None, max_steps=None, start_up="one_step", every=1, on_interrupt="raise", progress=false
 ))]
-pub(crate) fn integrate_flight<'py>(
+pub(crate) fn fly<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
     q: &Bound<'py, PyAny>,
