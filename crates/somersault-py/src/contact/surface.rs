@@ -1,6 +1,6 @@
 //! Surfaces, and Python callables in their place.
 
-use crate::core::convert::{a_type, any_vector, vector, vector_array, vector_or};
+use crate::core::convert::{a_type, any_vector, check_callable, vector, vector_array, vector_or};
 use crate::core::error::Error;
 use crate::integrators::forces::{Failure, call, callable_name};
 use pyo3::prelude::*;
@@ -273,7 +273,7 @@ impl SurfaceFunction {
     #[new]
     #[pyo3(signature = (function, *, lipschitz=1.0, concavity=f64::INFINITY))]
     fn new(function: &Bound<'_, PyAny>, lipschitz: f64, concavity: f64) -> Result<Self, Error> {
-        crate::integrators::plan::check_callable("function", "f(point) -> (distance, gradient)", function)?;
+        check_callable("function", "f(point) -> (distance, gradient)", function)?;
         if !(lipschitz.is_finite() && lipschitz > 0.0) {
             return Err(Error::input(format!("`lipschitz` must be positive and finite, found {lipschitz}")));
         }

@@ -77,18 +77,6 @@ pub(crate) fn interval_of(value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
     Ok([found[0], found[1]])
 }
 
-/// The end of a message about a name that is unknown: the known one that was perhaps meant.
-pub(crate) fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    let known: Vec<&str> = known.into_iter().collect();
-    let closest = Python::attach(|py| -> PyResult<Vec<String>> {
-        py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()
-    });
-    match closest.as_deref() {
-        Ok([closest, ..]) => format!("; did you mean `{closest}`?"),
-        _ => String::new(),
-    }
-}
-
 /// Real numbers in the order of C, with their shape.
 struct Numbers {
     shape: Vec<usize>,
@@ -142,6 +130,23 @@ pub(crate) fn a_type(value: &Bound<'_, PyAny>) -> String {
     let name = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
     let vowel = name.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']);
     format!("{} {name}", if vowel { "an" } else { "a" })
+}
+
+/// Fails unless an argument can be called.
+pub(crate) fn check_callable(argument: &str, signature: &str, value: &Bound<'_, PyAny>) -> Result<(), Error> {
+    if value.is_callable() {
+        return Ok(());
+    }
+    Err(Error::input(format!("`{argument}` must be a callable {signature}, found {}", a_type(value))))
+}
+
+/// A positive and finite number.
+pub(crate) fn positive(argument: &str, value: f64) -> Result<f64, Error> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
+    }
 }
 
 fn check_finite(argument: &str, values: &[f64]) -> Result<(), Error> {

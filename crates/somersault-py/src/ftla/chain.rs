@@ -1,7 +1,6 @@
 //! Transition matrices, and chains of them.
 
 use super::dimension::{by_rows, expect_square, matrix_array, vector};
-use super::error::input;
 use super::spectrum::Spectrum;
 use crate::core::convert::integer;
 use crate::core::error::Error;
@@ -152,7 +151,7 @@ impl Chain {
     fn spectrum(&self, #[pyo3(from_py_with = integer)] mark: i64) -> Result<Spectrum, Error> {
         let known = self.marks.len();
         let number = index(mark as isize, known).map_err(|_| {
-            super::error::input(format!("`mark` must be from -{known} to {}, found {mark}", known as i64 - 1))
+            Error::input(format!("`mark` must be from -{known} to {}, found {mark}", known as i64 - 1))
         })?;
         Ok(self.spectrum_of(self.marks[number]))
     }
@@ -194,7 +193,7 @@ impl Chain {
             && marks.len() == times.len()
             && marks.iter().all(|&mark| mark <= links.len());
         if !fits {
-            return Err(input("`links`, `dimension`, `marks` and `times` of a chain must fit".to_owned()));
+            return Err(Error::input("`links`, `dimension`, `marks` and `times` of a chain must fit"));
         }
         let (evaluations, steps, rejected, switches) = work;
         Ok(Self { links, dimension, marks, times, work: Work { evaluations, steps, rejected, switches } })

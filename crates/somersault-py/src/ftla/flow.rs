@@ -3,7 +3,7 @@
 use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
-use super::error::{input, of_motion};
+use super::error::of_motion;
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
@@ -151,7 +151,7 @@ impl VariationalFlow {
     pub(crate) fn point(&self, name: &'static str, p: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
         let rows = Rows::extract(name, &[self.system.get().dimension], p)?;
         if rows.is_many() {
-            return Err(input(format!("`{name}` must be one point, found many")));
+            return Err(Error::input(format!("`{name}` must be one point, found many")));
         }
         Ok(vector(rows.all()?))
     }
@@ -169,7 +169,7 @@ impl VariationalFlow {
     ) -> Result<Self, Error> {
         let tolerances = tolerances_of(rtol, atol)?;
         if max_steps == 0 {
-            return Err(input("`max_steps` must be positive, found 0".to_owned()));
+            return Err(Error::input("`max_steps` must be positive, found 0"));
         }
         Ok(Self { system, settings: Settings { tolerances, max_steps } })
     }

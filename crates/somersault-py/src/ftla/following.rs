@@ -1,13 +1,12 @@
 //! How long motions follow an optimum that they start beside.
 
-use super::error::positive;
 use super::flow::VariationalFlow;
 use super::placement::{Placement, status_named, status_of};
 use super::run::{Run, attend};
 use super::settings::Settings;
 use super::shooting::Extremal;
 use super::system::System;
-use crate::core::convert::real_numbers;
+use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};

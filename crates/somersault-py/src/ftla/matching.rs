@@ -2,13 +2,12 @@
 
 use super::argument::{whole, wholes};
 use super::dimension::rows_array;
-use super::error::{input, positive};
 use super::flow::VariationalFlow;
 use super::placement::Placement;
 use super::run::{Run, attend};
 use super::settings::limits_of;
 use super::watched::Watched;
-use crate::core::convert::{real_numbers, with_shape};
+use crate::core::convert::{positive, real_numbers, with_shape};
 use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -72,7 +71,7 @@ fn status_named(name: &str) -> Result<&'static str, Error> {
         MatchStatus::LimitReached,
     ];
     let known = all.map(name_of).into_iter().find(|known| *known == name);
-    known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
+    known.ok_or_else(|| Error::input(format!("`status` is not known: '{name}'")))
 }
 
 /// The entries of a vector, to be pickled.
@@ -84,7 +83,7 @@ fn numbers(p: &DVector<f64>) -> Vec<f64> {
 pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let values = with_shape(name, &[n], value)?;
     match values.iter().find(|x| !x.is_finite()) {
-        Some(found) => Err(input(format!("`{name}` must be finite, found {found}"))),
+        Some(found) => Err(Error::input(format!("`{name}` must be finite, found {found}"))),
         None => Ok(values),
     }
 }
@@ -383,11 +382,11 @@ impl MatchingResult {
     fn nodes<'py>(&self, py: Python<'py>, times: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let times = real_numbers("times", times)?;
         let Some(matching) = self.matching.as_ref().filter(|_| self.status != "no_start") else {
-            return Err(input("this match has no motion".to_owned()));
+            return Err(Error::input("this match has no motion"));
         };
         let matching = matching.get();
         if let Some(t) = times.iter().find(|t| !(0.0..=matching.horizon).contains(*t)) {
-            return Err(input(format!("`times` must be from 0 to the horizon, found {t}")));
+            return Err(Error::input(format!("`times` must be from 0 to the horizon, found {t}")));
         }
         let n = matching.dimension();
         let nodes = attend(py, |run| nodes_in(self, matching, run, &times))?;

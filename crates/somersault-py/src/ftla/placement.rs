@@ -1,15 +1,14 @@
 //! Placing a point on the centre-stable or the centre-unstable manifold.
 
 use super::argument::{triple, whole, wholes};
-use super::dimension::expect_dimension;
-use super::error::{input, positive, told};
+use super::dimension::{dims_of, expect_dimension};
+use super::error::told;
 use super::flow::VariationalFlow;
 use super::run::{Run, attend};
 use super::settings::{Settings, limits_of};
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
-use super::subspace::dims_of;
 use super::system::System;
-use crate::core::convert::real_numbers;
+use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -135,19 +134,21 @@ impl Placement {
             (_, Some(times)) => Schedule::try_times(times)?,
             (Some(diagnosis), None) => Schedule::of_diagnosis(&diagnosis)?,
             (None, None) => {
-                return Err(input("`times` must be given where `dims` is no Diagnosis".to_owned()));
+                return Err(Error::input("`times` must be given where `dims` is no Diagnosis"));
             }
         };
         let method = match method {
             "newton" => Method::Newton,
             "fixed_point" => Method::FixedPoint,
             other => {
-                return Err(input(format!("`method` must be 'newton' or 'fixed_point', found '{other}'")));
+                return Err(Error::input(format!(
+                    "`method` must be 'newton' or 'fixed_point', found '{other}'"
+                )));
             }
         };
         positive("tol", tol)?;
         if max_iterations == 0 {
-            return Err(input("`max_iterations` must be positive, found 0".to_owned()));
+            return Err(Error::input("`max_iterations` must be positive, found 0"));
         }
         let placement = Self { dims, held, schedule, method, tol, max_iterations };
         let dimension = dims.stable.saturating_add(dims.center).saturating_add(dims.unstable);
@@ -285,7 +286,7 @@ pub(crate) fn status_of(status: &PlacementStatus) -> &'static str {
 pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
     let known = ["placed", "stalled", "max_iterations", "singular_costates", "flow", "limit_reached"];
     let found = known.into_iter().find(|status| *status == name);
-    found.ok_or_else(|| input(format!("`status` must be one of {known:?}, found '{name}'")))
+    found.ok_or_else(|| Error::input(format!("`status` must be one of {known:?}, found '{name}'")))
 }
 
 impl PlacementResult {

@@ -3,7 +3,6 @@
 use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
-use super::error::input;
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, limits_of, tolerances_of};
 use super::system::System;
@@ -47,7 +46,7 @@ fn status_named(name: &str) -> Result<ShootingStatus, Error> {
         ShootingStatus::OnTheWay,
     ];
     let known = all.into_iter().find(|status| name_of(*status) == name);
-    known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
+    known.ok_or_else(|| Error::input(format!("`status` is not known: '{name}'")))
 }
 
 /// The states at one end, None where one is free.
@@ -56,10 +55,10 @@ pub(crate) type EndStates = Vec<Option<f64>>;
 /// The conditions at one end.
 pub(crate) fn end_of(name: &str, n: usize, states: &EndStates) -> Result<End, Error> {
     if states.len() != n {
-        return Err(input(format!("`{name}` must have {n} entries, found {}", states.len())));
+        return Err(Error::input(format!("`{name}` must have {n} entries, found {}", states.len())));
     }
     if let Some(found) = states.iter().flatten().find(|x| !x.is_finite()) {
-        return Err(input(format!("`{name}` must be finite, found {found}")));
+        return Err(Error::input(format!("`{name}` must be finite, found {found}")));
     }
     // what is free is given first, and then freed
     let given: Vec<f64> = states.iter().map(|x| x.unwrap_or(0.0)).collect();
@@ -90,7 +89,7 @@ impl Extremal {
         if self.dimension() == expected {
             return Ok(());
         }
-        Err(input(format!("the extremal must be of dimension {expected}, found {}", self.dimension())))
+        Err(Error::input(format!("the extremal must be of dimension {expected}, found {}", self.dimension())))
     }
 
     /// Times of the nodes as fractions of the horizon.
@@ -309,7 +308,7 @@ impl Extremal {
             && links.len() + 1 == times.len()
             && links.iter().all(|link| link.transition.end.len() == n);
         if !fits {
-            return Err(input("times, nodes and links of an extremal must fit".to_owned()));
+            return Err(Error::input("times, nodes and links of an extremal must fit"));
         }
         let (status, residual, floor, hamiltonian_drift, iterations, flow_evaluations) = how;
         let status = status_named(&status)?;
@@ -334,7 +333,7 @@ impl Extremal {
 fn finite_times(t: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
     let (single, found) = times("t", t)?;
     match found.iter().find(|t| !t.is_finite()) {
-        Some(t) => Err(input(format!("`t` must be finite, found {t}"))),
+        Some(t) => Err(Error::input(format!("`t` must be finite, found {t}"))),
         None => Ok((single, found)),
     }
 }
@@ -358,7 +357,9 @@ pub(crate) fn shooting_of(
     limits: Limits,
 ) -> Result<MultipleShooting, Error> {
     if !(1e-15..=0.1).contains(&tol) {
-        return Err(input(format!("`tol` must be from 1e-15, below which is rounding, to 0.1, found {tol}")));
+        return Err(Error::input(format!(
+            "`tol` must be from 1e-15, below which is rounding, to 0.1, found {tol}"
+        )));
     }
     Ok(MultipleShooting { tolerance: tol, max_iterations, flow: tolerances_of(rtol, atol)?, limits })
 }

@@ -1,8 +1,6 @@
 //! Finite-time Lyapunov exponents and vectors, and what they say of a problem.
 
-use super::dimension::{expect_square, matrix_array, vector};
-use super::error::input;
-use super::subspace::dims_of;
+use super::dimension::{dims_of, expect_square, matrix_array, vector};
 use crate::core::error::Error;
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -16,7 +14,7 @@ pub(crate) fn direction_of(name: &str) -> Result<TimeDirection, Error> {
     match name {
         "forward" => Ok(TimeDirection::Forward),
         "backward" => Ok(TimeDirection::Backward),
-        other => Err(input(format!("`direction` must be 'forward' or 'backward', found '{other}'"))),
+        other => Err(Error::input(format!("`direction` must be 'forward' or 'backward', found '{other}'"))),
     }
 }
 
@@ -112,7 +110,7 @@ impl Spectrum {
     ) -> Result<Self, Error> {
         expect_square("vectors", &vectors, exponents.len())?;
         if balanced.len() != exponents.len() {
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`balanced` must have {} entries, found {}",
                 exponents.len(),
                 balanced.len()
@@ -306,7 +304,7 @@ fn verdict_of((name, why, defect): (String, Option<String>, Option<f64>)) -> Res
         }
         (_, _, _) => None,
     };
-    known.ok_or_else(|| input(format!("`verdict` is not known: '{name}'")))
+    known.ok_or_else(|| Error::input(format!("`verdict` is not known: '{name}'")))
 }
 
 /// Chooses (n^s, n^c, n^u) from spectra at one point, and says what they tell about the problem.
@@ -338,7 +336,7 @@ fn verdict_of((name, why, defect): (String, Option<String>, Option<f64>)) -> Res
 pub(crate) fn diagnose(spectra: Vec<Bound<'_, Spectrum>>, horizon: f64) -> Result<Diagnosis, Error> {
     let n = spectra.first().map_or(2, |s| s.get().dimension());
     if spectra.iter().any(|s| s.get().dimension() != n) {
-        return Err(input("`spectra` must be of one dimension".to_owned()));
+        return Err(Error::input("`spectra` must be of one dimension"));
     }
     let spectra: Vec<_> = spectra.iter().map(|s| s.get().spectrum.clone()).collect();
     Ok(Diagnosis { diagnosis: spectrum::diagnose(&spectra, horizon)? })

@@ -1,8 +1,7 @@
 //! Subspaces, the splitting they form, and the costates to hold.
 
 use super::argument::triple;
-use super::dimension::{expect_dimension, rows_array, vector};
-use super::error::input;
+use super::dimension::{dims_of, expect_dimension, rows_array, vector};
 use super::spectrum::Spectrum;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
@@ -12,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::placement;
-use somersault::ftla::spectrum::{self, SplittingDims, slow_subspace as slow};
+use somersault::ftla::spectrum::{self, slow_subspace as slow};
 
 /// A linear subspace.
 ///
@@ -43,13 +42,13 @@ impl Subspace {
         if expected == found {
             return Ok(());
         }
-        Err(input(format!("`other` must lie in {expected} dimensions, found {found}")))
+        Err(Error::input(format!("`other` must lie in {expected} dimensions, found {found}")))
     }
 
     fn vector(&self, v: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
         let rows = Rows::extract("v", &[self.dimension()], v)?;
         if rows.is_many() {
-            return Err(input("`v` must be one vector, found many".to_owned()));
+            return Err(Error::input("`v` must be one vector, found many"));
         }
         Ok(vector(rows.all()?))
     }
@@ -61,10 +60,10 @@ impl Subspace {
     fn new(vectors: &Bound<'_, PyAny>) -> Result<Self, Error> {
         let shape = vectors.py().import("numpy")?.call_method1("shape", (vectors,));
         let shape: Vec<usize> = shape.and_then(|shape| shape.extract()).map_err(|_| {
-            input(format!("`vectors` must be of shape (m, dimension), found {}", a_type(vectors)))
+            Error::input(format!("`vectors` must be of shape (m, dimension), found {}", a_type(vectors)))
         })?;
         let &[_, n] = shape.as_slice() else {
-            return Err(input(format!("`vectors` must be of shape (m, dimension), found {shape:?}")));
+            return Err(Error::input(format!("`vectors` must be of shape (m, dimension), found {shape:?}")));
         };
         expect_dimension("dimension", n)?;
         let rows = Rows::extract("vectors", &[n], vectors)?;
@@ -154,18 +153,13 @@ impl Subspace {
         let whole = basis.len().is_multiple_of(dimension);
         if !whole || basis.len() > dimension * dimension {
             let found = basis.len();
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`basis` must be vectors of {dimension} entries, found {found} numbers"
             )));
         }
         let vectors: Vec<_> = basis.chunks_exact(dimension).map(vector).collect();
         Ok(Self { subspace: spectrum::Subspace::spanned_by(dimension, &vectors) })
     }
-}
-
-/// (n^s, n^c, n^u) as they come from Python.
-pub(crate) fn dims_of((stable, center, unstable): (usize, usize, usize)) -> SplittingDims {
-    SplittingDims { stable, center, unstable }
 }
 
 /// The subspaces at a point from which motions were followed both ways (thesis (9.5)–(9.9)).
@@ -193,7 +187,7 @@ impl Splitting {
         #[pyo3(from_py_with = triple::dims)] dims: (usize, usize, usize),
     ) -> Result<Self, Error> {
         if forward.dimension() != backward.dimension() {
-            return Err(input("`forward` and `backward` must be of one dimension".to_owned()));
+            return Err(Error::input("`forward` and `backward` must be of one dimension"));
         }
         let (forward, backward) = (forward.spectrum.clone(), backward.spectrum.clone());
         let splitting = spectrum::Splitting::try_new(dims_of(dims), forward, backward)?;

@@ -3,7 +3,7 @@
 use crate::core::convert::{a_type, entries};
 use crate::core::error::Error;
 use crate::integrators::bodies::State;
-use crate::integrators::trajectory::Seen;
+use crate::integrators::seen::Seen;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::event;

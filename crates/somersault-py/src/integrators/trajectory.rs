@@ -5,16 +5,15 @@ use crate::core::error::Error;
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
 use crate::integrators::forces::sequence;
+use crate::integrators::seen::{Curves, Seen};
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple, PyType};
-use somersault::integrators::augmented::Augmented;
-use somersault::integrators::dense::Interpolant;
+use somersault::integrators::body;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution;
-use somersault::integrators::state::{Pose, Poses, RigidBodyState, State as StateOf};
-use somersault::integrators::{body, state::Configuration};
+use somersault::integrators::state::RigidBodyState;
 use std::sync::Arc;
 
 /// One body or several. Where there is one, arrays have no axis for bodies.
@@ -311,12 +310,6 @@ impl Trajectory {
     }
 }
 
-/// Recorded curves of one body or of several.
-enum Curves {
-    One(solution::Solution<Pose>),
-    Several(solution::Solution<Vec<Pose>>),
-}
-
 /// The state at any time of an integration.
 ///
 /// Called with a number it gives the `State`, or a list of them for several bodies; called with an
@@ -411,84 +404,6 @@ pub(crate) struct Solution {
     dense: Option<Py<DenseOutput>>,
 }
 
-/// A configuration of one body or of several, as Python sees it.
-pub(crate) trait Seen: Poses {
-    /// The state as an object: a `State`, or a list of them.
-    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>>
-    where
-        Self: Configuration;
-    /// The states of the bodies.
-    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState>
-    where
-        Self: Configuration;
-    /// Curves for dense output.
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves;
-}
-
-/// Curves of an integration, to be evaluated from Python.
-pub(crate) struct DenseCurves(Curves);
-
-impl Seen for Pose {
-    fn to_python<'py>(py: Python<'py>, x: &RigidBodyState) -> PyResult<Bound<'py, PyAny>> {
-        Ok(Bound::new(py, State(*x))?.into_any())
-    }
-    fn split(x: &RigidBodyState) -> Vec<RigidBodyState> {
-        vec![*x]
-    }
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
-        DenseCurves(Curves::One(recorded))
-    }
-}
-
-impl Seen for Vec<Pose> {
-    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(crate::integrators::forces::states_list(py, x)?.into_any())
-    }
-    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
-        (0..x.configuration.len()).filter_map(|i| x.body(i)).collect()
-    }
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
-        DenseCurves(Curves::Several(recorded))
-    }
-}
-
-/// Curves of states with variables beside them, read without these.
-struct WithoutVariables<Q: Configuration> {
-    curve: Box<dyn Interpolant<Augmented<Q>>>,
-    /// How many variables there are.
-    count: usize,
-}
-
-impl<Q: Configuration> Interpolant<Q> for WithoutVariables<Q> {
-    fn evaluate(&self, t: f64, out: &mut StateOf<Q>) {
-        let mut whole = StateOf::augmented(out.clone(), vec![Vector3::zeros(); self.count]);
-        self.curve.evaluate(t, &mut whole);
-        *out = whole.base();
-    }
-}
-
-impl<Q: Seen> Seen for Augmented<Q> {
-    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
-        Q::to_python(py, &x.base())
-    }
-    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
-        Q::split(&x.base())
-    }
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
-        let solution::Solution { times, states, segments } = recorded;
-        let count = states.first().map_or(0, |state| state.variables().len());
-        let bare = |(end, curve)| {
-            let curve: Box<dyn Interpolant<Q>> = Box::new(WithoutVariables { curve, count });
-            (end, curve)
-        };
-        Q::curves(solution::Solution {
-            times,
-            states: states.iter().map(|state| state.base()).collect(),
-            segments: segments.into_iter().map(bare).collect(),
-        })
-    }
-}
-
 impl Solution {
     /// What a recorder leaves, as a Python object.
     pub(crate) fn create<Q: Seen>(
@@ -509,8 +424,8 @@ impl Solution {
             // The curves know their ends; of the states only a first is needed, to be written into.
             recorded.times = times.first().copied().into_iter().collect();
             recorded.states.truncate(1);
-            let DenseCurves(curves) = Q::curves(recorded);
-            Some(Py::new(py, DenseOutput { cast: cast.clone(), curves: Arc::new(curves) })?)
+            let curves = Arc::new(Q::curves(recorded));
+            Some(Py::new(py, DenseOutput { cast: cast.clone(), curves })?)
         } else {
             None
         };

@@ -1,11 +1,8 @@
 //! Models fitted to markers.
 
-use super::markers::MarkerRecording;
 use super::matrix::{count, numbers_array};
-use super::motion_fit::MotionFit;
 use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector};
 use crate::core::error::Error;
-use crate::core::waiting::leave_on_signal;
 use crate::multibody::model::{Model, Which};
 use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
@@ -287,34 +284,6 @@ impl MarkerFit {
     #[getter]
     pub(super) fn model(&self, py: Python<'_>) -> Py<Model> {
         self.markers.get().model(py)
-    }
-
-    /// Fits all frames of a recording.
-    ///
-    /// Markers of the recording that the model has not are ignored, those that the recording has not are missing.
-    /// Other Python threads run meanwhile. Ctrl-C raises at once and stops the fit.
-    ///
-    /// Parameters
-    /// ----------
-    /// recording : MarkerRecording
-    ///
-    /// Returns
-    /// -------
-    /// MotionFit
-    ///     The best estimate of each frame, whatever its status.
-    ///
-    /// Raises
-    /// ------
-    /// InputError
-    ///     If the recording has none of the markers.
-    fn fit(
-        slf: &Bound<'_, Self>,
-        py: Python<'_>,
-        recording: &Bound<'_, MarkerRecording>,
-    ) -> Result<MotionFit, Error> {
-        let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
-        let motion = leave_on_signal(py, move |token| fit.fit_cancellable(&recording, token))?;
-        Ok(MotionFit { fit: slf.clone().unbind(), motion })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

@@ -1,15 +1,48 @@
-//! What a fit found.
+//! Fits, and what they found.
 
 use super::fit::MarkerFit;
+use super::markers::MarkerRecording;
 use super::matrix::{matrix, matrix_array, numbers_array};
 use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::waiting::leave_on_signal;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, Estimate, FitStatus, FrameFit, Shape, UnknownStatus};
 use somersault::motion::nalgebra::DMatrix;
 use somersault::multibody::Link;
+
+#[pymethods]
+impl MarkerFit {
+    /// Fits all frames of a recording.
+    ///
+    /// Markers of the recording that the model has not are ignored, those that the recording has not are missing.
+    /// Other Python threads run meanwhile. Ctrl-C raises at once and stops the fit.
+    ///
+    /// Parameters
+    /// ----------
+    /// recording : MarkerRecording
+    ///
+    /// Returns
+    /// -------
+    /// MotionFit
+    ///     The best estimate of each frame, whatever its status.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If the recording has none of the markers.
+    fn fit(
+        slf: &Bound<'_, Self>,
+        py: Python<'_>,
+        recording: &Bound<'_, MarkerRecording>,
+    ) -> Result<MotionFit, Error> {
+        let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
+        let motion = leave_on_signal(py, move |token| fit.fit_cancellable(&recording, token))?;
+        Ok(MotionFit { fit: slf.clone().unbind(), motion })
+    }
+}
 
 /// A fitted motion. Arrays have a row for each frame.
 #[pyclass(frozen, module = "somersault.motion")]

@@ -1,7 +1,8 @@
 //! Momentum-reduced flight of trees.
 
-use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
+use crate::core::convert::{check_callable, integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
+use crate::core::waiting::returns_interrupted;
 use crate::integrators::forces::{Failure, call, callable_name};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
@@ -121,7 +122,7 @@ pub(crate) fn fly<'py>(
     let mut q = finite("q", with_shape("q", &[tree.n_positions()], q)?)?;
     let v = finite("v", with_shape("v", &[tree.n_velocities()], v)?)?;
     tree.normalize(&mut q)?;
-    plan::check_callable("shape", "f(t) -> (q, v)", shape)?;
+    check_callable("shape", "f(t) -> (q, v)", shape)?;
     let failure = Failure::default();
     let motion = Shape::new(shape, &failure);
     let plan = Plan {
@@ -132,7 +133,7 @@ pub(crate) fn fly<'py>(
         every: plan::every_of(every)?,
         dense: false,
         calls_python: true,
-        return_interrupted: plan::returns_interrupted(on_interrupt)?,
+        return_interrupted: returns_interrupted(on_interrupt)?,
     };
     let flight = Flight::from_state(tree, interval.0, &q, &v)?;
     let system = FlightSystem::new(flight, &motion);

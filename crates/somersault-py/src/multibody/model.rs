@@ -1,7 +1,7 @@
 //! Trees of bodies and their dynamics, at one configuration or at many.
 
-use crate::core::convert::{a_type, did_you_mean, vector_array, vector_or};
-use crate::core::error::Error;
+use crate::core::convert::{a_type, vector_array, vector_or};
+use crate::core::error::{Error, did_you_mean};
 use crate::core::rows::{self, Results, Rows, Workspaces};
 use crate::integrators::forces::sequence;
 use crate::multibody::link::Link;

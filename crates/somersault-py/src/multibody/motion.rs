@@ -1,7 +1,8 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
-use crate::core::convert::{array, integer, integer_or_none, interval_of, times, with_shape};
+use crate::core::convert::{array, check_callable, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
+use crate::core::waiting::returns_interrupted;
 use crate::integrators::forces::{Failure, call, callable_name};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
@@ -411,7 +412,7 @@ pub(crate) fn integrate_tree<'py>(
     let torque = Given::extract("torque", n, torque, &failure)?;
     let acceleration = Given::extract("acceleration", n, acceleration, &failure)?;
     if let Some(observer) = &observer {
-        plan::check_callable("observer", "f(t, q, v)", observer)?;
+        check_callable("observer", "f(t, q, v)", observer)?;
     }
     let plan = Plan {
         method,
@@ -421,7 +422,7 @@ pub(crate) fn integrate_tree<'py>(
         every: plan::every_of(every)?,
         dense: dense_output,
         calls_python: observer.is_some() || torque.is_callable() || acceleration.is_callable(),
-        return_interrupted: plan::returns_interrupted(on_interrupt)?,
+        return_interrupted: returns_interrupted(on_interrupt)?,
     };
     let watch = observer.map(|observer| -> Watch<Coordinates> {
         let (observer, model) = (observer.unbind(), model.clone().unbind());

@@ -2,9 +2,9 @@
 
 use super::arguments::{limit, tolerance};
 use super::verification::{Verifier, judgement};
+use crate::core::convert::check_callable;
 use crate::core::error::Error;
-use crate::core::waiting::{SignalTimer, deliver, with_solution};
-use crate::integrators::plan::{check_callable, returns_interrupted};
+use crate::core::waiting::{SignalTimer, deliver, returns_interrupted, with_solution};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};

@@ -1,14 +1,15 @@
 //! The pendulum on a cart, brought from one state to another.
 
-use super::arguments::{count, integer, integer_or_none, seed_of, starts_or_none};
+use super::arguments::{count, seed_of, starts_or_none};
 use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
 use super::solver::{Report, SolverArguments};
 use super::verification::{SwingUpVerification, VerificationFailure, Verifier};
-use crate::core::convert::{array, entries_or_none, finite, numbers_or_one, with_shape};
+use crate::core::convert::{
+    array, entries_or_none, finite, integer, integer_or_none, numbers_or_one, with_shape,
+};
 use crate::core::error::Error;
-use crate::core::waiting::cancel_on_signal;
-use crate::integrators::plan::returns_interrupted;
+use crate::core::waiting::{cancel_on_signal, returns_interrupted};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};

@@ -1,11 +1,11 @@
 //! Terms of costs and constraints: what Python says of them, and what the library makes of it.
 
-use super::arguments::{count, finite_all, index, integer, integers_or_none};
+use super::arguments::{count, finite_all, index, integers_or_none};
 use crate::core::convert::{
-    a_type, components, entries_or_none, orientation, real_numbers, vector, with_shape,
+    a_type, check_callable, components, entries_or_none, integer, orientation, real_numbers, vector,
+    with_shape,
 };
 use crate::core::error::Error;
-use crate::integrators::plan::check_callable;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};

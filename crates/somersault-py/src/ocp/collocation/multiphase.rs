@@ -1,12 +1,10 @@
 //! Motions of several phases by direct collocation.
 
 use super::arguments::{ends, pairs};
-use super::guess::guess_of;
 use super::search::SearchOptions;
 use super::{CollocationProblem, MultiphaseResult};
-use crate::core::convert::a_type;
+use crate::core::convert::{a_type, integer, integer_or_none};
 use crate::core::error::Error;
-use crate::ocp::arguments::{integer, integer_or_none};
 use pyo3::prelude::*;
 use pyo3::types::{PyString, PyTuple};
 use somersault::ocp::collocation::{End, Guess, Interval, Linkage, Place, Problem, Quantity};
@@ -167,7 +165,7 @@ impl MultiphaseProblem {
         for (k, (phase, value)) in self.phases.iter().zip(&given).enumerate() {
             let argument = format!("guess[{k}]");
             let mut guess =
-                guess_of(phase.get(), value).map_err(|error| error.with_names(&[("guess", &argument)]))?;
+                phase.get().guess(value).map_err(|error| error.with_names(&[("guess", &argument)]))?;
             let shift = began - guess.times.first().copied().unwrap_or(began);
             guess.times.iter_mut().for_each(|t| *t += shift);
             began = guess.times.last().copied().unwrap_or(began);

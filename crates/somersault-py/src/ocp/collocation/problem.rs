@@ -5,10 +5,10 @@ use super::guess::guess_of;
 use super::search::SearchOptions;
 use super::terms::Quadratic;
 use super::{CollocationResult, NAMES};
-use crate::core::convert::{a_type, with_shape};
+use crate::core::convert::{a_type, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
 use crate::multibody::model::Model;
-use crate::ocp::arguments::{finite_all, integer, integer_or_none, number_or_range};
+use crate::ocp::arguments::{finite_all, number_or_range};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::multibody;
@@ -70,7 +70,7 @@ pub(crate) struct CollocationProblem {
     pub(super) initial_state: Vec<Interval>,
     pub(super) final_state: Vec<Interval>,
     pub(super) duration: Interval,
-    pub(super) controls: Vec<Interval>,
+    controls: Vec<Interval>,
     pub(super) states: Vec<Interval>,
     path: Vec<Interval>,
 }
@@ -120,6 +120,11 @@ impl CollocationProblem {
             }
         }
         Ok(())
+    }
+
+    /// The guess that an argument stands for.
+    pub(super) fn guess(&self, value: &Bound<'_, PyAny>) -> Result<Guess, Error> {
+        guess_of([self.states.len(), self.controls.len()], self.duration, value)
     }
 
     pub(super) fn state_names(&self) -> Result<Vec<String>, Error> {
@@ -289,7 +294,7 @@ impl CollocationProblem {
         let sizes = (n_intervals, n_points);
         let options =
             SearchOptions { tol, sizes, max_meshes, max_iterations, max_time, callback, on_interrupt };
-        let problem = || self.problem(guess.map(|guess| guess_of(self, guess)).transpose()?);
+        let problem = || self.problem(guess.map(|guess| self.guess(guess)).transpose()?);
         options.run(py, 1, problem, |report| Ok(CollocationResult::of(py, report, &self.model, tol)?))
     }
 

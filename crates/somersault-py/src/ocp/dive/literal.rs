@@ -2,8 +2,7 @@
 
 use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::waiting::{Cancellation, attend, deliver, together};
-use crate::integrators::plan::returns_interrupted;
+use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted, together};
 use crate::ocp::solver::{Report, Watcher};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};

@@ -10,12 +10,11 @@ pub(crate) use plan::{dive_107b, dive_5174d};
 pub(crate) use solution::DiveSolution;
 pub(crate) use verification::DiveVerification;
 
-use super::arguments::{count, finite_all, integer, integer_or_none, limit, seed_of, tolerance};
+use super::arguments::{count, finite_all, limit, seed_of, tolerance};
 use super::solver::{Watcher, deadline};
-use crate::core::convert::{entries_or_none, with_shape};
+use crate::core::convert::{entries_or_none, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
-use crate::core::waiting::{Cancellation, attend, deliver};
-use crate::integrators::plan::returns_interrupted;
+use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted};
 use crate::multibody::models::Diver;
 use plan::{Course, Plan};
 use pyo3::prelude::*;

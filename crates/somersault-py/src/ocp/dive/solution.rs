@@ -1,16 +1,17 @@
 //! A dive that was found.
 
-use super::{Dive, DiveVerification, LiteralDive};
-use crate::core::convert::array;
+use super::verification::{DiveVerification, peaks};
+use super::{Dive, LiteralDive};
+use crate::core::convert::{array, integer};
 use crate::core::error::Error;
 use crate::core::waiting::cancel_on_signal;
-use crate::ocp::arguments::{count, integer};
+use crate::ocp::arguments::count;
 use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::nlp;
-use somersault::ocp::dive::{Channels, DiveMotion, DiveReport, PeakTorque};
+use somersault::ocp::dive::{Channels, DiveMotion, DiveReport};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -82,14 +83,6 @@ impl DiveSolution {
     fn numbers<'py>(&self, py: Python<'py>, values: impl Iterator<Item = f64>) -> Bound<'py, PyAny> {
         numpy::PyArray1::from_vec(py, values.collect()).into_any()
     }
-}
-
-pub(super) fn peaks<'py>(py: Python<'py>, peaks: &[PeakTorque]) -> PyResult<Bound<'py, PyDict>> {
-    let found = PyDict::new(py);
-    for PeakTorque { joint, torque, time } in peaks {
-        found.set_item(joint, (torque, time))?;
-    }
-    Ok(found)
 }
 
 #[pymethods]

@@ -9,6 +9,15 @@ use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};
 /// Least distance, limbs, time and clearance of a pickled verification.
 type NearestParts = (f64, [String; 2], f64, f64);
 
+/// The largest force of each joint, and when it acts.
+pub(super) fn peaks<'py>(py: Python<'py>, peaks: &[PeakTorque]) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for PeakTorque { joint, torque, time } in peaks {
+        found.set_item(joint, (torque, time))?;
+    }
+    Ok(found)
+}
+
 /// A dive as independent integrations have it.
 ///
 /// The full dynamics of the tree with driven joints, which know no conserved momentum, are integrated from take-off to entry
@@ -131,7 +140,7 @@ impl DiveVerification {
     /// dict of str to (float, float): For each joint the largest force, N m, and when, s.
     #[getter]
     fn peak_torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        super::solution::peaks(py, &self.0.peak_torques)
+        peaks(py, &self.0.peak_torques)
     }
 
     /// ndarray, shape (3,): Centre of mass at take-off, m.

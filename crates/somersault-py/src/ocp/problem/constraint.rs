@@ -1,9 +1,8 @@
 //! Constraints on terms.
 
 use super::place::Place;
-use crate::core::convert::real_numbers;
+use crate::core::convert::{integer_or_none, real_numbers};
 use crate::core::error::Error;
-use crate::ocp::arguments::integer_or_none;
 use crate::ocp::term::Term;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};

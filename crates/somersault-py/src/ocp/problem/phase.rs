@@ -1,7 +1,8 @@
 //! A phase of a motion.
 
+use crate::core::convert::integer;
 use crate::core::error::Error;
-use crate::ocp::arguments::{count, integer, number_or_range};
+use crate::ocp::arguments::{count, number_or_range};
 use crate::ocp::joint_motion::SplineMotion;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
