@@ -10,7 +10,7 @@ use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
 use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
+use pyo3::types::{PyFloat, PyList, PySequence, PyString, PyTuple, PyType};
 use somersault::integrators::nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 /// How far RᵀR of a rotation matrix may be from the identity: what is left of one written to eight
@@ -69,6 +69,11 @@ where
     T: for<'a> FromPyObject<'a, 'py>,
 {
     if value.is_none() { Ok(None) } else { entries(value).map(Some) }
+}
+
+/// A list or a tuple, or whatever else is a sequence but no text.
+pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Bound<'py, PySequence>> {
+    if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }
 }
 
 /// The argument `interval`: its start and its end.
@@ -130,14 +135,6 @@ pub(crate) fn a_type(value: &Bound<'_, PyAny>) -> String {
     let name = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
     let vowel = name.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']);
     format!("{} {name}", if vowel { "an" } else { "a" })
-}
-
-/// Fails unless an argument can be called.
-pub(crate) fn check_callable(argument: &str, signature: &str, value: &Bound<'_, PyAny>) -> Result<(), Error> {
-    if value.is_callable() {
-        return Ok(());
-    }
-    Err(Error::input(format!("`{argument}` must be a callable {signature}, found {}", a_type(value))))
 }
 
 /// A positive and finite number.

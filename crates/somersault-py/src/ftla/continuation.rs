@@ -8,10 +8,12 @@ use super::settings::{Settings, limits_of};
 use super::shooting::{EndStates, Extremal, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;
-use crate::core::convert::{a_type, check_callable, positive, real_numbers};
+use crate::core::callable::check_callable;
+use crate::core::convert::{a_type, positive, real_numbers};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
 use somersault::ftla::continuation::{self, Continuation, Member, Reason};
@@ -44,14 +46,17 @@ pub(crate) struct ContinuationResult {
     reason: Option<(String, bool)>,
 }
 
+value! {
+    impl ContinuationResult {
+        /// bool: Whether the last member was reached and polished.
+        success: bool = |own| own.reason.is_none();
+        /// Extremal: The last solution.
+        extremal: Py<Extremal> = |own, py| own.extremal.clone_ref(py);
+    }
+}
+
 #[pymethods]
 impl ContinuationResult {
-    /// bool: Whether the last member was reached and polished.
-    #[getter]
-    fn success(&self) -> bool {
-        self.reason.is_none()
-    }
-
     /// str: ``'arrived'``, ``'broke_off'``, or ``'limit_reached'`` where ``max_time`` or ``max_evaluations`` was; ``extremal`` is then
     /// the last member solved or, where there is none, the best iterate.
     #[getter]
@@ -72,12 +77,6 @@ impl ContinuationResult {
         }
     }
 
-    /// Extremal: The last solution.
-    #[getter]
-    fn extremal(&self, py: Python<'_>) -> Py<Extremal> {
-        self.extremal.clone_ref(py)
-    }
-
     fn __repr__(&self) -> String {
         let Self { s, n_steps, n_rejected, n_iterations, .. } = self;
         let how = if self.success() { "arrived" } else { "broke off" };
@@ -86,11 +85,10 @@ impl ContinuationResult {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let counts = (own.n_steps, own.n_rejected, own.n_iterations, own.n_evaluations);
-        let arguments = (own.extremal.bind(slf.py()), own.s, counts, own.stage.clone(), own.reason.clone());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.extremal.bind(slf.py()), own.s, counts, own.stage.clone(), own.reason.clone()))
     }
 
     /// A pickled continuation.

@@ -11,9 +11,10 @@ use super::system::System;
 use crate::core::convert::{array, real_numbers};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::{Pickled, by_restore};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use rayon::prelude::*;
 use somersault::ftla::flow::{self, FlowTolerances};
 use somersault::ftla::nalgebra::DVector;
@@ -382,10 +383,9 @@ impl VariationalFlow {
         format!("<VariationalFlow: rtol {relative:e}, atol {absolute:e}>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        let arguments = (own.system.bind(slf.py()), own.settings.plain());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.system.bind(slf.py()), own.settings.plain()))
     }
 
     /// A pickled flow.

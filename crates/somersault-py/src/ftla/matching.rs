@@ -9,8 +9,9 @@ use super::settings::limits_of;
 use super::watched::Watched;
 use crate::core::convert::{positive, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::flow;
 use somersault::ftla::matching::{self, GridSearch, LeastSquares, MatchStatus};
 use somersault::ftla::nalgebra::DVector;
@@ -285,12 +286,12 @@ impl Matching {
         format!("<Matching: {horizon} s, at {match_time} s, corrections at {corrections:?} s>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let times = (own.horizon, own.match_time, own.corrections.clone());
         let arguments =
             (own.flow.bind(py), own.placement.bind(py), own.states.clone(), own.costates.clone(), times);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled problem.
@@ -349,26 +350,19 @@ impl Default for MatchingResult {
     }
 }
 
+value! {
+    impl MatchingResult {
+        /// bool: Whether the mismatch is below the tolerance.
+        success: bool = |own| own.status == "matched";
+        /// ndarray, shape (2, dimension): PlacementResult points at the start and at the end.
+        ends: PyResult<Bound<'py, PyAny>> = |own, py| rows_array(py, &own.ends, own.ends[0].len());
+        /// ndarray, shape (2, dimension): p⁺ and p⁻ at the match time.
+        meeting: PyResult<Bound<'py, PyAny>> = |own, py| rows_array(py, &own.meeting, own.meeting[0].len());
+    }
+}
+
 #[pymethods]
 impl MatchingResult {
-    /// bool: Whether the mismatch is below the tolerance.
-    #[getter]
-    fn success(&self) -> bool {
-        self.status == "matched"
-    }
-
-    /// ndarray, shape (2, dimension): PlacementResult points at the start and at the end.
-    #[getter]
-    fn ends<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.ends, self.ends[0].len())
-    }
-
-    /// ndarray, shape (2, dimension): p⁺ and p⁻ at the match time.
-    #[getter]
-    fn meeting<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.meeting, self.meeting[0].len())
-    }
-
     /// The matched motion at given times: a guess for `shoot`.
     ///
     /// Parameters
@@ -400,7 +394,7 @@ impl MatchingResult {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let counts = (own.n_rounds, own.n_branches, own.n_flow_evaluations);
         let matching = own.matching.as_ref().map(|matching| matching.bind(py));
@@ -415,7 +409,7 @@ impl MatchingResult {
                 .map(|course| course.iter().map(|(t, p)| (*t, numbers(p))).collect::<Vec<_>>()),
             matching,
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled match.

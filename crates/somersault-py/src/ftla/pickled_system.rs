@@ -6,6 +6,7 @@ use super::named_systems::{arm, cubic_regulator, linear_regulator, tree};
 use super::system::{GivenTree, Origin, System};
 use super::watched::Callables;
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -16,7 +17,7 @@ type Code<'py> = Bound<'py, PyAny>;
 
 #[pymethods]
 impl System {
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let tuple = |arguments: Bound<'py, PyTuple>, kind: &str| (kind, arguments).into_pyobject(py);
         let arguments = match &own.origin {
@@ -45,7 +46,7 @@ impl System {
                 tuple((model, weights, limits, passive).into_pyobject(py)?, "tree")?
             }
         };
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, arguments)
     }
 
     /// A pickled system; user-defined callables must be functions of a module.

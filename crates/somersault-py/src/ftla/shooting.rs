@@ -9,9 +9,10 @@ use super::system::System;
 use crate::core::convert::{array, real_numbers, times};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::nalgebra::DVector;
@@ -126,89 +127,46 @@ fn hamiltonian_range(extremal: &Extremal, run: &Arc<Run>) -> Result<[f64; 2], Er
     Ok(extremal.extremal.range_of(|p| system.hamiltonian(p)))
 }
 
+value! {
+    impl Extremal {
+        /// System: Whose motion it is.
+        system: Py<System> = |own, py| own.system.clone_ref(py);
+        /// str: ``'converged'``; ``'floor'`` where rounding and the segments' tolerance allow no smaller residual;
+        /// ``'hamiltonian_drifts'`` where the conditions hold but the Hamiltonian is not constant, as with a wrong derivative;
+        /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation broke off
+        /// and the nodes solve a problem before the requested one. The nodes are the best found.
+        status: &'static str = |own| name_of(own.extremal.status);
+        /// str: The status in a sentence.
+        message: String = |own| own.extremal.status.to_string();
+        /// ndarray, shape (m,): Times of the nodes, s.
+        times: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, &own.extremal.times).into_any();
+        /// ndarray, shape (m, dimension): States and costates at the nodes.
+        nodes: PyResult<Bound<'py, PyAny>> = |own, py| rows_array(py, &own.extremal.nodes, own.dimension());
+        /// float: The largest entry of a defect or end condition, relative to the largest value of that entry of (x, λ) over the
+        /// motion.
+        residual: f64 = |own| own.extremal.residual;
+        /// float: The residual below which rounding and the tolerance of the segments hide what a step does.
+        floor: f64 = |own| own.extremal.floor;
+        /// float or None: The range of the Hamiltonian over nodes and ends of segments, relative to the terms that it is a sum of;
+        /// None where the system was made without it.
+        hamiltonian_drift: Option<f64> = |own| own.extremal.hamiltonian_drift;
+        /// int: Newton steps taken.
+        n_iterations: usize = |own| own.extremal.iterations;
+        /// int: Segments propagated.
+        n_flow_evaluations: usize = |own| own.extremal.flow_evaluations;
+        /// int: Evaluations of the field.
+        n_evaluations: usize = |own| own.extremal.work.evaluations;
+        /// Chain: The transition matrices of the segments.
+        chain: Chain = |own| Chain::of(own.dimension(), &flow::Chain::from_links(own.extremal.links.clone()));
+    }
+}
+
 #[pymethods]
 impl Extremal {
-    /// System: Whose motion it is.
-    #[getter]
-    fn system(&self, py: Python<'_>) -> Py<System> {
-        self.system.clone_ref(py)
-    }
-
-    /// str: ``'converged'``; ``'floor'`` where rounding and the segments' tolerance allow no smaller residual;
-    /// ``'hamiltonian_drifts'`` where the conditions hold but the Hamiltonian is not constant, as with a wrong derivative;
-    /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation broke off
-    /// and the nodes solve a problem before the requested one. The nodes are the best found.
-    #[getter]
-    fn status(&self) -> &'static str {
-        name_of(self.extremal.status)
-    }
-
-    /// str: The status in a sentence.
-    #[getter]
-    fn message(&self) -> String {
-        self.extremal.status.to_string()
-    }
-
     /// bool: Whether it converged.
     #[getter]
     pub(crate) fn success(&self) -> bool {
         self.extremal.status == ShootingStatus::Converged
-    }
-
-    /// ndarray, shape (m,): Times of the nodes, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.extremal.times).into_any()
-    }
-
-    /// ndarray, shape (m, dimension): States and costates at the nodes.
-    #[getter]
-    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.extremal.nodes, self.dimension())
-    }
-
-    /// float: The largest entry of a defect or end condition, relative to the largest value of that entry of (x, λ) over the
-    /// motion.
-    #[getter]
-    fn residual(&self) -> f64 {
-        self.extremal.residual
-    }
-
-    /// float: The residual below which rounding and the tolerance of the segments hide what a step does.
-    #[getter]
-    fn floor(&self) -> f64 {
-        self.extremal.floor
-    }
-
-    /// float or None: The range of the Hamiltonian over nodes and ends of segments, relative to the terms that it is a sum of;
-    /// None where the system was made without it.
-    #[getter]
-    fn hamiltonian_drift(&self) -> Option<f64> {
-        self.extremal.hamiltonian_drift
-    }
-
-    /// int: Newton steps taken.
-    #[getter]
-    fn n_iterations(&self) -> usize {
-        self.extremal.iterations
-    }
-
-    /// int: Segments propagated.
-    #[getter]
-    fn n_flow_evaluations(&self) -> usize {
-        self.extremal.flow_evaluations
-    }
-
-    /// int: Evaluations of the field.
-    #[getter]
-    fn n_evaluations(&self) -> usize {
-        self.extremal.work.evaluations
-    }
-
-    /// Chain: The transition matrices of the segments.
-    #[getter]
-    fn chain(&self) -> Chain {
-        Chain::of(self.dimension(), &flow::Chain::from_links(self.extremal.links.clone()))
     }
 
     /// States and costates at any times, integrated from the node before.
@@ -268,7 +226,7 @@ impl Extremal {
         format!("<Extremal: {}, residual {residual:.1e}, {} nodes to {last} s>", self.status(), times.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let shooting::Extremal {
             links,
@@ -285,8 +243,7 @@ impl Extremal {
         let how = (own.status(), residual, floor, hamiltonian_drift, iterations, flow_evaluations);
         let work = (evaluations, steps, rejected, switches);
         let motion = (own.times(py), own.nodes(py)?, links);
-        let arguments = (own.system.bind(py), own.settings.plain(), motion, how, work);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.system.bind(py), own.settings.plain(), motion, how, work))
     }
 
     /// A pickled extremal.

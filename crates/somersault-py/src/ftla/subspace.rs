@@ -6,9 +6,10 @@ use super::spectrum::Spectrum;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::placement;
 use somersault::ftla::spectrum::{self, slow_subspace as slow};
@@ -54,6 +55,16 @@ impl Subspace {
     }
 }
 
+value! {
+    impl Subspace {
+        /// int: Its dimension.
+        dim: usize = |own| own.subspace.dim();
+        /// ndarray, shape (dim, dimension): Orthonormal vectors that span it, in rows.
+        basis: PyResult<Bound<'py, PyAny>> =
+            |own, py| rows_array(py, &own.subspace.basis().collect::<Vec<_>>(), own.dimension());
+    }
+}
+
 #[pymethods]
 impl Subspace {
     #[new]
@@ -69,18 +80,6 @@ impl Subspace {
         let rows = Rows::extract("vectors", &[n], vectors)?;
         let vectors: Vec<_> = rows.all()?.chunks_exact(n).map(vector).collect();
         Ok(Self { subspace: spectrum::Subspace::spanned_by(n, &vectors) })
-    }
-
-    /// int: Its dimension.
-    #[getter]
-    fn dim(&self) -> usize {
-        self.subspace.dim()
-    }
-
-    /// ndarray, shape (dim, dimension): Orthonormal vectors that span it, in rows.
-    #[getter]
-    fn basis<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.subspace.basis().collect::<Vec<_>>(), self.dimension())
     }
 
     /// The orthogonal complement.
@@ -139,11 +138,10 @@ impl Subspace {
         format!("<Subspace: {} of {} dimensions>", self.dim(), self.dimension())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let basis: Vec<f64> = own.subspace.basis().flat_map(|v| v.as_slice().to_vec()).collect();
-        let arguments = (own.dimension(), PyArray1::from_vec(slf.py(), basis));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.dimension(), PyArray1::from_vec(slf.py(), basis)))
     }
 
     /// A pickled subspace.
@@ -178,6 +176,21 @@ pub(crate) struct Splitting {
     parts: [Subspace; 5],
 }
 
+value! {
+    impl Splitting {
+        /// Subspace: E^s (9.5).
+        stable: Subspace = |own| own.parts[0].clone();
+        /// Subspace: E^cs (9.6).
+        center_stable: Subspace = |own| own.parts[1].clone();
+        /// Subspace: E^c (9.7).
+        center: Subspace = |own| own.parts[2].clone();
+        /// Subspace: E^cu (9.8).
+        center_unstable: Subspace = |own| own.parts[3].clone();
+        /// Subspace: E^u (9.9).
+        unstable: Subspace = |own| own.parts[4].clone();
+    }
+}
+
 #[pymethods]
 impl Splitting {
     #[new]
@@ -201,45 +214,14 @@ impl Splitting {
         Ok(Self { dims, parts: parts.map(|subspace| Subspace { subspace }) })
     }
 
-    /// Subspace: E^s (9.5).
-    #[getter]
-    fn stable(&self) -> Subspace {
-        self.parts[0].clone()
-    }
-
-    /// Subspace: E^cs (9.6).
-    #[getter]
-    fn center_stable(&self) -> Subspace {
-        self.parts[1].clone()
-    }
-
-    /// Subspace: E^c (9.7).
-    #[getter]
-    fn center(&self) -> Subspace {
-        self.parts[2].clone()
-    }
-
-    /// Subspace: E^cu (9.8).
-    #[getter]
-    fn center_unstable(&self) -> Subspace {
-        self.parts[3].clone()
-    }
-
-    /// Subspace: E^u (9.9).
-    #[getter]
-    fn unstable(&self) -> Subspace {
-        self.parts[4].clone()
-    }
-
     fn __repr__(&self) -> String {
         let (stable, center, unstable) = self.dims;
         format!("<Splitting: {stable} stable, {center} centre, {unstable} unstable>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        let arguments = (own.dims, own.parts.to_vec());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.dims, own.parts.to_vec()))
     }
 
     /// A pickled splitting.

@@ -5,9 +5,10 @@ use super::differentiated::{DifferentiatedCallables, Problem};
 use super::dimension::{by_rows, expect_dimension};
 use super::run::{Run, attend};
 use super::watched::{Callables, Source, Watched};
-use crate::core::convert::check_callable;
+use crate::core::callable::check_callable;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::value;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::ftla::system::{
@@ -214,6 +215,15 @@ fn values(system: &System, run: &Arc<Run>, quantity: Quantity, points: &[f64]) -
     Ok(values)
 }
 
+value! {
+    impl System {
+        /// int: States and costates together.
+        dimension: usize = |own| own.dimension;
+        /// int: Number of controls.
+        n_controls: usize = |own| own.n_controls;
+    }
+}
+
 #[pymethods]
 impl System {
     #[new]
@@ -252,18 +262,6 @@ impl System {
         });
         let description = format!("callables of dimension {dimension}");
         Ok(Self { dimension, n_controls, description, origin: Origin::Callables(callables) })
-    }
-
-    /// int: States and costates together.
-    #[getter]
-    fn dimension(&self) -> usize {
-        self.dimension
-    }
-
-    /// int: Number of controls.
-    #[getter]
-    fn n_controls(&self) -> usize {
-        self.n_controls
     }
 
     /// h(p) = dp/dt.

@@ -1,10 +1,9 @@
 //! Many free bodies at once.
 
-use crate::core::convert::{a_type, interval_of, numbers_or_one, vector_or};
+use crate::core::convert::{a_type, interval_of, numbers_or_one, sequence, vector_or};
 use crate::core::error::Error;
 use crate::core::waiting::together;
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::forces::sequence;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
 use somersault::integrators::batch::{self, BatchError};

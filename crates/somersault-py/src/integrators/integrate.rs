@@ -1,9 +1,10 @@
 //! The front door: integration of one body or of several.
 
-use crate::core::convert::{check_callable, integer, integer_or_none, interval_of, with_shape};
+use crate::core::callable::{Failure, check_callable};
+use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
-use crate::integrators::forces::{Failure, Reader};
+use crate::integrators::forces::Reader;
 use crate::integrators::located::{CountedForces, InContact};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};

@@ -1,10 +1,10 @@
 //! What an integration leaves: states over time, and what is derived from them.
 
-use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, times};
+use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, sequence, times};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
-use crate::integrators::forces::sequence;
 use crate::integrators::seen::{Curves, Seen};
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
@@ -180,6 +180,34 @@ impl Trajectory {
     }
 }
 
+value! {
+    impl Trajectory {
+        /// RigidBody or list of RigidBody: What moves.
+        body: PyResult<Bound<'py, PyAny>> = |own, py| own.cast.to_python(py);
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
+        position: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::Position, |_, x| (*x.position()).into());
+        /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
+        quaternion: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::Quaternion, |_, x| components(x.orientation()));
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
+        velocity: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::Velocity, |_, x| (*x.velocity()).into());
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
+        angular_velocity: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into());
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
+        angular_momentum: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into());
+        /// ndarray, shape (n,) or (n, bodies): Kinetic energies of translation and rotation, J.
+        kinetic_energy: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::KineticEnergy, |body, x| [body.kinetic_energy(x)]);
+        /// ndarray, shape (n,) or (n, bodies): Kinetic energies of the rotation, J.
+        rotational_energy: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::RotationalEnergy, |body, x| [body.rotational_energy(x)]);
+    }
+}
+
 #[pymethods]
 impl Trajectory {
     #[new]
@@ -204,30 +232,12 @@ impl Trajectory {
         Ok(Self::new(cast, times, states))
     }
 
-    /// RigidBody or list of RigidBody: What moves.
-    #[getter]
-    fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.cast.to_python(py)
-    }
-
     /// ndarray, shape (n,): Times, s.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         let made = self.made[Made::T as usize]
             .get_or_init(py, || numpy::PyArray1::from_slice(py, &self.times).into_any().unbind());
         made.bind(py).clone()
-    }
-
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
-    #[getter]
-    fn position<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::Position, |_, x| (*x.position()).into())
-    }
-
-    /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
-    #[getter]
-    fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::Quaternion, |_, x| components(x.orientation()))
     }
 
     /// scipy.spatial.transform.Rotation: Rotations from the body frame to the world frame.
@@ -240,42 +250,12 @@ impl Trajectory {
         Ok(made.bind(py).clone())
     }
 
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::Velocity, |_, x| (*x.velocity()).into())
-    }
-
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
-    #[getter]
-    fn angular_velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into())
-    }
-
     /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the body frame, rad/s.
     #[getter]
     fn angular_velocity_body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Made::AngularVelocityBody, |_, x| {
             x.orientation().inverse_transform_vector(x.angular_velocity()).into()
         })
-    }
-
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
-    #[getter]
-    fn angular_momentum<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into())
-    }
-
-    /// ndarray, shape (n,) or (n, bodies): Kinetic energies of translation and rotation, J.
-    #[getter]
-    fn kinetic_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::KineticEnergy, |body, x| [body.kinetic_energy(x)])
-    }
-
-    /// ndarray, shape (n,) or (n, bodies): Kinetic energies of the rotation, J.
-    #[getter]
-    fn rotational_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::RotationalEnergy, |body, x| [body.rotational_energy(x)])
     }
 
     fn __len__(&self) -> usize {
@@ -434,66 +414,39 @@ impl Solution {
     }
 }
 
+value! {
+    impl Solution {
+        /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
+        /// interrupted, -2 if it failed.
+        status: i32 = |own| own.report.status;
+        /// str: The same in words.
+        message: &str = |own| &own.report.message;
+        /// bool: Whether the run ended as asked, by its interval or its observer.
+        success: bool = |own| own.report.status >= 0;
+        /// int: How often the equations of motion were evaluated, for all bodies at once.
+        ///
+        /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
+        /// without forces the nominal number, steps tried times evaluations of the method.
+        nfev: u64 = |own| own.report.nfev;
+        /// int: Steps made.
+        n_steps: u64 = |own| own.report.n_steps;
+        /// int: Steps tried and rejected by the step size control.
+        n_rejected: u64 = |own| own.report.n_rejected;
+        /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
+        events: Py<PyTuple> = |own, py| own.log.events.clone_ref(py);
+        /// int: Number of events located, kept or not.
+        n_events: u64 = |own| own.log.count;
+        /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
+        n_trials: u64 = |own| own.log.trials;
+        /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
+        n_substeps: u64 = |own| own.log.substeps;
+        /// DenseOutput or None: The state at any time, where dense output was asked for.
+        sol: Option<Py<DenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
+    }
+}
+
 #[pymethods]
 impl Solution {
-    /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
-    /// interrupted, -2 if it failed.
-    #[getter]
-    fn status(&self) -> i32 {
-        self.report.status
-    }
-
-    /// str: The same in words.
-    #[getter]
-    fn message(&self) -> &str {
-        &self.report.message
-    }
-
-    /// bool: Whether the run ended as asked, by its interval or its observer.
-    #[getter]
-    fn success(&self) -> bool {
-        self.report.status >= 0
-    }
-
-    /// int: How often the equations of motion were evaluated, for all bodies at once.
-    ///
-    /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
-    /// without forces the nominal number, steps tried times evaluations of the method.
-    #[getter]
-    fn nfev(&self) -> u64 {
-        self.report.nfev
-    }
-
-    /// int: Steps made.
-    #[getter]
-    fn n_steps(&self) -> u64 {
-        self.report.n_steps
-    }
-
-    /// int: Steps tried and rejected by the step size control.
-    #[getter]
-    fn n_rejected(&self) -> u64 {
-        self.report.n_rejected
-    }
-
-    /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
-    #[getter]
-    fn events(&self, py: Python<'_>) -> Py<PyTuple> {
-        self.log.events.clone_ref(py)
-    }
-
-    /// int: Number of events located, kept or not.
-    #[getter]
-    fn n_events(&self) -> u64 {
-        self.log.count
-    }
-
-    /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
-    #[getter]
-    fn n_trials(&self) -> u64 {
-        self.log.trials
-    }
-
     /// ndarray, shape (contacts, 3): The stretch of the friction of each contact in the last state, m, world frame,
     /// zero where it has none: what a run that goes on from there takes as `stretches`.
     #[getter]
@@ -503,18 +456,6 @@ impl Solution {
         Ok(array(py, values, &[stretches.len(), 3])?.into_any())
     }
 
-    /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
-    #[getter]
-    fn n_substeps(&self) -> u64 {
-        self.log.substeps
-    }
-
-    /// DenseOutput or None: The state at any time, where dense output was asked for.
-    #[getter]
-    fn sol(&self, py: Python<'_>) -> Option<Py<DenseOutput>> {
-        self.dense.as_ref().map(|dense| dense.clone_ref(py))
-    }
-
     fn __repr__(slf: &Bound<'_, Self>) -> String {
         let own = slf.get();
         let base = slf.as_super().get().__repr__();
@@ -522,15 +463,14 @@ impl Solution {
         format!("<Solution: {base}; {} ({} steps)>", own.report.message, own.report.n_steps)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let py = slf.py();
         let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
         let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
         let Log { events, count, trials, substeps, stretches } = &slf.get().log;
         let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
         let log = (events, *count, *trials, *substeps, stretches);
-        let arguments = (base, (status, message, nfev, n_steps, n_rejected), log).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log))
     }
 
     /// A pickled solution; the dense output is not part of it.

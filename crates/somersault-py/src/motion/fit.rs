@@ -3,6 +3,7 @@
 use super::matrix::{count, numbers_array};
 use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_class, by_restore};
 use crate::multibody::model::{Model, Which};
 use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
@@ -123,14 +124,14 @@ impl MarkerSet {
         self.markers.markers().len()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let (places, weights) = (PyDict::new(py), PyDict::new(py));
         for marker in own.markers.markers() {
             places.set_item(&marker.name, (marker.body, <[f64; 3]>::from(marker.point)))?;
             weights.set_item(&marker.name, marker.weight)?;
         }
-        Ok((slf.get_type().into_any(), (own.model(py), places, weights).into_pyobject(py)?))
+        by_class(slf, (own.model(py), places, weights))
     }
 
     fn __repr__(&self) -> String {
@@ -286,7 +287,7 @@ impl MarkerFit {
         self.markers.get().model(py)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let options = own.fit.options();
         let base = match &options.shape {
@@ -305,8 +306,7 @@ impl MarkerFit {
         };
         let numbers = (options.max_iterations, options.step_tol, options.noise);
         let starts = options.starts.clone();
-        let arguments = (own.markers(py), base, scale, common, loss, starts, numbers).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.markers(py), base, scale, common, loss, starts, numbers))
     }
 
     /// A pickled fit; `common` says whether the scale is, and is missing where it is fixed.

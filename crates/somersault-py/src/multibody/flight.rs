@@ -1,9 +1,9 @@
 //! Momentum-reduced flight of trees.
 
-use crate::core::convert::{check_callable, integer, integer_or_none, interval_of, with_shape};
+use crate::core::callable::{Failure, call, callable_name, check_callable};
+use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
-use crate::integrators::forces::{Failure, call, callable_name};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};

@@ -1,11 +1,12 @@
 //! Terms of costs and constraints: what Python says of them, and what the library makes of it.
 
 use super::arguments::{count, finite_all, index, integers_or_none};
+use crate::core::callable::check_callable;
 use crate::core::convert::{
-    a_type, check_callable, components, entries_or_none, integer, orientation, real_numbers, vector,
-    with_shape,
+    a_type, components, entries_or_none, integer, orientation, real_numbers, vector, with_shape,
 };
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
@@ -244,7 +245,7 @@ pub(crate) fn function(
 
 #[pymethods]
 impl Term {
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let py = slf.py();
         let name = |part: &Part| PARTS.iter().find(|(_, known)| known == part).map_or("", |(name, _)| *name);
         // the function of this module that makes it, and its arguments
@@ -275,7 +276,7 @@ impl Term {
                 ("function", (callable, *n_rows, gradient, reads).into_pyobject(py)?)
             }
         };
-        Ok((slf.get_type().getattr("_restore")?, made.into_pyobject(py)?))
+        by_restore(slf, made)
     }
 
     /// A pickled term.

@@ -7,10 +7,11 @@ use super::terms::Quadratic;
 use super::{CollocationResult, NAMES};
 use crate::core::convert::{a_type, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use crate::ocp::arguments::{finite_all, number_or_range};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::multibody;
 use somersault::ocp::collocation::{Guess, Interval, Phase, Problem, TreeDynamics};
 
@@ -136,6 +137,17 @@ impl CollocationProblem {
     }
 }
 
+value! {
+    impl CollocationProblem {
+        /// Model: The tree.
+        model: Model = |own| Model::of(own.model.clone());
+        /// int: Length of x.
+        n_states: usize = |own| own.states.len();
+        /// int: Length of u.
+        n_controls: usize = |own| own.controls.len();
+    }
+}
+
 #[pymethods]
 impl CollocationProblem {
     #[new]
@@ -229,24 +241,6 @@ impl CollocationProblem {
         Ok(posed)
     }
 
-    /// Model: The tree.
-    #[getter]
-    fn model(&self) -> Model {
-        Model::of(self.model.clone())
-    }
-
-    /// int: Length of x.
-    #[getter]
-    fn n_states(&self) -> usize {
-        self.states.len()
-    }
-
-    /// int: Length of u.
-    #[getter]
-    fn n_controls(&self) -> usize {
-        self.controls.len()
-    }
-
     /// Solves, refines the mesh to the tolerance, and integrates what was found anew.
     ///
     /// Parameters
@@ -298,7 +292,7 @@ impl CollocationProblem {
         options.run(py, 1, problem, |report| Ok(CollocationResult::of(py, report, &self.model, tol)?))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let terms = &own.terms;
         let weights = (
@@ -316,8 +310,7 @@ impl CollocationProblem {
             pairs(&own.states),
             pairs(&own.path),
         );
-        let arguments = (own.model(), own.actuated.clone(), weights, bounds, terms.path.clone());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.model(), own.actuated.clone(), weights, bounds, terms.path.clone()))
     }
 
     /// A pickled problem.
