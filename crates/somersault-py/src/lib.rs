@@ -24,7 +24,9 @@ mod _somersault {
     #[pymodule_export]
     use crate::contact::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]
-    use crate::contact::surface::{CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction};
+    use crate::contact::surface::{
+        CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction,
+    };
     #[pymodule_export]
     use crate::contact::system::{
         ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
