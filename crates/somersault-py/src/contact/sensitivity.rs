@@ -1,10 +1,12 @@
 //! Derivatives of a body's motion through contacts.
 
-use crate::core::convert::{a_type, array, integer_or_none, interval_of, vector, with_shape};
+use crate::core::callable::Failure;
+use crate::core::convert::{a_type, array, integer_or_none, interval_of, sequence, vector, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::Event;
-use crate::integrators::forces::{Failure, Reader, sequence};
+use crate::integrators::forces::Reader;
 use crate::integrators::integrate::stretched;
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
@@ -13,7 +15,7 @@ use crate::multibody::kinematics::write;
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
@@ -71,11 +73,10 @@ impl Sensitivities {
         format!("<Sensitivities at t = {}: {} events, {parameters} parameters>", self.t, self.events.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let own = slf.get();
         let derivatives = (&own.by_state, &own.by_parameters, &own.event_times, &own.stretches);
-        let arguments = (own.t, own.state, &own.events, derivatives).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.t, own.state, &own.events, derivatives))
     }
 
     /// Pickled sensitivities.

@@ -2,7 +2,6 @@
 //!
 //! The classes are those of `somersault.errors`; this file says which one an error belongs to.
 
-use crate::core::convert::did_you_mean;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -116,12 +115,43 @@ impl Error {
         }
     }
 
+    /// The same error by the names that Python has for arguments of the library: pairs of that one and this.
+    pub(crate) fn with_names(self, names: &[(&str, &str)]) -> Self {
+        let Self::Own { class, mut message } = self else { return self };
+        for (theirs, ours) in names {
+            message = message.replace(&format!("`{theirs}`"), &format!("`{ours}`"));
+        }
+        Self::Own { class, message }
+    }
+
+    /// The same error of something in an argument, which its message names.
+    pub(crate) fn within(self, argument: &str) -> Self {
+        match self {
+            Self::Own { class, message } if !message.contains(&format!("`{argument}`")) => {
+                Self::Own { class, message: format!("`{argument}`: {message}") }
+            }
+            named => named,
+        }
+    }
+
     /// The error of one of many rows.
     pub(crate) fn in_row(self, row: usize) -> Self {
         match self {
             Self::Own { class, message } => Self::Own { class, message: format!("row {row}: {message}") },
             raised => raised,
         }
+    }
+}
+
+/// The end of a message about a name that is unknown: the known one that was perhaps meant.
+pub(crate) fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let known: Vec<&str> = known.into_iter().collect();
+    let closest = Python::attach(|py| -> PyResult<Vec<String>> {
+        py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()
+    });
+    match closest.as_deref() {
+        Ok([closest, ..]) => format!("; did you mean `{closest}`?"),
+        _ => String::new(),
     }
 }
 

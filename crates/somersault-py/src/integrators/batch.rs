@@ -1,10 +1,9 @@
 //! Many free bodies at once.
 
-use crate::core::convert::{a_type, interval_of, numbers_or_one, vector_or};
+use crate::core::convert::{a_type, interval_of, numbers_or_one, sequence, vector_or};
 use crate::core::error::Error;
 use crate::core::waiting::together;
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::forces::sequence;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
 use somersault::integrators::batch::{self, BatchError};
@@ -128,4 +127,11 @@ fn from(first: usize, error: BatchError) -> BatchError {
         }
         error => error,
     }
+}
+
+/// Many rigid bodies at once.
+#[pyo3::pymodule(name = "batch", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::batch::integrate_batch;
 }

@@ -2,10 +2,10 @@
 
 use crate::core::convert::{a_type, entries};
 use crate::core::error::Error;
+use crate::core::value::value;
 use crate::integrators::bodies::State;
-use crate::integrators::trajectory::Seen;
+use crate::integrators::seen::Seen;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
 use somersault::contact::event;
 use somersault::integrators::nalgebra::Vector3;
 
@@ -55,6 +55,22 @@ impl Event {
     }
 }
 
+value! {
+    impl Event(t, contact, kind, impulse, state) {
+        /// float: When, s.
+        t: f64 = |own| own.t;
+        /// int: Which contact, by its place among those given; pairs of spheres follow those with surfaces.
+        contact: usize = |own| own.contact;
+        /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
+        /// released below the surface is held again, ``'stick'`` or ``'slip'``.
+        kind: &str = |own| &own.kind;
+        /// float: Impulse that a release completes, ∫ F dt, N s, to order 4; 0 for the others.
+        impulse: f64 = |own| own.impulse;
+        /// State or list of State: The state.
+        state: Py<PyAny> = |own, py| own.state.clone_ref(py);
+    }
+}
+
 #[pymethods]
 impl Event {
     #[new]
@@ -73,44 +89,7 @@ impl Event {
         Ok(Self { t, contact, kind: kind.to_owned(), impulse, state: state.clone().unbind() })
     }
 
-    /// float: When, s.
-    #[getter]
-    fn t(&self) -> f64 {
-        self.t
-    }
-
-    /// int: Which contact, by its place among those given; pairs of spheres follow those with surfaces.
-    #[getter]
-    fn contact(&self) -> usize {
-        self.contact
-    }
-
-    /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
-    /// released below the surface is held again, ``'stick'`` or ``'slip'``.
-    #[getter]
-    fn kind(&self) -> &str {
-        &self.kind
-    }
-
-    /// float: Impulse that a release completes, ∫ F dt, N s, to order 4; 0 for the others.
-    #[getter]
-    fn impulse(&self) -> f64 {
-        self.impulse
-    }
-
-    /// State or list of State: The state.
-    #[getter]
-    fn state(&self, py: Python<'_>) -> Py<PyAny> {
-        self.state.clone_ref(py)
-    }
-
     fn __repr__(&self) -> String {
         format!("<Event: {} of contact {} at t = {}>", self.kind, self.contact, self.t)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, event) = (slf.py(), slf.get());
-        let arguments = (event.t, event.contact, event.kind(), event.impulse, event.state(py));
-        Ok((slf.get_type(), arguments.into_pyobject(py)?))
     }
 }

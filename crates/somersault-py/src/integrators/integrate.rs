@@ -1,21 +1,24 @@
 //! The front door: integration of one body or of several.
 
+use crate::core::callable::{Failure, check_callable};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
-use crate::integrators::event::Events;
-use crate::integrators::forces::{Failure, Reader};
+use crate::core::waiting::returns_interrupted;
+use crate::integrators::forces::Reader;
 use crate::integrators::located::{CountedForces, InContact};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
-use crate::integrators::trajectory::{Cast, Report, Seen, Solution};
+use crate::integrators::seen::Seen;
+use crate::integrators::solve::{Bodies, Ended};
+use crate::integrators::trajectory::{Cast, Report, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::event::{Location, StiffSteps};
 use somersault::contact::interface::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
-use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::driver::{IntegrateError, Outcome};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
@@ -23,36 +26,6 @@ use somersault::integrators::studies::work_precision::Counted;
 use somersault::integrators::system::{
     BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
 };
-
-/// How a run ended and what it took.
-pub(crate) struct Ended<Q: Seen> {
-    pub(crate) status: Result<Status, Error>,
-    pub(crate) rejected: u64,
-    pub(crate) nfev: u64,
-    pub(crate) events: Events<Q>,
-}
-
-impl<Q: Seen> Ended<Q> {
-    fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
-        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
-        let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
-        Self { status, rejected, nfev, events: Events::none() }
-    }
-}
-
-/// Bodies to be integrated, and a count of how often their equations are evaluated.
-pub(crate) trait Bodies: Sync {
-    /// What moves.
-    type Configuration: Seen;
-
-    /// Integrates as planned.
-    fn solve(
-        &self,
-        initial: &State<Self::Configuration>,
-        plan: &Plan,
-        observer: &mut Monitor<Self::Configuration>,
-    ) -> Ended<Self::Configuration>;
-}
 
 /// A body without forces. Counting would hide from the methods that they can skip the forces.
 struct Free(RigidBodySystem);
@@ -302,9 +275,9 @@ pub(crate) fn integrate<'py>(
     let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
     let steps = arguments.steps(method, interval)?;
     let every = plan::every_of(every)?;
-    let return_interrupted = plan::returns_interrupted(on_interrupt)?;
+    let return_interrupted = returns_interrupted(on_interrupt)?;
     if let Some(observer) = &observer {
-        plan::check_callable("observer", "f(t, state)", observer)?;
+        check_callable("observer", "f(t, state)", observer)?;
     }
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };

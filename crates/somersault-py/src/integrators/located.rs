@@ -1,10 +1,10 @@
 //! Runs of bodies in contact, whose events are located.
 
 use crate::integrators::event::Events;
-use crate::integrators::integrate::{Bodies, Ended};
 use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::{Plan, Steps};
-use crate::integrators::trajectory::Seen;
+use crate::integrators::seen::Seen;
+use crate::integrators::solve::{Bodies, Ended};
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::driver::{LocatedResult, integrate_located, integrate_located_adaptive};

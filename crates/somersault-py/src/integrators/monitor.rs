@@ -1,9 +1,9 @@
 //! What watches a run: it records, shows progress, and stops where Python says so.
 
+use crate::core::callable::Failure;
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::waiting::SignalTimer;
-use crate::integrators::forces::Failure;
 use crate::integrators::plan::{Plan, Steps};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;

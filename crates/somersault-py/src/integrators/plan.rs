@@ -1,6 +1,6 @@
 //! What a run is asked to do.
 
-use crate::core::convert::a_type;
+use crate::core::convert::positive;
 use crate::core::error::Error;
 use crate::core::waiting::deliver;
 use pyo3::prelude::*;
@@ -107,23 +107,6 @@ pub(crate) fn every_of(every: i64) -> Result<u64, Error> {
     positive.ok_or_else(|| Error::input(format!("`every` must be a positive number of steps, found {every}")))
 }
 
-/// Whether an interrupted run is returned.
-pub(crate) fn returns_interrupted(on_interrupt: &str) -> Result<bool, Error> {
-    match on_interrupt {
-        "raise" => Ok(false),
-        "return" => Ok(true),
-        _ => Err(Error::input(format!("`on_interrupt` must be 'raise' or 'return', found '{on_interrupt}'"))),
-    }
-}
-
-/// Fails unless an argument can be called.
-pub(crate) fn check_callable(argument: &str, signature: &str, value: &Bound<'_, PyAny>) -> Result<(), Error> {
-    if value.is_callable() {
-        return Ok(());
-    }
-    Err(Error::input(format!("`{argument}` must be a callable {signature}, found {}", a_type(value))))
-}
-
 /// The adaptive methods, for a message.
 fn adaptive_names() -> String {
     let names: Vec<_> =
@@ -137,13 +120,5 @@ pub(crate) fn start_up_of(name: &str) -> Result<StartUp, Error> {
         "one_step" => Ok(StartUp::OneStep),
         "ladder" => Ok(StartUp::Ladder),
         _ => Err(Error::input(format!("`start_up` must be 'one_step' or 'ladder', found '{name}'"))),
-    }
-}
-
-fn positive(argument: &str, value: f64) -> Result<f64, Error> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
     }
 }

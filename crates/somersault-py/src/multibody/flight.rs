@@ -1,8 +1,9 @@
 //! Momentum-reduced flight of trees.
 
+use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
-use crate::integrators::forces::{Failure, call, callable_name};
+use crate::core::waiting::returns_interrupted;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
@@ -93,7 +94,7 @@ impl ShapeMotion for Shape {
     model, q, v, shape, interval, *, dt=None, method=None, rtol=None, atol=None, max_step=None,
     first_step=None, max_steps=None, start_up="one_step", every=1, on_interrupt="raise", progress=false
 ))]
-pub(crate) fn integrate_flight<'py>(
+pub(crate) fn fly<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
     q: &Bound<'py, PyAny>,
@@ -121,7 +122,7 @@ pub(crate) fn integrate_flight<'py>(
     let mut q = finite("q", with_shape("q", &[tree.n_positions()], q)?)?;
     let v = finite("v", with_shape("v", &[tree.n_velocities()], v)?)?;
     tree.normalize(&mut q)?;
-    plan::check_callable("shape", "f(t) -> (q, v)", shape)?;
+    check_callable("shape", "f(t) -> (q, v)", shape)?;
     let failure = Failure::default();
     let motion = Shape::new(shape, &failure);
     let plan = Plan {
@@ -132,7 +133,7 @@ pub(crate) fn integrate_flight<'py>(
         every: plan::every_of(every)?,
         dense: false,
         calls_python: true,
-        return_interrupted: plan::returns_interrupted(on_interrupt)?,
+        return_interrupted: returns_interrupted(on_interrupt)?,
     };
     let flight = Flight::from_state(tree, interval.0, &q, &v)?;
     let system = FlightSystem::new(flight, &motion);

@@ -1,10 +1,10 @@
 //! What a dive is made of.
 
 use super::Dive;
-use crate::core::convert::{a_type, did_you_mean, real_numbers};
-use crate::core::error::Error;
+use crate::core::convert::{a_type, integer, real_numbers};
+use crate::core::error::{Error, did_you_mean};
 use crate::multibody::models::Diver;
-use crate::ocp::arguments::{count, index, integer, number, number_or_range};
+use crate::ocp::arguments::{count, index, number, number_or_range};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -2,10 +2,10 @@
 
 use super::part::{name_of, part_of};
 use super::{Description, Term};
-use crate::core::convert::{a_type, entries_or_none, with_shape};
+use crate::core::callable::check_callable;
+use crate::core::convert::{a_type, entries_or_none, integer, with_shape};
 use crate::core::error::Error;
-use crate::integrators::plan::check_callable;
-use crate::ocp::arguments::{count, integer};
+use crate::ocp::arguments::count;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use somersault::ocp::dynamics::Tree;

@@ -11,6 +11,7 @@ mod part;
 
 use super::arguments::index;
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use pyo3::conversion::FromPyObjectOwned;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
@@ -22,7 +23,7 @@ use somersault::ocp::transcription::NodeSizes;
 macro_rules! kinds {
     (|$given:ident| $($module:ident::$name:ident: $made:expr;)*) => {
         /// Adds the functions to the module of Python.
-        pub(crate) fn add_functions(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        pub(in crate::ocp) fn add_functions(module: &Bound<'_, PyModule>) -> PyResult<()> {
             $(module.add_function(wrap_pyfunction!($module::$name, module)?)?;)*
             Ok(())
         }
@@ -77,9 +78,8 @@ pub(crate) struct Term(Box<dyn Description>);
 
 #[pymethods]
 impl Term {
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let made = slf.get().0.made(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, made.into_pyobject(slf.py())?))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, slf.get().0.made(slf.py())?)
     }
 
     /// A pickled term.
