@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use serde::Serialize;
 use somersault::core::Scalar;
+use somersault::dives::{Dive, DiveSearch, Range};
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
 use somersault::ftla::shooting::Extremal;
@@ -16,7 +17,6 @@ use somersault::nlp;
 use somersault::ocp::collocation::{
     Collocation, CollocationReport, Dynamics, Mesh, Phase, Point, Problem, Terms,
 };
-use somersault::ocp::dive::{Dive, DiveSearch, Range};
 use somersault::ocp::swing_up::CartPendulumProblem;
 use somersault::prelude::*;
 use somersault::storage::{self, StorageError, Stored, from_bytes, to_bytes};

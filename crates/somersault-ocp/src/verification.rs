@@ -37,6 +37,19 @@ pub struct VerifiedReport<V = Verification, E = VerificationError> {
     pub verification: Result<V, E>,
 }
 
+/// What integrations say of a motion.
+pub trait Holds {
+    /// Whether the motion holds, to what counts as agreement where nothing else is said.
+    fn holds(&self) -> bool;
+}
+
+impl<V: Holds, E> VerifiedReport<V, E> {
+    /// Whether the program is solved, and its motion holds.
+    pub fn is_success(&self) -> bool {
+        self.report.status.is_converged() && self.verification.as_ref().is_ok_and(V::holds)
+    }
+}
+
 /// Why a motion could not be integrated anew.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -69,6 +82,13 @@ pub struct Verification {
     pub terminal_error: f64,
     /// Largest change of the angular momentum about the centre of mass over the nodes, kg m²/s; meant for flight.
     pub momentum_drift: f64,
+}
+
+impl Holds for Verification {
+    /// [Confirmed](Verification::is_confirmed) to [`ALLOWED`].
+    fn holds(&self) -> bool {
+        self.is_confirmed(ALLOWED)
+    }
 }
 
 impl Verification {

@@ -26,6 +26,7 @@
 //! | `contact` | compliant contact with located events |
 //! | `nlp` | nonlinear programs and their solvers |
 //! | `ocp` | optimal motions; brings `multibody` and `nlp` |
+//! | `dives` | optimal dives; brings `ocp` |
 //! | `motion` | recorded motions; brings `multibody` |
 //! | `ftla` | finite-time Lyapunov analysis; brings `multibody` |
 //! | `serde` | serde's traits for bodies, states, models and results |
@@ -35,6 +36,8 @@
 #[cfg(feature = "contact")]
 pub use somersault_contact as contact;
 pub use somersault_core as core;
+#[cfg(feature = "dives")]
+pub use somersault_dives as dives;
 #[cfg(feature = "ftla")]
 pub use somersault_ftla as ftla;
 pub use somersault_integrators as integrators;

@@ -11,7 +11,7 @@
 //!                                      └── markers + noise ──→ performances
 //! ```
 //! A flight is any motion of a tree in the air, configuration by configuration: an optimal dive of
-//! `somersault-ocp`, or a fitted recording. Its joint motion s(u), u the fraction of the duration T, is perturbed
+//! `somersault-dives`, or a fitted recording. Its joint motion s(u), u the fraction of the duration T, is perturbed
 //! in what it departs by from the straight way between its end postures, its fold F:
 //!
 //! ```text

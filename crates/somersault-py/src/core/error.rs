@@ -10,6 +10,7 @@ use somersault::contact::event::Interruption;
 use somersault::contact::models::ModelError as ContactModelError;
 use somersault::contact::sensitivity::SensitivityError;
 use somersault::core::InertiaError;
+use somersault::dives::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
@@ -33,7 +34,6 @@ use somersault::multibody::{DynamicsError, ModelError};
 use somersault::nlp::SolverError;
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
-use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 
 /// A class of `somersault.errors`.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -7,13 +7,13 @@ use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted, t
 use crate::ocp::solver::{Report, Watcher};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
+use somersault::dives::{self, DiveProgram};
 use somersault::nlp::{self, Flow, Iteration};
-use somersault::ocp::dive::{self, DiveProgram};
 use std::f64::consts::TAU;
 
 /// A planar dive as thesis 3.1 poses it, stepped by explicit Euler. The centre of mass starts at the origin.
 #[pyclass(frozen, module = "somersault.ocp")]
-pub(crate) struct LiteralDive(dive::LiteralDive);
+pub(crate) struct LiteralDive(dives::LiteralDive);
 
 impl LiteralDive {
     pub(super) fn of(
@@ -38,7 +38,7 @@ impl LiteralDive {
         watcher.hears(cancellation.raised().map(|raised| raised.clone_ref(py)));
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: nlp::Report| if interrupted { report.interrupted() } else { report };
-        let found = dive::LiteralDive { report: found.report.map(reported), ..found };
+        let found = dives::LiteralDive { report: found.report.map(reported), ..found };
         deliver(py, watcher.into_raised(), returned, Self(found))
     }
 
@@ -108,7 +108,7 @@ impl LiteralDive {
             let (_, width): (usize, usize) = value.getattr("shape")?.extract()?;
             with_shape(name, &[n, width], value)
         };
-        Ok(Self(dive::LiteralDive {
+        Ok(Self(dives::LiteralDive {
             positions: table("q", &rows.0)?,
             velocities: table("v", &rows.1)?,
             angular_momentum: with_shape("angular_momentum", &[n], &momentum.0)?,

@@ -21,9 +21,9 @@ use plan::{Course, Plan};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
+use somersault::dives::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 use somersault::multibody::models::Dimension;
 use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
-use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
@@ -122,7 +122,7 @@ impl Dive {
         postures: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Result<Self, Error> {
-        let dive = dive::Dive { diver: diver.get().diver, ..dive::Dive::forward_pike()? };
+        let dive = dives::Dive { diver: diver.get().diver, ..dives::Dive::forward_pike()? };
         let mut plan = Plan { own_postures: true, ..Plan::new(dive) };
         plan.set_postures(postures)?;
         plan.change(options)?;
@@ -407,7 +407,7 @@ impl Dive {
             let (n, found) = (postures.len(), names.len());
             return Err(Error::input(format!("`names` must have {n} entries, found {found}")));
         }
-        let dive = dive::Dive { diver: diver.get().diver, postures, ..dive::Dive::forward_pike()? };
+        let dive = dives::Dive { diver: diver.get().diver, postures, ..dives::Dive::forward_pike()? };
         let mut plan = Plan { names, course: Course::of(course)?, own_postures, ..Plan::new(dive) };
         plan.change(Some(options))?;
         plan.build()

@@ -11,8 +11,8 @@ use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
+use somersault::dives::{Channels, DiveMotion, DiveReport};
 use somersault::nlp;
-use somersault::ocp::dive::{Channels, DiveMotion, DiveReport};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

@@ -5,7 +5,7 @@ use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
-use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};
+use somersault::dives::{ALLOWED, DiveReport, Nearest, PeakTorque};
 
 /// Least distance, limbs, time and clearance of a pickled verification.
 type NearestParts = (f64, [String; 2], f64, f64);
