@@ -7,7 +7,7 @@ use crate::forces::sequence;
 use crate::trajectory::{Cast, Trajectory};
 use crate::waiting::together;
 use pyo3::prelude::*;
-use somersault::integrators::batch::{self, BatchError};
+use somersault::integrators::batch::{BatchError, FreeRuns};
 use somersault::integrators::body;
 use somersault::integrators::driver::TimeGrid;
 use somersault::integrators::force::Gravity;
@@ -98,7 +98,7 @@ pub(crate) fn integrate_batch(
         let first = ends.len();
         let last = (first + chunk(&grids[first..])).min(n);
         let part = |bodies: &[body::RigidBody], states: &[RigidBodyState], grids: &[TimeGrid]| {
-            together(py, || batch::integrate_in_gravity(&gravity, bodies, states, grids))
+            together(py, || FreeRuns::new(bodies, grids).in_gravity(&gravity).from(states))
         };
         let moved = part(&cast.bodies[first..last], &starts[first..last], &grids[first..last])?;
         ends.extend(moved.map_err(|error| from(first, error))?);

@@ -3,7 +3,7 @@
 use crate::event::Events;
 use crate::integrate::{Bodies, Ended};
 use crate::monitor::Monitor;
-use crate::plan::{Plan, Steps};
+use crate::plan::Plan;
 use crate::trajectory::Seen;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
@@ -13,6 +13,7 @@ use somersault::contact::hybrid::HybridBodies;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::body::RigidBody;
+use somersault::integrators::driver::Steps;
 use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
 use somersault::integrators::state::{RigidBodyState, State, Twist};
 use somersault::integrators::system::{StateOf, System};
@@ -136,8 +137,8 @@ impl Plan {
             Steps::Fixed(grid) => {
                 integrate_located(method, options, system, initial, grid, location, observer)
             }
-            Steps::Adapted(interval, control) => integrate_located_adaptive(
-                method, options, system, initial, *interval, control, location, observer,
+            Steps::Adapted { interval, settings } => integrate_located_adaptive(
+                method, options, system, initial, *interval, settings, location, observer,
             ),
         }
     }

@@ -9,7 +9,7 @@ use crate::integrate::stretched;
 use crate::kinematics::write;
 use crate::methods;
 use crate::monitor::Monitor;
-use crate::plan::{Plan, StepArguments, Steps};
+use crate::plan::{Plan, StepArguments};
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
@@ -21,6 +21,7 @@ use somersault::contact::sensitivity::{
     differentiate_located_adaptive,
 };
 use somersault::contact::stretches::WithStretches;
+use somersault::integrators::driver::Steps;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
 
@@ -259,7 +260,6 @@ pub(crate) fn differentiate(
         method,
         options,
         steps,
-        start: interval.0,
         every: u64::MAX,
         dense: false,
         calls_python: reader.calls_python,
@@ -271,8 +271,8 @@ pub(crate) fn differentiate(
         Steps::Fixed(grid) => {
             differentiate_located(method, options, &system, &state.0, &by, grid, &location, monitor)
         }
-        Steps::Adapted(interval, control) => differentiate_located_adaptive(
-            method, options, &system, &state.0, &by, *interval, control, &location, monitor,
+        Steps::Adapted { interval, settings } => differentiate_located_adaptive(
+            method, options, &system, &state.0, &by, *interval, settings, &location, monitor,
         ),
     })?;
     let (found, status) = match outcome {
