@@ -30,7 +30,7 @@ fn steps(c: &mut Criterion) {
         let mut group = c.benchmark_group(method.info().name);
         group.throughput(Throughput::Elements(STEPS));
         group.bench_function("contact_free", |b| {
-            b.iter(|| method.integrate(options, &free, black_box(&top.start), &grid, &mut ()))
+            b.iter(|| Run::new(&free, method, grid).with_options(options).from(black_box(&top.start)))
         });
         for (name, start) in [("guarded", &top.start), ("in_contact", &settled.state)] {
             group.bench_function(name, |b| {

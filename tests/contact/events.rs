@@ -18,7 +18,7 @@ use somersault_integrators::methods::{Dop853, Method, Options, RungeKutta4, Rung
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 use somersault_integrators::stepper::{MethodInfo, Scheme, StepError, Stepper};
-use somersault_integrators::system::{RigidSystem, System};
+use somersault_integrators::system::{OneForm, RigidForms, RigidSystem, System};
 use somersault_testkit::bouncing_ball;
 use std::sync::Arc;
 
@@ -318,6 +318,7 @@ struct Bouncer {
 
 impl System for Bouncer {
     type Configuration = Pose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
@@ -470,6 +471,7 @@ struct DryFriction;
 
 impl System for DryFriction {
     type Configuration = Pose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
@@ -590,6 +592,7 @@ struct Doubling(BouncingBall);
 
 impl System for Doubling {
     type Configuration = Pose;
+    type Forms = RigidForms;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {

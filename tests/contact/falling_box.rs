@@ -14,11 +14,12 @@ use somersault_contact::surface::HalfSpace;
 use somersault_core::lie::so3;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid, integrate};
+use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{
     Dop853, DormandPrince, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
 };
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State};
 use somersault_integrators::stepper::{Scope, Stepper};
 use somersault_testkit::order::slope;
@@ -160,7 +161,7 @@ fn without_location_the_box_falls_to_first_order() {
         .map(|base| {
             let error = |i| {
                 let grid = TimeGrid::try_with_steps(0.0, END, base + base * i / 48).unwrap();
-                let end = integrate(&&model.system, &RungeKuttaMuntheKaas4, &start, &grid, &mut ()).unwrap();
+                let end = Run::by_stepper(&&model.system, &RungeKuttaMuntheKaas4, grid).from(&start).unwrap();
                 distance(&end.state, &exact).powi(2)
             };
             (END / base as f64, ((0..48).map(error).sum::<f64>() / 48.0).sqrt())

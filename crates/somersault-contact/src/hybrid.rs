@@ -11,7 +11,7 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::state::State;
 use somersault_integrators::system::{
-    BodyPoses, BodyRate, Decoder, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
+    BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
 };
 use std::cell::RefCell;
 
@@ -295,6 +295,7 @@ impl<H: Hybrid> Frozen<H> {
 #[deny(clippy::missing_trait_methods)]
 impl<H: Hybrid> System for Frozen<H> {
     type Configuration = H::Configuration;
+    type Forms = H::Forms;
     type Workspace = H::Workspace;
     fn workspace(&self) -> H::Workspace {
         self.system.workspace()
@@ -306,6 +307,9 @@ impl<H: Hybrid> System for Frozen<H> {
     #[inline(always)]
     fn acceleration(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
         self.system.acceleration_in(&self.mode.borrow(), w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.system.take_fault()
     }
 }
 

@@ -24,7 +24,9 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{Poses, State};
-use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System, world_acceleration};
+use somersault_integrators::system::{
+    Fault, RateOf, RigidForms, RigidSystem, StateOf, System, world_acceleration,
+};
 
 /// Bodies and their contacts, for [`WithStretches`].
 pub trait Touching: HybridBodies<Mode = Vec<ContactMode>> {
@@ -274,10 +276,14 @@ pub(crate) fn reset(before: &[ContactMode], after: &[ContactMode], stretches: &m
 
 impl<S: Touching> System for WithStretches<S> {
     type Configuration = Augmented<S::Configuration>;
+    type Forms = RigidForms;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
     }
 }
 

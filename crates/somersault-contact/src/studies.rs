@@ -33,6 +33,7 @@ use somersault_core::argument::expect_positive;
 use somersault_integrators::driver::{Flow, IntegrateError, TimeGrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::run::Run;
 use somersault_integrators::studies::order::{
     Convergence, Measured, ObservedOrders, forgive, mean_order, observed_order,
 };
@@ -97,7 +98,7 @@ pub fn errors<H: HybridBodies>(
                 .map_err(|broken| interrupted(broken.reason))
         }
         Stepping::Straddling => {
-            method.integrate(options, system, initial, &grid, &mut ()).map(|run| run.state)
+            Run::new(system, method, grid).with_options(options).from(initial).map(|run| run.state)
         }
     };
     Ok(forgive(state)?.map_or(Errors::INFINITE, |state| problem.errors(&state)))

@@ -14,7 +14,7 @@ use somersault_integrators::system::{Decoder, StateOf, System, Unchanged};
 /// its error, with steps adapted to tolerances, locating events.
 ///
 /// Far from contacts the steps are those of
-/// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive). A step that is not proved clear of
+/// [`Run`](somersault_integrators::run::Run). A step that is not proved clear of
 /// contacts is shortened to where the gap may be least, so that the gap takes part in the control of the steps. After an event the step is
 /// chosen afresh from the accelerations of the new mode. A step that leads to where a guard is not finite
 /// is rejected like one whose error is too large. The observer sees every committed step, those that end at

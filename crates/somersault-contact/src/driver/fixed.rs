@@ -40,7 +40,7 @@ pub fn integrate_located<H: HybridBodies>(
     let run = method.engage(options, &frozen, initial, &mut |engine| {
         go(&frozen, engine, initial, grid, location, observer)
     });
-    run.unwrap_or_else(|error| Err(broken_at_start(IntegrateError::from(error).into(), t, initial)))
+    run.unwrap_or_else(|error| Err(broken_at_start(error.into(), t, initial)))
 }
 
 /// Integrates any system with modes by any stepper, with a fixed step, locating events; see

@@ -2,9 +2,7 @@
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
 use super::parameter::{Differentiation, Parameter};
-use super::system::{
-    FromBodyAxes, FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes,
-};
+use super::system::{FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState};
 use crate::contacts::BodyInContact;
 use crate::driver::{
     LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
@@ -19,9 +17,10 @@ use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
 use somersault_integrators::force::ForceModel;
-use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method, Options};
+use somersault_integrators::methods::{Method, Options, Visitor};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
+use somersault_integrators::system::Form;
 use somersault_integrators::variation::Tangent;
 
 /// The outcome of a run with sensitivities.
@@ -54,7 +53,9 @@ where
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
     let task = Task { system, initial, differentiation, interval, location, observer };
-    task.run(method.info().name, |run| method.visit_frames(options, Fixed { run, grid }))
+    task.run(method.info().name, |run| {
+        method.visit_frames(options, run.frozen, InBodyAxes(run.frozen), Fixed { run, grid })
+    })
 }
 
 /// The same with steps adapted to tolerances, by a method that estimates its error; see [`differentiate_located`].
@@ -80,7 +81,8 @@ where
         return Err(refused(Interruption::from(error).into(), interval.0, &task.unstretched()));
     }
     task.run(method.info().name, |run| {
-        method.visit_embedded_frames(options, Adapted { run, interval, settings })
+        let adapted = Adapted { run, interval, settings };
+        method.visit_frames(options, adapted.run.frozen, InBodyAxes(adapted.run.frozen), adapted)?
     })
 }
 
@@ -182,49 +184,39 @@ struct Fixed<'a, 'b, F: ForceModel> {
     grid: &'b TimeGrid,
 }
 
-impl<'a, 'b, F> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Fixed<'a, 'b, F>
-where
-    F: ForceModel,
-{
+impl<F: ForceModel> Visitor<VariedPose> for Fixed<'_, '_, F> {
     type Output = LocatedResult<VariedPose>;
 
-    fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        self.run.fixed(&stepper, self.grid)
-    }
-
-    fn body<M: Stepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
         let mut watching = Watching { frozen, observer };
-        let axes = InBodyAxes(frozen);
-        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let encode = |x: &_| form.encode(x);
+        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
         integrate_hybrid_form(frozen, form, &stepper, start, self.grid, location, &mut watching)
     }
 }
 
-/// Steps adapted to tolerances.
+/// Steps adapted to tolerances; none by a method that does not estimate its error.
 struct Adapted<'a, 'b, F: ForceModel> {
     run: Begun<'a, 'b, F>,
     interval: (f64, f64),
     settings: &'b Adaptive,
 }
 
-impl<'a, 'b, F> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Adapted<'a, 'b, F>
-where
-    F: ForceModel,
-{
-    type Output = LocatedResult<VariedPose>;
+impl<F: ForceModel> Visitor<VariedPose> for Adapted<'_, '_, F> {
+    type Output = Option<LocatedResult<VariedPose>>;
 
-    fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        self.run.adapted(&stepper, self.interval, self.settings)
+    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, _: B, _: M) -> Self::Output {
+        None
     }
 
-    fn body<M: EmbeddedStepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+    fn visit_embedded<B: Form<VariedPose>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
         let mut watching = Watching { frozen, observer };
-        let axes = InBodyAxes(frozen);
-        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let encode = |x: &_| form.encode(x);
+        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
         let steps = (self.interval, self.settings);
-        integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching)
+        Some(integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching))
     }
 }
 

@@ -18,7 +18,7 @@ use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
-use somersault_integrators::system::{Decoder, System, world_acceleration};
+use somersault_integrators::system::{Decoder, Form, OneForm, System, world_acceleration};
 use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
 use std::cell::RefCell;
 
@@ -188,6 +188,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
 
 impl<F: ForceModel> System for Variational<'_, F> {
     type Configuration = VariedPose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
 
@@ -373,14 +374,19 @@ impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
     }
 }
 
-/// The state with its base in body axes.
-pub(super) fn in_body_axes(x: &VariedState) -> State<BodyVariedPose> {
-    State {
-        configuration: Varied {
-            base: Augmented(InBody(x.configuration.base.0)),
-            columns: x.configuration.columns.clone(),
-        },
-        rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+impl<F: ForceModel> Form<VariedPose> for InBodyAxes<'_, '_, F> {
+    type Decoder = FromBodyAxes;
+    fn encode(&self, x: &VariedState) -> State<BodyVariedPose> {
+        State {
+            configuration: Varied {
+                base: Augmented(InBody(x.configuration.base.0)),
+                columns: x.configuration.columns.clone(),
+            },
+            rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+        }
+    }
+    fn decoder(&self) -> FromBodyAxes {
+        FromBodyAxes
     }
 }
 
@@ -397,6 +403,7 @@ fn rate_in_body_axes(
 
 impl<F: ForceModel> System for InBodyAxes<'_, '_, F> {
     type Configuration = BodyVariedPose;
+    type Forms = OneForm;
     type Workspace = Option<(VariedState, VariedRate)>;
     fn workspace(&self) -> Self::Workspace {
         None

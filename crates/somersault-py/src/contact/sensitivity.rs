@@ -10,7 +10,7 @@ use crate::integrators::forces::Reader;
 use crate::integrators::integrate::stretched;
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
-use crate::integrators::plan::{Plan, StepArguments, Steps};
+use crate::integrators::plan::{Plan, StepArguments};
 use crate::multibody::kinematics::write;
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
@@ -23,6 +23,7 @@ use somersault::contact::sensitivity::{
     differentiate_located_adaptive,
 };
 use somersault::contact::stretches::WithStretches;
+use somersault::integrators::driver::Steps;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
 
@@ -260,7 +261,6 @@ pub(crate) fn differentiate(
         method,
         options,
         steps,
-        start: interval.0,
         every: u64::MAX,
         dense: false,
         calls_python: reader.calls_python,
@@ -272,8 +272,8 @@ pub(crate) fn differentiate(
         Steps::Fixed(grid) => {
             differentiate_located(method, options, &system, &state.0, &by, grid, &location, monitor)
         }
-        Steps::Adapted(interval, control) => differentiate_located_adaptive(
-            method, options, &system, &state.0, &by, *interval, control, &location, monitor,
+        Steps::Adapted { interval, settings } => differentiate_located_adaptive(
+            method, options, &system, &state.0, &by, *interval, settings, &location, monitor,
         ),
     })?;
     let (found, status) = match outcome {

@@ -28,7 +28,6 @@ use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
 use somersault::multibody::joint_motion::JointMotionError;
 use somersault::multibody::models::PostureError;
-use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 use somersault::nlp::SolverError;
@@ -231,6 +230,7 @@ impl From<IntegrateError> for Error {
             | IntegrateError::NoErrorEstimate { .. }
             | IntegrateError::RigidBodiesOnly { .. }
             | IntegrateError::Variables { .. } => Self::own(Class::Input, &error),
+            IntegrateError::Fault { .. } => Self::own(Class::Dynamics, &error),
             error => Self::own(Class::Integration, &error),
         }
     }
@@ -300,15 +300,6 @@ impl From<UrdfError> for Error {
         match error {
             UrdfError::NotRepresentable { .. } => Self::own(Class::Write, &error),
             error => Self::own(Class::Read, &error),
-        }
-    }
-}
-
-impl From<MotionError> for Error {
-    fn from(error: MotionError) -> Self {
-        match error {
-            MotionError::Integrate(error) => error.into(),
-            error => Self::own(Class::Dynamics, &error),
         }
     }
 }

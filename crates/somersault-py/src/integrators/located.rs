@@ -2,7 +2,7 @@
 
 use crate::integrators::event::Events;
 use crate::integrators::monitor::Monitor;
-use crate::integrators::plan::{Plan, Steps};
+use crate::integrators::plan::{Plan};
 use crate::integrators::seen::Seen;
 use crate::integrators::solve::{Bodies, Ended};
 use somersault::contact::bodies::BodiesInContact;
@@ -13,6 +13,7 @@ use somersault::contact::hybrid::HybridBodies;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::body::RigidBody;
+use somersault::integrators::driver::Steps;
 use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
 use somersault::integrators::state::{RigidBodyState, State, Twist};
 use somersault::integrators::system::{StateOf, System};
@@ -136,8 +137,8 @@ impl Plan {
             Steps::Fixed(grid) => {
                 integrate_located(method, options, system, initial, grid, location, observer)
             }
-            Steps::Adapted(interval, control) => integrate_located_adaptive(
-                method, options, system, initial, *interval, control, location, observer,
+            Steps::Adapted { interval, settings } => integrate_located_adaptive(
+                method, options, system, initial, *interval, settings, location, observer,
             ),
         }
     }
