@@ -18,7 +18,6 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::event::{Location, StiffSteps};
 use somersault::contact::interface::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
-use somersault::integrators::driver::{IntegrateError, Outcome};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};

@@ -2,7 +2,7 @@
 
 use crate::integrators::event::Events;
 use crate::integrators::monitor::Monitor;
-use crate::integrators::plan::{Plan};
+use crate::integrators::plan::Plan;
 use crate::integrators::seen::Seen;
 use crate::integrators::solve::{Bodies, Ended};
 use somersault::contact::bodies::BodiesInContact;

@@ -4,7 +4,7 @@ use crate::core::callable::Failure;
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::waiting::SignalTimer;
-use crate::integrators::plan::{Plan};
+use crate::integrators::plan::Plan;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

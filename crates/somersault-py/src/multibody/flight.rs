@@ -9,7 +9,7 @@ use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
-use crate::multibody::motion::{TreeSolution, finite, solve};
+use crate::multibody::motion::{TreeSolution, finite};
 use pyo3::prelude::*;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::system::System;

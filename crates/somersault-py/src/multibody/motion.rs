@@ -14,7 +14,6 @@ use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
-use somersault::integrators::driver::Outcome;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::solution;
 use somersault::multibody::motion::{Coordinates, TreeForces, TreeState, TreeSystem};
