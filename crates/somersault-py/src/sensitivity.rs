@@ -15,12 +15,12 @@ use numpy::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
     self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
     differentiate_located_adaptive,
 };
 use somersault::contact::stretches::WithStretches;
+use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
 

@@ -6,18 +6,16 @@ use super::system::{
     FromBodyAxes, FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes,
 };
 use crate::contacts::BodyInContact;
-use crate::driver::{
-    LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
-    integrate_hybrid_form_adaptive,
-};
-use crate::event::{Interruption, Located, Location};
 use crate::friction::Friction;
-use crate::hybrid::Frozen;
 use crate::stretches::WithStretches;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Located, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
+    integrate_hybrid_form, integrate_hybrid_form_adaptive,
+};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method, Options};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
@@ -33,7 +31,7 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 /// The method must be one for any system, in the variables of the world or of the body. The observer sees every
 /// committed step with its columns: the twelve of the initial state, then the parameters.
 ///
-/// Errors keep the solution: those of [`integrate_located`](crate::driver::integrate_located), which also
+/// Errors keep the solution: those of [`integrate_located`](somersault_integrators::events::integrate_located), which also
 /// end runs whose columns stop being finite, a parameter of a contact or of friction that there is not, a
 /// start on a surface, and grazing.
 ///
@@ -77,7 +75,7 @@ where
     let task = Task { system, initial, differentiation, interval, location, observer };
     if method.info().embedded.is_none() {
         let error = IntegrateError::NoErrorEstimate { method: method.info().name };
-        return Err(refused(Interruption::from(error).into(), interval.0, &task.unstretched()));
+        return Err(refused(SensitivityError::Run(error.into()), interval.0, &task.unstretched()));
     }
     task.run(method.info().name, |run| {
         method.visit_embedded_frames(options, Adapted { run, interval, settings })
@@ -159,7 +157,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         self,
         stepper: &M,
         grid: &TimeGrid,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         integrate_hybrid(frozen, stepper, start, grid, location, &mut Watching { frozen, observer })
     }
@@ -169,7 +167,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         stepper: &M,
         interval: (f64, f64),
         settings: &Adaptive,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         let mut watching = Watching { frozen, observer };
         integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, &mut watching)
@@ -186,7 +184,7 @@ impl<'a, 'b, F> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> fo
 where
     F: ForceModel,
 {
-    type Output = LocatedResult<VariedPose>;
+    type Output = LocatedResult<Variational<'a, F>>;
 
     fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
         self.run.fixed(&stepper, self.grid)
@@ -212,7 +210,7 @@ impl<'a, 'b, F> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b
 where
     F: ForceModel,
 {
-    type Output = LocatedResult<VariedPose>;
+    type Output = LocatedResult<Variational<'a, F>>;
 
     fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
         self.run.adapted(&stepper, self.interval, self.settings)
@@ -238,7 +236,7 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
     fn run(
         self,
         method: &'static str,
-        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<VariedPose>>,
+        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<Variational<'a, F>>>,
     ) -> SensitivityResult {
         let Self { system, differentiation, interval, location, .. } = self;
         let unstretched = self.unstretched();
@@ -294,7 +292,7 @@ fn refusal<F: ForceModel>(
     initial: &RigidBodyState,
 ) -> Option<SensitivityError> {
     if let Err(error) = expect_positive("grazing", differentiation.grazing) {
-        return Some(Interruption::from(IntegrateError::from(error)).into());
+        return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
     let contacts = &system.forces.1;
     for parameter in &differentiation.parameters {
