@@ -5,10 +5,9 @@
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use somersault::contact::driver::{integrate_located, integrate_located_adaptive};
-use somersault::contact::event::Location;
 use somersault::contact::models::SpinningTop;
 use somersault::integrators::driver::Adaptive;
+use somersault::integrators::events::{Location, integrate_located, integrate_located_adaptive};
 use somersault::integrators::stepper::Scope;
 use somersault::prelude::*;
 use std::hint::black_box;

@@ -73,9 +73,8 @@ fn no_step_allocates_for_one_body_or_several() {
 
 #[test]
 fn located_steps_allocate_nothing_between_events() {
-    use somersault::contact::driver::integrate_located;
-    use somersault::contact::event::Location;
     use somersault::contact::models::SpinningTop;
+    use somersault::integrators::events::{Location, integrate_located};
 
     let top = SpinningTop::thesis().unwrap();
     let location = Location::default();
@@ -180,11 +179,11 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
 
 #[test]
 fn sensitivities_allocate_nothing_between_events() {
-    use somersault::contact::event::Location;
     use somersault::contact::models::SpinningTop;
     use somersault::contact::sensitivity::{
         Differentiation, Parameter, SensitivityError, differentiate_located,
     };
+    use somersault::integrators::events::Location;
 
     let top = SpinningTop::thesis().unwrap();
     let (by, location) = (Differentiation::by([Parameter::Mass]), Location::default());

@@ -2,15 +2,16 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{LocatedResult, integrate_hybrid_adaptive, integrate_located_adaptive};
-use somersault_contact::event::{EventKind, Interruption, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::surface::{SignedDistance, Surface};
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, Status, Steps};
+use somersault_integrators::events::{
+    Frozen, Interruption, LocatedResult, Location, integrate_hybrid_adaptive, integrate_located_adaptive,
+};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
 use somersault_integrators::run::Run;
@@ -43,7 +44,7 @@ fn run(
     end: f64,
     settings: &Adaptive,
     recorder: &mut Recorder<Pose>,
-) -> LocatedResult<Pose> {
+) -> LocatedResult<BodyInContact<Gravity>> {
     let (options, location) = (Options::default(), Location::default());
     integrate_located_adaptive(method, options, system, start, (0.0, end), settings, &location, recorder)
 }

@@ -2,10 +2,8 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_located};
-use somersault_contact::event::{EventKind, Located, Location};
+use somersault_contact::event::EventKind;
 use somersault_contact::friction::{CoulombFriction, RegularisedFriction};
-use somersault_contact::hybrid::Frozen;
 use somersault_contact::interface::ContactLaw;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::FallingBox;
@@ -15,6 +13,7 @@ use somersault_core::lie::so3;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
+use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{
     Dop853, DormandPrince, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
@@ -37,13 +36,13 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
-fn kinds(run: &Located<Pose>) -> Vec<EventKind> {
+fn kinds(run: &Located<Pose, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -177,7 +176,7 @@ fn held_run<'a, M: Stepper<Frozen<WithStretches<&'a System>>>>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Augmented<Pose>> {
+) -> Located<Augmented<Pose>, EventKind> {
     let with = WithStretches(system);
     let start = with.unstretched(*start);
     let frozen = Frozen::new(with, 0.0, &start);
@@ -185,7 +184,7 @@ fn held_run<'a, M: Stepper<Frozen<WithStretches<&'a System>>>>(
     integrate_hybrid(&frozen, stepper, &start, &grid, &Location::default(), &mut ()).unwrap()
 }
 
-fn kinds_of(run: &Located<Augmented<Pose>>) -> Vec<EventKind> {
+fn kinds_of(run: &Located<Augmented<Pose>, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -303,7 +302,12 @@ fn the_energy_of_the_box_never_grows_and_it_comes_to_rest() {
 }
 
 /// Runs a system from a start; the most that the energy grew in a step.
-fn watched(system: &System, start: &RigidBodyState, end: f64, dt: f64) -> (Located<Augmented<Pose>>, f64) {
+fn watched(
+    system: &System,
+    start: &RigidBodyState,
+    end: f64,
+    dt: f64,
+) -> (Located<Augmented<Pose>, EventKind>, f64) {
     let with = WithStretches(system);
     let start = with.unstretched(*start);
     let frozen = Frozen::new(with, 0.0, &start);

@@ -3,8 +3,7 @@
 use nalgebra::Vector3;
 use somersault_contact::ContactError;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_located;
-use somersault_contact::event::{EventKind, Interrupted, Interruption, Located, Location};
+use somersault_contact::event::EventKind;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::studies::{self, Stepping};
@@ -13,6 +12,7 @@ use somersault_core::argument::ArgumentError;
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{Interruption, Located, LocatedResult, Location, integrate_located};
 use somersault_integrators::force::{ForceModel, Gravity};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::run::Run;
@@ -24,7 +24,7 @@ use somersault_testkit::order::slope;
 use somersault_testkit::{bouncing_ball, spinning_top};
 use std::sync::Arc;
 
-type LocatedRun = Located<Pose>;
+type LocatedRun = Located<Pose, EventKind>;
 
 fn try_run<F: ForceModel>(
     method: Method,
@@ -33,7 +33,7 @@ fn try_run<F: ForceModel>(
     end: f64,
     dt: f64,
     observer: &mut impl Observer<Pose>,
-) -> Result<LocatedRun, Box<Interrupted<Pose>>> {
+) -> LocatedResult<BodyInContact<F>> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_located(method, Options::default(), system, start, &grid, &Location::as_given(), observer)
 }

@@ -9,14 +9,15 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{LocatedResult, integrate_hybrid, integrate_hybrid_adaptive};
-use somersault_contact::event::{EventKind, Location};
-use somersault_contact::hybrid::{Frozen, Hybrid};
+use somersault_contact::event::EventKind;
 use somersault_contact::law::CompliantLaw;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, SphericalSurface, Surface};
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, Steps, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Hybrid, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
+};
 use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{Gravity, Wrench};
 use somersault_integrators::methods::{
@@ -120,10 +121,10 @@ impl ShotSteps {
     }
 
     /// The run of a shot.
-    fn run<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> LocatedResult<H::Configuration> {
+    fn run<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> LocatedResult<H> {
         struct Locate<'a, H: Hybrid>(&'a Frozen<&'a H>, &'a StateOf<H>);
         impl<'a, H: Hybrid> Use<Frozen<&'a H>> for Locate<'a, H> {
-            type Output = LocatedResult<H::Configuration>;
+            type Output = LocatedResult<H>;
             fn fixed(self, stepper: &impl Stepper<Frozen<&'a H>>, grid: &TimeGrid) -> Self::Output {
                 integrate_hybrid(self.0, stepper, self.1, grid, &Location::default(), &mut ())
             }
@@ -138,7 +139,11 @@ impl ShotSteps {
 
     /// Whether the shot touches, how many steps it took and how many were tried in addition; nothing where the run
     /// is refused before it touches.
-    fn touches<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> (Option<bool>, u64, u64) {
+    fn touches<H: Hybrid<Kind = EventKind>>(
+        self,
+        system: &H,
+        start: &StateOf<H>,
+    ) -> (Option<bool>, u64, u64) {
         let run = match self.run(system, start) {
             Ok(run) => run,
             // What becomes of it after its first touch does not matter here.

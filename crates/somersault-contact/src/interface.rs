@@ -5,10 +5,10 @@ mod encounter;
 pub use encounter::Encounter;
 
 use crate::friction::{Friction, Resistance, Rubbing};
-use crate::hybrid::Guard;
 use crate::normal::NormalLaw;
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
+use somersault_integrators::events::Guard;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::RigidBodyState;
 

@@ -5,8 +5,8 @@ mod stiffest;
 pub use stiffest::Stiffest;
 
 use crate::hunt_crossley::HuntCrossley;
-use crate::hybrid::Guard;
 use crate::law::CompliantLaw;
+use somersault_integrators::events::Guard;
 
 /// A force along the normal as a function of the gap and its rate.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -14,14 +14,13 @@
 use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::friction::Friction;
-use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
 use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
 use nalgebra::{DMatrix, DVector, Vector3};
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{Poses, State};
 use somersault_integrators::system::{
@@ -29,7 +28,7 @@ use somersault_integrators::system::{
 };
 
 /// Bodies and their contacts, for [`WithStretches`].
-pub trait Touching: HybridBodies<Mode = Vec<ContactMode>> {
+pub trait Touching: HybridBodies<Mode = Vec<ContactMode>, Kind = EventKind, Fault = SurfaceFault> {
     /// The laws of the contacts, in their order.
     fn laws(&self) -> impl Iterator<Item = &ContactLaw>;
 
@@ -309,8 +308,11 @@ impl<S: Touching> RigidSystem for WithStretches<S> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: Touching> Hybrid for WithStretches<S> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
 
     fn check(&self) -> Result<(), IntegrateError> {
@@ -349,7 +351,6 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         out: &mut Vec<Sweep>,
     ) {
         self.0.sweeps(mode, t, h, (&ends.0.base(), &ends.1.base()), out);
-        out.resize(2 * mode.len(), Sweep::UNKNOWN);
     }
 
     fn clear_time(
@@ -367,8 +368,8 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         self.0.examine(guard, &x.base())
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
-        self.0.contact_rate(mode, &x.base())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
+        self.0.stiffest_rate(mode, &x.base())
     }
 
     fn energy(&self, x: &StateOf<Self>) -> Option<Energy> {

@@ -25,12 +25,10 @@
 //! top within a millimetre.
 
 use crate::contacts::BodyInContact;
-use crate::driver::integrate_located;
-use crate::event::{Interruption, Location};
-use crate::hybrid::HybridBodies;
 use crate::models::SpinningTop;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::driver::{Flow, IntegrateError, TimeGrid};
+use somersault_integrators::events::{HybridBodies, Interruption, Location, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::run::Run;
@@ -149,12 +147,12 @@ pub fn convergence<H: HybridBodies>(
 }
 
 /// A guard that is not finite, or chatter, is what a step too large leads to, as a state that is not finite.
-fn interrupted(reason: Interruption) -> IntegrateError {
+fn interrupted<F>(reason: Interruption<F>) -> IntegrateError {
     match reason {
         Interruption::Integrate(error) => error,
         Interruption::NonFiniteGuard { t, .. }
         | Interruption::Chattering { t, .. }
-        | Interruption::Surface { t, .. }
+        | Interruption::Refused { t, .. }
         | Interruption::Unproved { t, .. }
         | Interruption::StepTooLong { t, .. }
         | Interruption::EnergyGain { t, .. } => IntegrateError::NonFinite { t },

@@ -13,6 +13,7 @@ pub mod dense;
 pub mod driver;
 pub mod engine;
 mod error;
+pub mod events;
 pub mod exact;
 mod fault;
 pub mod force;

@@ -4,18 +4,16 @@ use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect}
 use super::parameter::{Differentiation, Parameter};
 use super::system::{FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState};
 use crate::contacts::BodyInContact;
-use crate::driver::{
-    LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
-    integrate_hybrid_form_adaptive,
-};
-use crate::event::{Interruption, Located, Location};
 use crate::friction::Friction;
-use crate::hybrid::Frozen;
 use crate::stretches::WithStretches;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Located, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
+    integrate_hybrid_form, integrate_hybrid_form_adaptive,
+};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{Method, Options, Visitor};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
@@ -32,7 +30,7 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 /// The method must be one for any system, in the variables of the world or of the body. The observer sees every
 /// committed step with its columns: the twelve of the initial state, then the parameters.
 ///
-/// Errors keep the solution: those of [`integrate_located`](crate::driver::integrate_located), which also
+/// Errors keep the solution: those of [`integrate_located`](somersault_integrators::events::integrate_located), which also
 /// end runs whose columns stop being finite, a parameter of a contact or of friction that there is not, a
 /// start on a surface, and grazing.
 ///
@@ -78,7 +76,7 @@ where
     let task = Task { system, initial, differentiation, interval, location, observer };
     if method.info().embedded.is_none() {
         let error = IntegrateError::NoErrorEstimate { method: method.info().name };
-        return Err(refused(Interruption::from(error).into(), interval.0, &task.unstretched()));
+        return Err(refused(SensitivityError::Run(error.into()), interval.0, &task.unstretched()));
     }
     task.run(method.info().name, |run| {
         let adapted = Adapted { run, interval, settings };
@@ -161,7 +159,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         self,
         stepper: &M,
         grid: &TimeGrid,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         integrate_hybrid(frozen, stepper, start, grid, location, &mut Watching { frozen, observer })
     }
@@ -171,7 +169,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         stepper: &M,
         interval: (f64, f64),
         settings: &Adaptive,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         let mut watching = Watching { frozen, observer };
         integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, &mut watching)
@@ -184,8 +182,8 @@ struct Fixed<'a, 'b, F: ForceModel> {
     grid: &'b TimeGrid,
 }
 
-impl<F: ForceModel> Visitor<VariedPose> for Fixed<'_, '_, F> {
-    type Output = LocatedResult<VariedPose>;
+impl<'a, F: ForceModel> Visitor<VariedPose> for Fixed<'a, '_, F> {
+    type Output = LocatedResult<Variational<'a, F>>;
 
     fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
@@ -203,8 +201,8 @@ struct Adapted<'a, 'b, F: ForceModel> {
     settings: &'b Adaptive,
 }
 
-impl<F: ForceModel> Visitor<VariedPose> for Adapted<'_, '_, F> {
-    type Output = Option<LocatedResult<VariedPose>>;
+impl<'a, F: ForceModel> Visitor<VariedPose> for Adapted<'a, '_, F> {
+    type Output = Option<LocatedResult<Variational<'a, F>>>;
 
     fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, _: B, _: M) -> Self::Output {
         None
@@ -230,7 +228,7 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
     fn run(
         self,
         method: &'static str,
-        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<VariedPose>>,
+        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<Variational<'a, F>>>,
     ) -> SensitivityResult {
         let Self { system, differentiation, interval, location, .. } = self;
         let unstretched = self.unstretched();
@@ -286,7 +284,7 @@ fn refusal<F: ForceModel>(
     initial: &RigidBodyState,
 ) -> Option<SensitivityError> {
     if let Err(error) = expect_positive("grazing", differentiation.grazing) {
-        return Some(Interruption::from(IntegrateError::from(error)).into());
+        return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
     let contacts = &system.forces.1;
     for parameter in &differentiation.parameters {

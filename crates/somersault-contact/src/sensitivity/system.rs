@@ -7,15 +7,13 @@ use super::law::{Changes, LawChange, is_open};
 use super::parameter::{Differentiation, Parameter};
 use crate::contacts::{BodyInContact, Contacts};
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Frozen, Guard, Hybrid};
 use crate::interface::{ContactLaw, ContactMode, Encounter};
-use crate::step_curve::StepCurve;
 use crate::stretches::{Touching, WithStretches, reset};
 use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
 use nalgebra::Vector3;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Frozen, Guard, Hybrid, StepCurve, Sweep};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
 use somersault_integrators::system::{Decoder, Form, OneForm, System, world_acceleration};
@@ -204,8 +202,11 @@ impl<F: ForceModel> System for Variational<'_, F> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<F: ForceModel> Hybrid for Variational<'_, F> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
 
     fn check(&self) -> Result<(), IntegrateError> {
@@ -243,7 +244,6 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         out: &mut Vec<Sweep>,
     ) {
         self.system.0.sweeps(mode, t, h, (&ends.0.body(), &ends.1.body()), out);
-        out.resize(2 * mode.len(), Sweep::UNKNOWN);
     }
 
     fn clear_time(
@@ -261,8 +261,8 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         self.system.0.examine(guard, &x.body())
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
-        self.system.0.contact_rate(mode, &x.body())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
+        self.system.0.stiffest_rate(mode, &x.body())
     }
 
     fn energy(&self, x: &VariedState) -> Option<Energy> {

@@ -17,13 +17,13 @@ use numpy::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
     self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
     differentiate_located_adaptive,
 };
 use somersault::contact::stretches::WithStretches;
 use somersault::integrators::driver::Steps;
+use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
 
