@@ -18,7 +18,7 @@ _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
 _Parameter: TypeAlias = (
     Literal["mass", "inertia_scale"]
-    | tuple[Literal["stiffness", "damping", "friction"], int]
+    | tuple[str, int]
     | tuple[Literal["acceleration"], ArrayLike]
 )
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]

@@ -5,7 +5,7 @@ use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{LocatedResult, integrate_hybrid_adaptive, integrate_located_adaptive};
 use somersault_contact::event::{EventKind, Interruption, Location};
 use somersault_contact::hybrid::Frozen;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::surface::{SignedDistance, Surface};
 use somersault_core::argument::ArgumentError;

@@ -12,7 +12,7 @@ use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{LocatedResult, integrate_hybrid, integrate_hybrid_adaptive};
 use somersault_contact::event::{EventKind, Location};
 use somersault_contact::hybrid::{Frozen, Hybrid};
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, SphericalSurface, Surface};
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;

@@ -5,10 +5,10 @@ use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, Sphe
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{LocatedResult, integrate_located};
 use somersault_contact::event::{Interruption, Location, StiffSteps};
-use somersault_contact::hunt_crossley::HuntCrossley;
 use somersault_contact::hybrid::HybridBodies;
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::hunt_crossley::HuntCrossley;
 use somersault_contact::models::FallingBox;
 use somersault_contact::surface::HalfSpace;
 use somersault_core::{Inertia, lie::so3};

@@ -6,7 +6,7 @@ use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::driver::{integrate_hybrid, integrate_hybrid_adaptive};
 use somersault_contact::event::{Interrupted, Interruption, Location};
 use somersault_contact::hybrid::Frozen;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{SignedDistance, Solid, SphericalSurface, Surface, SurfaceFault};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, TimeGrid};

@@ -17,14 +17,16 @@ mod _somersault {
     #[pymodule_export]
     use crate::contact::contacts::{Contact, SpherePair};
     #[pymodule_export]
-    use crate::contact::law::{
+    use crate::contact::laws::{
         CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
         restitution,
     };
     #[pymodule_export]
     use crate::contact::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]
-    use crate::contact::surface::{CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction};
+    use crate::contact::surface::{
+        CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction,
+    };
     #[pymodule_export]
     use crate::contact::system::{
         ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,

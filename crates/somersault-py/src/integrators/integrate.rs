@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::event::{Location, StiffSteps};
-use somersault::contact::interface::ContactLaw;
+use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::driver::{IntegrateError, Outcome, Status};
 use somersault::integrators::methods::{Method, Options};
@@ -149,7 +149,7 @@ pub(crate) fn stretched<S: Touching>(
 
 /// Refuses friction with a stretch where forces switch with the state, which has no place for it.
 fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result<(), Error> {
-    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+    if laws.into_iter().any(|law| law.friction().has_stretch()) {
         return Err(Error::input(
             "`locate` must be true where friction is a CoulombFriction with stiffness: it has a state of its own",
         ));
