@@ -57,7 +57,7 @@ fn block(
     let law = ContactLaw::from(law).with_friction(friction);
     let ground = Arc::new(HalfSpace::ground());
     let contacts: Result<Vec<_>, _> =
-        points.iter().map(|point| Contact::try_new(*point, ground.clone(), law)).collect();
+        points.iter().map(|point| Contact::try_new(*point, ground.clone(), law.clone())).collect();
     let (sin, cos) = angle.sin_cos();
     let weight = move |t: f64, body: &RigidBody, _: &RigidBodyState| {
         let push = GRAVITY * cos * (1.0 + swing * (7.0 * t).sin());

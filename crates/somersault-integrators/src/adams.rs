@@ -65,6 +65,7 @@ impl<S: System, const K: usize> AdamsMemory<S, K> {
     }
 
     /// Makes room for the slope at `x` and evaluates it. Returns the row of the tables to use.
+    #[inline(always)]
     fn advance(&mut self, system: &S, t: f64, x: &StateOf<S>) -> usize {
         self.slopes.rotate_right(1);
         let (v, a) = &mut self.slopes[0];
@@ -76,7 +77,7 @@ impl<S: System, const K: usize> AdamsMemory<S, K> {
 
     /// One step: `explicit` takes the displacement from velocities known (Adams–Bashforth), otherwise
     /// it includes the new velocity (Adams–Moulton).
-    #[inline]
+    #[inline(always)]
     pub(crate) fn step(
         &mut self,
         system: &S,

@@ -240,6 +240,10 @@ pub(crate) fn run_fixed<Q: Configuration>(
     let (mut from, mut to) = (engine.keep(initial), engine.keep(initial));
     let steps = grid.steps();
     let mut n = 0;
+    if !show.is_active {
+        n = grid.full_steps;
+        engine.march(grid.start, grid.dt, n, from)?;
+    }
     while n < steps {
         let (t, h, is_short) = grid.step(n);
         if is_short {

@@ -10,6 +10,7 @@
 
 use crate::dense::{Decoded, Interpolant};
 use crate::error::IntegrateError;
+use crate::scratch::Storage;
 use crate::state::{Configuration, State, Tolerances};
 use crate::step_size::{Adaptive, StepSizeControl};
 use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
@@ -61,6 +62,12 @@ pub trait Engine<Q: Configuration> {
         to: Slot,
         seen: Option<&mut State<Q>>,
     ) -> Result<(), IntegrateError>;
+
+    /// Makes steps of h of [`Track::RUN`] that nobody looks at, the first from t, and leaves the state that they lead to in
+    /// the slot that they start from.
+    ///
+    /// Errors: those of [`advance`](Self::advance).
+    fn march(&mut self, t: f64, h: f64, steps: u64, slot: Slot) -> Result<(), IntegrateError>;
 
     /// The curve of the last step of [`Track::RUN`], which was of h from t and led from one slot to the other.
     fn segment(&mut self, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>>;
@@ -211,6 +218,38 @@ where
             self.decoder.decode(after, seen);
         }
         Ok(())
+    }
+
+    fn march(&mut self, t: f64, h: f64, steps: u64, slot: Slot) -> Result<(), IntegrateError> {
+        // On the stack the states of a body and the memory of a method stay in registers from step to step, and a copy
+        // of a state there costs less than an exchange of two.
+        let (form, stepper) = (self.form, self.stepper);
+        let mut memory = self.memories.swap_remove(Track::RUN.0);
+        let mut before = self.states[slot.0].clone();
+        let mut after = before.clone();
+        let mut outcome = Ok(());
+        for n in 0..steps {
+            let t = t + n as f64 * h;
+            if let Err(error) = stepper.step(form, t, &before, h, &mut memory, &mut after) {
+                outcome = Err(error.into());
+                break;
+            }
+            after.configuration.renormalize();
+            if !after.is_finite() {
+                outcome = Err(IntegrateError::NonFinite { t: t + h });
+                break;
+            }
+            if StateOf::<B>::ON_STACK {
+                before.assign(&after);
+            } else {
+                std::mem::swap(&mut before, &mut after);
+            }
+        }
+        self.states[slot.0] = before;
+        self.memories.push(memory);
+        let last = self.memories.len() - 1;
+        self.memories.swap(Track::RUN.0, last);
+        outcome
     }
 
     fn segment(&mut self, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>> {

@@ -36,7 +36,7 @@ impl<S: RigidSystem> KickDriftKickMemory<S> {
     }
 
     /// One step; `drift` gives the body-frame rotation of body i by its body-frame angular momentum.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn step(
         &mut self,
         system: &S,

@@ -29,9 +29,9 @@ pub(super) struct Span {
 pub(super) struct Run<'a, H: Hybrid> {
     pub(super) worker: Worker<'a, H>,
     /// The last state that was committed.
-    pub(super) before: Point<H::Configuration>,
-    /// The state that a step leads to.
-    pub(super) after: Point<H::Configuration>,
+    pub(super) before: Box<Point<H::Configuration>>,
+    /// The state that a step leads to. Each in a box of its own: they are exchanged after every step.
+    pub(super) after: Box<Point<H::Configuration>>,
     trail: Trail<H::Configuration>,
     /// Until when no guard can go in, as far as is proved.
     clear_until: f64,
@@ -101,7 +101,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
         observer: &'a mut dyn Observer<H::Configuration>,
     ) -> Result<Self, Interruption> {
         let mut worker = Worker::start(frozen, engine, initial)?;
-        let (mut before, after) = (worker.point(initial), worker.point(initial));
+        let [mut before, after] = [(); 2].map(|()| Box::new(worker.point(initial)));
         let trail = Trail::new(worker.point(initial));
         worker.read_guards(t, &mut before)?;
         let count = before.guards.len();

@@ -102,13 +102,14 @@ impl Spline {
         let block = 3 * q;
         let size = self.knots.len();
         let held = |i: usize| i < 2 * q || (i >= size - block && i < size - q);
+        let points = self.points();
         let (mut torque, mut motion) = (Torque::new(q), vec![0.0; block]);
         let mut cost_of = |spline: &Self| {
             let mut cost = 0.0;
-            for (k, s, w) in spline.points() {
-                spline.at(k, s, &mut motion);
+            for Point { k, weight, shapes } in &points {
+                spline.shaped(*k, shapes, &mut motion);
                 driven.torque_into(&motion, &mut torque);
-                cost += 0.5 * w * weights.iter().zip(&torque.u).map(|(g, u)| g * u * u).sum::<f64>();
+                cost += 0.5 * weight * weights.iter().zip(&torque.u).map(|(g, u)| g * u * u).sum::<f64>();
             }
             cost
         };
@@ -126,13 +127,12 @@ impl Spline {
             }
             band.clear();
             gradient.fill(0.0);
-            for (k, s, w) in self.points() {
-                let shapes = shapes(s, self.times[k + 1] - self.times[k]);
-                self.shaped(k, &shapes, &mut motion);
+            for Point { k, weight: w, shapes } in &points {
+                self.shaped(*k, shapes, &mut motion);
                 driven.torque_into(&motion, &mut torque);
                 for (j, slope) in slopes.chunks_exact_mut(q * q).enumerate() {
                     slope.fill(0.0);
-                    for (by, shapes) in torque.by.iter().zip(&shapes) {
+                    for (by, shapes) in torque.by.iter().zip(shapes) {
                         slope.iter_mut().zip(by.iter()).for_each(|(sum, by)| *sum += by * shapes[j]);
                     }
                 }
@@ -218,11 +218,19 @@ impl Spline {
         (0..self.times.len()).map(node).collect()
     }
 
-    /// Interval, place in it and weight of every point of the rule.
-    fn points(&self) -> impl Iterator<Item = (usize, f64, f64)> {
-        let lengths = self.times.windows(2).map(|t| t[1] - t[0]).collect::<Vec<_>>().into_iter().enumerate();
-        lengths.flat_map(|(k, h)| GAUSS_4.map(|(s, w)| (k, s, w * h)))
+    /// The points of the rule.
+    fn points(&self) -> Vec<Point> {
+        let lengths = self.times.windows(2).map(|t| t[1] - t[0]).enumerate();
+        let points = |(k, h)| GAUSS_4.map(|(s, w)| Point { k, weight: w * h, shapes: shapes(s, h) });
+        lengths.flat_map(points).collect()
     }
+}
+
+/// A point of the rule: its interval, its weight and the quintics there.
+struct Point {
+    k: usize,
+    weight: f64,
+    shapes: [[f64; 6]; 3],
 }
 
 /// The lower half of a symmetric matrix whose entries vanish `width` and more below the diagonal, row by row.

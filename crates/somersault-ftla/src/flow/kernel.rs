@@ -8,14 +8,11 @@ use crate::budget::Budget;
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{DMatrix, DVector};
-use rows::{combine, identity, is_finite, multiply_add};
+use rows::{ANY, combine, identity, is_finite, multiply_add};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
 use switching::{Ahead, Watch};
 
 const STAGES: usize = 12;
-
-/// In place of a size that the compiler knows: any other one.
-const ANY: usize = 0;
 
 /// Of four steps.
 const EVALUATIONS_BETWEEN_REPORTS: usize = 4 * STAGES;
@@ -101,13 +98,14 @@ where
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) -> Self::Output {
         let Self { kernel, end, growth, integrand } = self;
-        // loops of a length that the compiler knows are half as long again as quick at these sizes
-        match kernel.n {
-            2 => kernel.steps::<V, 2>(end, growth, integrand),
-            4 => kernel.steps::<V, 4>(end, growth, integrand),
-            6 => kernel.steps::<V, 6>(end, growth, integrand),
-            8 => kernel.steps::<V, 8>(end, growth, integrand),
-            _ => kernel.steps::<V, ANY>(end, growth, integrand),
+        // Loops of a length that the compiler knows are half as long again as quick at these sizes. Asked of the system, which
+        // often knows it when it is compiled, the others are not made.
+        match kernel.system.dimension() {
+            2 => kernel.steps::<V, 2, 4>(end, growth, integrand),
+            4 => kernel.steps::<V, 4, 16>(end, growth, integrand),
+            6 => kernel.steps::<V, 6, 36>(end, growth, integrand),
+            8 => kernel.steps::<V, 8, 64>(end, growth, integrand),
+            _ => kernel.steps::<V, ANY, ANY>(end, growth, integrand),
         }
     }
 }
@@ -217,7 +215,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     }
 
     #[inline(always)]
-    fn steps<V: pulp::Simd, const N: usize>(
+    fn steps<V: pulp::Simd, const N: usize, const SQUARE: usize>(
         &mut self,
         end: f64,
         growth: f64,
@@ -253,7 +251,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
                     FlowError::StepUnderflow { t: self.t, state: self.state.clone() }
                 });
             }
-            let size = self.trial::<V, N>(h, &integrand);
+            let size = self.trial::<V, N, SQUARE>(h, &integrand);
             let limit = if rejected { 1.0 } else { 6.0 };
             // a NaN counts as far too large
             let factor =
@@ -276,7 +274,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
                     }
                     Ahead::End(size) => {
                         (last, h) = (last && size == h, size);
-                        self.trial::<V, N>(h, &integrand);
+                        self.trial::<V, N, SQUARE>(h, &integrand);
                         entered = Some(self.system.next_piece(&self.piece, &self.next));
                     }
                 }
@@ -380,14 +378,13 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         } else {
             self.system.field_in(&self.piece, &self.state[..n], slope);
         }
-        self.slopes[..n].iter().sum::<f64>().is_finite()
-            && (!MATRIX || is_finite(&self.row_slopes[..n * n], n))
+        self.slopes[..n].iter().sum::<f64>().is_finite() && (!MATRIX || is_finite(&self.row_slopes[..n * n]))
     }
 
     /// One step of size h from the slopes at the current state, to `next` and `next_rows`; the error in units of the
     /// tolerance.
     #[inline(always)]
-    fn trial<V: pulp::Simd, const N: usize>(
+    fn trial<V: pulp::Simd, const N: usize, const SQUARE: usize>(
         &mut self,
         h: f64,
         integrand: &impl Fn(&Piece, &[f64]) -> f64,
@@ -397,30 +394,31 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         self.integrands[0] = integrand(&self.piece, &self.state);
         for i in 1..STAGES {
             let row = self.tableau.row(i);
-            combine::<V>(Some(&self.state[..n]), &self.slopes, row, h, &mut self.next[..n]);
+            // a point of a size that the compiler knows stays in registers
+            let mut known = [0.0; N];
+            let p = if N == ANY { &mut self.next[..n] } else { &mut known[..] };
+            combine::<V, N>(Some(&self.state[..n]), &self.slopes, row, h, p);
             let slope = &mut self.slopes[i * n..(i + 1) * n];
             if MATRIX {
                 // before the field, whose latency it fills
                 let next_rows = &mut self.next_rows[..square];
-                combine::<V>(Some(&self.rows[..square]), &self.row_slopes, row, h, next_rows);
+                combine::<V, SQUARE>(Some(&self.rows[..square]), &self.row_slopes, row, h, next_rows);
+                let variation = (&*next_rows, &mut self.row_slopes[i * square..(i + 1) * square]);
                 let d = &mut self.scratch.stage_jacobian;
-                self.system.linearize_in(&self.piece, &self.next[..n], slope, d);
-                let d = &d.as_slice()[..square];
-                let row_slope = &mut self.row_slopes[i * square..(i + 1) * square];
-                self.system.tangent(n, d, next_rows, row_slope, multiply_add::<V>);
+                self.system.variation_in(&self.piece, p, slope, d, variation, multiply_add::<V>);
             } else {
-                self.system.field_in(&self.piece, &self.next[..n], slope);
+                self.system.field_in(&self.piece, p, slope);
             }
-            self.integrands[i] = integrand(&self.piece, &self.next);
+            self.integrands[i] = integrand(&self.piece, p);
         }
         self.work.evaluations += STAGES - 1;
         let weights = self.tableau.weights();
-        combine::<V>(Some(&self.state[..n]), &self.slopes, weights, h, &mut self.next[..n]);
+        combine::<V, N>(Some(&self.state[..n]), &self.slopes, weights, h, &mut self.next[..n]);
         if MATRIX {
             let next_rows = &mut self.next_rows[..square];
-            combine::<V>(Some(&self.rows[..square]), &self.row_slopes, weights, h, next_rows);
+            combine::<V, SQUARE>(Some(&self.rows[..square]), &self.row_slopes, weights, h, next_rows);
         }
-        self.error_of::<V, N>(h)
+        self.error_of::<V, N, SQUARE>(h)
     }
 
     fn combine_scalar(&self, row: &[(usize, f64)]) -> f64 {
@@ -430,15 +428,15 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     /// The estimate of Hairer, Nørsett and Wanner, II.10: e₅²/√(e₅² + e₃²/100) in root mean square, the largest of state,
     /// columns of Φ and integral.
     #[inline(always)]
-    fn error_of<V: pulp::Simd, const N: usize>(&mut self, h: f64) -> f64 {
+    fn error_of<V: pulp::Simd, const N: usize, const SQUARE: usize>(&mut self, h: f64) -> f64 {
         let n = if N == ANY { self.n } else { N };
         let (relative, square) = (self.relative, n * n);
         // a pair without a second estimate has none of its weights
         let (main, correction) = (self.error.main(), self.error.correction().unwrap_or(&[]));
         let Scratch { estimates: [e5, e3], row_estimates, sums, .. } = &mut self.scratch;
         let (e5, e3) = (&mut e5[..n], &mut e3[..n]);
-        combine::<V>(None, &self.slopes, main, 1.0, e5);
-        combine::<V>(None, &self.slopes, correction, 1.0, e3);
+        combine::<V, N>(None, &self.slopes, main, 1.0, e5);
+        combine::<V, N>(None, &self.slopes, correction, 1.0, e3);
         let (absolute, state, next) = (&self.absolute[..n], &self.state[..n], &self.next[..n]);
         let (mut fifth, mut third) = (0.0, 0.0);
         for i in 0..n {
@@ -450,10 +448,15 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         if MATRIX {
             let [e5, e3] = row_estimates;
             let (e5, e3) = (&mut e5[..square], &mut e3[..square]);
-            combine::<V>(None, &self.row_slopes, main, 1.0, e5);
-            combine::<V>(None, &self.row_slopes, correction, 1.0, e3);
-            let [fifth, third, large] = sums;
-            let (fifth, third, large) = (&mut fifth[..n], &mut third[..n], &mut large[..n]);
+            combine::<V, SQUARE>(None, &self.row_slopes, main, 1.0, e5);
+            combine::<V, SQUARE>(None, &self.row_slopes, correction, 1.0, e3);
+            // sums of a length that the compiler knows stay in registers
+            let mut known = [[0.0; N]; 3];
+            let [fifth, third, large] = if N == ANY {
+                sums.each_mut().map(|sums| &mut sums[..n])
+            } else {
+                known.each_mut().map(|sums| &mut sums[..])
+            };
             fifth.fill(0.0);
             third.fill(0.0);
             large.fill(f64::MIN_POSITIVE);
@@ -505,7 +508,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     }
 
     fn stages_are_finite(&self) -> bool {
-        self.fields_are_finite() && is_finite(&self.row_slopes, self.n)
+        self.fields_are_finite() && is_finite(&self.row_slopes)
     }
 
     fn non_finite(&self) -> FlowError {

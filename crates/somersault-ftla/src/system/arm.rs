@@ -29,6 +29,9 @@ pub struct ArmMinimumTorque {
     inertia: [f64; 3],
 }
 
+/// The columns of a Jacobian.
+type Columns = [[f64; 8]; 8];
+
 /// What field and Jacobian share.
 struct Pose {
     b_cos: f64,
@@ -206,7 +209,7 @@ impl ArmMinimumTorque {
     }
 
     #[inline(always)]
-    fn jacobian_at(pose: &Pose, p: &[f64], d: &mut DMatrix<f64>) {
+    fn jacobian_at(pose: &Pose, p: &[f64]) -> Columns {
         let Pose {
             b_cos, b_sin, inverse, turned, c_angle, c_rate, mu, compliance, acceleration: acc, ..
         } = pose;
@@ -225,8 +228,7 @@ impl ArmMinimumTorque {
         let rate_angle = c_rate_angle.tr_mul(mu) + c_rate.tr_mul(&mu_angle);
         let mixed = -2.0 * b_sin * mu.x;
 
-        let Some(d) = d.as_mut_slice().as_chunks_mut::<8>().0.first_chunk_mut::<8>() else { return };
-        *d = [[0.0; 8]; 8];
+        let mut d = [[0.0; 8]; 8];
         d[2][0] = 1.0;
         d[3][1] = 1.0;
         d[4][6] = -1.0;
@@ -247,6 +249,29 @@ impl ArmMinimumTorque {
                 d[6 + j][2 + i] = acc_costate[(i, j)];
             }
         }
+        d
+    }
+
+    #[inline(always)]
+    fn write_jacobian(pose: &Pose, p: &[f64], d: &mut DMatrix<f64>) {
+        d.as_mut_slice().copy_from_slice(Self::jacobian_at(pose, p).as_flattened());
+    }
+
+    /// D Φ. Rows 1, 2 and 5 of D are those of θ̇ and λ̇₁ = 0; columns 1, 5 and 6 hold nothing but ∂λ̇_v/∂λ_q = −1.
+    #[inline(always)]
+    fn tangent_by(d: &Columns, phi: &[f64], out: &mut [f64], multiply_add: impl Fn(f64, f64, f64) -> f64) {
+        let (phi, out) = (phi.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
+        let (Some(phi), Some(out)) = (phi.first_chunk::<8>(), out.first_chunk_mut::<8>()) else { return };
+        (out[0], out[1], out[4]) = (phi[2], phi[3], [0.0; 8]);
+        for (i, start) in [(2, None), (3, None), (5, None), (6, Some(4)), (7, Some(5))] {
+            let mut sum = start.map_or([0.0; 8], |k: usize| phi[k].map(|x| -x));
+            for k in [1, 2, 3, 6, 7] {
+                for c in 0..8 {
+                    sum[c] = multiply_add(d[k][i], phi[k][c], sum[c]);
+                }
+            }
+            out[i] = sum;
+        }
     }
 }
 
@@ -263,14 +288,14 @@ impl VectorField for ArmMinimumTorque {
 
     #[inline]
     fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
-        Self::jacobian_at(&self.pose(p), p, d);
+        Self::write_jacobian(&self.pose(p), p, d);
     }
 
     #[inline(always)]
     fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         let pose = self.pose(p);
         Self::field_at(&pose, p, h);
-        Self::jacobian_at(&pose, p, d);
+        Self::write_jacobian(&pose, p, d);
     }
 
     fn conserved(&self, p: &[f64]) -> Option<f64> {
@@ -287,7 +312,7 @@ impl VectorField for ArmMinimumTorque {
         (0..2).map(|i| self.bounds(i).side(-mu[i] / self.weights[i])).collect()
     }
 
-    #[inline]
+    #[inline(always)]
     fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
         Self::field_at(&self.pose_in(piece, p), p, h);
     }
@@ -296,7 +321,7 @@ impl VectorField for ArmMinimumTorque {
     fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         let pose = self.pose_in(piece, p);
         Self::field_at(&pose, p, h);
-        Self::jacobian_at(&pose, p, d);
+        Self::write_jacobian(&pose, p, d);
     }
 
     fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
@@ -307,7 +332,6 @@ impl VectorField for ArmMinimumTorque {
         }
     }
 
-    /// Rows 1, 2 and 5 of D are those of θ̇ and λ̇₁ = 0; columns 1, 5 and 6 hold nothing but ∂λ̇_v/∂λ_q = −1.
     #[inline(always)]
     fn tangent(
         &self,
@@ -317,22 +341,23 @@ impl VectorField for ArmMinimumTorque {
         out: &mut [f64],
         multiply_add: impl Fn(f64, f64, f64) -> f64,
     ) {
-        let (d, phi, out) = (d.as_chunks::<8>().0, phi.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
-        let (Some(d), Some(phi), Some(out)) =
-            (d.first_chunk::<8>(), phi.first_chunk::<8>(), out.first_chunk_mut::<8>())
-        else {
-            return;
-        };
-        (out[0], out[1], out[4]) = (phi[2], phi[3], [0.0; 8]);
-        for (i, start) in [(2, None), (3, None), (5, None), (6, Some(4)), (7, Some(5))] {
-            let mut sum = start.map_or([0.0; 8], |k: usize| phi[k].map(|x| -x));
-            for k in [1, 2, 3, 6, 7] {
-                for c in 0..8 {
-                    sum[c] = multiply_add(d[k][i], phi[k][c], sum[c]);
-                }
-            }
-            out[i] = sum;
-        }
+        let Some(d) = d.as_chunks::<8>().0.first_chunk::<8>() else { return };
+        Self::tangent_by(d, phi, out, multiply_add);
+    }
+
+    #[inline(always)]
+    fn variation_in(
+        &self,
+        piece: &Piece,
+        p: &[f64],
+        h: &mut [f64],
+        _: &mut DMatrix<f64>,
+        (phi, out): (&[f64], &mut [f64]),
+        multiply_add: impl Fn(f64, f64, f64) -> f64,
+    ) {
+        let pose = self.pose_in(piece, p);
+        Self::field_at(&pose, p, h);
+        Self::tangent_by(&Self::jacobian_at(&pose, p), phi, out, multiply_add);
     }
 }
 

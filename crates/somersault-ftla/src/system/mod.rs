@@ -133,6 +133,24 @@ pub trait VectorField {
         }
     }
 
+    /// h and D Φ of one piece at once, as [`linearize_in`](Self::linearize_in) and [`tangent`](Self::tangent) give them: for
+    /// systems whose D need not be written down. `d` is room for it, of unspecified content afterwards.
+    #[inline(always)]
+    fn variation_in(
+        &self,
+        piece: &Piece,
+        p: &[f64],
+        h: &mut [f64],
+        d: &mut DMatrix<f64>,
+        (phi, out): (&[f64], &mut [f64]),
+        multiply_add: impl Fn(f64, f64, f64) -> f64,
+    ) where
+        Self: Sized,
+    {
+        self.linearize_in(piece, p, h, d);
+        self.tangent(p.len(), d.as_slice(), phi, out, multiply_add);
+    }
+
     /// Number of switches. Where there are any the field is continuous, but smooth only in each [`Piece`], and the methods
     /// below must be there too.
     #[inline(always)]

@@ -302,45 +302,39 @@ impl<P: DifferentiatedProblem> StateCostate<P> {
         Err(SystemError::ControlNotConverged { gradient: size, iterations: MAX_ITERATIONS })
     }
 
-    fn try_field(&self, p: &[f64], piece: Option<&Piece>, h: &mut [f64]) -> Result<(), SystemError> {
-        let n = self.n_states();
-        let (x, costate) = p.split_at(n);
-        let u = self.minimise(x, costate, piece)?.u;
-        let (rate, slope) = h.split_at_mut(n);
-        self.problem.rate_into(x, u.as_slice(), rate);
-        self.problem.by_state_into(x, costate, u.as_slice(), slope);
+    /// h at the point of a control.
+    fn field_of(&self, control: &Control, (x, costate): (&[f64], &[f64]), h: &mut [f64]) {
+        let (rate, slope) = h.split_at_mut(x.len());
+        self.problem.rate_into(x, control.u.as_slice(), rate);
+        self.problem.by_state_into(x, costate, control.u.as_slice(), slope);
         slope.iter_mut().for_each(|slope| *slope = -*slope);
-        Ok(())
     }
 
-    fn try_jacobian(
-        &self,
-        p: &[f64],
-        piece: Option<&Piece>,
-        d: &mut DMatrix<f64>,
-    ) -> Result<(), SystemError> {
-        let n = self.n_states();
-        let (x, costate) = p.split_at(n);
-        let Control { u, inverse, .. } = self.minimise(x, costate, piece)?;
+    /// D at the point of a control.
+    fn jacobian_of(&self, control: &Control, (x, costate): (&[f64], &[f64]), d: &mut DMatrix<f64>) {
+        let n = x.len();
+        let Control { u, inverse, .. } = control;
         let ProblemDerivatives { f_x, f_u, k_xx, k_xu } = self.problem.derivatives(x, costate, u.as_slice());
-        let u_x = -(&inverse * k_xu.transpose());
-        let u_costate = -(&inverse * f_u.transpose());
+        let u_x = -(inverse * k_xu.transpose());
+        let u_costate = -(inverse * f_u.transpose());
         d.view_mut((0, 0), (n, n)).copy_from(&(&f_x + &f_u * &u_x));
         d.view_mut((0, n), (n, n)).copy_from(&(&f_u * &u_costate));
         d.view_mut((n, 0), (n, n)).copy_from(&(-k_xx - &k_xu * &u_x));
         d.view_mut((n, n), (n, n)).copy_from(&(-f_x.transpose() - &k_xu * &u_costate));
-        Ok(())
     }
 
-    fn write_field(&self, p: &[f64], piece: Option<&Piece>, h: &mut [f64]) {
-        if self.try_field(p, piece, h).is_err() {
-            no_field(h);
-        }
-    }
-
-    fn write_jacobian(&self, p: &[f64], piece: Option<&Piece>, d: &mut DMatrix<f64>) {
-        if self.try_jacobian(p, piece, d).is_err() {
-            d.fill(f64::NAN);
+    /// Writes h and D where they are asked for, NaN where no control minimises K.
+    fn write(&self, p: &[f64], piece: Option<&Piece>, h: Option<&mut [f64]>, d: Option<&mut DMatrix<f64>>) {
+        let at = p.split_at(self.n_states());
+        match self.minimise(at.0, at.1, piece) {
+            Ok(control) => {
+                h.into_iter().for_each(|h| self.field_of(&control, at, h));
+                d.into_iter().for_each(|d| self.jacobian_of(&control, at, d));
+            }
+            Err(_) => {
+                h.into_iter().for_each(no_field);
+                d.into_iter().for_each(|d| d.fill(f64::NAN));
+            }
         }
     }
 }
@@ -380,11 +374,15 @@ impl<P: DifferentiatedProblem> VectorField for StateCostate<P> {
     }
 
     fn field_into(&self, p: &[f64], h: &mut [f64]) {
-        self.write_field(p, None, h);
+        self.write(p, None, Some(h), None);
     }
 
     fn jacobian_into(&self, p: &[f64], d: &mut DMatrix<f64>) {
-        self.write_jacobian(p, None, d);
+        self.write(p, None, None, Some(d));
+    }
+
+    fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.write(p, None, Some(h), Some(d));
     }
 
     fn n_switches(&self) -> usize {
@@ -404,12 +402,11 @@ impl<P: DifferentiatedProblem> VectorField for StateCostate<P> {
     }
 
     fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
-        self.write_field(p, Some(piece), h);
+        self.write(p, Some(piece), Some(h), None);
     }
 
     fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
-        self.write_field(p, Some(piece), h);
-        self.write_jacobian(p, Some(piece), d);
+        self.write(p, Some(piece), Some(h), Some(d));
     }
 
     fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
@@ -427,9 +424,13 @@ impl<P: DifferentiatedProblem> VectorField for StateCostate<P> {
     }
 
     fn fault(&self, p: &[f64]) -> Option<SystemError> {
-        let mut h = vec![0.0; p.len()];
-        match self.try_field(p, None, &mut h) {
-            Ok(()) => (!h.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite),
+        let at = p.split_at(self.n_states());
+        match self.minimise(at.0, at.1, None) {
+            Ok(control) => {
+                let mut h = vec![0.0; p.len()];
+                self.field_of(&control, at, &mut h);
+                (!h.iter().all(|h| h.is_finite())).then_some(SystemError::NonFinite)
+            }
             Err(error) => Some(error),
         }
     }

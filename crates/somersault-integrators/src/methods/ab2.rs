@@ -48,7 +48,7 @@ impl<S: System> Stepper<S> for AdamsBashforth2 {
         memory.restart();
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

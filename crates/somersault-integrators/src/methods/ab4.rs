@@ -51,7 +51,7 @@ impl<S: System> Stepper<S> for AdamsBashforth4 {
         memory.restart();
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -65,6 +65,7 @@ impl<S: RigidSystem> Stepper<S> for AugmentedSecondOrder {
         memory.started = false;
     }
 
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

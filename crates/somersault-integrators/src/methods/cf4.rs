@@ -46,7 +46,7 @@ impl<S: System> Stepper<S> for CommutatorFree4 {
         Ok((Stages::new(system, x), Scratch::like(&x.rate)))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -61,7 +61,7 @@ impl<S: RigidSystem> Stepper<S> for DiscreteMoserVeselov {
         memory.restart();
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -71,7 +71,7 @@ impl<S: RigidSystem> Stepper<S> for SplitMoserVeselov {
         memory.splitting.restart();
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -36,7 +36,7 @@ impl<S: System> Stepper<S> for Euler {
         Ok(Stages::new(system, x))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

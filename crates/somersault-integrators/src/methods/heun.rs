@@ -34,7 +34,7 @@ impl<S: System> Stepper<S> for Heun {
         Ok(Stages::new(system, x))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -65,7 +65,7 @@ impl<S: RigidSystem> Stepper<S> for VariationalLieVerlet {
         memory.restart();
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

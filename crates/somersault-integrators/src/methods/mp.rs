@@ -32,7 +32,7 @@ impl<S: System> Stepper<S> for Midpoint {
         Ok(Stages::new(system, x))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -41,7 +41,7 @@ impl<S: System> Stepper<S> for RungeKutta4 {
         Ok(Stages::new(system, x))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -40,7 +40,7 @@ impl<S: System> Stepper<S> for RungeKuttaMuntheKaas4 {
         Ok((Stages::new(system, x), crate::scratch::Scratch::like(&x.rate)))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -38,7 +38,7 @@ impl<S: System> Stepper<S> for SemiImplicitEuler {
         Ok(Stages::new(system, x))
     }
 
-    #[inline]
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

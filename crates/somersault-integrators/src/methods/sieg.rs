@@ -44,6 +44,7 @@ impl<S: RigidSystem> Stepper<S> for SemiImplicitEulerGyroscopic {
         Ok(x.rate.clone())
     }
 
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

@@ -197,7 +197,8 @@ impl VariationalFlow {
         p: &Bound<'py, PyAny>,
         duration: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
-        let (p, (single, durations)) = (self.point("p", p)?, crate::core::convert::times("duration", duration)?);
+        let (p, (single, durations)) =
+            (self.point("p", p)?, crate::core::convert::times("duration", duration)?);
         let system = self.system.get();
         let n = system.dimension;
         let ends = attend(py, |run| states(system, self.settings, run, &p, &durations))?;

@@ -2,7 +2,9 @@
 
 use super::markers::{MarkerRecording, duration, new_times};
 use super::matrix::{count, numbers_array};
-use crate::core::convert::{array, components, quaternions, real_numbers, vector_array, vector_or, with_shape};
+use crate::core::convert::{
+    array, components, quaternions, real_numbers, vector_array, vector_or, with_shape,
+};
 use crate::core::error::Error;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;

@@ -5,7 +5,7 @@
 //! minimum inside the step near zero, the step is made to that minimum: what is left has margins that rise or fall, whose
 //! signs at the ends tell all.
 
-use super::rows::combine;
+use super::rows::{ANY, combine};
 use super::{Kernel, STAGES};
 use crate::system::{Piece, VectorField};
 use somersault_core::roots;
@@ -155,10 +155,10 @@ impl<S: VectorField, const MATRIX: bool> Kernel<'_, S, MATRIX> {
         let Watch { point, slopes, .. } = &mut self.watch;
         slopes[..n].copy_from_slice(&self.slopes[..n]);
         for i in 1..STAGES {
-            combine::<pulp::Scalar>(Some(&self.state), slopes, self.tableau.row(i), h, point);
+            combine::<pulp::Scalar, ANY>(Some(&self.state), slopes, self.tableau.row(i), h, point);
             self.system.field_in(&self.piece, point, &mut slopes[i * n..(i + 1) * n]);
         }
-        combine::<pulp::Scalar>(Some(&self.state), slopes, self.tableau.weights(), h, point);
+        combine::<pulp::Scalar, ANY>(Some(&self.state), slopes, self.tableau.weights(), h, point);
     }
 }
 
