@@ -22,10 +22,10 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use somersault::contact::laws::{ContactLaw, FrictionLaw, NormalLaw};
 
-static NORMAL: [Row<dyn NormalLaw>; 2] = [class::normal::<CompliantLaw>(), class::normal::<HuntCrossley>()];
+static NORMAL: &[Row<dyn NormalLaw>] = &[class::normal::<CompliantLaw>(), class::normal::<HuntCrossley>()];
 
-static FRICTION: [Row<dyn FrictionLaw>; 2] =
-    [class::friction::<CoulombFriction>(), class::friction::<RegularisedFriction>()];
+static FRICTION: &[Row<dyn FrictionLaw>] =
+    &[class::friction::<CoulombFriction>(), class::friction::<RegularisedFriction>()];
 
 /// All laws of a contact.
 pub(crate) fn laws(
@@ -36,14 +36,14 @@ pub(crate) fn laws(
     let wrong = |argument, kinds: &str, found: &Bound<'_, PyAny>| {
         Error::input(format!("`{argument}` must be {kinds}, found {}", a_type(found)))
     };
-    let mut laws = match read(&NORMAL, law) {
+    let mut laws = match read(NORMAL, law) {
         Some(law) => ContactLaw::from(law),
-        None => return Err(wrong("law", &kinds(&NORMAL, law.py())?, law)),
+        None => return Err(wrong("law", &kinds(NORMAL, law.py())?, law)),
     };
     if let Some(value) = friction {
-        laws = match read(&FRICTION, value) {
+        laws = match read(FRICTION, value) {
             Some(friction) => laws.with_friction(friction),
-            None => return Err(wrong("friction", &kinds(&FRICTION, value.py())?, value)),
+            None => return Err(wrong("friction", &kinds(FRICTION, value.py())?, value)),
         };
     }
     if let Some(value) = resistance {
@@ -59,18 +59,18 @@ fn without_class(law: &str) -> PyErr {
 
 /// The normal law as Python sees it.
 pub(crate) fn normal_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Bound<'py, PyAny>> {
-    show(&NORMAL, py, laws.normal())?.ok_or_else(|| without_class(laws.normal().type_name()))
+    show(NORMAL, py, laws.normal())?.ok_or_else(|| without_class(laws.normal().type_name()))
 }
 
 /// The law of friction as Python sees it.
 pub(crate) fn friction_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Option<Bound<'py, PyAny>>> {
     let Some(law) = laws.friction().law() else { return Ok(None) };
-    show(&FRICTION, py, law)?.ok_or_else(|| without_class(law.type_name())).map(Some)
+    show(FRICTION, py, law)?.ok_or_else(|| without_class(law.type_name())).map(Some)
 }
 
 /// The normal law in words, also where it has no class.
 pub(crate) fn normal_law_repr(py: Python<'_>, laws: &ContactLaw) -> PyResult<String> {
-    match show(&NORMAL, py, laws.normal())? {
+    match show(NORMAL, py, laws.normal())? {
         Some(law) => law.repr()?.extract(),
         None => Ok(format!("<{:?}>", laws.normal())),
     }
