@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::interface::ContactMode;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactMode;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Surface, SurfaceFault};
 use somersault_core::lie::so3;

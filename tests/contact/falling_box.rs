@@ -3,9 +3,10 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::friction::{CoulombFriction, RegularisedFriction};
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::regularised::RegularisedFriction;
 use somersault_contact::models::FallingBox;
 use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
@@ -325,7 +326,8 @@ fn boxes_thrown_at_random_neither_chatter_nor_gain_energy() {
     let creep = CoulombFriction::try_new(0.5, 0.0, 20.0).unwrap();
     let law = ContactLaw::from(corner_law());
     for case in 0..20 {
-        let law = if case % 2 == 0 { law.with_friction(coulomb) } else { law.with_friction(creep) };
+        let friction = if case % 2 == 0 { coulomb } else { creep };
+        let law = law.clone().with_friction(friction);
         let model = FallingBox::try_new(1.0, LENGTHS, law).unwrap();
         let start = RigidBodyState::new(
             Vector3::new(0.0, 0.0, 0.3),

@@ -5,9 +5,11 @@ use somersault_contact::ContactError;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::friction::{CoulombFriction, Friction, RegularisedFriction, Resistance};
-use somersault_contact::interface::{ContactLaw, ContactMode, Encounter};
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::regularised::RegularisedFriction;
+use somersault_contact::laws::resistance::Resistance;
+use somersault_contact::laws::{ContactLaw, ContactMode, Encounter, Friction, FrictionInput, FrictionLaw};
 use somersault_contact::models::SlidingBlock;
 use somersault_contact::stretches::{Touching, WithStretches};
 use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
@@ -373,16 +375,28 @@ fn force_and_rate_of_stretch_are_continuous_between_stick_and_slip_and_bounded_b
         let stretch = random.vector(0.01);
         // The normal force at which the cone just holds p.
         let push = law.hold(&stretch, &sliding).norm() / 0.4;
-        let [stick, slip] = [false, true].map(|slips| {
-            (law.force(slips, push, &stretch, &sliding), law.stretch_rate(slips, push, &stretch, &sliding))
-        });
-        assert!((stick.0 - slip.0).norm() < 1e-13 * push, "{stick:?} {slip:?}");
-        assert!((stick.1 - slip.1).norm() < 1e-13 * (push / 7.0 + 1.0), "{stick:?} {slip:?}");
+        let at = Encounter {
+            gap: 0.0,
+            rate: 0.0,
+            normal: Vector3::zeros(),
+            point: Vector3::zeros(),
+            sliding,
+            turning: Vector3::zeros(),
+            tilting: Vector3::zeros(),
+            mass: 1.0,
+        };
+        let by = |slips, normal_force| FrictionInput { slips, normal_force, at: &at, stretch: &stretch };
+        let [stick, slip] = [by(false, push), by(true, push)].map(|by| law.response(&by));
+        assert!((stick.force - slip.force).norm() < 1e-13 * push, "{stick:?} {slip:?}");
+        assert!(
+            (stick.stretch_rate - slip.stretch_rate).norm() < 1e-13 * (push / 7.0 + 1.0),
+            "{stick:?} {slip:?}"
+        );
         let less = 0.7 * push;
-        let force = law.force(true, less, &stretch, &sliding);
-        assert!((force.norm() - 0.4 * less).abs() < 1e-12 * push);
+        let slip = law.response(&by(true, less));
+        assert!((slip.force.norm() - 0.4 * less).abs() < 1e-12 * push);
         // The velocity of slip is parallel to p.
-        let velocity = sliding - law.stretch_rate(true, less, &stretch, &sliding);
+        let velocity = sliding - slip.stretch_rate;
         let hold = law.hold(&stretch, &sliding);
         assert!(velocity.cross(&hold).norm() < 1e-12 * hold.norm() && velocity.dot(&hold) > 0.0);
     }
@@ -434,7 +448,8 @@ fn a_ball_rolls_down_a_slope_with_five_sevenths_of_its_pull_and_a_rim_with_two_t
     // While it sticks and the spring has settled, the point of contact rests.
     let (angle, radius) = (0.2f64, 0.1);
     let law = ContactLaw::from(stiff()).with_friction(coulomb(0.3, 5e3, 40.0));
-    let ball = Contact::try_ball(Vector3::zeros(), radius, Arc::new(HalfSpace::ground()), law).unwrap();
+    let ball =
+        Contact::try_ball(Vector3::zeros(), radius, Arc::new(HalfSpace::ground()), law.clone()).unwrap();
     let rim = Contact::try_rim(Vector3::zeros(), Vector3::y(), radius, HalfSpace::ground(), law).unwrap();
     let (sin, cos) = angle.sin_cos();
     let gravity = Gravity { acceleration: Vector3::new(GRAVITY * sin, 0.0, -GRAVITY * cos) };
@@ -571,7 +586,7 @@ fn smooth_friction_slows_a_block_as_in_closed_form() {
 fn a_spinning_ball_slows_as_in_closed_form() {
     let (arm, scale) = (2e-3, 0.5);
     let resistance = Resistance::try_new(0.0, arm, scale).unwrap();
-    let (system, mut start) = ball(Friction::None, resistance);
+    let (system, mut start) = ball(Friction::NONE, resistance);
     start.rate.angular.z = 10.0;
     // I ω̇ = −m g s ω/√(ω² + ε²), as in the block above.
     let torque = GRAVITY * arm / (0.4 * 0.01);
@@ -612,7 +627,7 @@ fn friction_and_resistance_never_give_energy() {
     let mut random = Random::new(7);
     let resistance = Resistance::try_new(0.01, 0.02, 0.1).unwrap();
     let laws = [
-        Friction::None,
+        Friction::NONE,
         RegularisedFriction::try_new(0.4, 0.1).unwrap().into(),
         coulomb(0.4, 100.0, 3.0).into(),
         CoulombFriction::try_new(0.4, 0.0, 10.0).unwrap().into(),
@@ -636,15 +651,13 @@ fn friction_and_resistance_never_give_energy() {
         for law in &laws {
             let mode = law.mode(&at, &stretch);
             let effort = law.effort_in(&mode, &at, &stretch);
-            let push = law.normal.force_in_contact(at.gap, at.rate);
+            let push = law.push(at.gap, at.rate);
             let friction = effort.force - normal * push;
             // What the spring stores is not lost.
-            let stored = match &law.friction {
-                Friction::None | Friction::Regularised(_) => 0.0,
-                Friction::Coulomb(friction) => {
-                    friction.stiffness() * stretch.dot(&law.stretch_rate_in(&mode, &at, &stretch))
-                }
-            };
+            let stored =
+                law.friction().law().and_then(|friction| friction.spring(push)).map_or(0.0, |spring| {
+                    spring.stiffness * stretch.dot(&law.stretch_rate_in(&mode, &at, &stretch))
+                });
             let power = friction.dot(&at.sliding) + effort.torque.dot(&at.turning) + stored;
             let size = friction.norm() * at.sliding.norm() + stored.abs();
             assert!(power <= 1e-12 * size, "case {case}: {law:?} {mode:?} {at:?} {power:e}");
@@ -746,11 +759,11 @@ fn friction_laws_and_rolling_shapes_refuse_bad_input() {
     let ball = |centre, radius, law| Contact::try_ball(centre, radius, bowl.clone(), law).map(|_| ());
     let plain = ContactLaw::from(stiff());
     assert!(matches!(
-        ball(zero, 0.0, plain),
+        ball(zero, 0.0, plain.clone()),
         Err(Argument(ArgumentError::NotPositive { argument: "radius", .. }))
     ));
     assert!(matches!(
-        ball(Vector3::new(f64::NAN, 0.0, 0.0), 0.1, plain),
+        ball(Vector3::new(f64::NAN, 0.0, 0.0), 0.1, plain.clone()),
         Err(NonFinite { argument: "centre", .. })
     ));
     let rim = |axis, law| Contact::try_rim(zero, axis, 0.1, HalfSpace::ground(), law).map(|_| ());

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use somersault_contact::ContactError;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::hunt_crossley::{Elastic, HuntCrossley};
+use somersault_contact::laws::hunt_crossley::{Elastic, HuntCrossley};
 use somersault_contact::surface::HalfSpace;
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;

@@ -3,9 +3,10 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::contacts::BodyInContact;
 use somersault_contact::event::EventKind;
-use somersault_contact::friction::{CoulombFriction, RegularisedFriction};
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::regularised::RegularisedFriction;
 use somersault_contact::models::{FallingBox, ModelError, RollingDisk, TippeTop};
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
 use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid};
@@ -209,14 +210,17 @@ fn compliant() -> CompliantLaw {
 fn models_refuse_bad_input() {
     let plain = ContactLaw::from(compliant());
     let friction = CoulombFriction::try_new(0.3, 1.0, 1.0).unwrap();
-    let boxed = FallingBox::try_new(1.0, Vector3::new(0.1, -0.1, 0.1), plain);
+    let boxed = FallingBox::try_new(1.0, Vector3::new(0.1, -0.1, 0.1), plain.clone());
     assert!(matches!(boxed, Err(ModelError::Body(_))));
     let block =
         somersault_contact::models::SlidingBlock::try_new(0.0, Vector3::repeat(0.1), compliant(), friction);
     assert!(matches!(block, Err(ModelError::Body(_))));
     let top = |eccentricity, law| TippeTop::try_new(1.0, 0.1, eccentricity, (1.0, 1.0), law).map(|_| ());
     for bad in [0.0, 1.0, -0.1, f64::NAN] {
-        assert!(matches!(top(bad, plain), Err(ModelError::OutOfRange { argument: "eccentricity", .. })));
+        assert!(matches!(
+            top(bad, plain.clone()),
+            Err(ModelError::OutOfRange { argument: "eccentricity", .. })
+        ));
     }
     let disk = disk(100.0);
     for tilt in [0.0, 1.6, f64::NAN] {

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use somersault_contact::ContactError;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::studies::{self, Stepping};
 use somersault_contact::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface, Surface};

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, SphericalSurface, Surface};
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;

@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::hunt_crossley::HuntCrossley;
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::hunt_crossley::HuntCrossley;
 use somersault_contact::models::FallingBox;
 use somersault_contact::surface::HalfSpace;
 use somersault_core::{Inertia, lie::so3};

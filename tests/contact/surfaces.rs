@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{SignedDistance, Solid, SphericalSurface, Surface, SurfaceFault};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, TimeGrid};

@@ -3,7 +3,7 @@
 use crate::contacts::{Contact, about_centre, is_free, without_stretch};
 use crate::error::{ContactError, finite};
 use crate::event::EventKind;
-use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::stretches::Touching;
 use crate::surface::SurfaceFault;
 use crate::sweep::BodySweep;
@@ -43,7 +43,7 @@ impl BodySphere {
 ///
 /// The force acts at one point, on the line of the centres where the radii divide it, on one body as on the
 /// other, so that neither momentum nor angular momentum arises from it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SpherePair {
     spheres: [BodySphere; 2],
     law: ContactLaw,
@@ -87,7 +87,7 @@ impl SpherePair {
             point: pose_a.position + arms[0],
             sliding: velocity - normal * rate,
             turning: rate_a.angular - rate_b.angular,
-            tilting: if self.law.friction.has_stretch() && distance > 0.0 {
+            tilting: if self.law.friction().has_stretch() && distance > 0.0 {
                 let of_centres = (rate_a.linear + rate_a.angular.cross(&arm_a))
                     - (rate_b.linear + rate_b.angular.cross(&arm_b));
                 let spin = 0.5 * normal.dot(&(rate_a.angular + rate_b.angular));
@@ -125,8 +125,8 @@ impl BodyContacts {
         if let Some((argument, found)) = of_surfaces.chain(of_pairs).find(|(_, body)| *body >= bodies) {
             return Err(ContactError::NoBody { argument, found, bodies });
         }
-        let friction_has_modes = on_surfaces.iter().any(|(_, c)| c.law().friction.has_modes())
-            || pairs.iter().any(|p| p.law.friction.has_modes());
+        let friction_has_modes = on_surfaces.iter().any(|(_, c)| c.law().friction().has_modes())
+            || pairs.iter().any(|p| p.law.friction().has_modes());
         Ok(Self { bodies, on_surfaces, pairs, friction_has_modes })
     }
 
@@ -163,7 +163,7 @@ impl BodyContacts {
 
     /// Energy of the springs of the normal laws, J.
     pub fn energy(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> f64 {
-        self.encounters(bodies, moving(x)).map(|(law, at)| law.normal.energy(at.gap)).sum()
+        self.encounters(bodies, moving(x)).map(|(law, at)| law.normal_energy(at.gap)).sum()
     }
 
     /// Adds the wrenches of all contacts, each by the effort that `effort` gives it by its number and encounter.
@@ -488,7 +488,7 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
-        self.laws().nth(guard).map_or(0.0, |law| law.normal.impulse(h, before, after))
+        self.laws().nth(guard).map_or(0.0, |law| law.normal().impulse(h, before, after))
     }
 }
 

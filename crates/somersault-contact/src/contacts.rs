@@ -2,7 +2,7 @@
 
 use crate::error::{ContactError, direction, finite};
 use crate::event::EventKind;
-use crate::interface::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Place, Shape};
 use crate::stretches::Touching;
 #[cfg(doc)]
@@ -168,7 +168,7 @@ impl Contact {
     /// n × ṅ, where friction has a stretch that turns with the plane of contact.
     #[inline]
     fn tilting(&self, x: &RigidBodyState, normal: &Vector3<f64>) -> Vector3<f64> {
-        if self.plane.is_some() || !self.law.friction.has_stretch() {
+        if self.plane.is_some() || !self.law.friction().has_stretch() {
             return Vector3::zeros();
         }
         let arm = x.orientation() * self.shape.centre();
@@ -184,7 +184,7 @@ impl Contact {
         }
         if let Some((point, plane)) = self.bare_point() {
             let touch = Touch::new(point, plane, motion);
-            let push = self.law.normal.force_in_contact(touch.gap, touch.rate);
+            let push = self.law.push(touch.gap, touch.rate);
             return Wrench { force: plane.normal() * push, torque: touch.lever * push };
         }
         let Wrench { force, torque } = self.world_wrench_in(mode, body, motion.x);
@@ -226,8 +226,8 @@ pub(crate) fn about_centre(arm: &Vector3<f64>, effort: &Wrench) -> Wrench {
 /// ```
 /// use nalgebra::Vector3;
 /// use somersault_contact::event::EventKind;
-/// use somersault_contact::friction::CoulombFriction;
-/// use somersault_contact::law::CompliantLaw;
+/// use somersault_contact::laws::compliant::CompliantLaw;
+/// use somersault_contact::laws::coulomb::CoulombFriction;
 /// use somersault_contact::models::SlidingBlock;
 /// use somersault_contact::stretches::WithStretches;
 /// use somersault_integrators::driver::TimeGrid;
@@ -259,7 +259,7 @@ pub struct Contacts {
 impl Contacts {
     /// The contacts in the order that events count them.
     pub fn new(contacts: Vec<Contact>) -> Self {
-        let friction_has_modes = contacts.iter().any(|c| c.law.friction.has_modes());
+        let friction_has_modes = contacts.iter().any(|c| c.law.friction().has_modes());
         Self { contacts, friction_has_modes }
     }
 
@@ -270,7 +270,7 @@ impl Contacts {
 
     /// Energy of the springs of the normal laws, J; Σ ½ k min(Δx, 0)² for compliant ones.
     pub fn energy(&self, x: &RigidBodyState) -> f64 {
-        self.contacts.iter().map(|c| c.law.normal.energy(c.place(x).gap)).sum()
+        self.contacts.iter().map(|c| c.law.normal_energy(c.place(x).gap)).sum()
     }
 }
 
@@ -348,7 +348,7 @@ impl ForceModel for Contacts {
     }
     fn is_torque_free(&self) -> bool {
         let at_centre = |c: &Contact| c.shape == Shape::Point(Vector3::zeros());
-        self.contacts.iter().all(|c| at_centre(c) && c.law.resistance.is_none())
+        self.contacts.iter().all(|c| at_centre(c) && c.law.resistance().is_none())
     }
     fn depends_on_velocity(&self) -> bool {
         self.contacts.iter().any(|c| c.law.depends_on_velocity())
@@ -436,7 +436,7 @@ impl<F: ForceModel> RigidSystem for BodyInContact<F> {
 pub(crate) fn without_stretch<'a>(
     laws: impl IntoIterator<Item = &'a ContactLaw>,
 ) -> Result<(), IntegrateError> {
-    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+    if laws.into_iter().any(|law| law.friction().has_stretch()) {
         return Err(IntegrateError::Variables { remedy: "integrate the system in `WithStretches`" });
     }
     Ok(())
@@ -500,7 +500,9 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
             let at = contact.encounter(&self.body, x);
             out[i] = contact.law.guard(&at);
             if contacts.friction_has_modes {
-                out[n + i] = contact.law.friction_guard(mode, &at, &Vector3::zeros());
+                // A copy, so that without friction the encounter need not be in memory.
+                let seen = at;
+                out[n + i] = contact.law.friction_guard(mode, &seen, &Vector3::zeros());
             }
         }
     }
@@ -556,7 +558,7 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
-        self.forces.1.get(guard).map_or(0.0, |c| c.law.normal.impulse(h, before, after))
+        self.forces.1.get(guard).map_or(0.0, |c| c.law.normal().impulse(h, before, after))
     }
 }
 

@@ -8,8 +8,8 @@
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
 //! | Δx, Δẋ | gap, negative inside the surface, and its rate; m, m/s | [`Guard`](somersault_integrators::events::Guard) |
-//! | k, c | stiffness, N/m; damping, N s/m | [`CompliantLaw`](law::CompliantLaw) |
-//! | μ, v | coefficient of friction; sliding velocity, m/s | [`Friction`](friction::Friction) |
+//! | k, c | stiffness, N/m; damping, N s/m | [`CompliantLaw`](laws::compliant::CompliantLaw) |
+//! | μ, v | coefficient of friction; sliding velocity, m/s | [`FrictionLaw`](laws::FrictionLaw) |
 //! | ωₙ, ζ, e | natural frequency, damping ratio, coefficient of restitution | its constructors |
 //!
 //! ```
@@ -55,12 +55,8 @@ pub mod bodies;
 pub mod contacts;
 mod error;
 pub mod event;
-pub mod friction;
-pub mod hunt_crossley;
-pub mod interface;
-pub mod law;
+pub mod laws;
 pub mod models;
-pub mod normal;
 pub mod sensitivity;
 pub mod shape;
 pub mod stretches;

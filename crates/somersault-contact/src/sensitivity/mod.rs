@@ -31,7 +31,7 @@
 //! use somersault_integrators::methods::{Method, Options};
 //!
 //! let top = SpinningTop::thesis()?;
-//! let by = Differentiation::by([Parameter::Stiffness(0), Parameter::Mass]);
+//! let by = Differentiation::by([Parameter::normal(0, "stiffness"), Parameter::Mass]);
 //! let (grid, location) = (TimeGrid::try_new(0.0, 0.1, 1e-4)?, Location::default());
 //! let (method, options) = (Method::Rkmk, Options::default());
 //! let found =
@@ -51,7 +51,6 @@
 
 mod contact;
 mod grazing;
-mod law;
 mod outcome;
 mod parameter;
 mod run;

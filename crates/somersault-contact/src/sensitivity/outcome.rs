@@ -56,7 +56,27 @@ pub enum SensitivityError {
         /// Number of contacts.
         contacts: usize,
     },
-    /// A coefficient of friction is asked for of a contact without friction.
+    /// A parameter is none of those that the law of its contact names.
+    #[error("`parameters` must name one of {allowed:?} of the {law} of contact {contact}, found {found:?}")]
+    NoSuchParameter {
+        /// The contact.
+        contact: usize,
+        /// The type of its law.
+        law: &'static str,
+        /// The name given.
+        found: String,
+        /// The names that there are.
+        allowed: &'static [&'static str],
+    },
+    /// A law that does not say how its force changes.
+    #[error("the {law} of contact {contact} has no derivative")]
+    NoDerivative {
+        /// The contact.
+        contact: usize,
+        /// The type of its law.
+        law: &'static str,
+    },
+    /// A constant of friction is asked for of a contact without friction.
     #[error("`parameters` names the friction of contact {contact}, which has none")]
     NoFriction {
         /// The contact.

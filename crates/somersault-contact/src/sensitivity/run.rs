@@ -1,10 +1,10 @@
 //! Integrating state and columns together.
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
-use super::parameter::{Differentiation, Parameter};
+use super::parameter::{Differentiation, FoundParameter, Parameter};
 use super::system::{FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState};
-use crate::contacts::BodyInContact;
-use crate::friction::Friction;
+use crate::contacts::{BodyInContact, Contact, Contacts};
+use crate::laws::LawParameter;
 use crate::stretches::WithStretches;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
@@ -236,6 +236,10 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
         if let Some(reason) = refusal(system, differentiation, self.initial) {
             return refuse(reason);
         }
+        let parameters = match find(&differentiation.parameters, &system.forces.1) {
+            Ok(parameters) => parameters,
+            Err(reason) => return refuse(reason),
+        };
         let system = WithStretches(system);
         let start = if differentiation.stretches.is_empty() {
             unstretched.clone()
@@ -246,7 +250,8 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
             }
         };
         let duration = interval.1 - interval.0;
-        let variational = Variational::new(system, differentiation, duration, location.keep_events);
+        let grazing = differentiation.grazing;
+        let variational = Variational::new(system, parameters, grazing, duration, location.keep_events);
         let frozen = Frozen::new(variational, interval.0, &start);
         let begun = Begun { frozen: &frozen, start: &start, location, observer: self.observer };
         let Some(run) = integrate(begun) else { return refuse(SensitivityError::Method { method }) };
@@ -287,18 +292,50 @@ fn refusal<F: ForceModel>(
         return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
     let contacts = &system.forces.1;
-    for parameter in &differentiation.parameters {
-        let Some(found) = parameter.contact() else { continue };
-        let Some(contact) = contacts.get(found) else {
-            return Some(SensitivityError::NoSuchContact { found, contacts: contacts.len() });
-        };
-        if matches!(parameter, Parameter::Friction(_)) && contact.law().friction == Friction::None {
-            return Some(SensitivityError::NoFriction { contact: found });
-        }
+    let without = |(contact, at): (usize, &Contact)| {
+        let law = at.law().without_derivative(&at.encounter(&system.body, initial))?;
+        Some(SensitivityError::NoDerivative { contact, law })
+    };
+    if let Some(reason) = contacts.iter().enumerate().find_map(without) {
+        return Some(reason);
     }
     contacts.iter().enumerate().find_map(|(guard, contact)| {
         let at = contact.encounter(&system.body, initial);
-        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().normal.jumps())
+        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().normal().jumps())
             .then_some(SensitivityError::StartOnSurface { guard })
     })
+}
+
+/// Finds the parameters of laws among those that the laws name.
+fn find<'a>(
+    parameters: &'a [Parameter],
+    contacts: &Contacts,
+) -> Result<Vec<FoundParameter<'a>>, SensitivityError> {
+    let law_of = |found: usize| match contacts.get(found) {
+        Some(contact) => Ok(contact.law()),
+        None => Err(SensitivityError::NoSuchContact { found, contacts: contacts.len() }),
+    };
+    let place = |contact, law, allowed: &'static [&'static str], name: &str| {
+        let found = || name.to_string();
+        let missing = || SensitivityError::NoSuchParameter { contact, law, found: found(), allowed };
+        allowed.iter().position(|allowed| *allowed == name).ok_or_else(missing)
+    };
+    let find = |parameter: &'a Parameter| {
+        let of_law = match parameter {
+            Parameter::Normal(contact, name) => {
+                let law = law_of(*contact)?.normal();
+                let place = place(*contact, law.type_name(), law.parameters(), name)?;
+                Some((*contact, LawParameter::Normal(place)))
+            }
+            Parameter::Friction(contact, name) => {
+                let none = SensitivityError::NoFriction { contact: *contact };
+                let law = law_of(*contact)?.friction().law().ok_or(none)?;
+                let place = place(*contact, law.type_name(), law.parameters(), name)?;
+                Some((*contact, LawParameter::Friction(place)))
+            }
+            Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) => None,
+        };
+        Ok(FoundParameter { parameter, of_law })
+    };
+    parameters.iter().map(find).collect()
 }

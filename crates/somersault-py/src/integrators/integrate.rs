@@ -15,7 +15,7 @@ use crate::integrators::trajectory::{Cast, Report, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::interface::ContactLaw;
+use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::events::{Location, StiffSteps};
 use somersault::integrators::methods::{Method, Options};
@@ -102,7 +102,7 @@ pub(crate) fn stretched<S: Touching>(
 
 /// Refuses friction with a stretch where forces switch with the state, which has no place for it.
 fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result<(), Error> {
-    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+    if laws.into_iter().any(|law| law.friction().has_stretch()) {
         return Err(Error::input(
             "`locate` must be true where friction is a CoulombFriction with stiffness: it has a state of its own",
         ));
