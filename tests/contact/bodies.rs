@@ -4,18 +4,19 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::Contact;
-use somersault_contact::driver::{integrate_hybrid, integrate_located};
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::friction::{CoulombFriction, RegularisedFriction, Resistance};
-use somersault_contact::hunt_crossley::HuntCrossley;
-use somersault_contact::hybrid::Frozen;
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::event::EventKind;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::hunt_crossley::HuntCrossley;
+use somersault_contact::laws::regularised::RegularisedFriction;
+use somersault_contact::laws::resistance::Resistance;
 use somersault_contact::surface::HalfSpace;
 use somersault_core::argument::ArgumentError;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, State, Twist};
@@ -47,7 +48,7 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &Bodies,
     end: f64,
     dt: f64,
-) -> Located<Vec<Pose>> {
+) -> Located<Vec<Pose>, EventKind> {
     let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
@@ -99,19 +100,19 @@ fn at(positions: &[f64], velocities: &[f64]) -> Bodies {
 #[test]
 fn contacts_of_pairs_exert_no_net_force_or_torque() {
     let resistance = Resistance::try_new(1e-3, 2e-3, 0.1).unwrap();
-    let law = ContactLaw::from(CompliantLaw::try_new(1e4, 10.0).unwrap()).with_resistance(resistance);
+    let compliant = ContactLaw::from(CompliantLaw::try_new(1e4, 10.0).unwrap());
     let laws = [
-        law.with_friction(CoulombFriction::try_new(0.3, 0.0, 100.0).unwrap()),
-        law.with_friction(RegularisedFriction::try_new(0.3, 0.1).unwrap()),
-        ContactLaw { normal: HuntCrossley::try_new(1e5, 0.1).unwrap().into(), ..law },
+        compliant.clone().with_friction(CoulombFriction::try_new(0.3, 0.0, 100.0).unwrap()),
+        compliant.with_friction(RegularisedFriction::try_new(0.3, 0.1).unwrap()),
+        ContactLaw::from(HuntCrossley::try_new(1e5, 0.1).unwrap()),
     ];
-    for law in laws {
+    for law in laws.map(|law| law.with_resistance(resistance)) {
         // Off the centres of mass, turned and turning.
         let sphere = |body, centre, radius| BodySphere::try_new(body, centre, radius).unwrap();
         let pair = SpherePair::try_new(
             sphere(0, Vector3::new(0.1, 0.02, -0.03), 0.2),
             sphere(1, Vector3::new(-0.04, 0.05, 0.01), 0.3),
-            law,
+            law.clone(),
         )
         .unwrap();
         let contacts = BodyContacts::try_new(2, vec![], vec![pair]).unwrap();

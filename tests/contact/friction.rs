@@ -4,12 +4,12 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_located, integrate_located_adaptive};
-use somersault_contact::event::{EventKind, Interruption, Located, Location};
-use somersault_contact::friction::{CoulombFriction, Friction, RegularisedFriction, Resistance};
-use somersault_contact::hybrid::{Frozen, Hybrid};
-use somersault_contact::interface::{ContactLaw, ContactMode, Encounter};
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::event::EventKind;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::regularised::RegularisedFriction;
+use somersault_contact::laws::resistance::Resistance;
+use somersault_contact::laws::{ContactLaw, ContactMode, Encounter, Friction, FrictionInput, FrictionLaw};
 use somersault_contact::models::SlidingBlock;
 use somersault_contact::stretches::{Touching, WithStretches};
 use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
@@ -17,11 +17,15 @@ use somersault_core::argument::ArgumentError;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Hybrid, Interruption, Located, Location, integrate_hybrid, integrate_located,
+    integrate_located_adaptive,
+};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::Scope;
-use somersault_integrators::system::{RigidSystem, StateOf, System as _};
+use somersault_integrators::system::{RigidBodySystem, RigidSystem, StateOf, System as _};
 use somersault_testkit::order::slope;
 use somersault_testkit::trees::Random;
 use std::sync::Arc;
@@ -37,7 +41,7 @@ fn run<F: ForceModel>(
     start: &Stretched,
     interval: (f64, f64),
     dt: f64,
-) -> Located<Augmented<Pose>> {
+) -> Located<Augmented<Pose>, EventKind> {
     let frozen = Frozen::new(WithStretches(system), interval.0, start);
     let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
     integrate_hybrid(&frozen, &RungeKuttaMuntheKaas4, start, &grid, &Location::as_given(), &mut ()).unwrap()
@@ -49,11 +53,11 @@ fn run_from<F: ForceModel>(
     start: RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Augmented<Pose>> {
+) -> Located<Augmented<Pose>, EventKind> {
     run(system, &WithStretches(system).unstretched(start), (0.0, end), dt)
 }
 
-fn kinds(run: &Located<Augmented<Pose>>) -> Vec<EventKind> {
+fn kinds(run: &Located<Augmented<Pose>, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -232,7 +236,7 @@ fn dragged() -> (Forced, RigidBodyState) {
     let mut start = block.sliding(0.6);
     start.rate.linear.y = 0.2;
     let drag = Push(|t| Vector3::new(-4.5 * (6.0 * t).sin(), 1.5 * (5.0 * t).cos(), -GRAVITY));
-    (Forced::new(block.system.body, (drag, block.system.forces.1)), start)
+    (Forced::new(block.system.body, (drag, block.system.0.forces.1)), start)
 }
 
 /// A ball thrown without spin onto the inside of a sphere: it slips, rolls, and turns with the ground.
@@ -323,7 +327,7 @@ fn every_method_that_takes_torque_keeps_its_order_as_a_ball_comes_to_roll_in_a_b
         (method.info().scope != Scope::TorqueFree)
             .then_some((method, f64::from(orders.translation_with_velocity.min(with_torque))))
     });
-    let (System { body, forces }, start) = thrown_ball();
+    let (BodyInContact(RigidBodySystem { body, forces }), start) = thrown_ball();
     let weight = Push(|_| Vector3::z() * -GRAVITY);
     keeps_order((Forced::new(body, (weight, forces.1)), start), 0.6, methods, 1);
 }
@@ -371,16 +375,28 @@ fn force_and_rate_of_stretch_are_continuous_between_stick_and_slip_and_bounded_b
         let stretch = random.vector(0.01);
         // The normal force at which the cone just holds p.
         let push = law.hold(&stretch, &sliding).norm() / 0.4;
-        let [stick, slip] = [false, true].map(|slips| {
-            (law.force(slips, push, &stretch, &sliding), law.stretch_rate(slips, push, &stretch, &sliding))
-        });
-        assert!((stick.0 - slip.0).norm() < 1e-13 * push, "{stick:?} {slip:?}");
-        assert!((stick.1 - slip.1).norm() < 1e-13 * (push / 7.0 + 1.0), "{stick:?} {slip:?}");
+        let at = Encounter {
+            gap: 0.0,
+            rate: 0.0,
+            normal: Vector3::zeros(),
+            point: Vector3::zeros(),
+            sliding,
+            turning: Vector3::zeros(),
+            tilting: Vector3::zeros(),
+            mass: 1.0,
+        };
+        let by = |slips, normal_force| FrictionInput { slips, normal_force, at: &at, stretch: &stretch };
+        let [stick, slip] = [by(false, push), by(true, push)].map(|by| law.response(&by));
+        assert!((stick.force - slip.force).norm() < 1e-13 * push, "{stick:?} {slip:?}");
+        assert!(
+            (stick.stretch_rate - slip.stretch_rate).norm() < 1e-13 * (push / 7.0 + 1.0),
+            "{stick:?} {slip:?}"
+        );
         let less = 0.7 * push;
-        let force = law.force(true, less, &stretch, &sliding);
-        assert!((force.norm() - 0.4 * less).abs() < 1e-12 * push);
+        let slip = law.response(&by(true, less));
+        assert!((slip.force.norm() - 0.4 * less).abs() < 1e-12 * push);
         // The velocity of slip is parallel to p.
-        let velocity = sliding - law.stretch_rate(true, less, &stretch, &sliding);
+        let velocity = sliding - slip.stretch_rate;
         let hold = law.hold(&stretch, &sliding);
         assert!(velocity.cross(&hold).norm() < 1e-12 * hold.norm() && velocity.dot(&hold) > 0.0);
     }
@@ -396,7 +412,7 @@ fn a_static_coefficient_holds_to_its_cone_and_lets_the_force_fall() {
         force: Vector3::new(2.0 * t, 0.0, -GRAVITY),
         torque: Vector3::zeros(),
     };
-    let system = BodyInContact::new(block.system.body, (pull, block.system.forces.1));
+    let system = BodyInContact::new(block.system.body, (pull, block.system.0.forces.1));
     let run = run_from(&system, start, 3.0, 1e-3);
     assert_eq!(kinds(&run), [EventKind::Slip]);
     let event = &run.events[0];
@@ -432,7 +448,8 @@ fn a_ball_rolls_down_a_slope_with_five_sevenths_of_its_pull_and_a_rim_with_two_t
     // While it sticks and the spring has settled, the point of contact rests.
     let (angle, radius) = (0.2f64, 0.1);
     let law = ContactLaw::from(stiff()).with_friction(coulomb(0.3, 5e3, 40.0));
-    let ball = Contact::try_ball(Vector3::zeros(), radius, Arc::new(HalfSpace::ground()), law).unwrap();
+    let ball =
+        Contact::try_ball(Vector3::zeros(), radius, Arc::new(HalfSpace::ground()), law.clone()).unwrap();
     let rim = Contact::try_rim(Vector3::zeros(), Vector3::y(), radius, HalfSpace::ground(), law).unwrap();
     let (sin, cos) = angle.sin_cos();
     let gravity = Gravity { acceleration: Vector3::new(GRAVITY * sin, 0.0, -GRAVITY * cos) };
@@ -569,7 +586,7 @@ fn smooth_friction_slows_a_block_as_in_closed_form() {
 fn a_spinning_ball_slows_as_in_closed_form() {
     let (arm, scale) = (2e-3, 0.5);
     let resistance = Resistance::try_new(0.0, arm, scale).unwrap();
-    let (system, mut start) = ball(Friction::None, resistance);
+    let (system, mut start) = ball(Friction::NONE, resistance);
     start.rate.angular.z = 10.0;
     // I ω̇ = −m g s ω/√(ω² + ε²), as in the block above.
     let torque = GRAVITY * arm / (0.4 * 0.01);
@@ -610,7 +627,7 @@ fn friction_and_resistance_never_give_energy() {
     let mut random = Random::new(7);
     let resistance = Resistance::try_new(0.01, 0.02, 0.1).unwrap();
     let laws = [
-        Friction::None,
+        Friction::NONE,
         RegularisedFriction::try_new(0.4, 0.1).unwrap().into(),
         coulomb(0.4, 100.0, 3.0).into(),
         CoulombFriction::try_new(0.4, 0.0, 10.0).unwrap().into(),
@@ -634,15 +651,13 @@ fn friction_and_resistance_never_give_energy() {
         for law in &laws {
             let mode = law.mode(&at, &stretch);
             let effort = law.effort_in(&mode, &at, &stretch);
-            let push = law.normal.force_in_contact(at.gap, at.rate);
+            let push = law.push(at.gap, at.rate);
             let friction = effort.force - normal * push;
             // What the spring stores is not lost.
-            let stored = match &law.friction {
-                Friction::None | Friction::Regularised(_) => 0.0,
-                Friction::Coulomb(friction) => {
-                    friction.stiffness() * stretch.dot(&law.stretch_rate_in(&mode, &at, &stretch))
-                }
-            };
+            let stored =
+                law.friction().law().and_then(|friction| friction.spring(push)).map_or(0.0, |spring| {
+                    spring.stiffness * stretch.dot(&law.stretch_rate_in(&mode, &at, &stretch))
+                });
             let power = friction.dot(&at.sliding) + effort.torque.dot(&at.turning) + stored;
             let size = friction.norm() * at.sliding.norm() + stored.abs();
             assert!(power <= 1e-12 * size, "case {case}: {law:?} {mode:?} {at:?} {power:e}");
@@ -661,7 +676,7 @@ struct Energy<'a> {
 
 impl Observer<Augmented<Pose>> for Energy<'_> {
     fn observe(&mut self, step: &mut Step<'_, Augmented<Pose>>) -> Flow {
-        let System { body, forces } = self.system.0;
+        let RigidBodySystem { body, forces } = &self.system.0.0;
         let energy = |x: &Stretched| {
             let base = x.base();
             body.kinetic_energy(&base) - body.mass() * forces.0.acceleration.dot(base.position())
@@ -744,11 +759,11 @@ fn friction_laws_and_rolling_shapes_refuse_bad_input() {
     let ball = |centre, radius, law| Contact::try_ball(centre, radius, bowl.clone(), law).map(|_| ());
     let plain = ContactLaw::from(stiff());
     assert!(matches!(
-        ball(zero, 0.0, plain),
+        ball(zero, 0.0, plain.clone()),
         Err(Argument(ArgumentError::NotPositive { argument: "radius", .. }))
     ));
     assert!(matches!(
-        ball(Vector3::new(f64::NAN, 0.0, 0.0), 0.1, plain),
+        ball(Vector3::new(f64::NAN, 0.0, 0.0), 0.1, plain.clone()),
         Err(NonFinite { argument: "centre", .. })
     ));
     let rim = |axis, law| Contact::try_rim(zero, axis, 0.1, HalfSpace::ground(), law).map(|_| ());

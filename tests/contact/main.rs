@@ -15,3 +15,4 @@ mod sensitivity_friction;
 mod shots;
 mod stiff;
 mod surfaces;
+mod user_laws;

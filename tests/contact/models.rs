@@ -2,14 +2,14 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::contacts::BodyInContact;
-use somersault_contact::driver::integrate_hybrid;
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::friction::{CoulombFriction, RegularisedFriction};
-use somersault_contact::hybrid::Frozen;
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::event::EventKind;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::regularised::RegularisedFriction;
 use somersault_contact::models::{FallingBox, ModelError, RollingDisk, TippeTop};
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
+use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::RungeKuttaMuntheKaas4;
 use somersault_integrators::state::{Pose, RigidBodyState};
@@ -27,7 +27,7 @@ fn run_from<'a, M: Stepper<Frozen<&'a System>>>(
     times: (f64, f64),
     dt: f64,
     observer: &mut impl Observer<Pose>,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), observer).unwrap()
@@ -39,11 +39,11 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     run_from(stepper, system, start, (0.0, end), dt, &mut ())
 }
 
-fn kinds(run: &Located<Pose>) -> Vec<EventKind> {
+fn kinds(run: &Located<Pose, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -210,14 +210,17 @@ fn compliant() -> CompliantLaw {
 fn models_refuse_bad_input() {
     let plain = ContactLaw::from(compliant());
     let friction = CoulombFriction::try_new(0.3, 1.0, 1.0).unwrap();
-    let boxed = FallingBox::try_new(1.0, Vector3::new(0.1, -0.1, 0.1), plain);
+    let boxed = FallingBox::try_new(1.0, Vector3::new(0.1, -0.1, 0.1), plain.clone());
     assert!(matches!(boxed, Err(ModelError::Body(_))));
     let block =
         somersault_contact::models::SlidingBlock::try_new(0.0, Vector3::repeat(0.1), compliant(), friction);
     assert!(matches!(block, Err(ModelError::Body(_))));
     let top = |eccentricity, law| TippeTop::try_new(1.0, 0.1, eccentricity, (1.0, 1.0), law).map(|_| ());
     for bad in [0.0, 1.0, -0.1, f64::NAN] {
-        assert!(matches!(top(bad, plain), Err(ModelError::OutOfRange { argument: "eccentricity", .. })));
+        assert!(matches!(
+            top(bad, plain.clone()),
+            Err(ModelError::OutOfRange { argument: "eccentricity", .. })
+        ));
     }
     let disk = disk(100.0);
     for tilt in [0.0, 1.6, f64::NAN] {

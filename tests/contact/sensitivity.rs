@@ -6,8 +6,8 @@ use crate::located_differences::{
 };
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::event::{EventKind, Location};
-use somersault_contact::law::{CompliantLaw, damping_ratio, restitution};
+use somersault_contact::event::EventKind;
+use somersault_contact::laws::compliant::{CompliantLaw, damping_ratio, restitution};
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::sensitivity::{
     Differentiation, FrozenVariational, Parameter, VariedPose, VariedState, differentiate_hybrid,
@@ -19,6 +19,7 @@ use somersault_contact::surface::{
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, TimeGrid};
+use somersault_integrators::events::Location;
 use somersault_integrators::force::{Drag, Gravity, Spring, Wrench};
 use somersault_integrators::methods::{
     AdamsBashforth4, DormandPrince, Heun, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
@@ -43,7 +44,7 @@ fn ball(constants: &bouncing_ball::BouncingBall) -> BouncingBall {
 
 fn ball_parameters() -> [Parameter; 4] {
     let down = Parameter::uniform_acceleration(-Vector3::z());
-    [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Mass, down]
+    [Parameter::normal(0, "stiffness"), Parameter::normal(0, "damping"), Parameter::Mass, down]
 }
 
 #[test]
@@ -96,7 +97,8 @@ fn the_derivative_of_a_central_impact_is_that_of_its_restitution() {
         let contact = Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law).unwrap();
         let body = RigidBody::try_box(mass, Vector3::repeat(0.1)).unwrap();
         let system = BodyInContact::new(body, ((), Contacts::new(vec![contact])));
-        let parameters = [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Mass];
+        let parameters =
+            [Parameter::normal(0, "stiffness"), Parameter::normal(0, "damping"), Parameter::Mass];
         let found = differentiate(&system, &at(0.01, -speed), &parameters, (0.0, 0.2), 1e-4).unwrap();
         let ratio = damping_ratio(e).unwrap();
         assert!((restitution(ratio).unwrap() - e).abs() < 1e-14);
@@ -142,7 +144,13 @@ fn top(damping: f64, k: usize, epsilon: f64) -> (BodyInContact<Gravity>, RigidBo
 
 fn top_parameters() -> [Parameter; 5] {
     let down = Parameter::uniform_acceleration(-Vector3::z());
-    [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Mass, Parameter::InertiaScale, down]
+    [
+        Parameter::normal(0, "stiffness"),
+        Parameter::normal(0, "damping"),
+        Parameter::Mass,
+        Parameter::InertiaScale,
+        down,
+    ]
 }
 
 #[test]
@@ -403,7 +411,7 @@ fn corners(k: usize, epsilon: f64) -> (BodyInContact<Wind>, RigidBodyState) {
 fn the_derivative_on_curved_surfaces_under_forces_is_the_difference_of_located_runs() {
     let drag =
         Parameter::Force(Arc::new(|_, _, x| Wrench { force: -x.velocity(), torque: Vector3::zeros() }));
-    let by = [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Mass, drag];
+    let by = [Parameter::normal(0, "stiffness"), Parameter::normal(0, "damping"), Parameter::Mass, drag];
     let (system, start) = corners(0, 0.0);
     let found = differentiate(&system, &start, &by, (0.0, 0.8), 1e-3).unwrap();
     println!("{:?}", found.run.events.iter().map(|e| (e.t, e.guard, e.kind)).collect::<Vec<_>>());

@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::event::{Interruption, Location};
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::sensitivity::{
     Differentiation, Parameter, SensitivityError, Side, Undifferentiated, differentiate_hybrid,
@@ -12,6 +11,7 @@ use somersault_contact::sensitivity::{
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, TimeGrid};
+use somersault_integrators::events::{Interruption, Location};
 use somersault_integrators::force::{Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
 use somersault_integrators::state::RigidBodyState;
@@ -89,7 +89,7 @@ fn bad_input_is_refused_with_the_start_kept() {
         error.reason
     };
     let start = ball.at(0.5, 0.0);
-    for parameter in [Parameter::Stiffness(1), Parameter::Damping(7)] {
+    for parameter in [Parameter::normal(1, "stiffness"), Parameter::normal(7, "damping")] {
         let error = attempt(&start, Differentiation::by([Parameter::Mass, parameter]));
         assert!(matches!(error, SensitivityError::NoSuchContact { contacts: 1, .. }), "{error}");
     }
@@ -145,7 +145,7 @@ fn methods_parameters_and_steps_that_cannot_be_are_refused() {
         assert_eq!(error, SensitivityError::Method { method: method.info().name });
     }
     assert_eq!((attempt(Method::Rkmk, &[]), attempt(Method::RkmkB, &[])), (Ok(0.5), Ok(0.5)));
-    let error = attempt(Method::Rkmk, &[Parameter::Friction(0)]).unwrap_err();
+    let error = attempt(Method::Rkmk, &[Parameter::friction(0, "coefficient")]).unwrap_err();
     assert_eq!(error, SensitivityError::NoFriction { contact: 0 });
     let adaptive = |method: Method| {
         let (start, by) = (ball.at(0.5, 0.0), Differentiation::default());

@@ -4,9 +4,11 @@ use crate::located_differences::{agrees_with_differences, differentiate};
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
-use somersault_contact::friction::{CoulombFriction, RegularisedFriction, Resistance};
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::regularised::RegularisedFriction;
+use somersault_contact::laws::resistance::Resistance;
 use somersault_contact::models::{RollingDisk, TippeTop};
 use somersault_contact::sensitivity::{Parameter, Sensitivities};
 use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
@@ -54,7 +56,12 @@ fn dragged(k: usize, epsilon: f64) -> (BodyInContact<Driven>, RigidBodyState) {
 
 #[test]
 fn the_derivative_through_stick_and_slip_is_the_difference_of_located_runs() {
-    let by = [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Friction(0), Parameter::Mass];
+    let by = [
+        Parameter::normal(0, "stiffness"),
+        Parameter::normal(0, "damping"),
+        Parameter::friction(0, "coefficient"),
+        Parameter::Mass,
+    ];
     let (system, start) = dragged(0, 0.0);
     let found = differentiate(&system, &start, &by, (0.0, 1.1), 2e-4).unwrap();
     println!("{:?}", found.run.events.iter().map(|e| (e.t, e.kind)).collect::<Vec<_>>());
@@ -85,7 +92,8 @@ fn bowled(k: usize, epsilon: f64) -> (BodyInContact<Gravity>, RigidBodyState) {
 #[test]
 fn the_derivative_of_a_ball_that_comes_to_roll_in_a_bowl_is_the_difference_of_located_runs() {
     let (system, start) = bowled(0, 0.0);
-    let found = differentiate(&system, &start, &[Parameter::Friction(0)], (0.0, 0.5), 2e-4).unwrap();
+    let found =
+        differentiate(&system, &start, &[Parameter::friction(0, "coefficient")], (0.0, 0.5), 2e-4).unwrap();
     let kinds = kinds(&found);
     println!("{kinds:?}");
     assert!([EventKind::TouchDown, EventKind::Slip, EventKind::Stick].iter().all(|k| kinds.contains(k)));
@@ -115,7 +123,8 @@ fn breaking(k: usize, epsilon: f64) -> (BodyInContact<Driven>, RigidBodyState) {
 #[test]
 fn the_derivative_through_a_break_away_is_the_difference_of_located_runs() {
     let (system, start) = breaking(0, 0.0);
-    let found = differentiate(&system, &start, &[Parameter::Friction(0)], (0.0, 0.6), 2e-4).unwrap();
+    let found =
+        differentiate(&system, &start, &[Parameter::friction(0, "coefficient")], (0.0, 0.6), 2e-4).unwrap();
     println!("{:?}", kinds(&found));
     assert!(kinds(&found).contains(&EventKind::Slip));
     agrees_with_differences(&found, breaking, &[1e-5; 13], (0.6, 2e-4), 1e-7);
@@ -149,7 +158,12 @@ fn tumbling(k: usize, epsilon: f64) -> (BodyInContact<Gravity>, RigidBodyState) 
 
 #[test]
 fn the_derivative_with_regularised_friction_is_the_difference_of_located_runs() {
-    let by = [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Friction(0), Parameter::Mass];
+    let by = [
+        Parameter::normal(0, "stiffness"),
+        Parameter::normal(0, "damping"),
+        Parameter::friction(0, "coefficient"),
+        Parameter::Mass,
+    ];
     let (system, start) = tumbling(0, 0.0);
     let found = differentiate(&system, &start, &by, (0.0, 0.6), 2e-4).unwrap();
     assert!((0..4).all(|i| found.run.events.iter().any(|e| e.guard == i)));
@@ -172,7 +186,11 @@ fn disk(k: usize, epsilon: f64) -> (BodyInContact<Gravity>, RigidBodyState) {
 
 #[test]
 fn the_derivative_of_a_disk_on_its_rim_is_the_difference_of_located_runs() {
-    let by = [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Friction(0)];
+    let by = [
+        Parameter::normal(0, "stiffness"),
+        Parameter::normal(0, "damping"),
+        Parameter::friction(0, "coefficient"),
+    ];
     let (system, start) = disk(0, 0.0);
     let found = differentiate(&system, &start, &by, (0.0, 0.8), 2e-4).unwrap();
     println!("{:?}", found.run.events.iter().map(|e| (e.t, e.kind)).collect::<Vec<_>>());
@@ -194,7 +212,12 @@ fn tippe(k: usize, epsilon: f64) -> (BodyInContact<Gravity>, RigidBodyState) {
 
 #[test]
 fn the_derivative_of_a_tippe_top_is_the_difference_of_located_runs() {
-    let by = [Parameter::Stiffness(0), Parameter::Damping(0), Parameter::Friction(0), Parameter::Mass];
+    let by = [
+        Parameter::normal(0, "stiffness"),
+        Parameter::normal(0, "damping"),
+        Parameter::friction(0, "coefficient"),
+        Parameter::Mass,
+    ];
     let (system, start) = tippe(0, 0.0);
     let found = differentiate(&system, &start, &by, (0.0, 0.3), 1e-4).unwrap();
     assert!(kinds(&found).contains(&EventKind::TouchDown));

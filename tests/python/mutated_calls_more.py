@@ -90,7 +90,7 @@ run.sol(0.01)
 run[0]
 contact.Event(0.1, 0, "touch_down", 0.1, state)
 contact.differentiate(
-    body, state, (0.0, 0.05), dt=1e-3, contacts=[touch], parameters=["mass", ("stiffness", 0)]
+    body, state, (0.0, 0.05), dt=1e-3, contacts=[touch], parameters=["mass", ("law.stiffness", 0)]
 )
 somersault.Trajectory(
     body, [0.0, 1.0], np.zeros((2, 3)), np.tile([0, 0, 0, 1.0], (2, 1)), np.zeros((2, 3)), np.zeros((2, 3))

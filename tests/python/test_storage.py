@@ -131,7 +131,7 @@ def test_a_saved_problem_is_the_problem(
 
 def test_sensitivities_can_be_saved(tmp_path: Path) -> None:
     top = contact.spinning_top()
-    for parameters in ([], ["mass", ("stiffness", 0)]):
+    for parameters in ([], ["mass", ("law.stiffness", 0)]):
         run = contact.differentiate(
             top.body,
             top.state,

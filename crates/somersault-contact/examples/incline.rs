@@ -7,15 +7,14 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_located_adaptive;
-use somersault_contact::event::Location;
-use somersault_contact::friction::CoulombFriction;
-use somersault_contact::interface::ContactLaw;
-use somersault_contact::law::CompliantLaw;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::Adaptive;
+use somersault_integrators::events::{Location, integrate_located_adaptive};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::RigidBodyState;
@@ -57,7 +56,7 @@ fn block(
     let law = ContactLaw::from(law).with_friction(friction);
     let ground = Arc::new(HalfSpace::ground());
     let contacts: Result<Vec<_>, _> =
-        points.iter().map(|point| Contact::try_new(*point, ground.clone(), law)).collect();
+        points.iter().map(|point| Contact::try_new(*point, ground.clone(), law.clone())).collect();
     let (sin, cos) = angle.sin_cos();
     let weight = move |t: f64, body: &RigidBody, _: &RigidBodyState| {
         let push = GRAVITY * cos * (1.0 + swing * (7.0 * t).sin());

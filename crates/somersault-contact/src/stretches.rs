@@ -1,6 +1,6 @@
 //! Bodies whose friction has stretches, as a part of the state.
 //!
-//! The friction of [`CoulombFriction`](crate::friction::CoulombFriction) holds by a spring. Its stretch ξ, one
+//! The friction of [`CoulombFriction`](crate::laws::coulomb::CoulombFriction) holds by a spring. Its stretch ξ, one
 //! vector in the plane of contact for each contact, obeys an equation of first order; [`WithStretches`] puts the
 //! stretches beside the rates of the bodies, where every method integrates them to the order that it has for
 //! velocities.
@@ -13,21 +13,21 @@
 
 use crate::error::ContactError;
 use crate::event::EventKind;
-use crate::friction::Friction;
-use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
-use crate::interface::{ContactLaw, ContactMode, Encounter};
+use crate::laws::{ContactLaw, ContactMode, Encounter, FrictionSpring};
 use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
 use nalgebra::{DMatrix, DVector, Vector3};
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{Poses, State};
-use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System, world_acceleration};
+use somersault_integrators::system::{
+    Fault, RateOf, RigidForms, RigidSystem, StateOf, System, world_acceleration,
+};
 
 /// Bodies and their contacts, for [`WithStretches`].
-pub trait Touching: HybridBodies<Mode = Vec<ContactMode>> {
+pub trait Touching: HybridBodies<Mode = Vec<ContactMode>, Kind = EventKind, Fault = SurfaceFault> {
     /// The laws of the contacts, in their order.
     fn laws(&self) -> impl Iterator<Item = &ContactLaw>;
 
@@ -102,7 +102,7 @@ impl<S: Touching> WithStretches<S> {
         let State { configuration, rate } = &mut state;
         self.0.each_encounter(&configuration.0, &rate.base, |i, law, at| {
             let stretch = &mut rate.variables[i];
-            *stretch = if law.guard(at).is_inside() && law.friction.has_stretch() {
+            *stretch = if law.guard(at).is_inside() && law.friction().has_stretch() {
                 *stretch - at.normal * at.normal.dot(stretch)
             } else {
                 Vector3::zeros()
@@ -118,22 +118,18 @@ impl<S: Touching> WithStretches<S> {
         let mut state = self.unstretched(x);
         let (q, p) = (state.configuration.0.clone(), state.rate.base.clone());
         let mut units: Vec<(usize, Vector3<f64>)> = Vec::new();
-        // Stiffness and longest stretch of each contact that holds by a spring.
+        // Spring and normal of each contact that holds by a spring.
         let mut springs = vec![None; state.rate.variables.len()];
         self.0.each_encounter(&q, &p, |i, law, at| {
             if !law.guard(at).is_inside() {
                 return;
             }
             units.push((i, at.normal));
-            match &law.friction {
-                Friction::Coulomb(friction) if friction.stiffness() > 0.0 => {
-                    let first = at.normal.cross(&Vector3::ith(at.normal.iamin(), 1.0)).normalize();
-                    units.extend([(i, first), (i, at.normal.cross(&first))]);
-                    let push = law.normal.force_in_contact(at.gap, at.rate);
-                    let longest = friction.static_coefficient() * push / friction.stiffness();
-                    springs[i] = Some((friction.stiffness(), longest, at.normal));
-                }
-                Friction::None | Friction::Regularised(_) | Friction::Coulomb(_) => {}
+            let push = law.push(at.gap, at.rate);
+            if let Some(spring) = law.friction().law().and_then(|friction| friction.spring(push)) {
+                let first = at.normal.cross(&Vector3::ith(at.normal.iamin(), 1.0)).normalize();
+                units.extend([(i, first), (i, at.normal.cross(&first))]);
+                springs[i] = Some((spring, at.normal));
             }
         });
         let weighed_by = |effort: &dyn Fn(usize, &ContactLaw, &Encounter) -> Wrench| {
@@ -156,12 +152,12 @@ impl<S: Touching> WithStretches<S> {
         let svd = DMatrix::from_columns(&columns).svd(true, true);
         let Ok(forces) = svd.solve(&-load, 1e-12 * svd.singular_values.max()) else { return state };
         for ((i, unit), force) in units.iter().zip(forces.iter()) {
-            if let Some((stiffness, _, _)) = springs[*i] {
+            if let Some((FrictionSpring { stiffness, .. }, _)) = springs[*i] {
                 state.rate.variables[*i] -= unit * (force / stiffness);
             }
         }
         for (stretch, spring) in state.rate.variables.iter_mut().zip(springs) {
-            let Some((_, longest, normal)) = spring else { continue };
+            let Some((FrictionSpring { longest, .. }, normal)) = spring else { continue };
             *stretch -= normal * normal.dot(stretch);
             let length = stretch.norm();
             if length > longest {
@@ -255,9 +251,9 @@ impl<S: Touching> WithStretches<S> {
         AugmentedRate { base, variables }: &mut AugmentedRate<RateOf<S>>,
     ) {
         let effort = |i: usize, law: &ContactLaw, at: &Encounter| {
-            let stretch = &p.variables[i];
-            variables[i] = law.stretch_rate_in(&mode[i], at, stretch);
-            law.effort_in(&mode[i], at, stretch)
+            let (wrench, stretch_rate) = law.response_in(&mode[i], at, &p.variables[i]);
+            variables[i] = stretch_rate;
+            wrench
         };
         self.0.wrenches_by(t, (&q.0, &p.base), effort, base);
     }
@@ -274,10 +270,14 @@ pub(crate) fn reset(before: &[ContactMode], after: &[ContactMode], stretches: &m
 
 impl<S: Touching> System for WithStretches<S> {
     type Configuration = Augmented<S::Configuration>;
+    type Forms = RigidForms;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
     }
 }
 
@@ -303,8 +303,11 @@ impl<S: Touching> RigidSystem for WithStretches<S> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: Touching> Hybrid for WithStretches<S> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
 
     fn check(&self) -> Result<(), IntegrateError> {
@@ -343,7 +346,6 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         out: &mut Vec<Sweep>,
     ) {
         self.0.sweeps(mode, t, h, (&ends.0.base(), &ends.1.base()), out);
-        out.resize(2 * mode.len(), Sweep::UNKNOWN);
     }
 
     fn clear_time(
@@ -361,8 +363,8 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         self.0.examine(guard, &x.base())
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
-        self.0.contact_rate(mode, &x.base())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
+        self.0.stiffest_rate(mode, &x.base())
     }
 
     fn energy(&self, x: &StateOf<Self>) -> Option<Energy> {
@@ -395,7 +397,7 @@ impl<S: Touching> Hybrid for WithStretches<S> {
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
-        self.0.laws().nth(guard).map_or(0.0, |law| law.normal.impulse(h, before, after))
+        self.0.laws().nth(guard).map_or(0.0, |law| law.normal().impulse(h, before, after))
     }
 }
 

@@ -11,10 +11,11 @@
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use somersault_core::lie::so3::angle_between;
 use somersault_dives::{ALLOWED, Body, Dive, DiveProgram, DiveSearch, Range};
-use somersault_integrators::driver::Adaptive;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::driver::{Adaptive, Steps};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
-use somersault_multibody::motion::{TreeMotion, TreeState, TreeSystem};
+use somersault_multibody::motion::{TreeState, TreeSystem};
 use somersault_multibody::{Data, Split};
 use somersault_nlp::{Flow, Sqp};
 use std::error::Error;
@@ -115,15 +116,8 @@ fn check(program: &DiveProgram, z: &[f64]) -> Result<Check, Box<dyn Error>> {
     let start = model.state(&motion.positions[..n_q], &motion.velocities[..n_v])?;
     let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
     let control = Adaptive { max_step: duration / 2000.0, ..Adaptive::with_tolerances(1e-11, 1e-11) };
-    let interval = (0.0, duration);
-    system.integrate_adaptive(
-        Method::Rkmk5,
-        Options::default(),
-        &start,
-        interval,
-        &control,
-        &mut recorder,
-    )?;
+    let steps = Steps::adapted((0.0, duration), control);
+    Run::new(&system, Method::Rkmk5, steps).observed_by(&mut recorder).from(&start)?;
     let solution = recorder.into_solution();
     let orientation = |numbers: &[f64]| {
         UnitQuaternion::new_normalize(Quaternion::new(numbers[6], numbers[3], numbers[4], numbers[5]))

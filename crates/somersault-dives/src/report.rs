@@ -11,13 +11,14 @@ use crate::{DiveError, DiveProgram, PeakTorque};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::cancel::CancellationToken;
 use somersault_core::lie::so3::{angle_between, normalized_xyzw};
-use somersault_integrators::driver::Adaptive;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::driver::{Adaptive, IntegrateError, Steps};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::solution::{Recorder, Solution};
 use somersault_multibody::counting::BodyAngles;
 use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault_multibody::joint_motion::SplineMotion;
-use somersault_multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
+use somersault_multibody::motion::{Coordinates, TreeState, TreeSystem};
 use somersault_multibody::{Data, Split};
 use somersault_ocp::verification::Holds;
 
@@ -209,14 +210,9 @@ impl DiveProgram {
         let interval = (0.0, duration);
         let control = Adaptive { max_step: duration / 40.0, ..Adaptive::with_tolerances(1e-12, 1e-12) };
         let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
-        let end = system.integrate_adaptive(
-            Method::Rkmk8,
-            Options::default(),
-            &start,
-            interval,
-            &control,
-            &mut (&mut recorder, token),
-        )?;
+        let end = Run::new(&system, Method::Rkmk8, Steps::adapted(interval, control))
+            .observed_by(&mut (&mut recorder, token))
+            .from(&start)?;
         if token.is_cancelled() {
             return Err(DiveJudgementError::Interrupted);
         }
@@ -409,15 +405,9 @@ impl DiveProgram {
         let full = TreeSystem::new(model, ()).driven(split, drive).map_err(DiveError::from)?;
         let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-14, 1e-14) };
         let mut recorder = Recorder::new(0.0, &full_start, 1).with_dense_output();
-        let end = full
-            .integrate_adaptive(
-                Method::Rkmk8,
-                Options::default(),
-                &full_start,
-                (0.0, duration),
-                &control,
-                &mut (&mut recorder, token),
-            )?
+        let end = Run::new(&full, Method::Rkmk8, Steps::adapted((0.0, duration), control))
+            .observed_by(&mut (&mut recorder, token))
+            .from(&full_start)?
             .state;
         if token.is_cancelled() {
             return Err(DiveJudgementError::Interrupted);
@@ -513,7 +503,7 @@ pub enum DiveJudgementError {
     Dive(#[from] DiveError),
     /// An integration.
     #[error(transparent)]
-    Motion(#[from] MotionError),
+    Motion(#[from] IntegrateError),
     /// It was not to go on.
     #[error("the integration was interrupted")]
     Interrupted,

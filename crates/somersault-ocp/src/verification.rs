@@ -13,10 +13,12 @@ use crate::shooting::{Drive, Shooting};
 use crate::transcription::Transcription;
 use somersault_core::argument::expect_length;
 use somersault_core::cancel::CancellationToken;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::driver::{IntegrateError, Steps};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
-use somersault_multibody::motion::{MotionError, TreeMotion, TreeSystem};
+use somersault_multibody::motion::TreeSystem;
 use somersault_multibody::{Data, DynamicsError, Model, Split};
 use somersault_nlp::{EvaluationError, Flow, Iteration, NlpSolver, Report, SolverError, Start};
 
@@ -62,7 +64,7 @@ pub enum VerificationError {
     Evaluation(#[from] EvaluationError),
     /// The accurate integration.
     #[error(transparent)]
-    Integration(#[from] MotionError),
+    Integration(#[from] IntegrateError),
     /// The model.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
@@ -252,13 +254,13 @@ impl<'a> Leg<'a> {
             ..Adaptive::default()
         };
         let write = |t: f64, _: &[f64], _: &[f64], out: &mut [f64]| self.drive(t, out);
-        let (method, options) = (Method::Rkmk8, Options::default());
+        let steps = Steps::adapted((from, to), control);
         let end = if self.drive == Drive::Motion {
             let system = TreeSystem::new(self.model, ()).driven(self.split.clone(), write)?;
-            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut token)?
+            Run::new(&system, Method::Rkmk8, steps).observed_by(&mut token).from(&state)?
         } else {
             let system = TreeSystem::new(self.model, write);
-            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut token)?
+            Run::new(&system, Method::Rkmk8, steps).observed_by(&mut token).from(&state)?
         };
         if token.is_cancelled() {
             return Err(VerificationError::Interrupted);

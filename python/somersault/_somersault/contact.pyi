@@ -40,7 +40,7 @@ _Friction: TypeAlias = CoulombFriction | RegularisedFriction
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Parameter: TypeAlias = (
     Literal["mass", "inertia_scale"]
-    | tuple[Literal["stiffness", "damping", "friction"], int]
+    | tuple[str, int]
     | tuple[Literal["acceleration"], ArrayLike]
 )
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]

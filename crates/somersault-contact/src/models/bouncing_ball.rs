@@ -2,7 +2,7 @@
 
 use super::ModelError;
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::law::CompliantLaw;
+use crate::laws::compliant::CompliantLaw;
 use crate::surface::HalfSpace;
 use nalgebra::Vector3;
 use somersault_integrators::body::{BodyError, RigidBody};

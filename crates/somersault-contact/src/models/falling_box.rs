@@ -2,7 +2,7 @@
 
 use super::ModelError;
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::interface::ContactLaw;
+use crate::laws::ContactLaw;
 use crate::surface::HalfSpace;
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_integrators::body::RigidBody;
@@ -28,7 +28,7 @@ impl FallingBox {
         let corner = |i: usize| {
             let sign = |axis: usize| if i >> axis & 1 == 1 { 1.0 } else { -1.0 };
             let point = half_lengths.component_mul(&Vector3::from_fn(|axis, _| sign(axis)));
-            Contact::try_new(point, ground.clone(), law)
+            Contact::try_new(point, ground.clone(), law.clone())
         };
         let corners = (0..8).map(corner).collect::<Result<Vec<_>, _>>()?;
         let system = BodyInContact::new(body, (Gravity::earth(), Contacts::new(corners)));

@@ -2,9 +2,9 @@
 
 use super::{ModelError, between};
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::friction::CoulombFriction;
-use crate::interface::ContactLaw;
-use crate::law::CompliantLaw;
+use crate::laws::ContactLaw;
+use crate::laws::compliant::CompliantLaw;
+use crate::laws::coulomb::CoulombFriction;
 use crate::surface::HalfSpace;
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_integrators::body::RigidBody;

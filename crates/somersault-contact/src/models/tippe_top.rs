@@ -2,7 +2,7 @@
 
 use super::{ModelError, between};
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::interface::ContactLaw;
+use crate::laws::ContactLaw;
 use crate::surface::HalfSpace;
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_integrators::body::RigidBody;

@@ -17,7 +17,7 @@
 //! | rim | n · δC − ρ δ‖d‖ | δφ × R c + ρ δ(d/‖d‖) |
 
 use crate::contacts::Contact;
-use crate::interface::Encounter;
+use crate::laws::Encounter;
 use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
 use somersault_integrators::body::RigidBody;
@@ -54,7 +54,7 @@ impl<'a> Linearization<'a> {
             Shape::Rim { axis, .. } => x.orientation() * axis.as_ref(),
             Shape::Point(_) | Shape::Ball { .. } => Vector3::zeros(),
         };
-        let bends = contact.law().friction.has_stretch() && contact.surface().as_half_space().is_none();
+        let bends = contact.law().friction().has_stretch() && contact.surface().as_half_space().is_none();
         let place = x.position() + centre;
         Self {
             contact,
@@ -150,9 +150,9 @@ impl<'a> Linearization<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::friction::CoulombFriction;
-    use crate::interface::ContactLaw;
-    use crate::law::CompliantLaw;
+    use crate::laws::ContactLaw;
+    use crate::laws::compliant::CompliantLaw;
+    use crate::laws::coulomb::CoulombFriction;
     use crate::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface};
     use somersault_core::lie::so3;
     use std::sync::Arc;
@@ -169,9 +169,9 @@ mod tests {
             CylindricalSurface::try_new(Vector3::new(0.0, 0.0, -1.0), axis, 1.0, Solid::Inside).unwrap();
         let point = Vector3::new(0.1, -0.2, -0.3);
         let contacts = [
-            Contact::try_new(point, bowl.clone(), law).unwrap(),
-            Contact::try_ball(point, 0.15, bowl, law).unwrap(),
-            Contact::try_ball(point, 0.15, Arc::new(log), law).unwrap(),
+            Contact::try_new(point, bowl.clone(), law.clone()).unwrap(),
+            Contact::try_ball(point, 0.15, bowl, law.clone()).unwrap(),
+            Contact::try_ball(point, 0.15, Arc::new(log), law.clone()).unwrap(),
             Contact::try_rim(point, Vector3::new(0.3, 1.0, 0.2), 0.25, plane, law).unwrap(),
         ];
         let x = RigidBodyState::new(

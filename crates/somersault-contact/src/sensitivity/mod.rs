@@ -24,14 +24,14 @@
 //! says in a [`Side`] whose one-sided derivatives the columns are. [`Differentiation::grazing`] is the bound.
 //!
 //! ```
-//! use somersault_contact::event::Location;
 //! use somersault_contact::models::SpinningTop;
 //! use somersault_contact::sensitivity::{Differentiation, Parameter, differentiate_located};
 //! use somersault_integrators::driver::TimeGrid;
+//! use somersault_integrators::events::Location;
 //! use somersault_integrators::methods::{Method, Options};
 //!
 //! let top = SpinningTop::thesis()?;
-//! let by = Differentiation::by([Parameter::Stiffness(0), Parameter::Mass]);
+//! let by = Differentiation::by([Parameter::normal(0, "stiffness"), Parameter::Mass]);
 //! let (grid, location) = (TimeGrid::try_new(0.0, 0.1, 1e-4)?, Location::default());
 //! let (method, options) = (Method::Rkmk, Options::default());
 //! let found =
@@ -51,7 +51,6 @@
 
 mod contact;
 mod grazing;
-mod law;
 mod outcome;
 mod parameter;
 mod run;

@@ -1,9 +1,11 @@
 //! What a motion is differentiated by.
 
+use crate::laws::LawParameter;
 use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::RigidBodyState;
+use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
@@ -14,12 +16,12 @@ pub type WrenchDerivative = dyn Fn(f64, &RigidBody, &RigidBodyState) -> Wrench +
 #[derive(Clone)]
 #[non_exhaustive]
 pub enum Parameter {
-    /// The stiffness of a contact's normal law: k, N/m or N/m^{3/2}.
-    Stiffness(usize),
-    /// The damping of a contact's normal law: c, N s/m, or α, s/m.
-    Damping(usize),
-    /// μ of a contact, in whose proportion a static coefficient changes.
-    Friction(usize),
+    /// A constant of the normal law of a contact, by one of the names that the law gives them
+    /// ([`NormalLaw::parameters`](crate::laws::NormalLaw::parameters)): `stiffness` or `damping`.
+    Normal(usize, Cow<'static, str>),
+    /// The same of its friction law ([`FrictionLaw::parameters`](crate::laws::FrictionLaw::parameters)):
+    /// `coefficient`, in whose proportion a static coefficient changes, `damping`, `stiffness` or `speed`.
+    Friction(usize, Cow<'static, str>),
     /// The mass, kg, with the inertia kept.
     Mass,
     /// A factor on the inertia, at 1, with the mass kept. A body of other density has m times the column of
@@ -30,6 +32,16 @@ pub enum Parameter {
 }
 
 impl Parameter {
+    /// A constant of the normal law of a contact.
+    pub fn normal(contact: usize, name: impl Into<Cow<'static, str>>) -> Self {
+        Self::Normal(contact, name.into())
+    }
+
+    /// A constant of the friction law of a contact.
+    pub fn friction(contact: usize, name: impl Into<Cow<'static, str>>) -> Self {
+        Self::Friction(contact, name.into())
+    }
+
     /// A uniform acceleration in units of `direction` (m/s²): with a unit vector, a component of gravity.
     pub fn uniform_acceleration(direction: Vector3<f64>) -> Self {
         Self::Force(Arc::new(move |_, body, _| Wrench {
@@ -37,21 +49,28 @@ impl Parameter {
             torque: Vector3::zeros(),
         }))
     }
+}
 
-    pub(super) fn contact(&self) -> Option<usize> {
-        match self {
-            Self::Stiffness(contact) | Self::Damping(contact) | Self::Friction(contact) => Some(*contact),
-            Self::Mass | Self::InertiaScale | Self::Force(_) => None,
-        }
+/// A parameter, with the contact and the place among its laws' parameters where it is one of those.
+#[derive(Debug)]
+pub(super) struct FoundParameter<'a> {
+    pub(super) parameter: &'a Parameter,
+    pub(super) of_law: Option<(usize, LawParameter)>,
+}
+
+impl FoundParameter<'_> {
+    /// The parameter of the laws of a contact that it is, if it is one.
+    #[inline]
+    pub(super) fn of_contact(&self, contact: usize) -> Option<LawParameter> {
+        self.of_law.and_then(|(of, place)| (of == contact).then_some(place))
     }
 }
 
 impl fmt::Debug for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Stiffness(contact) => write!(f, "Stiffness({contact})"),
-            Self::Damping(contact) => write!(f, "Damping({contact})"),
-            Self::Friction(contact) => write!(f, "Friction({contact})"),
+            Self::Normal(contact, name) => write!(f, "Normal({contact}, {name:?})"),
+            Self::Friction(contact, name) => write!(f, "Friction({contact}, {name:?})"),
             Self::Mass => write!(f, "Mass"),
             Self::InertiaScale => write!(f, "InertiaScale"),
             Self::Force(_) => write!(f, "Force"),

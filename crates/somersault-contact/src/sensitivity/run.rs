@@ -1,27 +1,24 @@
 //! Integrating state and columns together.
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
-use super::parameter::{Differentiation, Parameter};
-use super::system::{
-    FromBodyAxes, FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes,
-};
-use crate::contacts::BodyInContact;
-use crate::driver::{
-    LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
-    integrate_hybrid_form_adaptive,
-};
-use crate::event::{Interruption, Located, Location};
-use crate::friction::Friction;
-use crate::hybrid::Frozen;
+use super::parameter::{Differentiation, FoundParameter, Parameter};
+use super::system::{FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState};
+use crate::contacts::{BodyInContact, Contact, Contacts};
+use crate::laws::LawParameter;
 use crate::stretches::WithStretches;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Located, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
+    integrate_hybrid_form, integrate_hybrid_form_adaptive,
+};
 use somersault_integrators::force::ForceModel;
-use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method, Options};
+use somersault_integrators::methods::{Method, Options, Visitor};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
+use somersault_integrators::system::Form;
 use somersault_integrators::variation::Tangent;
 
 /// The outcome of a run with sensitivities.
@@ -33,7 +30,7 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 /// The method must be one for any system, in the variables of the world or of the body. The observer sees every
 /// committed step with its columns: the twelve of the initial state, then the parameters.
 ///
-/// Errors keep the solution: those of [`integrate_located`](crate::driver::integrate_located), which also
+/// Errors keep the solution: those of [`integrate_located`](somersault_integrators::events::integrate_located), which also
 /// end runs whose columns stop being finite, a parameter of a contact or of friction that there is not, a
 /// start on a surface, and grazing.
 ///
@@ -54,7 +51,9 @@ where
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
     let task = Task { system, initial, differentiation, interval, location, observer };
-    task.run(method.info().name, |run| method.visit_frames(options, Fixed { run, grid }))
+    task.run(method.info().name, |run| {
+        method.visit_frames(options, run.frozen, InBodyAxes(run.frozen), Fixed { run, grid })
+    })
 }
 
 /// The same with steps adapted to tolerances, by a method that estimates its error; see [`differentiate_located`].
@@ -77,10 +76,11 @@ where
     let task = Task { system, initial, differentiation, interval, location, observer };
     if method.info().embedded.is_none() {
         let error = IntegrateError::NoErrorEstimate { method: method.info().name };
-        return Err(refused(Interruption::from(error).into(), interval.0, &task.unstretched()));
+        return Err(refused(SensitivityError::Run(error.into()), interval.0, &task.unstretched()));
     }
     task.run(method.info().name, |run| {
-        method.visit_embedded_frames(options, Adapted { run, interval, settings })
+        let adapted = Adapted { run, interval, settings };
+        method.visit_frames(options, adapted.run.frozen, InBodyAxes(adapted.run.frozen), adapted)?
     })
 }
 
@@ -159,7 +159,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         self,
         stepper: &M,
         grid: &TimeGrid,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         integrate_hybrid(frozen, stepper, start, grid, location, &mut Watching { frozen, observer })
     }
@@ -169,7 +169,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         stepper: &M,
         interval: (f64, f64),
         settings: &Adaptive,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         let mut watching = Watching { frozen, observer };
         integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, &mut watching)
@@ -182,49 +182,39 @@ struct Fixed<'a, 'b, F: ForceModel> {
     grid: &'b TimeGrid,
 }
 
-impl<'a, 'b, F> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Fixed<'a, 'b, F>
-where
-    F: ForceModel,
-{
-    type Output = LocatedResult<VariedPose>;
+impl<'a, F: ForceModel> Visitor<VariedPose> for Fixed<'a, '_, F> {
+    type Output = LocatedResult<Variational<'a, F>>;
 
-    fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        self.run.fixed(&stepper, self.grid)
-    }
-
-    fn body<M: Stepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
         let mut watching = Watching { frozen, observer };
-        let axes = InBodyAxes(frozen);
-        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let encode = |x: &_| form.encode(x);
+        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
         integrate_hybrid_form(frozen, form, &stepper, start, self.grid, location, &mut watching)
     }
 }
 
-/// Steps adapted to tolerances.
+/// Steps adapted to tolerances; none by a method that does not estimate its error.
 struct Adapted<'a, 'b, F: ForceModel> {
     run: Begun<'a, 'b, F>,
     interval: (f64, f64),
     settings: &'b Adaptive,
 }
 
-impl<'a, 'b, F> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Adapted<'a, 'b, F>
-where
-    F: ForceModel,
-{
-    type Output = LocatedResult<VariedPose>;
+impl<'a, F: ForceModel> Visitor<VariedPose> for Adapted<'a, '_, F> {
+    type Output = Option<LocatedResult<Variational<'a, F>>>;
 
-    fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        self.run.adapted(&stepper, self.interval, self.settings)
+    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, _: B, _: M) -> Self::Output {
+        None
     }
 
-    fn body<M: EmbeddedStepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+    fn visit_embedded<B: Form<VariedPose>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
         let mut watching = Watching { frozen, observer };
-        let axes = InBodyAxes(frozen);
-        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let encode = |x: &_| form.encode(x);
+        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
         let steps = (self.interval, self.settings);
-        integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching)
+        Some(integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching))
     }
 }
 
@@ -238,7 +228,7 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
     fn run(
         self,
         method: &'static str,
-        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<VariedPose>>,
+        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<Variational<'a, F>>>,
     ) -> SensitivityResult {
         let Self { system, differentiation, interval, location, .. } = self;
         let unstretched = self.unstretched();
@@ -246,6 +236,10 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
         if let Some(reason) = refusal(system, differentiation, self.initial) {
             return refuse(reason);
         }
+        let parameters = match find(&differentiation.parameters, &system.forces.1) {
+            Ok(parameters) => parameters,
+            Err(reason) => return refuse(reason),
+        };
         let system = WithStretches(system);
         let start = if differentiation.stretches.is_empty() {
             unstretched.clone()
@@ -256,7 +250,8 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
             }
         };
         let duration = interval.1 - interval.0;
-        let variational = Variational::new(system, differentiation, duration, location.keep_events);
+        let grazing = differentiation.grazing;
+        let variational = Variational::new(system, parameters, grazing, duration, location.keep_events);
         let frozen = Frozen::new(variational, interval.0, &start);
         let begun = Begun { frozen: &frozen, start: &start, location, observer: self.observer };
         let Some(run) = integrate(begun) else { return refuse(SensitivityError::Method { method }) };
@@ -294,21 +289,53 @@ fn refusal<F: ForceModel>(
     initial: &RigidBodyState,
 ) -> Option<SensitivityError> {
     if let Err(error) = expect_positive("grazing", differentiation.grazing) {
-        return Some(Interruption::from(IntegrateError::from(error)).into());
+        return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
     let contacts = &system.forces.1;
-    for parameter in &differentiation.parameters {
-        let Some(found) = parameter.contact() else { continue };
-        let Some(contact) = contacts.get(found) else {
-            return Some(SensitivityError::NoSuchContact { found, contacts: contacts.len() });
-        };
-        if matches!(parameter, Parameter::Friction(_)) && contact.law().friction == Friction::None {
-            return Some(SensitivityError::NoFriction { contact: found });
-        }
+    let without = |(contact, at): (usize, &Contact)| {
+        let law = at.law().without_derivative(&at.encounter(&system.body, initial))?;
+        Some(SensitivityError::NoDerivative { contact, law })
+    };
+    if let Some(reason) = contacts.iter().enumerate().find_map(without) {
+        return Some(reason);
     }
     contacts.iter().enumerate().find_map(|(guard, contact)| {
         let at = contact.encounter(&system.body, initial);
-        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().normal.jumps())
+        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().normal().jumps())
             .then_some(SensitivityError::StartOnSurface { guard })
     })
+}
+
+/// Finds the parameters of laws among those that the laws name.
+fn find<'a>(
+    parameters: &'a [Parameter],
+    contacts: &Contacts,
+) -> Result<Vec<FoundParameter<'a>>, SensitivityError> {
+    let law_of = |found: usize| match contacts.get(found) {
+        Some(contact) => Ok(contact.law()),
+        None => Err(SensitivityError::NoSuchContact { found, contacts: contacts.len() }),
+    };
+    let place = |contact, law, allowed: &'static [&'static str], name: &str| {
+        let found = || name.to_string();
+        let missing = || SensitivityError::NoSuchParameter { contact, law, found: found(), allowed };
+        allowed.iter().position(|allowed| *allowed == name).ok_or_else(missing)
+    };
+    let find = |parameter: &'a Parameter| {
+        let of_law = match parameter {
+            Parameter::Normal(contact, name) => {
+                let law = law_of(*contact)?.normal();
+                let place = place(*contact, law.type_name(), law.parameters(), name)?;
+                Some((*contact, LawParameter::Normal(place)))
+            }
+            Parameter::Friction(contact, name) => {
+                let none = SensitivityError::NoFriction { contact: *contact };
+                let law = law_of(*contact)?.friction().law().ok_or(none)?;
+                let place = place(*contact, law.type_name(), law.parameters(), name)?;
+                Some((*contact, LawParameter::Friction(place)))
+            }
+            Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) => None,
+        };
+        Ok(FoundParameter { parameter, of_law })
+    };
+    parameters.iter().map(find).collect()
 }

@@ -3,22 +3,19 @@
 
 use super::contact::Linearization;
 use super::grazing::{Grazing, Side};
-use super::law::{Changes, LawChange, is_open};
-use super::parameter::{Differentiation, Parameter};
+use super::parameter::{FoundParameter, Parameter};
 use crate::contacts::{BodyInContact, Contacts};
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Frozen, Guard, Hybrid};
-use crate::interface::{ContactLaw, ContactMode, Encounter};
-use crate::step_curve::StepCurve;
+use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter};
 use crate::stretches::{Touching, WithStretches, reset};
 use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
 use nalgebra::Vector3;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Frozen, Guard, Hybrid, StepCurve, Sweep};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
-use somersault_integrators::system::{Decoder, System, world_acceleration};
+use somersault_integrators::system::{Decoder, Form, OneForm, System, world_acceleration};
 use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
 use std::cell::RefCell;
 
@@ -49,7 +46,7 @@ pub(super) struct Log {
 #[derive(Debug)]
 pub struct Variational<'a, F> {
     system: WithStretches<&'a BodyInContact<F>>,
-    parameters: &'a [Parameter],
+    parameters: Vec<FoundParameter<'a>>,
     /// The part of the way of a point up to which it grazes.
     grazing: f64,
     /// Length of the interval.
@@ -64,12 +61,12 @@ pub type FrozenVariational<'a, F> = Frozen<Variational<'a, F>>;
 impl<'a, F: ForceModel> Variational<'a, F> {
     pub(super) fn new(
         system: WithStretches<&'a BodyInContact<F>>,
-        differentiation: &'a Differentiation,
+        parameters: Vec<FoundParameter<'a>>,
+        grazing: f64,
         duration: f64,
         keep_events: bool,
     ) -> Self {
-        let grazing = differentiation.grazing.max(f64::EPSILON.sqrt());
-        let parameters = &differentiation.parameters;
+        let grazing = grazing.max(f64::EPSILON.sqrt());
         Self { system, parameters, grazing, duration, keep_events, log: RefCell::default() }
     }
 
@@ -79,7 +76,10 @@ impl<'a, F: ForceModel> Variational<'a, F> {
     }
 
     /// The columns of a state, each with the parameter it belongs to.
-    fn columns(&self, x: &VariedState) -> impl Iterator<Item = (Tangent<Twist>, Option<&Parameter>)> {
+    fn columns(
+        &self,
+        x: &VariedState,
+    ) -> impl Iterator<Item = (Tangent<Twist>, Option<&FoundParameter<'a>>)> {
         let plain = x.rate.columns.len() - self.parameters.len();
         let parameters = std::iter::repeat_n(None, plain).chain(self.parameters.iter().map(Some));
         x.columns().zip(parameters)
@@ -112,7 +112,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
     pub(super) fn watch(&self, (t, before): (f64, &VariedState), (t_after, after): (f64, &VariedState)) {
         let (body, h) = (&self.system.0.body, t_after - t);
         let (x, x_after) = (before.body(), after.body());
-        for (guard, contact) in self.contacts().iter().enumerate().filter(|(_, c)| c.law().normal.jumps()) {
+        for (guard, contact) in self.contacts().iter().enumerate().filter(|(_, c)| c.law().normal().jumps()) {
             let (a, b) = (contact.encounter(body, &x), contact.encounter(body, &x_after));
             if a.gap < 0.0 || b.gap < 0.0 || a.rate > 0.0 || b.rate < 0.0 {
                 continue;
@@ -144,27 +144,28 @@ impl<'a, F: ForceModel> Variational<'a, F> {
         let flow = Tangent { displacement: base.rate, rate: *acceleration };
         let flowing = at.along(&flow).at;
         let stretching = law.stretch_rate_in(modes.0, &at.at, &stretch);
-        let margin_change = |change: &Encounter, law_change, stretch_change: &Vector3<f64>| {
-            let by = Changes { at: change, law: law_change, stretch: stretch_change };
-            law.margin_change(modes, &at.at, &stretch, &by)
+        let margin_change = |change: &Encounter, parameter, stretch_change: &Vector3<f64>| {
+            let along = ContactChange { at: change, stretch: stretch_change, parameter };
+            law.margin_derivative(modes, &at.at, &stretch, &along)
         };
-        let rate = margin_change(&flowing, LawChange::default(), &stretching);
+        let rate = margin_change(&flowing, None, &stretching);
         let times: Vec<f64> = self
             .columns(x)
             .enumerate()
             .map(|(k, (column, parameter))| {
                 let change = &x.rate.columns[k].variables[contact];
-                -margin_change(&at.along(&column).at, law_change(parameter, contact), change) / rate
+                let parameter = parameter.and_then(|parameter| parameter.of_contact(contact));
+                -margin_change(&at.along(&column).at, parameter, change) / rate
             })
             .collect();
-        let begins = is_open(modes.0) && at.at.rate <= 0.0;
+        let begins = modes.0.is_open() && at.at.rate <= 0.0;
         let (jump, stretching_jump) = law.jump(modes, &at.at, &stretch);
-        if begins && law.normal.jumps() && (flowing.rate > 0.0 || rate == 0.0) {
+        if begins && law.normal().jumps() && (flowing.rate > 0.0 || rate == 0.0) {
             let gap = if rate == 0.0 { 0.0 } else { -0.5 * rate * rate / flowing.rate };
             let bound = self.bound(at.velocity().norm(), flowing.rate);
             self.note(Grazing { t, guard: contact, gap, bound, side: Side::Touching });
         }
-        let resets = is_open(modes.0) || is_open(modes.1);
+        let resets = modes.0.is_open() || modes.1.is_open();
         let jump = derivative.by_wrench(&at.wrench(&jump));
         for (column, &time) in x.rate.columns.iter_mut().zip(&times) {
             let change = &mut column.variables[contact];
@@ -188,6 +189,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
 
 impl<F: ForceModel> System for Variational<'_, F> {
     type Configuration = VariedPose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
 
@@ -203,8 +205,11 @@ impl<F: ForceModel> System for Variational<'_, F> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<F: ForceModel> Hybrid for Variational<'_, F> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
 
     fn check(&self) -> Result<(), IntegrateError> {
@@ -242,7 +247,6 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         out: &mut Vec<Sweep>,
     ) {
         self.system.0.sweeps(mode, t, h, (&ends.0.body(), &ends.1.body()), out);
-        out.resize(2 * mode.len(), Sweep::UNKNOWN);
     }
 
     fn clear_time(
@@ -260,8 +264,8 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         self.system.0.examine(guard, &x.body())
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
-        self.system.0.contact_rate(mode, &x.body())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
+        self.system.0.stiffest_rate(mode, &x.body())
     }
 
     fn energy(&self, x: &VariedState) -> Option<Energy> {
@@ -285,50 +289,38 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         out.base.base = world_acceleration(body, &base, &wrench);
         for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
             let mut sum = smooth.wrench_variation(t, body, &base, &column);
-            match parameter {
+            match parameter.map(|found| found.parameter) {
                 Some(Parameter::Mass) => sum = sum + smooth.mass_derivative(t, body, &base),
                 Some(Parameter::Force(derivative)) => sum = sum + derivative(t, body, &base),
-                Some(
-                    Parameter::Stiffness(_)
-                    | Parameter::Damping(_)
-                    | Parameter::Friction(_)
-                    | Parameter::InertiaScale,
-                )
-                | None => {}
+                Some(Parameter::Normal(..) | Parameter::Friction(..) | Parameter::InertiaScale) | None => {}
             }
             change.base = Twist { linear: sum.force, angular: sum.torque };
             change.variables.fill(Vector3::zeros());
         }
-        for (i, mode) in mode.iter().enumerate().filter(|(_, mode)| !is_open(mode)) {
+        for (i, mode) in mode.iter().enumerate().filter(|(_, mode)| !mode.is_open()) {
             let (at, stretch) = (Linearization::new(&contacts[i], body, &base), &stretches[i]);
             let law = at.contact.law();
             let effort = law.effort_in(mode, &at.at, stretch);
             let columns = self.columns(x).zip(&x.rate.columns).zip(&mut out.columns);
             for (((column, parameter), carried), change) in columns {
                 let moved = at.along(&column);
-                let by =
-                    Changes { at: &moved.at, law: law_change(parameter, i), stretch: &carried.variables[i] };
-                let effort_change = law.effort_change(mode, &at.at, stretch, &by);
+                let parameter = parameter.and_then(|parameter| parameter.of_contact(i));
+                let along = ContactChange { at: &moved.at, stretch: &carried.variables[i], parameter };
+                let (effort_change, stretch_rate) = law.derivative_in(mode, &at.at, stretch, &along);
                 change.base.axpy(1.0, &at.wrench_change(&moved, &effort, &effort_change));
-                change.variables[i] = law.stretch_rate_change(mode, &at.at, stretch, &by);
+                change.variables[i] = stretch_rate;
             }
         }
         let acceleration = out.base.base;
         let derivative = AccelerationDerivative::new(body, &base, &wrench, &acceleration);
         for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
             change.base = derivative.along(&column, &change.base);
-            match parameter {
+            match parameter.map(|found| found.parameter) {
                 Some(Parameter::Mass) => change.base.linear -= acceleration.linear / body.mass(),
                 Some(Parameter::InertiaScale) => {
                     change.base.angular -= derivative.by_wrench(&wrench).angular;
                 }
-                Some(
-                    Parameter::Stiffness(_)
-                    | Parameter::Damping(_)
-                    | Parameter::Friction(_)
-                    | Parameter::Force(_),
-                )
-                | None => {}
+                Some(Parameter::Normal(..) | Parameter::Friction(..) | Parameter::Force(_)) | None => {}
             }
         }
     }
@@ -373,14 +365,19 @@ impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
     }
 }
 
-/// The state with its base in body axes.
-pub(super) fn in_body_axes(x: &VariedState) -> State<BodyVariedPose> {
-    State {
-        configuration: Varied {
-            base: Augmented(InBody(x.configuration.base.0)),
-            columns: x.configuration.columns.clone(),
-        },
-        rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+impl<F: ForceModel> Form<VariedPose> for InBodyAxes<'_, '_, F> {
+    type Decoder = FromBodyAxes;
+    fn encode(&self, x: &VariedState) -> State<BodyVariedPose> {
+        State {
+            configuration: Varied {
+                base: Augmented(InBody(x.configuration.base.0)),
+                columns: x.configuration.columns.clone(),
+            },
+            rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+        }
+    }
+    fn decoder(&self) -> FromBodyAxes {
+        FromBodyAxes
     }
 }
 
@@ -397,6 +394,7 @@ fn rate_in_body_axes(
 
 impl<F: ForceModel> System for InBodyAxes<'_, '_, F> {
     type Configuration = BodyVariedPose;
+    type Forms = OneForm;
     type Workspace = Option<(VariedState, VariedRate)>;
     fn workspace(&self) -> Self::Workspace {
         None
@@ -447,24 +445,4 @@ impl<F: ForceModel> System for InBodyAxes<'_, '_, F> {
         out.base.variables.copy_from_slice(&slope.base.variables);
         out.columns.assign(&slope.columns);
     }
-}
-
-/// What a parameter changes in the law of contact `i`.
-fn law_change(parameter: Option<&Parameter>, i: usize) -> LawChange {
-    let mut change = LawChange::default();
-    match parameter {
-        Some(&Parameter::Stiffness(contact)) if contact == i => change.stiffness = 1.0,
-        Some(&Parameter::Damping(contact)) if contact == i => change.damping = 1.0,
-        Some(&Parameter::Friction(contact)) if contact == i => change.friction = 1.0,
-        Some(
-            Parameter::Stiffness(_)
-            | Parameter::Damping(_)
-            | Parameter::Friction(_)
-            | Parameter::Mass
-            | Parameter::InertiaScale
-            | Parameter::Force(_),
-        )
-        | None => {}
-    }
-    change
 }

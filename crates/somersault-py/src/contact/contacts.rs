@@ -1,6 +1,8 @@
 //! Contacts of bodies with surfaces and with each other.
 
-use crate::contact::law::{Resistance, friction_law, laws, normal_law, parts, resistance_law};
+use crate::contact::laws::{
+    Resistance, friction_law, laws, normal_law, normal_law_repr, parts, resistance_law,
+};
 use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, sequence, vector, vector_array, vector_or};
@@ -11,7 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::bodies::{self, BodyContacts, BodySphere};
 use somersault::contact::contacts::{self, Contacts};
-use somersault::contact::interface::ContactLaw;
+use somersault::contact::laws::ContactLaw;
 use somersault::contact::shape::Shape;
 use somersault::contact::surface;
 use somersault::integrators::body::RigidBody;
@@ -228,7 +230,7 @@ impl Contact {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (surface, law) = (self.surface.bind(py).repr()?, self.law(py)?.repr()?);
+        let (surface, law) = (self.surface.bind(py).repr()?, normal_law_repr(py, self.contact.law())?);
         Ok(format!("Contact({:?}, {surface}, {law})", self.contact.shape().centre().as_slice()))
     }
 
@@ -276,7 +278,7 @@ impl Contact {
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.
 #[pyclass(frozen, from_py_object, module = "somersault.contact")]
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(crate) struct SpherePair {
     pair: bodies::SpherePair,
     bodies: [usize; 2],
@@ -301,7 +303,7 @@ impl SpherePair {
         let centers = [center(0)?, center(1)?];
         let sphere = |i: usize| BodySphere::try_new(bodies[i], centers[i], radii[i]);
         let law = laws(law, friction, resistance)?;
-        let pair = bodies::SpherePair::try_new(sphere(0)?, sphere(1)?, law)?;
+        let pair = bodies::SpherePair::try_new(sphere(0)?, sphere(1)?, law.clone())?;
         Ok(Self { pair, bodies, radii, centers, law })
     }
 

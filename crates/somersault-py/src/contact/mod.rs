@@ -1,7 +1,7 @@
 //! Contact of bodies with surfaces and with each other.
 
 pub(crate) mod contacts;
-pub(crate) mod law;
+pub(crate) mod laws;
 pub(crate) mod sensitivity;
 pub(crate) mod surface;
 pub(crate) mod system;
@@ -12,7 +12,7 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::contact::contacts::{Contact, SpherePair};
     #[pymodule_export]
-    use crate::contact::law::{
+    use crate::contact::laws::{
         CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
         restitution,
     };

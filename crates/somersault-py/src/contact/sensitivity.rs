@@ -10,19 +10,20 @@ use crate::integrators::forces::Reader;
 use crate::integrators::integrate::stretched;
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
-use crate::integrators::plan::{Plan, StepArguments, Steps};
+use crate::integrators::plan::{Plan, StepArguments};
 use crate::multibody::kinematics::write;
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
     self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
     differentiate_located_adaptive,
 };
 use somersault::contact::stretches::WithStretches;
+use somersault::integrators::driver::Steps;
+use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
 
@@ -123,12 +124,13 @@ fn parameter(value: &Bound<'_, PyAny>) -> Result<Parameter, Error> {
             _ => None,
         }
     } else if let Ok((name, of)) = value.extract::<(String, Bound<'_, PyAny>)>() {
-        match (name.as_str(), of.extract::<usize>()) {
-            ("stiffness", Ok(contact)) => Some(Parameter::Stiffness(contact)),
-            ("damping", Ok(contact)) => Some(Parameter::Damping(contact)),
-            ("friction", Ok(contact)) => Some(Parameter::Friction(contact)),
-            ("acceleration", _) => Some(Parameter::uniform_acceleration(vector("parameters", &of)?)),
-            (_, _) => None,
+        match (name.split_once('.'), of.extract::<usize>()) {
+            (Some(("law", name)), Ok(contact)) => Some(Parameter::normal(contact, name.to_string())),
+            (Some(("friction", name)), Ok(contact)) => Some(Parameter::friction(contact, name.to_string())),
+            (None, _) if name == "acceleration" => {
+                Some(Parameter::uniform_acceleration(vector("parameters", &of)?))
+            }
+            (Some(_) | None, _) => None,
         }
     } else {
         None
@@ -136,7 +138,7 @@ fn parameter(value: &Bound<'_, PyAny>) -> Result<Parameter, Error> {
     match parameter {
         Some(parameter) => Ok(parameter),
         None => Err(Error::input(format!(
-            "`parameters` must hold 'mass', 'inertia_scale', ('stiffness', contact), ('damping', contact), ('friction', contact) or ('acceleration', direction), found {}",
+            "`parameters` must hold 'mass', 'inertia_scale', ('law.NAME', contact), ('friction.NAME', contact) or ('acceleration', direction), found {}",
             value.repr()?
         ))),
     }
@@ -183,8 +185,10 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 ///     What acts on the body besides, as in `somersault.integrate`.
 /// parameters : sequence, optional
 ///     What to differentiate by: ``'mass'`` with the inertia kept, ``'inertia_scale'``, a factor on the inertia,
-///     ``('stiffness', i)``, ``('damping', i)`` and ``('friction', i)`` of contact i, and
-///     ``('acceleration', direction)``, the strength of a uniform acceleration, m/s².
+///     ``('law.stiffness', i)`` and the like, a constant of the law of contact i or of its friction, as the objects
+///     have them: ``law.stiffness``, ``law.damping``, ``friction.coefficient``, in whose proportion a static one
+///     changes, ``friction.stiffness``, ``friction.damping`` and ``friction.speed``; and ``('acceleration', direction)``,
+///     the strength of a uniform acceleration, m/s².
 /// grazing : float, optional
 ///     Size of the least gap up to which a surface is grazed, touched or missed, and there is no derivative: in
 ///     parts of the way ‖u‖ T + ½ |Δẍ| T² that the point of contact covers in the interval T. The square root of
@@ -214,7 +218,7 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 /// >>> top = contact.spinning_top()
 /// >>> found = contact.differentiate(
 /// ...     top.body, top.state, (0.0, 0.1), dt=1e-4, contacts=top.contacts, forces=top.forces,
-/// ...     parameters=["mass", ("stiffness", 0)],
+/// ...     parameters=["mass", ("law.stiffness", 0)],
 /// ... )
 /// >>> found.by_state.shape, found.by_parameters.shape
 /// ((12, 12), (12, 2))
@@ -260,7 +264,6 @@ pub(crate) fn differentiate(
         method,
         options,
         steps,
-        start: interval.0,
         every: u64::MAX,
         dense: false,
         calls_python: reader.calls_python,
@@ -272,8 +275,8 @@ pub(crate) fn differentiate(
         Steps::Fixed(grid) => {
             differentiate_located(method, options, &system, &state.0, &by, grid, &location, monitor)
         }
-        Steps::Adapted(interval, control) => differentiate_located_adaptive(
-            method, options, &system, &state.0, &by, *interval, control, &location, monitor,
+        Steps::Adapted { interval, settings } => differentiate_located_adaptive(
+            method, options, &system, &state.0, &by, *interval, settings, &location, monitor,
         ),
     })?;
     let (found, status) = match outcome {

@@ -1,7 +1,7 @@
 //! Model bodies with contacts.
 
 use crate::contact::contacts::Contact;
-use crate::contact::law::{CompliantLaw, CoulombFriction, laws};
+use crate::contact::laws::{CompliantLaw, CoulombFriction, laws};
 use crate::core::convert::{finite, vector};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore};

@@ -6,14 +6,15 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::ContactError;
-use somersault::contact::event::Interruption;
 use somersault::contact::models::ModelError as ContactModelError;
 use somersault::contact::sensitivity::SensitivityError;
+use somersault::contact::surface::SurfaceFault;
 use somersault::core::InertiaError;
 use somersault::dives::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::events::Interruption;
 use somersault::integrators::exact::FreeBodyError;
 use somersault::integrators::methods::{Method, UnknownMethod};
 use somersault::integrators::stepper::StepError;
@@ -28,7 +29,6 @@ use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
 use somersault::multibody::joint_motion::JointMotionError;
 use somersault::multibody::models::PostureError;
-use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 use somersault::nlp::SolverError;
@@ -231,6 +231,7 @@ impl From<IntegrateError> for Error {
             | IntegrateError::NoErrorEstimate { .. }
             | IntegrateError::RigidBodiesOnly { .. }
             | IntegrateError::Variables { .. } => Self::own(Class::Input, &error),
+            IntegrateError::Fault { .. } => Self::own(Class::Dynamics, &error),
             error => Self::own(Class::Integration, &error),
         }
     }
@@ -271,15 +272,17 @@ impl From<DynamicsError> for Error {
     }
 }
 
-impl From<Interruption> for Error {
-    fn from(reason: Interruption) -> Self {
+impl From<Interruption<SurfaceFault>> for Error {
+    fn from(reason: Interruption<SurfaceFault>) -> Self {
         match reason {
             Interruption::Integrate(error) => error.into(),
             Interruption::Chattering { .. } => Self::own(Class::Chattering, &reason),
             Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::input(format!(
                 "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
             )),
-            Interruption::Surface { .. } => Self::own(Class::Input, &reason),
+            Interruption::Refused { guard, t, fault } => {
+                Self::input(format!("the surface behind guard {guard} cannot be touched at t = {t}: {fault}"))
+            }
             reason => Self::own(Class::Integration, &reason),
         }
     }
@@ -300,15 +303,6 @@ impl From<UrdfError> for Error {
         match error {
             UrdfError::NotRepresentable { .. } => Self::own(Class::Write, &error),
             error => Self::own(Class::Read, &error),
-        }
-    }
-}
-
-impl From<MotionError> for Error {
-    fn from(error: MotionError) -> Self {
-        match error {
-            MotionError::Integrate(error) => error.into(),
-            error => Self::own(Class::Dynamics, &error),
         }
     }
 }

@@ -38,7 +38,7 @@ macro_rules! value {
         }
     ) => {
         #[pymethods]
-        #[allow(clippy::extra_unused_lifetimes)]
+        #[allow(clippy::extra_unused_lifetimes, reason = "rows that need no interpreter have no use for it")]
         impl $class {
             $(
                 $(#[doc = $text])+

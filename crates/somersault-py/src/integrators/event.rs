@@ -6,7 +6,8 @@ use crate::core::value::value;
 use crate::integrators::bodies::State;
 use crate::integrators::seen::Seen;
 use pyo3::prelude::*;
-use somersault::contact::event;
+use somersault::contact::event::EventKind;
+use somersault::integrators::events;
 use somersault::integrators::nalgebra::Vector3;
 
 /// The events of a run, and what it took to find them.
@@ -20,7 +21,7 @@ pub(crate) struct Events<Q: Seen> {
     /// How many contacts there are; the guards of their friction follow theirs.
     pub(crate) contacts: usize,
     /// Those kept.
-    pub(crate) events: Vec<event::Event<Q>>,
+    pub(crate) events: Vec<events::Event<Q, EventKind>>,
     /// Stretches of the contacts in the state reached, m.
     pub(crate) stretches: Vec<Vector3<f64>>,
 }
@@ -43,7 +44,11 @@ pub(crate) struct Event {
 }
 
 impl Event {
-    pub(crate) fn of<Q: Seen>(py: Python<'_>, contacts: usize, event: &event::Event<Q>) -> PyResult<Self> {
+    pub(crate) fn of<Q: Seen>(
+        py: Python<'_>,
+        contacts: usize,
+        event: &events::Event<Q, EventKind>,
+    ) -> PyResult<Self> {
         let state = Q::to_python(py, &event.state)?.unbind();
         Ok(Self {
             t: event.t,

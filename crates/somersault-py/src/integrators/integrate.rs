@@ -8,17 +8,16 @@ use crate::integrators::forces::Reader;
 use crate::integrators::located::{CountedForces, InContact};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
-use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
+use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::seen::Seen;
 use crate::integrators::solve::{Bodies, Ended};
 use crate::integrators::trajectory::{Cast, Report, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::{Location, StiffSteps};
-use somersault::contact::interface::ContactLaw;
+use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
-use somersault::integrators::driver::{IntegrateError, Outcome};
+use somersault::integrators::events::{Location, StiffSteps};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
@@ -34,7 +33,7 @@ impl Bodies for Free {
     type Configuration = Pose;
 
     fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
-        let outcome = plan.solve(&self.0, initial, observer);
+        let outcome = plan.run(&self.0).observed_by(observer).from(initial);
         let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
         let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
         Ended::without_events(outcome, nfev)
@@ -54,27 +53,8 @@ impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
         observer: &mut Monitor<S::Configuration>,
     ) -> Ended<S::Configuration> {
         let system = Counted::new(&self.0);
-        let outcome = plan.solve(&system, initial, observer);
+        let outcome = plan.run(&system).observed_by(observer).from(initial);
         Ended::without_events(outcome, system.calls())
-    }
-}
-
-impl Plan {
-    fn solve<S: RigidSystem>(
-        &self,
-        system: &S,
-        initial: &StateOf<S>,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> Result<Outcome<S::Configuration>, IntegrateError>
-    where
-        S::Configuration: Seen,
-    {
-        match &self.steps {
-            Steps::Fixed(grid) => self.method.integrate(self.options, system, initial, grid, observer),
-            Steps::Adapted(interval, control) => {
-                self.method.integrate_adaptive(self.options, system, initial, *interval, control, observer)
-            }
-        }
     }
 }
 
@@ -122,7 +102,7 @@ pub(crate) fn stretched<S: Touching>(
 
 /// Refuses friction with a stretch where forces switch with the state, which has no place for it.
 fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result<(), Error> {
-    if laws.into_iter().any(|law| law.friction.has_stretch()) {
+    if laws.into_iter().any(|law| law.friction().has_stretch()) {
         return Err(Error::input(
             "`locate` must be true where friction is a CoulombFriction with stiffness: it has a state of its own",
         ));
@@ -288,7 +268,6 @@ pub(crate) fn integrate<'py>(
         method,
         options,
         steps,
-        start: interval.0,
         every,
         dense: dense_output,
         calls_python,

@@ -9,7 +9,7 @@ use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
-use crate::multibody::motion::{TreeSolution, finite, solve};
+use crate::multibody::motion::{TreeSolution, finite};
 use pyo3::prelude::*;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::system::System;
@@ -129,7 +129,6 @@ pub(crate) fn fly<'py>(
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
-        start: interval.0,
         every: plan::every_of(every)?,
         dense: false,
         calls_python: true,
@@ -141,7 +140,8 @@ pub(crate) fn fly<'py>(
     let initial = system.state(&q[orientation])?;
     let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
     let mut monitor = Monitor::try_new(&plan, &initial, 8, None, bar, failure)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| solve(&plan, &system, &initial, monitor))?;
+    let outcome =
+        monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
     let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
     let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);

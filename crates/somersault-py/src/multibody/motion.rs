@@ -7,19 +7,16 @@ use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::returns_interrupted;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
-use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
+use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
-use somersault::integrators::driver::Outcome;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::solution;
-use somersault::multibody::motion::{
-    Coordinates, MotionError, TreeForces, TreeMotion, TreeState, TreeSystem,
-};
+use somersault::multibody::motion::{Coordinates, TreeForces, TreeState, TreeSystem};
 use somersault::multibody::{self, Split};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -254,21 +251,6 @@ impl TreeSolution {
     }
 }
 
-/// Integrates as planned.
-pub(crate) fn solve(
-    plan: &Plan,
-    system: &impl TreeMotion,
-    initial: &TreeState,
-    monitor: &mut Monitor<Coordinates>,
-) -> Result<Outcome<Coordinates>, MotionError> {
-    match &plan.steps {
-        Steps::Fixed(grid) => system.integrate(plan.method, plan.options, initial, grid, monitor),
-        Steps::Adapted(interval, control) => {
-            system.integrate_adaptive(plan.method, plan.options, initial, *interval, control, monitor)
-        }
-    }
-}
-
 /// Motion of a tree under joint forces.
 ///
 /// Integrates q̇ = v and M(q) v̇ + h(q, v) = τ on the configuration manifold. Where some degrees of freedom
@@ -376,7 +358,6 @@ pub(crate) fn integrate_tree<'py>(
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
-        start: interval.0,
         every: plan::every_of(every)?,
         dense: dense_output,
         calls_python: observer.is_some() || torque.is_callable() || acceleration.is_callable(),
@@ -396,7 +377,8 @@ pub(crate) fn integrate_tree<'py>(
         acceleration.apply(t, q, v, out, |out, x| *out = x);
     };
     let system = TreeSystem::new(tree, &torque).driven(split, drive)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| solve(&plan, &system, &initial, monitor))?;
+    let outcome =
+        monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
     let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
     let Finish { mut recorded, steps, status, message, failed } = monitor.finish(py, status);

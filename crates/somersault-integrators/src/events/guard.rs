@@ -6,8 +6,8 @@
 /// ```text
 /// φ + τ max(φ̇, 0) < 0.
 /// ```
-/// With τ = c/k that is where the compliant law (7.10) acts: going in, at φ < 0; coming out, while
-/// k φ + c φ̇ < 0. With τ = 0 it is the sign of φ alone.
+/// With τ = 0 it is the sign of φ alone. With τ = c/k that is where a spring k and a damper c side by side push and do
+/// not pull: going in, at φ < 0; coming out, while k φ + c φ̇ < 0.
 ///
 /// Gap and rate at both ends of a step tell, without another evaluation, whether the sign may have changed
 /// twice in between. Where the rate is not known it is given as zero: then a change is seen only if it
@@ -25,7 +25,7 @@ pub struct Guard {
 impl Guard {
     /// φ + τ max(φ̇, 0), negative inside.
     ///
-    /// On the surface and on the way in, where this is zero, it is given the least negative value: a start
+    /// On the surface φ = 0 and on the way in, where this is zero, it is given the least negative value: a start
     /// on the surface belongs to what follows.
     #[inline]
     pub fn margin(&self) -> f64 {
@@ -46,5 +46,21 @@ impl Guard {
     #[inline]
     pub fn is_finite(&self) -> bool {
         self.gap.is_finite() && self.rate.is_finite()
+    }
+}
+
+/// Which way a guard changes its sign: the kind of an event where a system has no names of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Crossing {
+    /// It goes in.
+    Enters,
+    /// It comes out.
+    Leaves,
+}
+
+impl Crossing {
+    /// The change of a guard, from what it was before.
+    pub fn of(before: &Guard) -> Self {
+        if before.is_inside() { Self::Leaves } else { Self::Enters }
     }
 }

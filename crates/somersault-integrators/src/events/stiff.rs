@@ -1,32 +1,33 @@
-//! Fixed steps in contact: how many parts they take, and that the contact gains no energy.
+//! Fixed steps while springs act: how many parts they take, and that the system gains no energy.
 //!
 //! A spring and damper with the masses they move have roots λ of λ² + λ c/m + k/m = 0. A step is divided so that
 //! h |λ| is at most 1, or ¼ for methods with a history: where the methods of the table of order 3 and above are
-//! stable, oscillation or decay. The rate |λ| is read from the laws and masses where the mode begins.
+//! stable, oscillation or decay. The rate |λ| is read from the system where the mode begins.
 //!
-//! Without drive the sum of kinetic energy, springs and potential never grows. In contact it is compared after
+//! Without drive the sum of kinetic energy, springs and potential never grows. While springs act it is compared after
 //! each step with the least that it was before: where it has grown by more than 10⁻⁶ of the largest sum of kinetic
-//! energy and springs in contact so far, the step is made again in halves, down to a sixty-fourth. What flight adds or takes between
-//! contacts is the method's error and not counted.
+//! energy and springs so far, the step is made again in halves, down to a sixty-fourth. What is added or taken while none
+//! acts is the method's error and not counted.
 
-use crate::event::{Interruption, StiffSteps};
-use crate::hybrid::{Energy, Frozen, Hybrid};
-use somersault_integrators::stepper::MethodInfo;
-use somersault_integrators::system::StateOf;
+use super::hybrid::{Energy, Frozen, Hybrid};
+use super::location::StiffSteps;
+use super::outcome::Interruption;
+use crate::stepper::MethodInfo;
+use crate::system::StateOf;
 
 /// Growth of the energy allowed, relative.
 const GAIN: f64 = 1e-6;
-/// How much farther than the rate of the contacts asks for a step is divided where the energy grows.
+/// How much farther than the rate of the springs asks for a step is divided where the energy grows.
 const FARTHER: u64 = 64;
 /// Roundings of the energy, relative to its parts.
 const ROUNDING: f64 = 1e-13;
 
-/// The largest h |λ| at which a contact is integrated by a method.
+/// The largest h |λ| at which a spring is integrated by a method.
 fn longest(method: &MethodInfo) -> f64 {
     if method.history == 0 { 1.0 } else { 0.25 }
 }
 
-/// Into how many parts a step is divided, and the energy of the contacts closed.
+/// Into how many parts a step is divided, and the energy while springs act.
 pub(super) struct Stiff {
     setting: StiffSteps,
     longest: f64,
@@ -37,13 +38,13 @@ pub(super) struct Stiff {
     /// The most parts that the energy may ask for.
     most: u64,
     watch: Option<Watch>,
-    /// Of all contacts so far.
+    /// The largest kinetic energy and springs so far.
     scale: f64,
-    /// By how much the energy exceeded its least value when the last contact ended.
+    /// By how much the energy exceeded its least value when the last mode with springs ended.
     excess: f64,
 }
 
-/// The energy during a contact.
+/// The energy while springs act.
 struct Watch {
     least: f64,
     last: f64,
@@ -66,9 +67,9 @@ impl Stiff {
         frozen: &Frozen<H>,
         t: f64,
         x: &StateOf<H>,
-    ) -> Result<(), Interruption> {
+    ) -> Result<(), Interruption<H::Fault>> {
         let StiffSteps::Divide { most } = self.setting else { return Ok(()) };
-        let rate = frozen.contact_rate(x);
+        let rate = frozen.stiffest_rate(x);
         let parts = (self.dt * rate / self.longest).ceil().max(1.0);
         if parts.is_nan() || parts > most as f64 {
             return Err(Interruption::StepTooLong { t, dt: self.dt, parts, most });
@@ -88,14 +89,14 @@ impl Stiff {
         Ok(())
     }
 
-    /// Whether a step from `t` may stand that was made to its end, past events maybe: where it throws the bodies off,
+    /// Whether a step from `t` may stand that was made to its end, past events maybe: where it is thrown off,
     /// the parts are halved and it is to be made again.
     pub(super) fn holds<H: Hybrid>(
         &mut self,
         frozen: &Frozen<H>,
         t: f64,
         x: &StateOf<H>,
-    ) -> Result<bool, Interruption> {
+    ) -> Result<bool, Interruption<H::Fault>> {
         let Some(watch) = &self.watch else { return Ok(true) };
         let Some(energy) = frozen.energy(x) else { return Ok(true) };
         // Springs that a step went into past an event are no part of its motion.
@@ -103,14 +104,14 @@ impl Stiff {
         if gain <= self.scale { Ok(true) } else { self.halve(t, gain) }
     }
 
-    /// Whether a step from `t` to a state may stand; where the contact has gained energy, the parts are halved and
-    /// it is to be made again.
+    /// Whether a step from `t` to a state may stand; where energy was gained, the parts are halved and it is to be
+    /// made again.
     pub(super) fn accepts<H: Hybrid>(
         &mut self,
         frozen: &Frozen<H>,
         t: f64,
         x: &StateOf<H>,
-    ) -> Result<bool, Interruption> {
+    ) -> Result<bool, Interruption<H::Fault>> {
         let Some(watch) = &mut self.watch else { return Ok(true) };
         let Some(energy) = frozen.energy(x) else { return Ok(true) };
         let Energy { kinetic, springs, potential } = energy;
@@ -126,7 +127,7 @@ impl Stiff {
     }
 
     /// Halves the parts.
-    fn halve(&mut self, t: f64, gain: f64) -> Result<bool, Interruption> {
+    fn halve<F>(&mut self, t: f64, gain: f64) -> Result<bool, Interruption<F>> {
         if 2 * self.parts > self.most {
             return Err(Interruption::EnergyGain { t, gain: gain / self.scale, dt: self.part() });
         }

@@ -11,17 +11,17 @@
 //! x^{3/2} has no second derivative at x = 0. The step that begins there leaves an error of order h^{5/2} in
 //! the velocity, as does the one that ends there, whatever the method: located events keep an order of at
 //! most 5/2, unless the first and the last steps in contact are graded, as t = T (j/m)^r with r > p/(5/2)
-//! for a method of order p. [`integrate_located_adaptive`](crate::driver::integrate_located_adaptive) grades
+//! for a method of order p. [`integrate_located_adaptive`](somersault_integrators::events::integrate_located_adaptive) grades
 //! them by its tolerances, and so keeps the order.
 //!
 //! K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440; H. Hertz, J. reine angew. Math. 92 (1882) 156.
 
+use super::normal_law::{NormalChange, NormalDerivative, NormalLaw, Stiffest, between};
 use crate::error::ContactError;
-use crate::hybrid::Guard;
-use crate::normal::Stiffest;
 use somersault_core::argument::{expect_not_negative, expect_positive};
 use somersault_core::quadrature::GAUSS_3;
 use somersault_core::roots;
+use somersault_integrators::events::Guard;
 use std::convert::Infallible;
 
 /// An isotropic elastic material.
@@ -100,17 +100,30 @@ impl HuntCrossley {
     pub fn restitution(&self, speed: f64) -> Result<f64, ContactError> {
         restitution(1.5 * self.damping * expect_not_negative("speed", speed)?)
     }
+}
 
-    /// k x^{3/2} (1 − 3/2 α Δẋ), zero above the surface: the force frozen in contact.
+impl NormalLaw for HuntCrossley {
+    /// k x^{3/2} (1 − 3/2 α Δẋ), zero above the surface.
     #[inline(always)]
-    pub fn force_in_contact(&self, gap: f64, rate: f64) -> f64 {
+    fn force_in_contact(&self, gap: f64, rate: f64) -> f64 {
         let x = (-gap).max(0.0);
         self.stiffness * x * x.sqrt() * (1.0 - 1.5 * self.damping * rate)
     }
 
-    /// Force, stiffness and damping at the depth (x^{5/2} + ⁵⁄₄ m ẋ²/k)^{2/5} that a mass (kg) reaches from x if
-    /// nothing is lost.
-    pub fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
+    /// 3/2 α x: the law acts below the surface, and where 3/2 α Δẋ < 1.
+    #[inline(always)]
+    fn lag(&self, gap: f64, _: f64) -> f64 {
+        1.5 * self.damping * gap.abs()
+    }
+
+    /// ⅖ k x^{5/2}.
+    #[inline]
+    fn energy(&self, gap: f64) -> f64 {
+        0.4 * self.stiffness * half_powers(gap)
+    }
+
+    /// At the depth (x^{5/2} + ⁵⁄₄ m ẋ²/k)^{2/5}.
+    fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
         let depth = (half_powers(gap) + 1.25 * mass * rate * rate / self.stiffness).powf(0.4);
         let spring = self.stiffness * depth * depth.sqrt();
         let loss = 1.5 * self.damping;
@@ -122,31 +135,33 @@ impl HuntCrossley {
         }
     }
 
-    /// The guard that is inside exactly where the law acts: below the surface, and where 3/2 α Δẋ < 1.
-    #[inline]
-    pub fn guard(&self, gap: f64, rate: f64) -> Guard {
-        Guard { gap, rate, lag: 1.5 * self.damping * gap.abs() }
-    }
-
-    /// Energy of the spring, ⅖ k x^{5/2}, J.
-    #[inline]
-    pub fn energy(&self, gap: f64) -> f64 {
-        0.4 * self.stiffness * half_powers(gap)
-    }
-
-    /// ∫ F dt over a step of h in contact, N s, from gap and rate at its ends.
-    ///
     /// The damper's part is exact; the spring's is Gauss' rule of three points on the cubic through the
     /// four numbers, of order 4 in h, and 5/2 in the first and the last step.
-    pub fn impulse(&self, h: f64, before: &Guard, after: &Guard) -> f64 {
-        let (first, last) = (h * before.rate, h * after.rate);
-        let gap = |s: f64| {
-            let r = 1.0 - s;
-            r * r * ((1.0 + 2.0 * s) * before.gap + s * first)
-                + s * s * ((3.0 - 2.0 * s) * after.gap - r * last)
-        };
-        let elastic = h * GAUSS_3.map(|(s, w)| w * self.force_in_contact(gap(s), 0.0)).iter().sum::<f64>();
+    fn impulse(&self, h: f64, before: &Guard, after: &Guard) -> f64 {
+        let spring = |s: f64| self.force_in_contact(between(h, before, after, s).0, 0.0);
+        let elastic = h * GAUSS_3.map(|(s, w)| w * spring(s)).iter().sum::<f64>();
         elastic + 0.6 * self.damping * self.stiffness * (half_powers(after.gap) - half_powers(before.gap))
+    }
+
+    fn is_damped(&self) -> bool {
+        self.damping != 0.0
+    }
+
+    fn parameters(&self) -> &'static [&'static str] {
+        &["stiffness", "damping"]
+    }
+
+    #[inline]
+    fn derivative(&self, gap: f64, rate: f64, along: &NormalChange) -> Option<NormalDerivative> {
+        let [stiffness, damping] = along.parameters();
+        let x = (-gap).max(0.0);
+        let (root, hertz) = (x.sqrt(), x * x.sqrt());
+        let damper = 1.0 - 1.5 * self.damping * rate;
+        let force = (stiffness * hertz - 1.5 * self.stiffness * root * along.gap) * damper
+            - 1.5 * self.stiffness * hertz * (damping * rate + self.damping * along.rate);
+        // τ = −3/2 α Δx inside.
+        let lag = -1.5 * (damping * gap + self.damping * along.gap);
+        Some(NormalDerivative { force, lag })
     }
 }
 
@@ -218,6 +233,13 @@ pub fn impact_number(restitution: f64) -> Result<f64, ContactError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::checks::check_normal_law;
+
+    #[test]
+    fn the_law_is_what_its_trait_asks() {
+        let law = |[k, a]: [f64; 2]| HuntCrossley::try_new(200.0 + k, 0.3 + a).unwrap();
+        check_normal_law(law, &[(-0.02, 0.3), (-0.02, -0.3), (-1e-2, 0.0)]);
+    }
 
     #[test]
     fn the_impact_number_inverts_restitution() {

@@ -1,11 +1,14 @@
 //! The method at work: steps in the mode that the system is frozen in.
 
-use crate::event::Interruption;
-use crate::hybrid::{Frozen, Guard, Hybrid};
-use somersault_integrators::driver::IntegrateError;
-use somersault_integrators::engine::{Engine, Slot, Track};
-use somersault_integrators::state::{Configuration, State};
-use somersault_integrators::system::StateOf;
+use super::guard::Guard;
+use super::hybrid::{Frozen, Hybrid};
+use super::outcome::Interruption;
+use super::search::Retrace;
+use super::sweep::Sweep;
+use crate::driver::IntegrateError;
+use crate::engine::{Engine, Slot, Track};
+use crate::state::{Configuration, State};
+use crate::system::StateOf;
 
 /// A state of the system, where the engine keeps it, and the guards there.
 pub(super) struct Point<Q: Configuration> {
@@ -45,18 +48,18 @@ impl<'a, H: Hybrid> Worker<'a, H> {
         from: Slot,
         h: f64,
         out: &mut Point<H::Configuration>,
-    ) -> Result<(), Interruption> {
+    ) -> Result<(), Interruption<H::Fault>> {
         self.advance(Track::RUN, t, from, h, out)
     }
 
     /// The same without a history and without leaving one.
-    pub(super) fn try_step(
+    fn try_step(
         &mut self,
         t: f64,
         from: Slot,
         h: f64,
         out: &mut Point<H::Configuration>,
-    ) -> Result<(), Interruption> {
+    ) -> Result<(), Interruption<H::Fault>> {
         self.engine.restart(self.trial);
         self.advance(self.trial, t, from, h, out)
     }
@@ -69,7 +72,7 @@ impl<'a, H: Hybrid> Worker<'a, H> {
         from: Slot,
         h: f64,
         out: &mut Point<H::Configuration>,
-    ) -> Result<(), Interruption> {
+    ) -> Result<(), Interruption<H::Fault>> {
         self.engine.advance(track, t, h, from, out.slot, Some(&mut out.state))?;
         self.read_guards(t + h, out)
     }
@@ -81,22 +84,66 @@ impl<'a, H: Hybrid> Worker<'a, H> {
 
     /// Makes a point of the state that an attempt has left in its slot.
     #[inline]
-    pub(super) fn settle(&self, t: f64, out: &mut Point<H::Configuration>) -> Result<(), Interruption> {
+    pub(super) fn settle(
+        &self,
+        t: f64,
+        out: &mut Point<H::Configuration>,
+    ) -> Result<(), Interruption<H::Fault>> {
         self.engine.read(out.slot, &mut out.state);
         self.read_guards(t, out)
     }
 
     #[inline]
-    pub(super) fn read_guards(&self, t: f64, out: &mut Point<H::Configuration>) -> Result<(), Interruption> {
+    pub(super) fn read_guards(
+        &self,
+        t: f64,
+        out: &mut Point<H::Configuration>,
+    ) -> Result<(), Interruption<H::Fault>> {
         self.frozen.guards(t, &out.state, &mut out.guards);
         match out.guards.iter().enumerate().find(|(_, g)| !g.is_finite()) {
             None => Ok(()),
             Some((guard, &Guard { gap, rate, .. })) => {
                 Err(match self.frozen.system().examine(guard, &out.state) {
-                    Err(fault) => Interruption::Surface { guard, t, fault },
+                    Err(fault) => Interruption::Refused { guard, t, fault },
                     Ok(()) => Interruption::NonFiniteGuard { guard, t, gap, rate },
                 })
             }
         }
+    }
+}
+
+/// The step from `before` at `t`, in any part.
+pub(super) struct StepFrom<'a, 'w, H: Hybrid> {
+    pub(super) worker: &'a mut Worker<'w, H>,
+    pub(super) t: f64,
+    pub(super) before: &'a Point<H::Configuration>,
+    /// Counts the parts made.
+    pub(super) trials: &'a mut u64,
+}
+
+impl<H: Hybrid> Retrace for StepFrom<'_, '_, H> {
+    type Point = Point<H::Configuration>;
+    type Error = Interruption<H::Fault>;
+
+    fn guards(point: &Self::Point) -> &[Guard] {
+        &point.guards
+    }
+
+    fn room(&mut self) -> Self::Point {
+        self.worker.point(&self.before.state)
+    }
+
+    fn make(&mut self, h: f64, out: &mut Self::Point) -> Result<(), Self::Error> {
+        self.worker.try_step(self.t, self.before.slot, h, out)?;
+        *self.trials += 1;
+        Ok(())
+    }
+
+    fn sweeps(&self, start: f64, width: f64, ends: (&Self::Point, &Self::Point), out: &mut Vec<Sweep>) {
+        self.worker.frozen.sweeps(self.t + start, width, (&ends.0.state, &ends.1.state), out);
+    }
+
+    fn unproved(&self, h: f64, parts: u32) -> Self::Error {
+        Interruption::Unproved { t: self.t, h, parts }
     }
 }

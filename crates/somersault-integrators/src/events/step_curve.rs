@@ -4,11 +4,11 @@
 //! extrema where the rate vanishes, at a corner of the margin, or where the rate of φ + τ φ̇ does: the
 //! roots of two quadratics. Between them the margin is monotone.
 
-use crate::hybrid::Guard;
+use super::guard::Guard;
 
-/// The gap over a step, as a cubic in θ ∈ [0, 1].
+/// The gap of a guard over a step, as a cubic in θ ∈ [0, 1].
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct StepCurve {
+pub struct StepCurve {
     /// Coefficients of 1, θ, θ², θ³.
     c: [f64; 4],
     /// τ/h, so that the margin is p + lag · max(p', 0) with p' = dp/dθ.
@@ -20,7 +20,7 @@ pub(crate) struct StepCurve {
 /// Gap and rate lie between the control points of their Bernstein forms, which are those of the cubic and
 /// of its derivative: a bound that costs neither a root nor a division by what may vanish.
 #[inline]
-pub(crate) fn is_clear(before: &Guard, after: &Guard, h: f64) -> bool {
+pub(super) fn is_clear(before: &Guard, after: &Guard, h: f64) -> bool {
     let inner = [before.gap + h / 3.0 * before.rate, after.gap - h / 3.0 * after.rate];
     let least = if before.is_inside() {
         let middle_rate = 3.0 / h * (inner[1] - inner[0]);
@@ -34,22 +34,24 @@ pub(crate) fn is_clear(before: &Guard, after: &Guard, h: f64) -> bool {
 }
 
 impl StepCurve {
-    pub(crate) fn new(before: &Guard, after: &Guard, h: f64) -> Self {
+    /// Over a step of h with a guard at both ends.
+    pub fn new(before: &Guard, after: &Guard, h: f64) -> Self {
         let (jump, first, last) = (after.gap - before.gap, h * before.rate, h * after.rate);
         let c = [before.gap, first, 3.0 * jump - 2.0 * first - last, first + last - 2.0 * jump];
         Self { c, lag: before.lag / h }
     }
 
     /// The margin at θ.
-    pub(crate) fn margin(&self, theta: f64) -> f64 {
+    pub(super) fn margin(&self, theta: f64) -> f64 {
         let [c0, c1, c2, c3] = self.c;
         let gap = c0 + theta * (c1 + theta * (c2 + theta * c3));
         let slope = c1 + theta * (2.0 * c2 + theta * 3.0 * c3);
         gap + self.lag * slope.max(0.0)
     }
 
-    /// The θ strictly between 0 and 1 where `side` · margin is least, and its value, if it has extrema there.
-    pub(crate) fn least(&self, side: f64) -> Option<(f64, f64)> {
+    /// The θ strictly between 0 and 1 where `side` · margin is least, and its value, if it has extrema there; `side` is
+    /// 1 or −1.
+    pub fn least(&self, side: f64) -> Option<(f64, f64)> {
         let [_, c1, c2, c3] = self.c;
         let turns = quadratic_roots(c1, 2.0 * c2, 3.0 * c3);
         let flats = quadratic_roots(c1 + 2.0 * c2 * self.lag, 2.0 * c2 + 6.0 * c3 * self.lag, 3.0 * c3);
@@ -62,7 +64,7 @@ impl StepCurve {
     }
 
     /// Where the margin changes sign before `end`, by bisection; half of `end` if it does not.
-    pub(crate) fn crossing(&self, end: f64) -> f64 {
+    pub(super) fn crossing(&self, end: f64) -> f64 {
         let (mut near, mut far) = (0.0, end);
         let inside = self.margin(end) < 0.0;
         if (self.margin(0.0) < 0.0) == inside {

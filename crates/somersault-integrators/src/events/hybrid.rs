@@ -1,26 +1,23 @@
 //! Systems whose equations change at events: modes, guards, and a system frozen in a mode.
 
-mod guard;
-
-pub use guard::Guard;
-
-use crate::event::EventKind;
-use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
-use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::IntegrateError;
-use somersault_integrators::state::State;
-use somersault_integrators::system::{
-    BodyPoses, BodyRate, Decoder, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
+use super::guard::Guard;
+use super::sweep::Sweep;
+use crate::body::RigidBody;
+use crate::driver::IntegrateError;
+use crate::state::State;
+use crate::system::{
+    BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
 };
 use std::cell::RefCell;
+use std::error::Error;
+use std::fmt::Debug;
 
-/// The energy of a system whose forces do not drive it.
+/// The energy of a system that nothing drives.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energy {
     /// Kinetic energy, J.
     pub kinetic: f64,
-    /// Energy of the springs in contact, J.
+    /// Energy of the springs that act, J.
     pub springs: f64,
     /// Potential of the forces, J.
     pub potential: f64,
@@ -35,71 +32,28 @@ impl Energy {
 
 /// A system with modes. In each mode the equations are smooth; the mode ends where a guard changes sign.
 ///
-/// As a [`System`] in its own right it reads the mode from the state at every evaluation.
+/// As a [`System`] in its own right it reads the mode from the state at every evaluation. What a system must say:
+/// which mode a state belongs to, the guards, the equations of a mode, and what an event is called. The rest is
+/// provided, claims nothing, and costs time at most: [`sweeps`](Self::sweeps) and [`clear_time`](Self::clear_time) prove
+/// steps clear of events, [`stiffest_rate`](Self::stiffest_rate) and [`energy`](Self::energy) divide fixed steps that are
+/// too long.
 pub trait Hybrid: System {
     /// Which equations hold.
-    type Mode: Clone + PartialEq + std::fmt::Debug;
+    type Mode: Clone + PartialEq + Debug;
+    /// What events are called: [`Crossing`](super::Crossing) where the number of the guard tells the rest.
+    type Kind: Clone + PartialEq + Debug;
+    /// Why a guard may not go in: [`Infallible`](std::convert::Infallible) where every one may.
+    type Fault: Error + Clone + PartialEq;
 
     /// Whether states jump at events; [`reset`](Self::reset) is called only where they do.
     const RESETS: bool = false;
-
-    /// Why the system cannot be integrated as it stands; drivers ask before a run.
-    fn check(&self) -> Result<(), IntegrateError>;
 
     /// The mode that a state belongs to: by [`Guard::is_inside`] of its guards, so that both agree where a
     /// guard is zero.
     fn mode(&self, t: f64, x: &StateOf<Self>) -> Self::Mode;
 
-    /// The mode after an event, from the one before it and the state; by default from the state alone.
-    ///
-    /// What a mode remembers, say where a contact began to stick, is handed on here.
-    fn next_mode(&self, _before: &Self::Mode, t: f64, x: &StateOf<Self>) -> Self::Mode {
-        self.mode(t, x)
-    }
-
-    /// What it is called that a guard changed sign, given the modes before and after the event; by default
-    /// a contact that begins, ends or engages again.
-    fn event_kind(
-        &self,
-        _guard: usize,
-        before: &Guard,
-        after: &Guard,
-        _modes: (&Self::Mode, &Self::Mode),
-    ) -> EventKind {
-        EventKind::of_contact(before, after)
-    }
-
     /// Writes the guards: as many, in the same order, in every mode.
     fn guards(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, out: &mut Vec<Guard>);
-
-    /// Bounds of the motion behind each guard during a step of h from `ends.0` at `t` to `ends.1`, in the order of
-    /// the guards; [`Sweep::UNKNOWN`] where none is known.
-    ///
-    /// With them the driver proves that a guard outside stays so.
-    fn sweeps(
-        &self,
-        mode: &Self::Mode,
-        t: f64,
-        h: f64,
-        ends: (&StateOf<Self>, &StateOf<Self>),
-        out: &mut Vec<Sweep>,
-    );
-
-    /// For how long, up to `horizon`, no guard can go in, proved from the guards of a state and from what bounds
-    /// its motion; zero where nothing is known.
-    fn clear_time(&self, mode: &Self::Mode, t: f64, x: &StateOf<Self>, guards: &[Guard], horizon: f64)
-    -> f64;
-
-    /// Whether the surface behind a guard is fit to be touched in a state: asked at the first touch.
-    fn examine(&self, guard: usize, x: &StateOf<Self>) -> Result<(), SurfaceFault>;
-
-    /// The fastest rate of the contacts closed in a mode, 1/s: an upper bound of |λ| of the springs and dampers
-    /// with the masses that they move. Zero where none is closed.
-    fn contact_rate(&self, mode: &Self::Mode, x: &StateOf<Self>) -> f64;
-
-    /// Kinetic energy, energy of the springs in contact and potential of the forces, J; `None` where a force may
-    /// drive the motion or has no potential.
-    fn energy(&self, x: &StateOf<Self>) -> Option<Energy>;
 
     /// Time derivative of the rate by the equations of a mode, also where they do not hold.
     fn acceleration_in(
@@ -111,13 +65,82 @@ pub trait Hybrid: System {
         out: &mut RateOf<Self>,
     );
 
+    /// What it is called that a guard changed sign, given the modes before and after the event.
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&Self::Mode, &Self::Mode),
+    ) -> Self::Kind;
+
+    /// Why the system cannot be integrated as it stands, if it cannot; drivers ask before a run.
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
+
+    /// The mode after an event, from the one before it and the state; by default from the state alone.
+    ///
+    /// What a mode remembers, say where a contact began to stick, is handed on here.
+    fn next_mode(&self, _before: &Self::Mode, t: f64, x: &StateOf<Self>) -> Self::Mode {
+        self.mode(t, x)
+    }
+
     /// The jump of the state at an event from one mode to the next; by default there is none.
     ///
     /// It is made after the step that ends at the event and before the guards are read again. It must
     /// leave the mode that the state belongs to as it is.
     fn reset(&self, _t: f64, _before: &Self::Mode, _after: &Self::Mode, _x: &mut StateOf<Self>) {}
 
-    /// Impulse (N s) that belongs to a guard over a step of h inside it.
+    /// Whether a guard may be inside in a state: asked when it goes in for the first time, after the jump if there is
+    /// one, and where it is not finite.
+    fn examine(&self, _guard: usize, _x: &StateOf<Self>) -> Result<(), Self::Fault> {
+        Ok(())
+    }
+
+    /// Writes bounds of the motion behind each guard during a step of h from `ends.0` at `t` to `ends.1`, in the order of
+    /// the guards. Of those left out at the end nothing is known, as of [`Sweep::UNKNOWN`].
+    ///
+    /// With them the driver proves that a guard outside stays so; without them it believes the cubic through the ends of
+    /// the step.
+    fn sweeps(
+        &self,
+        _mode: &Self::Mode,
+        _t: f64,
+        _h: f64,
+        _ends: (&StateOf<Self>, &StateOf<Self>),
+        _out: &mut Vec<Sweep>,
+    ) {
+    }
+
+    /// For how long, up to `horizon`, no guard can go in, proved from the guards of a state and from what bounds
+    /// its motion; zero, as by default, where nothing is known.
+    fn clear_time(
+        &self,
+        _mode: &Self::Mode,
+        _t: f64,
+        _x: &StateOf<Self>,
+        _guards: &[Guard],
+        _horizon: f64,
+    ) -> f64 {
+        0.0
+    }
+
+    /// An upper bound of |λ|, 1/s, of the springs and dampers that act in a mode with the masses that they move; zero,
+    /// as by default, where none acts.
+    ///
+    /// While it is not zero fixed steps are divided by it, and the energy is watched.
+    fn stiffest_rate(&self, _mode: &Self::Mode, _x: &StateOf<Self>) -> f64 {
+        0.0
+    }
+
+    /// The energy, where it cannot grow; `None`, as by default, where it may, or is not known.
+    fn energy(&self, _x: &StateOf<Self>) -> Option<Energy> {
+        None
+    }
+
+    /// What a guard gathers over a step of h inside it, say the impulse of a contact, N s; none by default. The event at
+    /// which it comes out has the sum.
     fn impulse(&self, _guard: usize, _h: f64, _before: &Guard, _after: &Guard) -> f64 {
         0.0
     }
@@ -143,45 +166,18 @@ pub trait HybridBodies: Hybrid + RigidSystem {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: Hybrid + ?Sized> Hybrid for &S {
     type Mode = S::Mode;
+    type Kind = S::Kind;
+    type Fault = S::Fault;
     const RESETS: bool = S::RESETS;
-    fn check(&self) -> Result<(), IntegrateError> {
-        (**self).check()
-    }
     fn mode(&self, t: f64, x: &StateOf<S>) -> S::Mode {
         (**self).mode(t, x)
-    }
-    fn next_mode(&self, before: &S::Mode, t: f64, x: &StateOf<S>) -> S::Mode {
-        (**self).next_mode(before, t, x)
-    }
-    fn event_kind(
-        &self,
-        guard: usize,
-        before: &Guard,
-        after: &Guard,
-        modes: (&S::Mode, &S::Mode),
-    ) -> EventKind {
-        (**self).event_kind(guard, before, after, modes)
     }
     #[inline(always)]
     fn guards(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
         (**self).guards(mode, t, x, out);
-    }
-    fn sweeps(&self, mode: &S::Mode, t: f64, h: f64, ends: (&StateOf<S>, &StateOf<S>), out: &mut Vec<Sweep>) {
-        (**self).sweeps(mode, t, h, ends, out);
-    }
-    fn clear_time(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, guards: &[Guard], horizon: f64) -> f64 {
-        (**self).clear_time(mode, t, x, guards, horizon)
-    }
-    fn examine(&self, guard: usize, x: &StateOf<S>) -> Result<(), SurfaceFault> {
-        (**self).examine(guard, x)
-    }
-    fn contact_rate(&self, mode: &S::Mode, x: &StateOf<S>) -> f64 {
-        (**self).contact_rate(mode, x)
-    }
-    fn energy(&self, x: &StateOf<S>) -> Option<Energy> {
-        (**self).energy(x)
     }
     #[inline(always)]
     fn acceleration_in(
@@ -194,8 +190,38 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
     ) {
         (**self).acceleration_in(mode, w, t, x, out);
     }
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&S::Mode, &S::Mode),
+    ) -> S::Kind {
+        (**self).event_kind(guard, before, after, modes)
+    }
+    fn check(&self) -> Result<(), IntegrateError> {
+        (**self).check()
+    }
+    fn next_mode(&self, before: &S::Mode, t: f64, x: &StateOf<S>) -> S::Mode {
+        (**self).next_mode(before, t, x)
+    }
     fn reset(&self, t: f64, before: &S::Mode, after: &S::Mode, x: &mut StateOf<S>) {
         (**self).reset(t, before, after, x);
+    }
+    fn examine(&self, guard: usize, x: &StateOf<S>) -> Result<(), S::Fault> {
+        (**self).examine(guard, x)
+    }
+    fn sweeps(&self, mode: &S::Mode, t: f64, h: f64, ends: (&StateOf<S>, &StateOf<S>), out: &mut Vec<Sweep>) {
+        (**self).sweeps(mode, t, h, ends, out);
+    }
+    fn clear_time(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, guards: &[Guard], horizon: f64) -> f64 {
+        (**self).clear_time(mode, t, x, guards, horizon)
+    }
+    fn stiffest_rate(&self, mode: &S::Mode, x: &StateOf<S>) -> f64 {
+        (**self).stiffest_rate(mode, x)
+    }
+    fn energy(&self, x: &StateOf<S>) -> Option<Energy> {
+        (**self).energy(x)
     }
     #[inline(always)]
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
@@ -203,6 +229,7 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: HybridBodies + ?Sized> HybridBodies for &S {
     #[inline(always)]
     fn wrenches_in(&self, mode: &S::Mode, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
@@ -249,45 +276,44 @@ impl<H: Hybrid> Frozen<H> {
     }
 
     /// Reads the mode of a state, whatever went before, and freezes the system in it.
-    pub(crate) fn freeze(&self, t: f64, x: &StateOf<H>) {
+    pub(super) fn freeze(&self, t: f64, x: &StateOf<H>) {
         self.mode.replace(self.system.mode(t, x));
     }
 
     /// Freezes the system in the mode after an event; returns the mode before.
-    pub(crate) fn refreeze(&self, t: f64, x: &StateOf<H>) -> H::Mode {
+    pub(super) fn refreeze(&self, t: f64, x: &StateOf<H>) -> H::Mode {
         let next = self.system.next_mode(&self.mode.borrow(), t, x);
         self.mode.replace(next)
     }
 
     /// What the change of a guard is called at an event from the mode before to the present one.
-    pub(crate) fn event_kind(&self, guard: usize, a: &Guard, b: &Guard, before: &H::Mode) -> EventKind {
+    pub(super) fn event_kind(&self, guard: usize, a: &Guard, b: &Guard, before: &H::Mode) -> H::Kind {
         self.system.event_kind(guard, a, b, (before, &self.mode.borrow()))
     }
 
     /// Lets the state jump from the mode before an event to the present one.
-    pub(crate) fn reset(&self, t: f64, before: &H::Mode, x: &mut StateOf<H>) {
+    pub(super) fn reset(&self, t: f64, before: &H::Mode, x: &mut StateOf<H>) {
         self.system.reset(t, before, &self.mode.borrow(), x);
     }
 
-    pub(crate) fn guards(&self, t: f64, x: &StateOf<H>, out: &mut Vec<Guard>) {
+    pub(super) fn guards(&self, t: f64, x: &StateOf<H>, out: &mut Vec<Guard>) {
         out.clear();
         self.system.guards(&self.mode.borrow(), t, x, out);
     }
 
-    pub(crate) fn sweeps(&self, t: f64, h: f64, ends: (&StateOf<H>, &StateOf<H>), out: &mut Vec<Sweep>) {
-        out.clear();
+    pub(super) fn sweeps(&self, t: f64, h: f64, ends: (&StateOf<H>, &StateOf<H>), out: &mut Vec<Sweep>) {
         self.system.sweeps(&self.mode.borrow(), t, h, ends, out);
     }
 
-    pub(crate) fn clear_time(&self, t: f64, x: &StateOf<H>, guards: &[Guard], horizon: f64) -> f64 {
+    pub(super) fn clear_time(&self, t: f64, x: &StateOf<H>, guards: &[Guard], horizon: f64) -> f64 {
         self.system.clear_time(&self.mode.borrow(), t, x, guards, horizon)
     }
 
-    pub(crate) fn contact_rate(&self, x: &StateOf<H>) -> f64 {
-        self.system.contact_rate(&self.mode.borrow(), x)
+    pub(super) fn stiffest_rate(&self, x: &StateOf<H>) -> f64 {
+        self.system.stiffest_rate(&self.mode.borrow(), x)
     }
 
-    pub(crate) fn energy(&self, x: &StateOf<H>) -> Option<Energy> {
+    pub(super) fn energy(&self, x: &StateOf<H>) -> Option<Energy> {
         self.system.energy(x)
     }
 }
@@ -295,6 +321,7 @@ impl<H: Hybrid> Frozen<H> {
 #[deny(clippy::missing_trait_methods)]
 impl<H: Hybrid> System for Frozen<H> {
     type Configuration = H::Configuration;
+    type Forms = H::Forms;
     type Workspace = H::Workspace;
     fn workspace(&self) -> H::Workspace {
         self.system.workspace()
@@ -306,6 +333,9 @@ impl<H: Hybrid> System for Frozen<H> {
     #[inline(always)]
     fn acceleration(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
         self.system.acceleration_in(&self.mode.borrow(), w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.system.take_fault()
     }
 }
 

@@ -1,15 +1,14 @@
 //! A run in progress: what both drivers do with a step once it is made.
 
-use super::LocatedResult;
-use super::search::{Search, Trail, has_changed};
-use super::worker::{Point, Worker};
-use crate::event::{Event, EventKind, Interrupted, Interruption, Located, Location};
-use crate::hybrid::{Frozen, Hybrid};
+use super::hybrid::{Frozen, Hybrid};
+use super::location::Location;
+use super::outcome::{Event, Interrupted, InterruptedRun, Interruption, Located, LocatedResult};
+use super::search::{EventSearch, Trail, has_changed};
+use super::worker::{Point, StepFrom, Worker};
+use crate::driver::{Flow, Observer, Status, Step, check_state};
+use crate::engine::Engine;
+use crate::system::StateOf;
 use somersault_core::argument::expect_positive;
-use somersault_integrators::driver::{Flow, Observer, Status, Step, check_state};
-use somersault_integrators::engine::Engine;
-use somersault_integrators::state::{Configuration, State};
-use somersault_integrators::system::StateOf;
 
 /// For how many steps ahead a flight is proved clear at once.
 const AHEAD: f64 = 64.0;
@@ -32,18 +31,18 @@ pub(super) struct Run<'a, H: Hybrid> {
     pub(super) before: Box<Point<H::Configuration>>,
     /// The state that a step leads to. Each in a box of its own: they are exchanged after every step.
     pub(super) after: Box<Point<H::Configuration>>,
-    trail: Trail<H::Configuration>,
+    trail: Trail<Point<H::Configuration>>,
     /// Until when no guard can go in, as far as is proved.
     clear_until: f64,
     impulses: Vec<f64>,
-    /// Whether a guard went in before, and so had its surface examined.
-    touched: Vec<bool>,
+    /// Whether a guard went in before, and so was examined.
+    entered: Vec<bool>,
     chatter: Chatter,
     pub(super) location: Location,
     observer: &'a mut dyn Observer<H::Configuration>,
     is_observed: bool,
     /// The outcome but for the state, which is that of `before`.
-    pub(super) so_far: Located<H::Configuration>,
+    pub(super) so_far: Located<H::Configuration, H::Kind>,
 }
 
 /// Runs `steps` of an engine from a state at `t`.
@@ -53,10 +52,10 @@ pub(super) fn run<'a, H: Hybrid>(
     (t, initial): (f64, &StateOf<H>),
     location: &Location,
     observer: &'a mut dyn Observer<H::Configuration>,
-    steps: impl FnOnce(&mut Run<'a, H>) -> Result<Status, Interruption>,
-) -> LocatedResult<H::Configuration> {
+    steps: impl FnOnce(&mut Run<'a, H>) -> Result<Status, Interruption<H::Fault>>,
+) -> LocatedResult<H> {
     let mut run = Run::start(frozen, engine, (t, initial), location, observer)
-        .map_err(|reason| broken_at_start(reason, t, initial))?;
+        .map_err(|reason| broken_at_start::<H>(reason, t, initial))?;
     let outcome = steps(&mut run);
     let mut so_far = run.so_far;
     so_far.state = run.before.state;
@@ -72,7 +71,7 @@ pub(super) fn check_start<H: Hybrid>(
     t: f64,
     initial: &StateOf<H>,
     location: &Location,
-) -> Result<(), Box<Interrupted<H::Configuration>>> {
+) -> Result<(), InterruptedRun<H>> {
     system
         .check()
         .and_then(|()| check_state(initial))
@@ -81,14 +80,14 @@ pub(super) fn check_start<H: Hybrid>(
             expect_positive("graze", location.graze)?;
             Ok(())
         })
-        .map_err(|error| broken_at_start(error.into(), t, initial))
+        .map_err(|error| broken_at_start::<H>(error.into(), t, initial))
 }
 
-pub(super) fn broken_at_start<Q: Configuration>(
-    reason: Interruption,
+pub(super) fn broken_at_start<H: Hybrid>(
+    reason: Interruption<H::Fault>,
     t: f64,
-    initial: &State<Q>,
-) -> Box<Interrupted<Q>> {
+    initial: &StateOf<H>,
+) -> InterruptedRun<H> {
     Box::new(Interrupted { reason, so_far: Located::at_start(t, initial) })
 }
 
@@ -99,7 +98,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
         (t, initial): (f64, &StateOf<H>),
         location: &Location,
         observer: &'a mut dyn Observer<H::Configuration>,
-    ) -> Result<Self, Interruption> {
+    ) -> Result<Self, Interruption<H::Fault>> {
         let mut worker = Worker::start(frozen, engine, initial)?;
         let [mut before, after] = [(); 2].map(|()| Box::new(worker.point(initial)));
         let trail = Trail::new(worker.point(initial));
@@ -113,7 +112,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
             after,
             clear_until: f64::NEG_INFINITY,
             impulses: vec![0.0; count],
-            touched: vec![false; count],
+            entered: vec![false; count],
             chatter: Chatter::new(count, location.max_event_rate),
             location: *location,
             observer,
@@ -124,17 +123,14 @@ impl<'a, H: Hybrid> Run<'a, H> {
         Ok(run)
     }
 
-    /// Examines the surfaces that are touched in the last state and were not before.
-    fn examine(&mut self) -> Result<(), Interruption> {
+    /// Examines the guards that are inside in the last state and never were before.
+    fn examine(&mut self) -> Result<(), Interruption<H::Fault>> {
         let (system, t, point) = (self.worker.frozen.system(), self.so_far.t, &self.before);
-        for (guard, (touched, at)) in self.touched.iter_mut().zip(&point.guards).enumerate() {
-            if at.is_inside() && !*touched {
-                *touched = true;
-                system.examine(guard, &point.state).map_err(|fault| Interruption::Surface {
-                    guard,
-                    t,
-                    fault,
-                })?;
+        for (guard, (entered, at)) in self.entered.iter_mut().zip(&point.guards).enumerate() {
+            if at.is_inside() && !*entered {
+                *entered = true;
+                let refused = |fault| Interruption::Refused { guard, t, fault };
+                system.examine(guard, &point.state).map_err(refused)?;
             }
         }
         Ok(())
@@ -165,22 +161,16 @@ impl<'a, H: Hybrid> Run<'a, H> {
         search.doubt(h, after).filter(|part| *part > shortest)
     }
 
-    fn search(&mut self, t_after: f64) -> (Search<'_, 'a, H>, &Point<H::Configuration>) {
-        let t = self.so_far.t;
-        let search = Search {
-            worker: &mut self.worker,
-            trail: &mut self.trail,
-            t,
-            before: &self.before,
-            graze: self.location.graze,
-            tolerance: 2.0 * f64::EPSILON * t.abs().max(t_after.abs()),
-            trials: &mut self.so_far.trials,
-        };
-        (search, &self.after)
+    fn search(&mut self, t_after: f64) -> (EventSearch<'_, StepFrom<'_, 'a, H>>, &Point<H::Configuration>) {
+        let (t, before) = (self.so_far.t, &self.before);
+        let step = StepFrom { worker: &mut self.worker, t, before, trials: &mut self.so_far.trials };
+        let tolerance = 2.0 * f64::EPSILON * t.abs().max(t_after.abs());
+        let graze = self.location.graze;
+        (EventSearch { step, trail: &mut self.trail, before, graze, tolerance }, &self.after)
     }
 
     /// Finds the earliest event in the step of h just made to `t_after`, and makes the step to it instead.
-    pub(super) fn locate(&mut self, h: f64, t_after: f64) -> Result<Span, Interruption> {
+    pub(super) fn locate(&mut self, h: f64, t_after: f64) -> Result<Span, Interruption<H::Fault>> {
         if self.is_clear_ahead(h, t_after) {
             return Ok(Span { h, t_after, is_event: false });
         }
@@ -199,7 +189,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
 
     /// Commits the step: shows it, counts it, and at an event reads the mode, lets the state jump and
     /// restarts the memory.
-    pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption> {
+    pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption<H::Fault>> {
         let (guards, guards_after) = (&self.before.guards, &self.after.guards);
         for (i, impulse) in self.impulses.iter_mut().enumerate() {
             if guards[i].is_inside() {
@@ -214,7 +204,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
             let mode = frozen.refreeze(t, &self.after.state);
             self.log(&mode);
             std::mem::swap(&mut self.before, &mut self.after);
-            self.chatter.record(t)?;
+            self.chatter.record::<H::Fault>(t)?;
             self.enter(&mode)?;
         } else {
             std::mem::swap(&mut self.before, &mut self.after);
@@ -223,7 +213,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
     }
 
     /// Starts anew from an event, in a new mode.
-    fn enter(&mut self, last_mode: &H::Mode) -> Result<(), Interruption> {
+    fn enter(&mut self, last_mode: &H::Mode) -> Result<(), Interruption<H::Fault>> {
         let (worker, t, point) = (&mut self.worker, self.so_far.t, &mut self.before);
         if H::RESETS {
             worker.frozen.reset(t, last_mode, &mut point.state);
@@ -254,8 +244,7 @@ impl<'a, H: Hybrid> Run<'a, H> {
                 continue;
             }
             let kind = self.worker.frozen.event_kind(guard, a, b, last_mode);
-            let released = kind == EventKind::Release;
-            let impulse = if released { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
+            let impulse = if a.is_inside() { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
             self.so_far.event_count += 1;
             if self.location.keep_events {
                 let (t, state) = (self.so_far.t, self.after.state.clone());
@@ -277,7 +266,7 @@ impl Chatter {
         Self { times: vec![f64::NEG_INFINITY; 64 * guards.max(1)], next: 0, max_event_rate }
     }
 
-    fn record(&mut self, t: f64) -> Result<(), Interruption> {
+    fn record<F>(&mut self, t: f64) -> Result<(), Interruption<F>> {
         let span = t - self.times[self.next];
         self.times[self.next] = t;
         self.next = (self.next + 1) % self.times.len();

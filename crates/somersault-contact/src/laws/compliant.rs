@@ -8,11 +8,11 @@
 //! damping happens below the surface. At touch-down the force jumps to −c Δẋ; at release it is continuous
 //! and its slope jumps.
 
+use super::normal_law::{NormalChange, NormalDerivative, NormalLaw, Stiffest};
 use crate::error::ContactError;
-use crate::hybrid::Guard;
-use crate::normal::Stiffest;
 use somersault_core::argument::{expect_not_negative, expect_positive};
 use somersault_core::roots;
+use somersault_integrators::events::Guard;
 use std::convert::Infallible;
 
 /// Spring and damper that push and never pull, thesis (7.10).
@@ -69,46 +69,57 @@ impl CompliantLaw {
         let mass = expect_positive("effective_mass", effective_mass)?;
         restitution(self.damping / (2.0 * (self.stiffness * mass).sqrt()))
     }
+}
 
-    /// The force of the law, N, read as (7.10) stands.
-    #[inline]
-    pub fn force(&self, gap: f64, rate: f64) -> f64 {
-        if self.guard(gap, rate).is_inside() { self.force_in_contact(gap, rate) } else { 0.0 }
-    }
-
-    /// −k Δx − c Δẋ wherever it is asked for: the force frozen in contact.
+impl NormalLaw for CompliantLaw {
+    /// −k Δx − c Δẋ.
     #[inline(always)]
-    pub fn force_in_contact(&self, gap: f64, rate: f64) -> f64 {
+    fn force_in_contact(&self, gap: f64, rate: f64) -> f64 {
         -self.stiffness * gap - self.damping * rate
     }
 
-    /// The guard that is inside exactly where the law acts.
-    #[inline]
-    pub fn guard(&self, gap: f64, rate: f64) -> Guard {
-        Guard { gap, rate, lag: self.damping / self.stiffness }
+    /// c/k.
+    #[inline(always)]
+    fn lag(&self, _: f64, _: f64) -> f64 {
+        self.damping / self.stiffness
     }
 
-    /// Energy of the spring, ½ k min(Δx, 0)², J.
+    /// ½ k min(Δx, 0)².
     #[inline]
-    pub fn energy(&self, gap: f64) -> f64 {
+    fn energy(&self, gap: f64) -> f64 {
         0.5 * self.stiffness * gap.min(0.0).powi(2)
     }
 
-    /// Force, stiffness and damping at the depth √(x² + m ẋ²/k) that a mass (kg) reaches from x if nothing is lost.
-    pub fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
+    /// At the depth √(x² + m ẋ²/k).
+    fn stiffest(&self, gap: f64, rate: f64, mass: f64) -> Stiffest {
         let depth = (gap * gap + mass * rate * rate / self.stiffness).sqrt();
         let force = self.stiffness * depth + self.damping * rate.abs();
         Stiffest { force, stiffness: self.stiffness, damping: self.damping }
     }
 
-    /// ∫ F dt over a step of h in contact, N s, from gap and rate at its ends.
-    ///
     /// The damper's part is exact; the spring's is the integral of the cubic through the four numbers, of
     /// order 4 in h.
     #[inline]
-    pub fn impulse(&self, h: f64, before: &Guard, after: &Guard) -> f64 {
+    fn impulse(&self, h: f64, before: &Guard, after: &Guard) -> f64 {
         let area = 0.5 * h * (before.gap + after.gap) + h * h / 12.0 * (before.rate - after.rate);
         -self.stiffness * area - self.damping * (after.gap - before.gap)
+    }
+
+    fn is_damped(&self) -> bool {
+        self.damping != 0.0
+    }
+
+    fn parameters(&self) -> &'static [&'static str] {
+        &["stiffness", "damping"]
+    }
+
+    #[inline]
+    fn derivative(&self, gap: f64, rate: f64, along: &NormalChange) -> Option<NormalDerivative> {
+        let [stiffness, damping] = along.parameters();
+        let force =
+            -self.stiffness * along.gap - self.damping * along.rate - stiffness * gap - damping * rate;
+        let lag = (damping - self.damping / self.stiffness * stiffness) / self.stiffness;
+        Some(NormalDerivative { force, lag })
     }
 }
 
@@ -167,6 +178,7 @@ pub fn damping_ratio(restitution: f64) -> Result<f64, ContactError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laws::checks::check_normal_law;
 
     #[test]
     fn restitution_is_continuous_through_critical_damping() {
@@ -193,6 +205,12 @@ mod tests {
         for e in [0.0, -0.1, 1.1, f64::NAN, f64::INFINITY] {
             assert!(matches!(damping_ratio(e), Err(ContactError::Restitution { .. })), "{e}");
         }
+    }
+
+    #[test]
+    fn the_law_is_what_its_trait_asks() {
+        let law = |[k, c]: [f64; 2]| CompliantLaw::try_new(200.0 + k, 3.0 + c).unwrap();
+        check_normal_law(law, &[(-0.02, 0.3), (-0.02, -0.3), (-1e-3, 0.0)]);
     }
 
     #[test]

@@ -1,30 +1,23 @@
 //! Steps of fixed size.
 
-use super::LocatedResult;
+use super::hybrid::{Frozen, Hybrid, HybridBodies};
+use super::location::Location;
+use super::outcome::{Interruption, LocatedResult};
 use super::run::{Run, Span, broken_at_start, check_start, run};
 use super::stiff::Stiff;
-use crate::event::{Interruption, Location};
-use crate::hybrid::{Frozen, Hybrid, HybridBodies};
-use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, TimeGrid};
-use somersault_integrators::engine::{Encode, Engine, FormEngine};
-use somersault_integrators::methods::{Method, Options};
-use somersault_integrators::stepper::Stepper;
-use somersault_integrators::system::{Decoder, StateOf, System, Unchanged};
+use crate::driver::{Flow, IntegrateError, Observer, Status, TimeGrid};
+use crate::engine::{Encode, Engine, FormEngine};
+use crate::methods::{Method, Options};
+use crate::stepper::Stepper;
+use crate::system::{Decoder, StateOf, System, Unchanged};
 
 /// Integrates bodies with modes by a method of the table, with a fixed step, locating events.
 ///
-/// The steps have the size of the grid, counted anew from each event. While a contact is closed that a step is too
-/// long for they are divided, and further where the energy grows; see
-/// [`StiffSteps`](crate::event::StiffSteps). The observer sees every committed
-/// step, those that end at events among them, with its curve.
+/// The steps have the size of the grid, counted anew from each event. While springs act that a step is too long for it
+/// is divided, and further where the energy grows; see [`StiffSteps`](super::StiffSteps). The observer sees every
+/// committed step, those that end at events among them, with its curve.
 ///
-/// Cost: the guards once a step, and about eight steps for each event. A step of the spinning top in contact
-/// takes 1.05 to 1.3 times as long as one in flight, whatever the method, but for `imid`: 2.5 times, since its
-/// iteration takes five or six evaluations where two do in free fall. Beside the same top without a ground, in
-/// the driver without events, it takes 1.3 (`split2`, `split4`, `rkmk8`) to 1.7 times as long by most one-step
-/// methods of order 4 and above, and 1.7 to 2.8 times by methods whose steps are about as short as the guards
-/// and by `rkmk_b` and `cf4_b`, which without a ground need no orientation within a step
-/// (`cargo bench --bench contact`).
+/// Cost: the guards once a step, and about eight steps for each event.
 pub fn integrate_located<H: HybridBodies>(
     method: Method,
     options: Options,
@@ -33,14 +26,14 @@ pub fn integrate_located<H: HybridBodies>(
     grid: &TimeGrid,
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration> {
+) -> LocatedResult<H> {
     let t = grid.time(0);
     check_start(system, t, initial, location)?;
     let frozen = Frozen::new(system, t, initial);
     let run = method.engage(options, &frozen, initial, &mut |engine| {
         go(&frozen, engine, initial, grid, location, observer)
     });
-    run.unwrap_or_else(|error| Err(broken_at_start(IntegrateError::from(error).into(), t, initial)))
+    run.unwrap_or_else(|error| Err(broken_at_start::<H>(error.into(), t, initial)))
 }
 
 /// Integrates any system with modes by any stepper, with a fixed step, locating events; see
@@ -52,7 +45,7 @@ pub fn integrate_hybrid<H, M>(
     grid: &TimeGrid,
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration>
+) -> LocatedResult<H>
 where
     H: Hybrid,
     M: Stepper<Frozen<H>>,
@@ -61,8 +54,8 @@ where
     integrate_hybrid_form(frozen, form, stepper, initial, grid, location, observer)
 }
 
-/// The same with the system in other variables: a form, and the ways to its variables and back.
-pub(crate) fn integrate_hybrid_form<H, B, M, D>(
+/// [`integrate_hybrid`] with the system in other variables: a form, and the ways to its variables and back.
+pub fn integrate_hybrid_form<H, B, M, D>(
     frozen: &Frozen<H>,
     (form, encode, decoder): (&B, Encode<'_, H::Configuration, B::Configuration>, D),
     stepper: &M,
@@ -70,7 +63,7 @@ pub(crate) fn integrate_hybrid_form<H, B, M, D>(
     grid: &TimeGrid,
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration>
+) -> LocatedResult<H>
 where
     H: Hybrid,
     B: System,
@@ -81,7 +74,7 @@ where
     check_start(frozen.system(), t, initial, location)?;
     frozen.freeze(t, initial);
     let mut engine = FormEngine::start(form, stepper, decoder, encode, initial)
-        .map_err(|error| broken_at_start(IntegrateError::from(error).into(), t, initial))?;
+        .map_err(|error| broken_at_start::<H>(IntegrateError::from(error).into(), t, initial))?;
     go(frozen, &mut engine, initial, grid, location, observer)
 }
 
@@ -92,11 +85,11 @@ fn go<H: Hybrid>(
     grid: &TimeGrid,
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration> {
+) -> LocatedResult<H> {
     run(frozen, engine, (grid.time(0), initial), location, observer, |run| steps(run, *grid))
 }
 
-fn steps<H: Hybrid>(run: &mut Run<'_, H>, mut grid: TimeGrid) -> Result<Status, Interruption> {
+fn steps<H: Hybrid>(run: &mut Run<'_, H>, mut grid: TimeGrid) -> Result<Status, Interruption<H::Fault>> {
     let end = grid.time(grid.steps());
     let mut stiff = Stiff::new(run.location.stiff, &run.worker.engine.info(), grid.dt());
     stiff.enter(run.worker.frozen, run.so_far.t, &run.before.state)?;
@@ -112,7 +105,7 @@ fn steps<H: Hybrid>(run: &mut Run<'_, H>, mut grid: TimeGrid) -> Result<Status, 
         }
         run.worker.step(t, run.before.slot, h, &mut run.after)?;
         n += 1;
-        // A step that throws the bodies off is not searched for what it meets on the way.
+        // A step that is thrown off is not searched for what it meets on the way.
         let mut stands = stiff.holds(run.worker.frozen, t, &run.after.state)?;
         let mut span = Span { h, t_after: grid.time(n), is_event: false };
         if stands {

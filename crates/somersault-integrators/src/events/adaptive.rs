@@ -1,24 +1,23 @@
 //! Steps adapted to tolerances.
 
-use super::LocatedResult;
+use super::hybrid::{Frozen, Hybrid, HybridBodies};
+use super::location::Location;
+use super::outcome::{Interruption, LocatedResult};
 use super::run::{Run, broken_at_start, check_start, run};
-use crate::event::{Interruption, Location};
-use crate::hybrid::{Frozen, Hybrid, HybridBodies};
-use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Status, check_interval};
-use somersault_integrators::engine::{Encode, Engine, FormEngine};
-use somersault_integrators::methods::{Method, Options};
-use somersault_integrators::stepper::EmbeddedStepper;
-use somersault_integrators::system::{Decoder, StateOf, System, Unchanged};
+use crate::driver::{Adaptive, Flow, IntegrateError, Observer, Status, check_interval};
+use crate::engine::{Encode, Engine, FormEngine};
+use crate::methods::{Method, Options};
+use crate::stepper::EmbeddedStepper;
+use crate::system::{Decoder, StateOf, System, Unchanged};
 
 /// Integrates bodies with modes from `interval.0` to `interval.1` by a method of the table that estimates
 /// its error, with steps adapted to tolerances, locating events.
 ///
-/// Far from contacts the steps are those of
-/// [`integrate_adaptive`](somersault_integrators::driver::integrate_adaptive). A step that is not proved clear of
-/// contacts is shortened to where the gap may be least, so that the gap takes part in the control of the steps. After an event the step is
-/// chosen afresh from the accelerations of the new mode. A step that leads to where a guard is not finite
-/// is rejected like one whose error is too large. The observer sees every committed step, those that end at
-/// events among them, with its curve.
+/// Far from events the steps are those of [`Run`](crate::run::Run). A step that is not
+/// proved clear of them is shortened to where the gap may be least, so that the gap takes part in the control of the
+/// steps. After an event the step is chosen afresh from the accelerations of the new mode. A step that leads to where a
+/// guard is not finite is rejected like one whose error is too large. The observer sees every committed step, those that
+/// end at events among them, with its curve.
 ///
 /// Cost: the guards once a step, about eight steps and two evaluations for each event.
 pub fn integrate_located_adaptive<H: HybridBodies>(
@@ -30,13 +29,13 @@ pub fn integrate_located_adaptive<H: HybridBodies>(
     settings: &Adaptive,
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration> {
+) -> LocatedResult<H> {
     check_start(system, interval.0, initial, location)?;
     let frozen = Frozen::new(system, interval.0, initial);
     let run = method.engage_embedded(options, &frozen, initial, &mut |engine| {
         go(&frozen, engine, initial, (interval, settings), location, observer)
     });
-    run.unwrap_or_else(|error| Err(broken_at_start(error.into(), interval.0, initial)))
+    run.unwrap_or_else(|error| Err(broken_at_start::<H>(error.into(), interval.0, initial)))
 }
 
 /// Integrates any system with modes by any stepper that estimates its error, with steps adapted to
@@ -49,7 +48,7 @@ pub fn integrate_hybrid_adaptive<H, M>(
     settings: &Adaptive,
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration>
+) -> LocatedResult<H>
 where
     H: Hybrid,
     M: EmbeddedStepper<Frozen<H>>,
@@ -58,8 +57,8 @@ where
     integrate_hybrid_form_adaptive(frozen, form, stepper, initial, (interval, settings), location, observer)
 }
 
-/// The same with the system in other variables: a form, and the ways to its variables and back.
-pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D>(
+/// [`integrate_hybrid_adaptive`] with the system in other variables: a form, and the ways to its variables and back.
+pub fn integrate_hybrid_form_adaptive<H, B, M, D>(
     frozen: &Frozen<H>,
     (form, encode, decoder): (&B, Encode<'_, H::Configuration, B::Configuration>, D),
     stepper: &M,
@@ -67,7 +66,7 @@ pub(crate) fn integrate_hybrid_form_adaptive<H, B, M, D>(
     (interval, settings): ((f64, f64), &Adaptive),
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration>
+) -> LocatedResult<H>
 where
     H: Hybrid,
     B: System,
@@ -77,7 +76,7 @@ where
     check_start(frozen.system(), interval.0, initial, location)?;
     frozen.freeze(interval.0, initial);
     let engine = FormEngine::start(form, stepper, decoder, encode, initial)
-        .map_err(|error| broken_at_start(IntegrateError::from(error).into(), interval.0, initial))?;
+        .map_err(|error| broken_at_start::<H>(IntegrateError::from(error).into(), interval.0, initial))?;
     go(frozen, &mut engine.with_estimate(), initial, (interval, settings), location, observer)
 }
 
@@ -88,11 +87,15 @@ fn go<H: Hybrid>(
     (interval, settings): ((f64, f64), &Adaptive),
     location: &Location,
     observer: &mut dyn Observer<H::Configuration>,
-) -> LocatedResult<H::Configuration> {
+) -> LocatedResult<H> {
     run(frozen, engine, (interval.0, initial), location, observer, |run| steps(run, interval.1, settings))
 }
 
-fn steps<H: Hybrid>(run: &mut Run<'_, H>, end: f64, settings: &Adaptive) -> Result<Status, Interruption> {
+fn steps<H: Hybrid>(
+    run: &mut Run<'_, H>,
+    end: f64,
+    settings: &Adaptive,
+) -> Result<Status, Interruption<H::Fault>> {
     check_interval(run.so_far.t, end)?;
     let mut control = run.worker.engine.control(settings, run.so_far.t, run.before.slot)?;
     while run.so_far.t < end {
@@ -109,7 +112,7 @@ fn steps<H: Hybrid>(run: &mut Run<'_, H>, end: f64, settings: &Adaptive) -> Resu
         if error <= 1.0
             && let Some(part) = run.doubt(h, t_after)
         {
-            // A contact may have come and gone: the step ends where it would have been closest.
+            // A guard may have gone in and come out: the step ends where its gap would have been least.
             control.shorten(part)?;
             run.worker.engine.reject();
             run.so_far.trials += 1;

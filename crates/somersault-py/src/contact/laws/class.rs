@@ -1,0 +1,69 @@
+//! Classes of Python that stand for laws of the library.
+
+use pyo3::PyClass;
+use pyo3::prelude::*;
+use pyo3::pyclass::boolean_struct::True;
+use pyo3::types::PyType;
+use somersault::contact::laws::{FrictionLaw, NormalLaw};
+use std::sync::Arc;
+
+/// A class that stands for a type of laws.
+pub(crate) trait LawClass: PyClass<Frozen = True> + Into<PyClassInitializer<Self>> + Sync {
+    /// The type.
+    type Law: Clone;
+    /// An object for a law.
+    fn of(law: Self::Law) -> Self;
+    /// The law.
+    fn law(&self) -> Self::Law;
+}
+
+/// A row of the table of classes that stand for laws of a kind, `dyn NormalLaw` or `dyn FrictionLaw`.
+pub(super) struct Row<L: ?Sized> {
+    class: fn(Python<'_>) -> Bound<'_, PyType>,
+    /// The law of an object, if it is of the class.
+    read: fn(&Bound<'_, PyAny>) -> Option<Arc<L>>,
+    /// An object for a law, if it is of the type.
+    show: for<'py> fn(Python<'py>, &L) -> Option<PyResult<Bound<'py, PyAny>>>,
+}
+
+/// The row of a class of normal laws.
+pub(super) const fn normal<C: LawClass<Law: NormalLaw>>() -> Row<dyn NormalLaw> {
+    Row {
+        class: |py| py.get_type::<C>(),
+        read: |value| Some(Arc::new(value.cast::<C>().ok()?.get().law())),
+        show: |py, law| Some(object::<C>(py, law.downcast_ref::<C::Law>()?)),
+    }
+}
+
+/// The row of a class of friction laws.
+pub(super) const fn friction<C: LawClass<Law: FrictionLaw>>() -> Row<dyn FrictionLaw> {
+    Row {
+        class: |py| py.get_type::<C>(),
+        read: |value| Some(Arc::new(value.cast::<C>().ok()?.get().law())),
+        show: |py, law| Some(object::<C>(py, law.downcast_ref::<C::Law>()?)),
+    }
+}
+
+fn object<'py, C: LawClass>(py: Python<'py>, law: &C::Law) -> PyResult<Bound<'py, PyAny>> {
+    Ok(Bound::new(py, C::of(law.clone()))?.into_any())
+}
+
+/// The law of an argument.
+pub(super) fn read<L: ?Sized>(table: &[Row<L>], value: &Bound<'_, PyAny>) -> Option<Arc<L>> {
+    table.iter().find_map(|row| (row.read)(value))
+}
+
+/// An object for a law, if it has a class.
+pub(super) fn show<'py, L: ?Sized>(
+    table: &[Row<L>],
+    py: Python<'py>,
+    law: &L,
+) -> PyResult<Option<Bound<'py, PyAny>>> {
+    table.iter().find_map(|row| (row.show)(py, law)).transpose()
+}
+
+/// What an argument must be.
+pub(super) fn kinds<L: ?Sized>(table: &[Row<L>], py: Python<'_>) -> PyResult<String> {
+    let names = table.iter().map(|row| Ok(format!("a {}", (row.class)(py).name()?)));
+    Ok(names.collect::<PyResult<Vec<_>>>()?.join(" or "))
+}

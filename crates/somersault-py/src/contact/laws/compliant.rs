@@ -1,0 +1,177 @@
+//! The compliant law of the thesis.
+
+use super::class::LawClass;
+use crate::core::convert::finite;
+use crate::core::error::Error;
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use somersault::contact::laws::{NormalLaw, compliant};
+
+/// Spring and damper that push and never pull (thesis 7.10).
+///
+/// With the gap x, negative inside the surface, F = −k x − c ẋ where x < 0 and k x + c ẋ < 0, else F = 0.
+///
+/// Parameters
+/// ----------
+/// stiffness : float
+///     k > 0, N/m.
+/// damping : float, optional
+///     c ≥ 0, N s/m.
+///
+/// Raises
+/// ------
+/// InputError
+///     If a constant is not one that the law can have.
+///
+/// Examples
+/// --------
+/// >>> from somersault.contact import CompliantLaw
+/// >>> law = CompliantLaw.from_restitution(1.0, 1e4, 0.5)
+/// >>> round(law.restitution(1.0), 12)
+/// 0.5
+#[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) struct CompliantLaw(pub(crate) compliant::CompliantLaw);
+
+#[pymethods]
+impl CompliantLaw {
+    #[new]
+    #[pyo3(signature = (stiffness, damping=0.0))]
+    fn new(stiffness: f64, damping: f64) -> Result<Self, Error> {
+        Ok(Self(compliant::CompliantLaw::try_new(stiffness, damping)?))
+    }
+
+    /// From what a mass does on the contact: k = m ωₙ², c = 2 m ωₙ ζ.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass : float
+    ///     Mass, kg.
+    /// frequency : float
+    ///     Natural frequency ωₙ, rad/s.
+    /// damping_ratio : float
+    ///     ζ ≥ 0.
+    #[staticmethod]
+    fn from_frequency(mass: f64, frequency: f64, damping_ratio: f64) -> Result<Self, Error> {
+        Ok(Self(compliant::CompliantLaw::from_frequency(mass, frequency, damping_ratio)?))
+    }
+
+    /// From the coefficient of restitution of a central impact under no other force.
+    ///
+    /// Parameters
+    /// ----------
+    /// effective_mass : float
+    ///     Mass that the contact moves, kg.
+    /// stiffness : float
+    ///     k, N/m.
+    /// restitution : float
+    ///     0 < e ≤ 1.
+    #[staticmethod]
+    fn from_restitution(effective_mass: f64, stiffness: f64, restitution: f64) -> Result<Self, Error> {
+        Ok(Self(compliant::CompliantLaw::from_restitution(effective_mass, stiffness, restitution)?))
+    }
+
+    /// float: k, N/m.
+    #[getter]
+    fn stiffness(&self) -> f64 {
+        self.0.stiffness()
+    }
+
+    /// float: c, N s/m.
+    #[getter]
+    fn damping(&self) -> f64 {
+        self.0.damping()
+    }
+
+    /// Coefficient of restitution of a central impact under no other force.
+    ///
+    /// Parameters
+    /// ----------
+    /// effective_mass : float
+    ///     Mass that the contact moves, kg.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    fn restitution(&self, effective_mass: f64) -> Result<f64, Error> {
+        Ok(self.0.restitution(effective_mass)?)
+    }
+
+    /// The force, N.
+    ///
+    /// Parameters
+    /// ----------
+    /// gap, rate : float
+    ///     Gap, m, and its rate, m/s.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    fn force(&self, gap: f64, rate: f64) -> Result<f64, Error> {
+        Ok(self.0.force(finite("gap", gap)?, finite("rate", rate)?))
+    }
+
+    /// Energy of the spring, J.
+    ///
+    /// Parameters
+    /// ----------
+    /// gap : float
+    ///     Gap, m.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    fn energy(&self, gap: f64) -> Result<f64, Error> {
+        Ok(self.0.energy(finite("gap", gap)?))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("CompliantLaw({:?}, damping={:?})", self.0.stiffness(), self.0.damping())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64)) {
+        (slf.get_type(), (slf.get().stiffness(), slf.get().damping()))
+    }
+}
+
+impl LawClass for CompliantLaw {
+    type Law = compliant::CompliantLaw;
+    fn of(law: Self::Law) -> Self {
+        Self(law)
+    }
+    fn law(&self) -> Self::Law {
+        self.0
+    }
+}
+
+/// Coefficient of restitution at a damping ratio ζ ≥ 0, where contact ends as the force returns to zero.
+///
+/// e = exp(−2 ζ arccos ζ/√(1 − ζ²)), continued through ζ = 1.
+///
+/// Parameters
+/// ----------
+/// damping_ratio : float
+///     ζ.
+///
+/// Returns
+/// -------
+/// float
+#[pyfunction]
+pub(crate) fn restitution(damping_ratio: f64) -> Result<f64, Error> {
+    Ok(compliant::restitution(damping_ratio)?)
+}
+
+/// The damping ratio that gives a coefficient of restitution 0 < e ≤ 1; the inverse of `restitution`.
+///
+/// Parameters
+/// ----------
+/// restitution : float
+///     e.
+///
+/// Returns
+/// -------
+/// float
+#[pyfunction]
+pub(crate) fn damping_ratio(restitution: f64) -> Result<f64, Error> {
+    Ok(compliant::damping_ratio(restitution)?)
+}
