@@ -1,11 +1,9 @@
 //! Momentum-reduced flight: conservation, closed forms, full dynamics, derivatives, bad input.
 
-use nalgebra::{DMatrix, Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
 use somersault::integrators::driver::IntegrateError;
-use somersault::multibody::flight::{
-    Flight, FlightData, FlightError, FlightSensitivities, FlightSystem, ShapeMotion, ShapeParameters, TakeOff,
-};
+use somersault::multibody::flight::{Flight, FlightData, FlightError, FlightSystem, ShapeMotion, TakeOff};
 use somersault::multibody::models::Diver;
 use somersault::multibody::motion::{Coordinates, TreeState, TreeSystem};
 use somersault::multibody::{Data, DynamicsError, Joint, Link, MassProperties, Model, ModelBuilder, Split};
@@ -71,24 +69,6 @@ impl ShapeMotion for Swing {
                     q[at..at + 4].copy_from_slice(moved.coords.as_slice());
                 }
                 _ => unreachable!("hinges, slides and balls only"),
-            }
-        }
-    }
-}
-
-/// The amplitude of every joint's swing is its parameter: all components of `a` scale with it.
-impl ShapeParameters for Swing {
-    fn n_parameters(&self) -> usize {
-        self.joints.len()
-    }
-    fn differentiate(&self, t: f64, by_position: &mut DMatrix<f64>, by_velocity: &mut DMatrix<f64>) {
-        by_position.fill(0.0);
-        by_velocity.fill(0.0);
-        for (p, &(_, first, n)) in self.joints.iter().enumerate() {
-            let (sin, rate) = self.phase(first, t);
-            for k in first..first + n {
-                by_position[(k, p)] = self.amplitudes[k] * sin;
-                by_velocity[(k, p)] = self.amplitudes[k] * rate;
             }
         }
     }
@@ -572,161 +552,6 @@ fn accelerations_of_the_hybrid_dynamics_are_the_rates_of_reduced_flight() {
         };
         let off = (angular - rate).norm();
         assert!(off < 1e-11 * (1.0 + angular.norm()) * dofs as f64, "case {case}: {off:e} {angular}");
-    }
-}
-
-/// The final orientation, by the classic method of order four on the quaternion itself, over dual numbers
-/// in the direction (δθ₀, δL, δp).
-fn final_turn_by_duals(
-    model: &Model,
-    swing: &Swing,
-    take_off: &TakeOff,
-    start: &[f64],
-    (turn, dl, dp): (Vector3<f64>, Vector3<f64>, &[f64]),
-) -> Quaternion<Dual64> {
-    let wide = model.cast::<Dual64>();
-    let zero = Vector3::zeros();
-    let lifted = TakeOff {
-        time: Dual64::from_re(take_off.time),
-        center_of_mass: dual(take_off.center_of_mass, zero),
-        velocity: dual(take_off.velocity, zero),
-        angular_momentum: dual(take_off.angular_momentum, dl),
-    };
-    let flight = Flight::try_new(&wide, lifted).unwrap();
-    let mut data = FlightData::new(&wide);
-    let (n_q, n_v) = (model.n_positions(), model.n_velocities());
-    let slope = |t: f64, turn: Quaternion<Dual64>, data: &mut FlightData<Dual64>| {
-        let (mut q, mut v) = (vec![0.0; n_q - 7], vec![0.0; n_v - 6]);
-        swing.evaluate(t, &mut q, &mut v);
-        let (mut by_q, mut by_v) =
-            (DMatrix::zeros(n_v - 6, swing.n_parameters()), DMatrix::zeros(n_v - 6, swing.n_parameters()));
-        swing.differentiate(t, &mut by_q, &mut by_v);
-        let dp = nalgebra::DVector::from_column_slice(dp);
-        let (dq, dv) = (by_q * &dp, by_v * &dp);
-        // unit norm is lost to fourth order in the step, and with it nothing that counts
-        let unit = turn / turn.norm();
-        let mut full: Vec<Dual64> = vec![Dual64::from_re(0.0); 3];
-        full.extend(unit.coords.iter());
-        full.extend(duals(&q));
-        let mut step = vec![Dual64::from_re(0.0); 6];
-        step.extend(dq.iter().map(|&d| Dual64::new(0.0, d)));
-        let mut moved = full.clone();
-        wide.displace(&full, &step, &mut moved).unwrap();
-        let mut rates = vec![Dual64::from_re(0.0); 6];
-        rates.extend(v.iter().zip(dv.iter()).map(|(&x, &d)| Dual64::new(x, d)));
-        let omega = flight.angular_velocity(data, &moved, &rates).unwrap();
-        turn * Quaternion::from_imag(omega) * Dual64::from_re(0.5)
-    };
-    let first = Quaternion::new(start[3], start[0], start[1], start[2]);
-    let first = Quaternion::from(first.coords.map(Dual64::from_re));
-    let small = Quaternion::from_parts(Dual64::from_re(1.0), turn.map(|d| Dual64::new(0.0, 0.5 * d)));
-    let mut x = first * small;
-    let (n, half) = (4000, Dual64::from_re(0.5));
-    let h = 1.0 / f64::from(n);
-    let step = Dual64::from_re(h);
-    for i in 0..n {
-        let t = h * f64::from(i);
-        let k1 = slope(t, x, &mut data);
-        let k2 = slope(t + 0.5 * h, x + k1 * (step * half), &mut data);
-        let k3 = slope(t + 0.5 * h, x + k2 * (step * half), &mut data);
-        let k4 = slope(t + h, x + k3 * step, &mut data);
-        x += (k1 + (k2 + k3) * Dual64::from_re(2.0) + k4) * (step / 6.0);
-    }
-    x
-}
-
-#[test]
-fn derivatives_of_the_final_orientation_are_those_of_dual_numbers_and_differences() {
-    let mut random = Random::new(7);
-    for case in 0..3 {
-        let model = flying_tree(&mut random, Joint::Free, 5);
-        let swing = Swing::new(&model, &mut random, 0.6);
-        let take_off = take_off(&mut random, 3.0);
-        let first = orientation(&mut random, &model);
-        let flight = Flight::try_new(&model, take_off).unwrap();
-        let system = FlightSensitivities::new(flight, &swing);
-        let start = system.state(&first).unwrap();
-        let grid = TimeGrid::try_with_steps(0.0, 1.0, 200).unwrap();
-        let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
-        let columns = system.columns(&end).unwrap();
-        assert_eq!(columns.shape(), (3, 6 + swing.n_parameters()));
-        let (turn, dl) = (random.vector(1.0), random.vector(1.0));
-        let dp = random.numbers(swing.n_parameters(), 1.0);
-        let direction: Vec<f64> = turn.iter().chain(&dl).chain(&dp).copied().collect();
-        let expected = columns * nalgebra::DVector::from_column_slice(&direction);
-        let x = final_turn_by_duals(&model, &swing, &take_off, &first, (turn, dl, &dp));
-        let value = Quaternion::from(x.coords.map(|x| x.re));
-        let rate = Quaternion::from(x.coords.map(|x| x.eps));
-        let by_duals = (value.conjugate() * rate).imag() * 2.0;
-        let size = 1.0 + columns.norm();
-        let q = end.configuration.as_slice();
-        let found = UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]));
-        assert!(so3::angle_between(&found, &UnitQuaternion::new_normalize(value)) < 1e-10);
-        assert!((by_duals - &expected).norm() < 1e-9 * size, "case {case}: {by_duals} {expected}");
-        // differences of whole flights
-        let at = |h: f64| {
-            let mut scaled = swing.clone();
-            for (p, &(_, k, n)) in swing.joints.iter().enumerate() {
-                scaled.amplitudes[k..k + n].iter_mut().for_each(|a| *a *= 1.0 + h * dp[p]);
-            }
-            let take_off = TakeOff { angular_momentum: take_off.angular_momentum + dl * h, ..take_off };
-            let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), &scaled);
-            let first =
-                UnitQuaternion::new_unchecked(Quaternion::new(first[3], first[0], first[1], first[2]))
-                    * UnitQuaternion::from_scaled_axis(turn * h);
-            let start = system.state(first.coords.as_slice()).unwrap();
-            let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
-            let q = end.configuration.as_slice();
-            UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]))
-        };
-        let h = 1e-5;
-        let by_differences = so3::log(&(at(-h).inverse() * at(h))) / (2.0 * h);
-        assert!((by_differences - &expected).norm() < 1e-7 * size, "case {case}");
-    }
-}
-
-#[test]
-fn derivatives_of_the_final_angle_in_the_plane_are_those_of_differences() {
-    let mut random = Random::new(8);
-    let model = flying_tree(&mut random, Joint::Planar, 6);
-    let swing = Swing::new(&model, &mut random, 0.6);
-    let start_from = take_off(&mut random, 3.0);
-    let system = FlightSensitivities::new(Flight::try_new(&model, start_from).unwrap(), &swing);
-    let grid = TimeGrid::try_with_steps(0.0, 1.0, 200).unwrap();
-    let start = system.state(&[0.4]).unwrap();
-    let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
-    let columns = system.columns(&end).unwrap().into_owned();
-    assert_eq!(columns.shape(), (1, 4 + swing.n_parameters()));
-    assert_eq!(columns[0], 1.0);
-    let angle = |take_off: TakeOff, swing: &Swing| {
-        let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), swing);
-        let start = system.state(&[0.4]).unwrap();
-        let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
-        end.configuration.as_slice()[0]
-    };
-    assert!((angle(start_from, &swing) - end.configuration.as_slice()[0]).abs() < 1e-13);
-    let h = 1e-5;
-    for i in 0..3 {
-        let mut by = Vector3::zeros();
-        by[i] = h;
-        let moved =
-            |sign: f64| TakeOff { angular_momentum: start_from.angular_momentum + by * sign, ..start_from };
-        let slope = (angle(moved(1.0), &swing) - angle(moved(-1.0), &swing)) / (2.0 * h);
-        assert!((slope - columns[1 + i]).abs() < 1e-8 * (1.0 + slope.abs()));
-    }
-    for p in 0..swing.n_parameters() {
-        let scaled = |factor: f64| {
-            let (_, k, n) = swing.joints[p];
-            let mut amplitudes = swing.amplitudes.clone();
-            amplitudes[k..k + n].iter_mut().for_each(|a| *a *= factor);
-            Swing { amplitudes, ..swing.clone() }
-        };
-        let slope = (angle(start_from, &scaled(1.0 + h)) - angle(start_from, &scaled(1.0 - h))) / (2.0 * h);
-        assert!(
-            (slope - columns[4 + p]).abs() < 1e-8 * (1.0 + slope.abs()),
-            "{p}: {slope} {}",
-            columns[4 + p]
-        );
     }
 }
 

@@ -21,7 +21,7 @@ use crate::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use crate::methods::{Method, Options};
 use crate::run::Run;
 use crate::state::State;
-use crate::stepper::{EmbeddedStepper, Stepper};
+use crate::stepper::Stepper;
 use crate::system::{BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System};
 use somersault_core::argument::expect_positive;
 use std::cell::Cell;
@@ -110,30 +110,6 @@ where
             Run::by_stepper(&counted, stepper, steps).from(problem.initial())
         } else {
             Run::by_stepper(problem.system(), stepper, steps).from(problem.initial())
-        }
-    })
-}
-
-/// As [`work_precision`], by a stepper with steps adapted to `tolerances`.
-pub fn work_precision_adaptive_of<S, M>(
-    problem: &Problem<S>,
-    stepper: &M,
-    tolerances: &[f64],
-    repeats: usize,
-    progress: &mut Progress<'_>,
-) -> Result<Vec<WorkPoint>, StudyError>
-where
-    S: RigidSystem,
-    M: EmbeddedStepper<S> + for<'a> EmbeddedStepper<Counted<'a, S>>,
-{
-    let counted = Counted::new(problem.system());
-    let choices: Vec<_> = tolerances.iter().map(|t| StepChoice::Tolerance(*t)).collect();
-    let bench = Bench { problem, calls: &counted.calls, nominal: M::INFO.evaluations, repeats };
-    bench.run(&choices, progress, &|steps, counting| {
-        if counting {
-            Run::by_embedded_stepper(&counted, stepper, steps).from(problem.initial())
-        } else {
-            Run::by_embedded_stepper(problem.system(), stepper, steps).from(problem.initial())
         }
     })
 }

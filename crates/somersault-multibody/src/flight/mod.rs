@@ -16,17 +16,15 @@
 //! the plane only, c and g in the plane, and the angle of the root is a mere quadrature.
 //!
 //! One evaluation costs O(n), its derivatives by all of the shape as well. [`FlightSystem`] is the
-//! equation for R as the integrators take it, [`FlightSensitivities`] the same with the derivatives of R.
+//! equation for R as the integrators take it.
 //!
 //! Sources: T. R. Kane and M. P. Scher, Int. J. Solids Structures 5 (1969) 663; R. Montgomery, *Gauge
 //! theory of the falling cat*, Fields Institute Communications 1 (1993) 193.
 
 mod derivatives;
-mod sensitivity;
 mod system;
 
 pub use derivatives::FlightDerivatives;
-pub use sensitivity::{FlightSensitivities, SensitivityWorkspace, ShapeParameters};
 pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
 
 use crate::data::Data;

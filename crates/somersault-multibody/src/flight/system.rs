@@ -39,19 +39,19 @@ pub struct FlightSystem<'f, S: ?Sized> {
 /// Room for one evaluation.
 #[derive(Debug, Clone)]
 pub struct FlightWorkspace {
-    pub(super) data: FlightData,
-    pub(super) q: Vec<f64>,
-    pub(super) v: Vec<f64>,
+    data: FlightData,
+    q: Vec<f64>,
+    v: Vec<f64>,
 }
 
 impl FlightWorkspace {
-    pub(super) fn new(flight: &Flight<'_>) -> Self {
+    fn new(flight: &Flight<'_>) -> Self {
         let model = flight.model();
         Self { data: FlightData::new(model), q: model.neutral(), v: vec![0.0; model.n_velocities()] }
     }
 
     /// Sets the orientation of the root and the shape at time `t`.
-    pub(super) fn pose(
+    fn pose(
         &mut self,
         flight: &Flight<'_>,
         shape: &(impl ShapeMotion + ?Sized),
@@ -69,10 +69,7 @@ impl FlightWorkspace {
 
 impl Flight<'_> {
     /// The factor of the orientation, its numbers brought to unit norm, and the dimension of its rate.
-    pub(super) fn first_factor(
-        &self,
-        orientation: &[f64],
-    ) -> Result<(Factor, Vec<f64>, usize), DynamicsError> {
+    fn first_factor(&self, orientation: &[f64]) -> Result<(Factor, Vec<f64>, usize), DynamicsError> {
         let at = self.orientation();
         expect_length("orientation", orientation.len(), at.len())?;
         let mut q = self.model().neutral();
@@ -83,7 +80,7 @@ impl Flight<'_> {
     }
 
     /// The components of an angular velocity that count.
-    pub(super) fn components<'v>(&self, angular: &'v Vector3<f64>) -> &'v [f64] {
+    fn components<'v>(&self, angular: &'v Vector3<f64>) -> &'v [f64] {
         if self.is_planar { &angular.as_slice()[2..] } else { angular.as_slice() }
     }
 }
