@@ -1,6 +1,6 @@
 //! Terms of costs and constraints: what Python says of them, and what the library makes of it.
 //!
-//! A term is a file with its [`Description`] and the function that makes it, and a row of the table of [`kinds`].
+//! A term is a file with its `Description` and the function that makes it, and a row of `kinds!`.
 
 mod body;
 mod displacement;

@@ -15,7 +15,7 @@ static PARTS: [(&str, MomentumPart, &str); 3] = [
     ("center_of_mass", MomentumPart::CenterOfMass, "centre of mass"),
 ];
 
-/// A row of [`PARTS`].
+/// A row of `PARTS`.
 struct Momentum(&'static (&'static str, MomentumPart, &'static str));
 
 impl Description for Momentum {
