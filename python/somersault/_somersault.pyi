@@ -17,9 +17,7 @@ _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Active: TypeAlias = Sequence[str] | Sequence[bool] | NDArray[np.bool_]
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
 _Parameter: TypeAlias = (
-    Literal["mass", "inertia_scale"]
-    | tuple[str, int]
-    | tuple[Literal["acceleration"], ArrayLike]
+    Literal["mass", "inertia_scale"] | tuple[str, int] | tuple[Literal["acceleration"], ArrayLike]
 )
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
