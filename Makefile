@@ -71,19 +71,20 @@ bench:
 
 # The facade with each of its features alone, and with none.
 features:
-	for feature in "" contact ftla motion multibody nlp ocp rayon serde storage urdf; do \
+	for feature in "" contact dives ftla motion multibody nlp ocp rayon serde storage urdf; do \
 		cargo check --package somersault --no-default-features --features "$$feature" || exit 1; done
 
 # The same problems solved by other packages, side by side.
 bench-peers: $(VENV)/.peers
 	PYTHONPATH=. $(BIN)/python benches/peers
 
-# Each reader on ten minutes of hostile files; needs nightly and cargo-fuzz.
+# Hostile files for the readers, ten minutes for each format; needs nightly and cargo-fuzz.
 fuzz:
-	mkdir -p out/corpus/urdf
+	mkdir -p out/corpus/urdf out/corpus/judged out/corpus/recording
 	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
-	for format in bvh c3d joint_motion judged marker_csv trc; do mkdir -p out/corpus/$$format && cargo +nightly fuzz run $$format \
-		out/corpus/$$format fuzz/corpus/$$format -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024 || exit 1; done
+	cargo +nightly fuzz run judged out/corpus/judged fuzz/corpus/judged -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024
+	cargo +nightly fuzz run recording out/corpus/recording fuzz/corpus/recording -- -max_total_time=3000 -max_len=4096 \
+		-rss_limit_mb=1024
 
 # 30,000 calls of the Python package with wrong arguments, in children that an abort takes alone.
 mutate: $(VENV)/.extension-dev

@@ -6,10 +6,10 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
-use somersault_integrators::batch::{self, FreeBodyBatch, InstructionSet};
+use somersault_integrators::batch::{FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
 use std::hint::black_box;
@@ -36,7 +36,7 @@ fn steps_per_second(c: &mut Criterion) {
                 group.throughput(Throughput::Elements(BODIES as u64 * steps));
                 group.bench_function(BenchmarkId::new(label, steps), |b| {
                     let steps = vec![steps; BODIES];
-                    b.iter(|| pool.install(|| batch.integrate_with(set, &dt, &steps).unwrap()));
+                    b.iter(|| pool.install(|| batch.advance_with(set, &dt, &steps).unwrap()));
                 });
             }
         }
@@ -58,14 +58,10 @@ fn rigid_bodies(c: &mut Criterion) {
     for threads in [1, 2] {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         group.bench_function(BenchmarkId::new("integrate", threads), |b| {
-            b.iter(|| pool.install(|| batch::integrate(&bodies, &states, &grids).unwrap()));
+            b.iter(|| pool.install(|| FreeRuns::new(&bodies, &grids).from(&states).unwrap()));
         });
         group.bench_function(BenchmarkId::new("integrate_by rkmk_b", threads), |b| {
-            b.iter(|| {
-                pool.install(|| {
-                    batch::integrate_by(Method::RkmkB, Options::default(), &systems, &states, &grids).unwrap()
-                })
-            });
+            b.iter(|| pool.install(|| Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap()));
         });
     }
 }

@@ -5,10 +5,9 @@
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use somersault::contact::driver::{integrate_located, integrate_located_adaptive};
-use somersault::contact::event::Location;
 use somersault::contact::models::SpinningTop;
 use somersault::integrators::driver::Adaptive;
+use somersault::integrators::events::{Location, integrate_located, integrate_located_adaptive};
 use somersault::integrators::stepper::Scope;
 use somersault::prelude::*;
 use std::hint::black_box;
@@ -30,7 +29,7 @@ fn steps(c: &mut Criterion) {
         let mut group = c.benchmark_group(method.info().name);
         group.throughput(Throughput::Elements(STEPS));
         group.bench_function("contact_free", |b| {
-            b.iter(|| method.integrate(options, &free, black_box(&top.start), &grid, &mut ()))
+            b.iter(|| Run::new(&free, method, grid).with_options(options).from(black_box(&top.start)))
         });
         for (name, start) in [("guarded", &top.start), ("in_contact", &settled.state)] {
             group.bench_function(name, |b| {

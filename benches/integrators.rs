@@ -23,7 +23,7 @@ fn compare<F: ForceModel>(c: &mut Criterion, group: &str, forces: F, applies: im
     group.throughput(Throughput::Elements(STEPS));
     for method in Method::ALL.into_iter().filter(|m| applies(&m.info())) {
         group.bench_function(method.info().name, |b| {
-            b.iter(|| method.integrate(Options::default(), &system, black_box(&start), &grid, &mut ()))
+            b.iter(|| Run::new(&system, method, grid).from(black_box(&start)))
         });
     }
     group.finish();

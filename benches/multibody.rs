@@ -5,9 +5,8 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
-use somersault::multibody::motion::TreeMotion;
 use somersault::multibody::{Data, DerivativeData, Split};
-use somersault::prelude::{Method, Options, TimeGrid};
+use somersault::prelude::{Method, Run, TimeGrid};
 use somersault_testkit::trees::{Random, State, diver, humanoid, random_configuration};
 use std::hint::black_box;
 use std::time::Duration;
@@ -84,7 +83,7 @@ fn reduced_flight(c: &mut Criterion) {
     group.bench_function("dive of 200 steps", |b| {
         b.iter(|| {
             let start = black_box(&start);
-            system.integrate(Method::Cf4, Options::default(), start, &grid, &mut ()).map(|end| end.t)
+            Run::new(&system, Method::Cf4, grid).from(start).map(|end| end.t)
         })
     });
     group.finish();

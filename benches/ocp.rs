@@ -5,10 +5,10 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use somersault::core::Scalar;
+use somersault::dives::{Dive, DiveSearch};
 use somersault::multibody::models::TwoLinkArm;
 use somersault::nlp::{Flow, Nlp, NlpSolver, Sqp};
 use somersault::ocp::collocation::{Collocation, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics};
-use somersault::ocp::dive::{Dive, DiveSearch};
 use somersault::ocp::swing_up::CartPendulumProblem;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::hint::black_box;

@@ -1,4 +1,4 @@
-"""Reads the reference: types from the stub of the extension, texts from the extension itself."""
+"""Reads the reference: types from the stubs of the extension, texts from the extension itself."""
 
 import inspect
 import re

@@ -25,7 +25,7 @@ fn check_fixed<S: RigidSystem>(method: Method, system: &S, start: &StateOf<S>) {
     let run = |steps: u32| {
         let grid = TimeGrid::try_new(0.0, 0.01 * (f64::from(steps) - 0.5), 0.01).unwrap();
         allocations(|| {
-            method.integrate(Options::default(), system, start, &grid, &mut ()).unwrap();
+            Run::new(system, method, grid).from(start).unwrap();
         })
     };
     run(20);
@@ -37,9 +37,7 @@ fn check_adaptive<S: RigidSystem>(method: Method, system: &S, start: &StateOf<S>
         let control = Adaptive { max_step: 0.01, ..Adaptive::default() };
         allocations(|| {
             let interval = (0.0, duration);
-            method
-                .integrate_adaptive(Options::default(), system, start, interval, &control, &mut ())
-                .unwrap();
+            Run::new(system, method, Steps::adapted(interval, control)).from(start).unwrap();
         })
     };
     run(0.2);
@@ -75,9 +73,8 @@ fn no_step_allocates_for_one_body_or_several() {
 
 #[test]
 fn located_steps_allocate_nothing_between_events() {
-    use somersault::contact::driver::integrate_located;
-    use somersault::contact::event::Location;
     use somersault::contact::models::SpinningTop;
+    use somersault::integrators::events::{Location, integrate_located};
 
     let top = SpinningTop::thesis().unwrap();
     let location = Location::default();
@@ -102,7 +99,7 @@ fn located_steps_allocate_nothing_between_events() {
 #[test]
 fn no_step_allocates_for_a_tree_or_its_flight() {
     use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
-    use somersault::multibody::motion::{TreeMotion, TreeState, TreeSystem};
+    use somersault::multibody::motion::{Coordinates, TreeState, TreeSystem};
     use somersault::multibody::{Force, Velocities, motion::BodyWrenches, motion::TreeForces};
 
     /// A torque and a wrench on every joint and body.
@@ -123,11 +120,15 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
         }
     }
 
-    fn check(method: Method, system: &impl TreeMotion, start: &TreeState) {
+    fn check(
+        method: Method,
+        system: &impl System<Configuration = Coordinates, Forms = OneForm>,
+        start: &TreeState,
+    ) {
         let fixed = |steps: u32| {
             let grid = TimeGrid::try_new(0.0, 0.001 * (f64::from(steps) - 0.5), 0.001).unwrap();
             allocations(|| {
-                system.integrate(method, Options::default(), start, &grid, &mut ()).unwrap();
+                Run::new(system, method, grid).from(start).unwrap();
             })
         };
         assert_eq!(fixed(20), fixed(200), "{method}");
@@ -136,9 +137,7 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
             let adaptive = |end| {
                 allocations(|| {
                     let interval = (0.0, end);
-                    system
-                        .integrate_adaptive(method, Options::default(), start, interval, &control, &mut ())
-                        .unwrap();
+                    Run::new(system, method, Steps::adapted(interval, control)).from(start).unwrap();
                 })
             };
             assert_eq!(adaptive(0.02), adaptive(0.2), "{method}");
@@ -180,11 +179,11 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
 
 #[test]
 fn sensitivities_allocate_nothing_between_events() {
-    use somersault::contact::event::Location;
     use somersault::contact::models::SpinningTop;
     use somersault::contact::sensitivity::{
         Differentiation, Parameter, SensitivityError, differentiate_located,
     };
+    use somersault::integrators::events::Location;
 
     let top = SpinningTop::thesis().unwrap();
     let (by, location) = (Differentiation::by([Parameter::Mass]), Location::default());

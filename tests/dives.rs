@@ -4,21 +4,17 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
 use somersault_core::argument::ArgumentError;
 use somersault_core::spline::{SplineError, UniformBasis};
-use somersault_multibody::counting::Counting;
-use somersault_multibody::flight::{Flight, FlightData, TakeOff};
-use somersault_multibody::joint_motion::{EigenpostureBase, JointMotionError, SplineMotion};
-use somersault_multibody::models::{Dimension, Diver, Posture};
-use somersault_multibody::{Data, DynamicsError, Model};
-use somersault_nlp::{Flow, Iteration, Nlp, Report, Sqp, Status};
-use somersault_ocp::OcpError;
-use somersault_ocp::dive::{
+use somersault_dives::flight::{NodeDerivatives, OrientationPath, PathGradient};
+use somersault_dives::{
     ALLOWED, Body, Capsule, Channels, Clearance, Dive, DiveError, DiveProgram, DiveSearch, DiveSearchError,
     KeyFrame, LiteralDive, Penalties, Range, nearest_points,
 };
-use somersault_ocp::flight::{
-    FlightShooting, FlightStart, FlightVariables, NodeDerivatives, OrientationPath, PathGradient,
-};
-use somersault_ocp::transcription::{RolloutGradient, Transcription};
+use somersault_multibody::counting::Counting;
+use somersault_multibody::flight::{Flight, FlightData, TakeOff};
+use somersault_multibody::joint_motion::{EigenpostureBase, JointMotionError, SplineMotion};
+use somersault_multibody::models::{Diver, Posture};
+use somersault_multibody::{Data, DynamicsError, Model};
+use somersault_nlp::{Flow, Iteration, Nlp, Report, Sqp, Status};
 use std::f64::consts::{PI, TAU};
 
 /// The path of the spatial diver by three weights, and its coefficients.
@@ -187,145 +183,13 @@ fn the_orientation_converges_with_order_four() {
     assert!((order - 4.0).abs() < 0.3, "{order}");
 }
 
-/// A diver in flight with everything free, and a point to look at.
-fn flight(diver: Diver) -> (FlightShooting, Vec<f64>) {
-    let letters = match diver.dimension {
-        Dimension::Planar => vec![Posture::A, Posture::H, Posture::F],
-        Dimension::Spatial => vec![Posture::C, Posture::E, Posture::H],
-    };
-    let angles = |p: &Posture| match diver.dimension {
-        Dimension::Planar => p.planar().unwrap().to_vec(),
-        Dimension::Spatial => p.spatial().to_vec(),
-    };
-    let postures: Vec<Vec<f64>> = letters.iter().map(angles).collect();
-    let base = EigenpostureBase::try_new(&postures).unwrap();
-    let motion = SplineMotion::try_new(UniformBasis::try_new(5, 7).unwrap(), base, &[]).unwrap();
-    let start = FlightStart {
-        orientation: match diver.dimension {
-            Dimension::Planar => vec![0.2],
-            Dimension::Spatial => ORIENTATION.to_vec(),
-        },
-        take_off: TakeOff {
-            time: 0.5,
-            center_of_mass: Vector3::new(0.1, 0.0, 11.0),
-            velocity: Vector3::new(1.0, 0.0, 2.0),
-            angular_momentum: MOMENTUM,
-        },
-        duration: 1.1,
-    };
-    let variables = FlightVariables {
-        orientation: true,
-        angular_momentum: true,
-        center_of_mass: true,
-        velocity: true,
-        duration: Some([0.5, 2.0]),
-    };
-    let flight = FlightShooting::try_new(diver.model().unwrap(), motion, start, variables, 10).unwrap();
-    let flight = flight.with_joint_forces();
-    let n = flight.outline().n_variables();
-    let mut z: Vec<f64> = (0..n).map(|k| 0.3 + 0.2 * (k as f64 * 2.3).sin()).collect();
-    z[n - 1] = 0.9;
-    (flight, z)
-}
-
-/// Displacement of each node's positions from `reference`, then velocities, channels and their rates, time and weight.
-fn numbers(flight: &mut FlightShooting, z: &[f64], reference: &[Vec<f64>]) -> Vec<f64> {
-    flight.rollout(z).unwrap();
-    let model = flight.path().model();
-    let mut all = Vec::new();
-    for (k, reference) in reference.iter().enumerate() {
-        let node = flight.node(k);
-        let mut off = vec![0.0; model.n_velocities()];
-        model.difference(reference, node.position, &mut off).unwrap();
-        let of_channels = [node.channel, node.channel_rate, node.channel_second_rate];
-        let of_joints = [&off[..], node.velocity, node.acceleration, node.torque];
-        for part in of_joints.into_iter().chain(of_channels) {
-            all.extend_from_slice(part);
-        }
-        all.extend([node.time, flight.weight(k)]);
-    }
-    all
-}
-
-#[test]
-fn tangents_and_adjoint_of_whole_flights_are_differences() {
-    for diver in [Diver::planar(), Diver::spatial()] {
-        let (mut flight, z) = flight(diver);
-        flight.rollout(&z).unwrap();
-        let n_nodes = flight.outline().n_nodes();
-        let reference: Vec<Vec<f64>> = (0..n_nodes).map(|k| flight.node(k).position.to_vec()).collect();
-        let here = numbers(&mut flight, &z, &reference);
-        let mut tangents = vec![Vec::new(); z.len()];
-        flight
-            .push_forward(&mut [], &mut |_, _, _, tangent| {
-                for (row, out) in tangents.iter_mut().enumerate() {
-                    let parts = [
-                        &tangent.position,
-                        &tangent.velocity,
-                        &tangent.acceleration,
-                        &tangent.torque,
-                        &tangent.channel,
-                        &tangent.channel_rate,
-                        &tangent.channel_second_rate,
-                    ];
-                    parts.iter().for_each(|part| out.extend(part.row(row).iter()));
-                    out.extend([tangent.time[row], tangent.weight[row]]);
-                }
-                Ok(())
-            })
-            .unwrap();
-        // one number of all of these, and its gradient by the adjoint
-        let seeds: Vec<f64> = (0..here.len()).map(|i| (i as f64 * 0.7).cos()).collect();
-        let mut by = RolloutGradient::new(flight.outline());
-        let mut rest = seeds.iter().copied();
-        for (node, weight) in by.nodes.iter_mut().zip(&mut by.weights) {
-            let parts = [
-                &mut node.position,
-                &mut node.velocity,
-                &mut node.acceleration,
-                &mut node.torque,
-                &mut node.channel,
-                &mut node.channel_rate,
-                &mut node.channel_second_rate,
-            ];
-            parts.into_iter().for_each(|part| part.iter_mut().for_each(|x| *x = rest.next().unwrap()));
-            (node.time, *weight) = (rest.next().unwrap(), rest.next().unwrap());
-        }
-        let mut pulled = vec![0.0; z.len()];
-        flight.pull_back(&by, &mut pulled).unwrap();
-        let h = 1e-5;
-        for k in 0..z.len() {
-            let mut at = |sign: f64| {
-                let mut moved = z.clone();
-                moved[k] += sign * h;
-                numbers(&mut flight, &moved, &reference)
-            };
-            let (plus, minus) = (at(1.0), at(-1.0));
-            for (i, tangent) in tangents[k].iter().enumerate() {
-                let expected = (plus[i] - minus[i]) / (2.0 * h);
-                assert!(
-                    (tangent - expected).abs() < 2e-7 * (1.0 + expected.abs() + here[i].abs()),
-                    "{:?}: number {i} by variable {k}: {tangent} {expected}",
-                    diver.dimension
-                );
-            }
-            let sum: f64 = tangents[k].iter().zip(&seeds).map(|(t, s)| t * s).sum();
-            assert!((pulled[k] - sum).abs() < 1e-9 * (1.0 + sum.abs()), "{k}: {} {sum}", pulled[k]);
-        }
-    }
-}
-
 #[test]
 fn momentum_is_exact_at_every_node_of_a_flight() {
-    let (mut flight, z) = flight(Diver::spatial());
-    flight.rollout(&z).unwrap();
-    let wanted = flight.now().take_off.angular_momentum;
-    let model = flight.path().model();
-    let mut data = Data::new(model);
-    for k in 0..flight.outline().n_nodes() {
-        let node = flight.node(k);
-        let momentum = model.centroidal(&mut data, node.position).unwrap().momentum(node.velocity).unwrap();
-        assert!((momentum.angular - wanted).norm() < 1e-12 * (1.0 + wanted.norm()));
+    let program = Dive::twisting(3.5, 1.5).unwrap().program().unwrap();
+    let z = program.start(&Dive::twisting_template(1.5)).unwrap();
+    let wanted = Vector3::new(0.0, program.momentum(&z), 0.0);
+    for momentum in program.motion(&z).unwrap().angular_momentum {
+        assert!((momentum - wanted).norm() < 1e-12 * (1.0 + wanted.norm()), "{momentum}");
     }
 }
 
@@ -871,32 +735,6 @@ fn a_change_of_momentum_is_relative_to_that_at_take_off() {
         let expected = change / (1e-3 * unit);
         assert!((dive.momentum_change() - expected).abs() < 1e-9 * expected.abs());
     }
-}
-
-#[test]
-fn bad_flights_are_refused() {
-    let build = |change: &dyn Fn(&mut FlightStart, &mut FlightVariables)| {
-        let (flight, _) = flight(Diver::spatial());
-        let (model, motion) = (flight.path().model().clone(), flight.path().motion().clone());
-        let (mut start, mut variables) = (flight.now().clone(), FlightVariables::default());
-        change(&mut start, &mut variables);
-        FlightShooting::try_new(model, motion, start, variables, 10).map(|_| ()).unwrap_err()
-    };
-    assert!(matches!(build(&|s, _| s.duration = 0.0), OcpError::Argument(ArgumentError::NotPositive { .. })));
-    assert!(matches!(
-        build(&|s, _| s.orientation = vec![0.0]),
-        OcpError::Argument(ArgumentError::Length { .. })
-    ));
-    assert!(matches!(
-        build(&|s, _| s.orientation = vec![0.0; 4]),
-        OcpError::Argument(ArgumentError::NotPositive { .. })
-    ));
-    assert!(matches!(
-        build(&|s, _| s.orientation[0] = f64::NAN),
-        OcpError::Argument(ArgumentError::NonFinite { .. })
-    ));
-    assert!(matches!(build(&|s, _| s.take_off.velocity.x = f64::NAN), OcpError::Flight(_)));
-    assert!(matches!(build(&|_, v| v.duration = Some([2.0, 1.0])), OcpError::ContradictoryBounds { .. }));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 use serde::Serialize;
 use somersault::core::Scalar;
+use somersault::dives::{Dive, DiveSearch, Range};
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
 use somersault::ftla::shooting::Extremal;
@@ -10,13 +11,12 @@ use somersault::motion::fit::{FitOptions, MarkerFit, MarkerSet};
 use somersault::motion::recording::MarkerRecording;
 use somersault::motion::scoring::{Performance, ScoringModel, ScoringOptions};
 use somersault::multibody::models::{CartPendulum, Diver, Posture};
-use somersault::multibody::motion::{Coordinates, TreeMotion, TreeSystem};
+use somersault::multibody::motion::{Coordinates, TreeSystem};
 use somersault::multibody::{Data, Model};
 use somersault::nlp;
 use somersault::ocp::collocation::{
     Collocation, CollocationReport, Dynamics, Mesh, Phase, Point, Problem, Terms,
 };
-use somersault::ocp::dive::{Dive, DiveSearch, Range};
 use somersault::ocp::swing_up::CartPendulumProblem;
 use somersault::prelude::*;
 use somersault::storage::{self, StorageError, Stored, from_bytes, to_bytes};
@@ -46,7 +46,7 @@ fn bodies_and_their_motions_come_back_to_the_bit() {
     let grid = TimeGrid::try_new(0.0, 0.5, 0.01).unwrap();
     let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
     let system = RigidBodySystem::free(body);
-    Method::Rkmk.integrate(Options::default(), &system, &start, &grid, &mut recorder).unwrap();
+    Run::new(&system, Method::Rkmk, grid).observed_by(&mut recorder).from(&start).unwrap();
     let motion = recorder.into_solution();
     let found = comes_back(&motion);
     assert_eq!((found.times, found.states), (motion.times, motion.states));
@@ -64,7 +64,7 @@ fn trees_and_their_motions_come_back_to_the_bit() {
     let system = TreeSystem::new(&found, ());
     let mut recorder = Recorder::<Coordinates>::new(0.0, &start, 1);
     let grid = TimeGrid::try_new(0.0, 0.05, 0.01).unwrap();
-    system.integrate(Method::Rkmk, Options::default(), &start, &grid, &mut recorder).unwrap();
+    Run::new(&system, Method::Rkmk, grid).observed_by(&mut recorder).from(&start).unwrap();
     let motion = recorder.into_solution();
     assert_eq!(comes_back(&motion).states, motion.states);
 }

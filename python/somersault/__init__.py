@@ -27,11 +27,11 @@ from somersault import (
     studies,
     sweep,
 )
-from somersault._somersault import (
+from somersault._somersault import __version__ as __version__
+from somersault._somersault.integrators import (
     DenseOutput,
     MethodInfo,
     MethodTable,
-    Model,
     RigidBody,
     Solution,
     State,
@@ -39,7 +39,7 @@ from somersault._somersault import (
     integrate,
     methods,
 )
-from somersault._somersault import __version__ as __version__
+from somersault._somersault.multibody import Model
 from somersault.errors import InputError, SomersaultError
 from somersault.storage import load, save
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from somersault._somersault import CollocationProblem, CollocationResult, two_link_arm
+from somersault._somersault.multibody import two_link_arm
+from somersault._somersault.ocp import CollocationProblem, CollocationResult
 
 __all__ = ["arm_motion", "arm_problem"]
 

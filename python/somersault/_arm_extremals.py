@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from somersault._somersault import (
+from somersault._somersault.ftla import (
     ContinuationResult,
     Extremal,
     System,

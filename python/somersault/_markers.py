@@ -7,7 +7,7 @@ from numbers import Integral, Real
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from somersault._somersault import MarkerRecording, MarkerSet
+from somersault._somersault.motion import MarkerRecording, MarkerSet
 from somersault.errors import InputError
 
 Array = NDArray[np.float64]

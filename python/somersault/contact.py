@@ -14,7 +14,7 @@ cut where a contact begins or ends, and what happened is in the `events` of the 
 ['touch_down', 'release']
 """
 
-from somersault._somersault import (
+from somersault._somersault.contact import (
     CompliantLaw,
     Contact,
     ContactSystem,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from somersault._somersault import Solution
+    from somersault._somersault.integrators import Solution
 
 __all__ = [
     "ChatteringError",

@@ -4,6 +4,6 @@
 both, which add up. Forces in N and torques about the centre of mass in N m, world frame.
 """
 
-from somersault._somersault import Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque
+from somersault._somersault.forces import Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque
 
 __all__ = ["Drag", "Force", "ForceModel", "Gravitation", "Gravity", "Spring", "Torque"]

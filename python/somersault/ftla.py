@@ -22,7 +22,7 @@ changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extre
 """
 
 from somersault._arm_extremals import ArmExtremal, arm_extremals, solve_arm
-from somersault._somersault import (
+from somersault._somersault.ftla import (
     Chain,
     ContinuationResult,
     Diagnosis,

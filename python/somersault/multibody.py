@@ -12,30 +12,7 @@ name. `integrate_tree` moves a tree, and `fly` one in the air whose joints move 
 (100, 2)
 """
 
-from somersault._somersault import (
-    Diver,
-    Link,
-    Model,
-    TreeDenseOutput,
-    TreeSolution,
-    cart_pendulum,
-    diver_planar,
-    diver_spatial,
-    integrate_tree,
-    two_link_arm,
-)
-from somersault._somersault import integrate_flight as fly
+from somersault._somersault import multibody as _extension
+from somersault._somersault.multibody import *  # noqa: F403
 
-__all__ = [
-    "Diver",
-    "Link",
-    "Model",
-    "TreeDenseOutput",
-    "TreeSolution",
-    "cart_pendulum",
-    "diver_planar",
-    "diver_spatial",
-    "fly",
-    "integrate_tree",
-    "two_link_arm",
-]
+__all__ = _extension.__all__

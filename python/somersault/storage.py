@@ -25,6 +25,7 @@ import zipfile
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,13 @@ FORMAT_VERSION = 1
 _HEADER = "header.json"
 #: A fixed time, so that equal contents are equal files.
 _WRITTEN = (1980, 1, 1, 0, 0, 0)
+#: What the modules of the extension list; a name has one meaning in all of them.
+_EXTENSION: dict[str, Any] = {
+    name: getattr(module, name)
+    for module in vars(_somersault).values()
+    if isinstance(module, ModuleType)
+    for name in module.__all__
+}
 
 
 def save(path: str | PathLike[str], thing: Any) -> None:
@@ -260,14 +268,14 @@ def _maker(name: str) -> Any:
     """What makes objects of a name. Nothing but types and tables of the extension, and the one class of
     results that is written in Python, is ever called."""
     if name in ("method", "methods"):
-        return getattr(_somersault, name)
+        return _EXTENSION[name]
     if name == "ArmExtremal":
         from somersault.ftla import ArmExtremal
 
         return ArmExtremal
     kind, _, restore = name.partition(".")
-    found = getattr(_somersault, kind, None)
-    if kind not in _somersault.__all__ or not isinstance(found, type) or restore not in ("", "_restore"):
+    found = _EXTENSION.get(kind)
+    if not isinstance(found, type) or restore not in ("", "_restore"):
         raise ValueError(name)
     return getattr(found, restore) if restore else found
 

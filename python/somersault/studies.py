@@ -4,19 +4,19 @@ Stability regions of the translation, rotational energy of free bodies at large 
 and errors against work.
 """
 
-from somersault._somersault import (
+from somersault._somersault.studies import (
     Convergence,
     EnergyStudy,
     Problem,
     StabilityRegion,
     WorkPrecision,
     convergence,
+    energy,
     prisms,
     spectral_radii,
     stability_region,
+    work_precision,
 )
-from somersault._somersault import energy_study as energy
-from somersault._somersault import work_precision_study as work_precision
 
 __all__ = [
     "Convergence",

@@ -2,17 +2,19 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{LocatedResult, integrate_hybrid_adaptive, integrate_located_adaptive};
-use somersault_contact::event::{EventKind, Interruption, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::surface::{SignedDistance, Surface};
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, IntegrateError, Status};
+use somersault_integrators::driver::{Adaptive, IntegrateError, Status, Steps};
+use somersault_integrators::events::{
+    Frozen, Interruption, LocatedResult, Location, integrate_hybrid_adaptive, integrate_located_adaptive,
+};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
+use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::studies::problem::Errors;
@@ -42,7 +44,7 @@ fn run(
     end: f64,
     settings: &Adaptive,
     recorder: &mut Recorder<Pose>,
-) -> LocatedResult<Pose> {
+) -> LocatedResult<BodyInContact<Gravity>> {
     let (options, location) = (Options::default(), Location::default());
     integrate_located_adaptive(method, options, system, start, (0.0, end), settings, &location, recorder)
 }
@@ -63,15 +65,9 @@ fn far_from_contacts_the_steps_are_those_of_the_plain_driver() {
     for method in EMBEDDED {
         let settings = tolerance(1e-8);
         let mut plain = recorder(&top.start);
-        let expected = method
-            .integrate_adaptive(
-                Options::default(),
-                &top.system,
-                &top.start,
-                (0.0, 0.017),
-                &settings,
-                &mut plain,
-            )
+        let expected = Run::new(&top.system, method, Steps::adapted((0.0, 0.017), settings))
+            .observed_by(&mut plain)
+            .from(&top.start)
             .unwrap();
         let mut located = recorder(&top.start);
         let found = run(method, &top.system, &top.start, 0.017, &settings, &mut located).unwrap();

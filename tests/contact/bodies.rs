@@ -4,9 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::Contact;
-use somersault_contact::driver::{integrate_hybrid, integrate_located};
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
@@ -18,6 +16,7 @@ use somersault_core::argument::ArgumentError;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, State, Twist};
@@ -49,7 +48,7 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &Bodies,
     end: f64,
     dt: f64,
-) -> Located<Vec<Pose>> {
+) -> Located<Vec<Pose>, EventKind> {
     let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()

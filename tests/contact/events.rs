@@ -2,27 +2,29 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_located};
-use somersault_contact::event::{EventKind, Interruption, Located, Location};
-use somersault_contact::hybrid::{Energy, Frozen, Guard, Hybrid, HybridBodies};
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::ContactMode;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Surface, SurfaceFault};
-use somersault_contact::sweep::Sweep;
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, IntegrateError, Observer, Status, Step, TimeGrid};
+use somersault_integrators::driver::{Flow, Observer, Status, Step, TimeGrid};
+use somersault_integrators::events::{
+    Crossing, Frozen, Guard, Hybrid, HybridBodies, Interruption, Located, Location, Sweep, integrate_hybrid,
+    integrate_located,
+};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKutta4, RungeKuttaMuntheKaas};
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 use somersault_integrators::stepper::{MethodInfo, Scheme, StepError, Stepper};
-use somersault_integrators::system::{RigidSystem, System};
+use somersault_integrators::system::{OneForm, RigidForms, RigidSystem, System};
 use somersault_testkit::bouncing_ball;
+use std::convert::Infallible;
 use std::sync::Arc;
 
-type Run = Located<Pose>;
+type Run = Located<Pose, EventKind>;
 
 fn run(method: Method, system: &BodyInContact<Gravity>, start: &RigidBodyState, end: f64, dt: f64) -> Run {
     let (grid, location) = (TimeGrid::try_new(0.0, end, dt).unwrap(), Location::default());
@@ -70,7 +72,7 @@ fn at(z: f64, velocity: f64) -> RigidBodyState {
     state
 }
 
-fn gap(run: &Run) -> (f64, f64) {
+fn gap<K>(run: &Located<Pose, K>) -> (f64, f64) {
     (run.state.position().z, run.state.velocity().z)
 }
 
@@ -318,6 +320,7 @@ struct Bouncer {
 
 impl System for Bouncer {
     type Configuration = Pose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
@@ -331,9 +334,8 @@ fn height(x: &RigidBodyState) -> Guard {
 
 impl Hybrid for Bouncer {
     type Mode = bool;
-    fn check(&self) -> Result<(), IntegrateError> {
-        Ok(())
-    }
+    type Kind = Crossing;
+    type Fault = Infallible;
     fn mode(&self, _: f64, x: &RigidBodyState) -> bool {
         height(x).is_inside()
     }
@@ -353,18 +355,8 @@ impl Hybrid for Bouncer {
         let air = Sweep { speed, fall: self.gravity, size: 0.001 };
         out.push(if *touches { Sweep::UNKNOWN } else { air });
     }
-    fn clear_time(&self, _: &bool, _: f64, _: &RigidBodyState, _: &[Guard], _: f64) -> f64 {
-        0.0
-    }
-    fn examine(&self, _: usize, _: &RigidBodyState) -> Result<(), SurfaceFault> {
-        Ok(())
-    }
-    fn contact_rate(&self, _: &bool, _: &RigidBodyState) -> f64 {
-        // Its steps are exact.
-        0.0
-    }
-    fn energy(&self, _: &RigidBodyState) -> Option<Energy> {
-        None
+    fn event_kind(&self, _: usize, before: &Guard, _: &Guard, _: (&bool, &bool)) -> Crossing {
+        Crossing::of(before)
     }
     fn acceleration_in(&self, touches: &bool, (): &mut (), _: f64, x: &RigidBodyState, out: &mut Twist) {
         *out = Twist::default();
@@ -470,6 +462,7 @@ struct DryFriction;
 
 impl System for DryFriction {
     type Configuration = Pose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
@@ -479,29 +472,16 @@ impl System for DryFriction {
 
 impl Hybrid for DryFriction {
     type Mode = bool;
-    fn check(&self) -> Result<(), IntegrateError> {
-        Ok(())
-    }
+    type Kind = Crossing;
+    type Fault = Infallible;
     fn mode(&self, _: f64, x: &RigidBodyState) -> bool {
         x.velocity().x < 0.0
     }
     fn guards(&self, _: &bool, _: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
         out.push(Guard { gap: x.velocity().x, ..Guard::default() });
     }
-    fn sweeps(&self, _: &bool, _: f64, _: f64, _: (&RigidBodyState, &RigidBodyState), out: &mut Vec<Sweep>) {
-        out.push(Sweep::UNKNOWN);
-    }
-    fn clear_time(&self, _: &bool, _: f64, _: &RigidBodyState, _: &[Guard], _: f64) -> f64 {
-        0.0
-    }
-    fn examine(&self, _: usize, _: &RigidBodyState) -> Result<(), SurfaceFault> {
-        Ok(())
-    }
-    fn contact_rate(&self, _: &bool, _: &RigidBodyState) -> f64 {
-        0.0
-    }
-    fn energy(&self, _: &RigidBodyState) -> Option<Energy> {
-        None
+    fn event_kind(&self, _: usize, before: &Guard, _: &Guard, _: (&bool, &bool)) -> Crossing {
+        Crossing::of(before)
     }
     fn acceleration_in(&self, backward: &bool, (): &mut (), _: f64, _: &RigidBodyState, out: &mut Twist) {
         *out = Default::default();
@@ -590,6 +570,7 @@ struct Doubling(BouncingBall);
 
 impl System for Doubling {
     type Configuration = Pose;
+    type Forms = RigidForms;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
@@ -620,10 +601,9 @@ impl RigidSystem for Doubling {
 
 impl Hybrid for Doubling {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
-    fn check(&self) -> Result<(), IntegrateError> {
-        Ok(())
-    }
     fn mode(&self, t: f64, x: &RigidBodyState) -> Vec<ContactMode> {
         self.0.system.mode(t, x)
     }
@@ -653,12 +633,17 @@ impl Hybrid for Doubling {
     fn examine(&self, guard: usize, x: &RigidBodyState) -> Result<(), SurfaceFault> {
         self.0.system.examine(guard, x)
     }
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
-        self.0.system.contact_rate(mode, x)
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
+        self.0.system.stiffest_rate(mode, x)
     }
-    fn energy(&self, _: &RigidBodyState) -> Option<Energy> {
-        // The jumps of its spin add to it.
-        None
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+    ) -> EventKind {
+        self.0.system.event_kind(guard, before, after, modes)
     }
     fn acceleration_in(
         &self,

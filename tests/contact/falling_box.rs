@@ -2,9 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_located};
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
@@ -15,11 +13,13 @@ use somersault_contact::surface::HalfSpace;
 use somersault_core::lie::so3;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid, integrate};
+use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
+use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{
     Dop853, DormandPrince, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
 };
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State};
 use somersault_integrators::stepper::{Scope, Stepper};
 use somersault_testkit::order::slope;
@@ -37,13 +37,13 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
 }
 
-fn kinds(run: &Located<Pose>) -> Vec<EventKind> {
+fn kinds(run: &Located<Pose, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -161,7 +161,7 @@ fn without_location_the_box_falls_to_first_order() {
         .map(|base| {
             let error = |i| {
                 let grid = TimeGrid::try_with_steps(0.0, END, base + base * i / 48).unwrap();
-                let end = integrate(&&model.system, &RungeKuttaMuntheKaas4, &start, &grid, &mut ()).unwrap();
+                let end = Run::by_stepper(&&model.system, &RungeKuttaMuntheKaas4, grid).from(&start).unwrap();
                 distance(&end.state, &exact).powi(2)
             };
             (END / base as f64, ((0..48).map(error).sum::<f64>() / 48.0).sqrt())
@@ -177,7 +177,7 @@ fn held_run<'a, M: Stepper<Frozen<WithStretches<&'a System>>>>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Augmented<Pose>> {
+) -> Located<Augmented<Pose>, EventKind> {
     let with = WithStretches(system);
     let start = with.unstretched(*start);
     let frozen = Frozen::new(with, 0.0, &start);
@@ -185,7 +185,7 @@ fn held_run<'a, M: Stepper<Frozen<WithStretches<&'a System>>>>(
     integrate_hybrid(&frozen, stepper, &start, &grid, &Location::default(), &mut ()).unwrap()
 }
 
-fn kinds_of(run: &Located<Augmented<Pose>>) -> Vec<EventKind> {
+fn kinds_of(run: &Located<Augmented<Pose>, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -303,7 +303,12 @@ fn the_energy_of_the_box_never_grows_and_it_comes_to_rest() {
 }
 
 /// Runs a system from a start; the most that the energy grew in a step.
-fn watched(system: &System, start: &RigidBodyState, end: f64, dt: f64) -> (Located<Augmented<Pose>>, f64) {
+fn watched(
+    system: &System,
+    start: &RigidBodyState,
+    end: f64,
+    dt: f64,
+) -> (Located<Augmented<Pose>, EventKind>, f64) {
     let with = WithStretches(system);
     let start = with.unstretched(*start);
     let frozen = Frozen::new(with, 0.0, &start);

@@ -4,9 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_located, integrate_located_adaptive};
-use somersault_contact::event::{EventKind, Interruption, Located, Location};
-use somersault_contact::hybrid::{Frozen, Hybrid};
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::laws::regularised::RegularisedFriction;
@@ -19,11 +17,15 @@ use somersault_core::argument::ArgumentError;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Hybrid, Interruption, Located, Location, integrate_hybrid, integrate_located,
+    integrate_located_adaptive,
+};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::Scope;
-use somersault_integrators::system::{RigidSystem, StateOf, System as _};
+use somersault_integrators::system::{RigidBodySystem, RigidSystem, StateOf, System as _};
 use somersault_testkit::order::slope;
 use somersault_testkit::trees::Random;
 use std::sync::Arc;
@@ -39,7 +41,7 @@ fn run<F: ForceModel>(
     start: &Stretched,
     interval: (f64, f64),
     dt: f64,
-) -> Located<Augmented<Pose>> {
+) -> Located<Augmented<Pose>, EventKind> {
     let frozen = Frozen::new(WithStretches(system), interval.0, start);
     let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
     integrate_hybrid(&frozen, &RungeKuttaMuntheKaas4, start, &grid, &Location::as_given(), &mut ()).unwrap()
@@ -51,11 +53,11 @@ fn run_from<F: ForceModel>(
     start: RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Augmented<Pose>> {
+) -> Located<Augmented<Pose>, EventKind> {
     run(system, &WithStretches(system).unstretched(start), (0.0, end), dt)
 }
 
-fn kinds(run: &Located<Augmented<Pose>>) -> Vec<EventKind> {
+fn kinds(run: &Located<Augmented<Pose>, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -234,7 +236,7 @@ fn dragged() -> (Forced, RigidBodyState) {
     let mut start = block.sliding(0.6);
     start.rate.linear.y = 0.2;
     let drag = Push(|t| Vector3::new(-4.5 * (6.0 * t).sin(), 1.5 * (5.0 * t).cos(), -GRAVITY));
-    (Forced::new(block.system.body, (drag, block.system.forces.1)), start)
+    (Forced::new(block.system.body, (drag, block.system.0.forces.1)), start)
 }
 
 /// A ball thrown without spin onto the inside of a sphere: it slips, rolls, and turns with the ground.
@@ -325,7 +327,7 @@ fn every_method_that_takes_torque_keeps_its_order_as_a_ball_comes_to_roll_in_a_b
         (method.info().scope != Scope::TorqueFree)
             .then_some((method, f64::from(orders.translation_with_velocity.min(with_torque))))
     });
-    let (System { body, forces }, start) = thrown_ball();
+    let (BodyInContact(RigidBodySystem { body, forces }), start) = thrown_ball();
     let weight = Push(|_| Vector3::z() * -GRAVITY);
     keeps_order((Forced::new(body, (weight, forces.1)), start), 0.6, methods, 1);
 }
@@ -410,7 +412,7 @@ fn a_static_coefficient_holds_to_its_cone_and_lets_the_force_fall() {
         force: Vector3::new(2.0 * t, 0.0, -GRAVITY),
         torque: Vector3::zeros(),
     };
-    let system = BodyInContact::new(block.system.body, (pull, block.system.forces.1));
+    let system = BodyInContact::new(block.system.body, (pull, block.system.0.forces.1));
     let run = run_from(&system, start, 3.0, 1e-3);
     assert_eq!(kinds(&run), [EventKind::Slip]);
     let event = &run.events[0];
@@ -674,7 +676,7 @@ struct Energy<'a> {
 
 impl Observer<Augmented<Pose>> for Energy<'_> {
     fn observe(&mut self, step: &mut Step<'_, Augmented<Pose>>) -> Flow {
-        let System { body, forces } = self.system.0;
+        let RigidBodySystem { body, forces } = &self.system.0.0;
         let energy = |x: &Stretched| {
             let base = x.base();
             body.kinetic_energy(&base) - body.mass() * forces.0.acceleration.dot(base.position())

@@ -3,14 +3,15 @@
 use nalgebra::Vector3;
 use somersault_contact::ContactError;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_hybrid_adaptive};
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::hunt_crossley::{Elastic, HuntCrossley};
 use somersault_contact::surface::HalfSpace;
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Located, Location, integrate_hybrid, integrate_hybrid_adaptive,
+};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, DormandPrince, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
 use somersault_integrators::state::{Pose, RigidBodyState};
@@ -26,7 +27,7 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &RigidBodyState,
     times: (f64, f64),
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
@@ -131,7 +132,7 @@ fn a_release_that_weight_and_damping_bring_about_below_the_surface_is_a_switch()
     // Pulled out at more than 2/(3α) the law would pull; it lets go below the surface instead.
     let (mut system, mut x) = impact();
     let limit = 1.0 / (1.5 * HuntCrossley::from_restitution(1e4, 0.7, 1.0).unwrap().damping());
-    system.forces.0.acceleration.z = 400.0;
+    system.0.forces.0.acceleration.z = 400.0;
     x.configuration.position.z = -0.02;
     x.rate.linear.z = 0.0;
     let run = run(&RungeKuttaMuntheKaas4, &system, &x, (0.0, 0.05), 1e-4);

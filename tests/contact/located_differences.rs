@@ -2,15 +2,14 @@
 
 use nalgebra::SVector;
 use somersault_contact::contacts::BodyInContact;
-use somersault_contact::driver::integrate_hybrid;
-use somersault_contact::event::{Event, Located, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::sensitivity::{
     Differentiation, Parameter, Sensitivities, Undifferentiated, differentiate_hybrid,
 };
 use somersault_contact::stretches::WithStretches;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::events::{Event, Frozen, Located, Location, integrate_hybrid};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::state::{Configuration, Pose, RigidBodyState, Twist};
@@ -39,13 +38,13 @@ pub(crate) fn located<F: ForceModel>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     let with = WithStretches(&system);
     let start = with.unstretched(*start);
     let frozen = Frozen::new(with, 0.0, &start);
     let run = integrate_hybrid(&frozen, &RKMK8, &start, &grid, &Location::as_given(), &mut ()).unwrap();
-    let bare = |event: Event<Augmented<Pose>>| {
+    let bare = |event: Event<Augmented<Pose>, EventKind>| {
         let Event { t, guard, kind, impulse, state } = event;
         Event { t, guard, kind, impulse, state: state.base() }
     };

@@ -2,15 +2,14 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_contact::contacts::BodyInContact;
-use somersault_contact::driver::integrate_hybrid;
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::laws::regularised::RegularisedFriction;
 use somersault_contact::models::{FallingBox, ModelError, RollingDisk, TippeTop};
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
+use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::RungeKuttaMuntheKaas4;
 use somersault_integrators::state::{Pose, RigidBodyState};
@@ -28,7 +27,7 @@ fn run_from<'a, M: Stepper<Frozen<&'a System>>>(
     times: (f64, f64),
     dt: f64,
     observer: &mut impl Observer<Pose>,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
     integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), observer).unwrap()
@@ -40,11 +39,11 @@ fn run<'a, M: Stepper<Frozen<&'a System>>>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     run_from(stepper, system, start, (0.0, end), dt, &mut ())
 }
 
-fn kinds(run: &Located<Pose>) -> Vec<EventKind> {
+fn kinds(run: &Located<Pose, EventKind>) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 

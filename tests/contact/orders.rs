@@ -3,8 +3,7 @@
 use nalgebra::Vector3;
 use somersault_contact::ContactError;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_located;
-use somersault_contact::event::{EventKind, Interrupted, Interruption, Located, Location};
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::studies::{self, Stepping};
@@ -13,8 +12,10 @@ use somersault_core::argument::ArgumentError;
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{Interruption, Located, LocatedResult, Location, integrate_located};
 use somersault_integrators::force::{ForceModel, Gravity};
 use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::{Scope, Variables};
 use somersault_integrators::studies::order::{Convergence, ObservedOrders};
@@ -23,7 +24,7 @@ use somersault_testkit::order::slope;
 use somersault_testkit::{bouncing_ball, spinning_top};
 use std::sync::Arc;
 
-type Run = Located<Pose>;
+type LocatedRun = Located<Pose, EventKind>;
 
 fn try_run<F: ForceModel>(
     method: Method,
@@ -32,7 +33,7 @@ fn try_run<F: ForceModel>(
     end: f64,
     dt: f64,
     observer: &mut impl Observer<Pose>,
-) -> Result<Run, Box<Interrupted<Pose>>> {
+) -> LocatedResult<BodyInContact<F>> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_located(method, Options::default(), system, start, &grid, &Location::as_given(), observer)
 }
@@ -43,11 +44,11 @@ fn run<F: ForceModel>(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Run {
+) -> LocatedRun {
     try_run(method, system, start, end, dt, &mut ()).unwrap()
 }
 
-fn kinds(run: &Run) -> Vec<EventKind> {
+fn kinds(run: &LocatedRun) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -111,8 +112,7 @@ fn every_method_falls_to_first_order_on_the_bouncing_ball_without_location() {
                 let error = octave(base, 24, |n| {
                     let grid = TimeGrid::try_with_steps(0.0, END, n.into()).unwrap();
                     let start = ball.at(DROP.x, DROP.v);
-                    let end =
-                        method.integrate(Options::default(), &ball.system, &start, &grid, &mut ()).unwrap();
+                    let end = Run::new(&ball.system, method, grid).from(&start).unwrap();
                     ball_error(&end.state, exact)
                 });
                 (END / f64::from(base), error)

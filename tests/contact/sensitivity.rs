@@ -6,7 +6,7 @@ use crate::located_differences::{
 };
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::event::{EventKind, Location};
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::{CompliantLaw, damping_ratio, restitution};
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::sensitivity::{
@@ -19,6 +19,7 @@ use somersault_contact::surface::{
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, TimeGrid};
+use somersault_integrators::events::Location;
 use somersault_integrators::force::{Drag, Gravity, Spring, Wrench};
 use somersault_integrators::methods::{
     AdamsBashforth4, DormandPrince, Heun, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,

@@ -2,7 +2,6 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::event::{Interruption, Location};
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::sensitivity::{
@@ -12,6 +11,7 @@ use somersault_contact::sensitivity::{
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, TimeGrid};
+use somersault_integrators::events::{Interruption, Location};
 use somersault_integrators::force::{Gravity, Wrench};
 use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
 use somersault_integrators::state::RigidBodyState;

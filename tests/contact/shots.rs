@@ -9,15 +9,14 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{LocatedResult, integrate_hybrid, integrate_hybrid_adaptive};
-use somersault_contact::event::{EventKind, Location};
-use somersault_contact::hybrid::{Frozen, Hybrid};
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, SphericalSurface, Surface};
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{
-    Adaptive, Flow, Observer, Step, TimeGrid, integrate, integrate_adaptive,
+use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, Steps, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Hybrid, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
 };
 use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{Gravity, Wrench};
@@ -25,6 +24,7 @@ use somersault_integrators::methods::{
     AdamsBashforth4, BogackiShampine, Dop853, DormandPrince, Heun, Method, RungeKutta4, RungeKuttaMuntheKaas,
     RungeKuttaMuntheKaas4, StartUp,
 };
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Configuration, Pose, RigidBodyState, State};
 use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
 use somersault_integrators::system::{RigidBodiesSystem, StateOf, System};
@@ -76,7 +76,7 @@ impl Surface for Steep {
 
 /// How a shot is integrated.
 #[derive(Debug, Clone, Copy)]
-enum Steps {
+enum ShotSteps {
     Fixed(Method, f64),
     Adapted(Method),
 }
@@ -92,7 +92,7 @@ trait Use<S: System> {
     fn adapted(self, stepper: &impl EmbeddedStepper<S>) -> Self::Output;
 }
 
-impl Steps {
+impl ShotSteps {
     fn some(random: &mut Random) -> Self {
         if random.below(2) == 0 {
             Self::Fixed(FIXED[random.below(6)], [0.1, 0.03, 0.01][random.below(3)])
@@ -121,10 +121,10 @@ impl Steps {
     }
 
     /// The run of a shot.
-    fn run<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> LocatedResult<H::Configuration> {
+    fn run<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> LocatedResult<H> {
         struct Locate<'a, H: Hybrid>(&'a Frozen<&'a H>, &'a StateOf<H>);
         impl<'a, H: Hybrid> Use<Frozen<&'a H>> for Locate<'a, H> {
-            type Output = LocatedResult<H::Configuration>;
+            type Output = LocatedResult<H>;
             fn fixed(self, stepper: &impl Stepper<Frozen<&'a H>>, grid: &TimeGrid) -> Self::Output {
                 integrate_hybrid(self.0, stepper, self.1, grid, &Location::default(), &mut ())
             }
@@ -139,7 +139,11 @@ impl Steps {
 
     /// Whether the shot touches, how many steps it took and how many were tried in addition; nothing where the run
     /// is refused before it touches.
-    fn touches<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> (Option<bool>, u64, u64) {
+    fn touches<H: Hybrid<Kind = EventKind>>(
+        self,
+        system: &H,
+        start: &StateOf<H>,
+    ) -> (Option<bool>, u64, u64) {
         let run = match self.run(system, start) {
             Ok(run) => run,
             // What becomes of it after its first touch does not matter here.
@@ -168,11 +172,13 @@ impl Steps {
         impl<S: System, O: Observer<S::Configuration>> Use<S> for Fly<'_, S, O> {
             type Output = ();
             fn fixed(self, stepper: &impl Stepper<S>, grid: &TimeGrid) {
-                integrate(self.0, stepper, self.1, grid, self.2).map(|_| ()).unwrap();
+                Run::by_stepper(self.0, stepper, *grid).observed_by(self.2).from(self.1).map(|_| ()).unwrap();
             }
             fn adapted(self, stepper: &impl EmbeddedStepper<S>) {
                 let settings = Adaptive::default();
-                integrate_adaptive(self.0, stepper, self.1, (0.0, END), &settings, self.2)
+                Run::by_embedded_stepper(self.0, stepper, Steps::adapted((0.0, END), settings))
+                    .observed_by(self.2)
+                    .from(self.1)
                     .map(|_| ())
                     .unwrap();
             }
@@ -285,7 +291,7 @@ fn at_obstacle(random: &mut Random, surface: Arc<dyn Surface>, size: f64, grain:
         return None;
     }
     let speed = surface.lipschitz() * (velocity.norm() + gravity.acceleration.norm() * END);
-    let (touches, steps, trials) = Steps::some(random).touches(&system, &start);
+    let (touches, steps, trials) = ShotSteps::some(random).touches(&system, &start);
     Some(Shot { least: least(gap, speed, grain), tolerance: GRAZE, touches, steps, trials })
 }
 
@@ -315,7 +321,7 @@ fn pair(random: &mut Random) -> Option<Shot> {
         rate: starts.iter().map(|x| x.rate).collect(),
     };
     let speed = velocity.norm() + 20.0 * END + spins[0].norm() * 0.3 + spins[1].norm() * 0.3;
-    let steps = Steps::some(random);
+    let steps = ShotSteps::some(random);
     let free = RigidBodiesSystem::try_new(system.bodies().to_vec(), forces.to_vec(), ()).unwrap();
     let error = steps.error(
         &free,
@@ -367,7 +373,7 @@ fn tumbling_box(random: &mut Random) -> Option<Shot> {
     if gap(0.0) <= 0.0 {
         return None;
     }
-    let steps = Steps::some(random);
+    let steps = ShotSteps::some(random);
     let error = steps.error(
         &BodyInContact::new(body, (gravity, Contacts::default())),
         &start,
@@ -464,7 +470,7 @@ fn a_small_ball_dropped_on_a_ball_hits_it_by_every_method_that_adapts_its_step()
         start.configuration.position.z = 1.0 + radius + 0.005;
         let fall = (2.0 / 9.81f64).sqrt();
         for method in ADAPTED {
-            let run = Steps::Adapted(method).run(&system, &start).unwrap();
+            let run = ShotSteps::Adapted(method).run(&system, &start).unwrap();
             let first = run.events.first().map(|e| (e.kind, (e.t - fall).abs() < 1e-12));
             assert_eq!(first, Some((EventKind::TouchDown, true)), "{radius} {method}");
         }
@@ -482,9 +488,11 @@ fn two_spheres_that_meet_at_five_metres_a_second_touch() {
     let mut start = State { configuration: vec![Pose::default(); 2], rate: vec![Default::default(); 2] };
     start.configuration[0].position.x = -1.0;
     start.rate[0].linear.x = 5.0;
-    for steps in
-        [Steps::Adapted(Method::Rkmk8), Steps::Adapted(Method::Rkmk5), Steps::Fixed(Method::Rk4, 0.1)]
-    {
+    for steps in [
+        ShotSteps::Adapted(Method::Rkmk8),
+        ShotSteps::Adapted(Method::Rkmk5),
+        ShotSteps::Fixed(Method::Rk4, 0.1),
+    ] {
         assert_eq!(steps.touches(&system, &start).0, Some(true), "{steps:?}");
     }
 }
@@ -505,6 +513,6 @@ fn a_force_that_is_a_closure_has_its_hits_found_too() {
         start.rate.linear = Vector3::new(9.0, 0.0, 2.0);
         let gap = |t: f64| moved(&start, &Gravity::earth(), t).norm() - 0.105;
         let is_hit = least(gap, 20.0, 0.1) < -GRAZE;
-        assert_eq!(Steps::Fixed(Method::Rkmk, 0.1).touches(&system, &start).0, Some(is_hit), "{i}");
+        assert_eq!(ShotSteps::Fixed(Method::Rkmk, 0.1).touches(&system, &start).0, Some(is_hit), "{i}");
     }
 }

@@ -3,9 +3,6 @@
 use nalgebra::Vector3;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{LocatedResult, integrate_located};
-use somersault_contact::event::{Interruption, Location, StiffSteps};
-use somersault_contact::hybrid::HybridBodies;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::hunt_crossley::HuntCrossley;
@@ -14,6 +11,9 @@ use somersault_contact::surface::HalfSpace;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::events::{
+    HybridBodies, Interruption, LocatedResult, Location, StiffSteps, integrate_located,
+};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::{Pose, RigidBodyState, State};
@@ -45,7 +45,7 @@ fn run<H: HybridBodies>(
     end: f64,
     dt: f64,
     stiff: StiffSteps,
-) -> LocatedResult<H::Configuration> {
+) -> LocatedResult<H> {
     let location = Location { stiff, ..Location::default() };
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_located(method, Options::default(), system, start, &grid, &location, &mut ())

@@ -3,13 +3,14 @@
 use nalgebra::Vector3;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::{integrate_hybrid, integrate_hybrid_adaptive};
-use somersault_contact::event::{Interrupted, Interruption, Location};
-use somersault_contact::hybrid::Frozen;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{SignedDistance, Solid, SphericalSurface, Surface, SurfaceFault};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Interrupted, Interruption, Location, integrate_hybrid, integrate_hybrid_adaptive,
+};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::state::{Pose, RigidBodyState, State};
@@ -36,7 +37,7 @@ fn ground(slope: f64, gradient: [f64; 3], lipschitz: f64) -> Ground {
     Ground { slope, gradient: gradient.into(), lipschitz }
 }
 
-type Ended = Result<u64, Box<Interrupted<Pose>>>;
+type Ended = Result<u64, Box<Interrupted<Pose, EventKind, SurfaceFault>>>;
 
 /// A ball dropped on a surface, with fixed and with adapted steps.
 fn drop_on(surface: impl Surface + 'static) -> [Ended; 2] {
@@ -59,7 +60,7 @@ fn drop_on(surface: impl Surface + 'static) -> [Ended; 2] {
 fn fault(ended: &Ended) -> SurfaceFault {
     let broken = ended.as_ref().unwrap_err();
     match &broken.reason {
-        Interruption::Surface { guard: 0, fault, .. } => fault.clone(),
+        Interruption::Refused { guard: 0, fault, .. } => fault.clone(),
         other => panic!("{other:?}"),
     }
 }
@@ -138,6 +139,6 @@ fn spheres_with_one_centre_are_named() {
     let stepper = RungeKuttaMuntheKaas(Dop853);
     let broken =
         integrate_hybrid(&frozen, &stepper, &start, &grid, &Location::default(), &mut ()).unwrap_err();
-    let Interruption::Surface { guard: 0, fault, .. } = broken.reason else { panic!("{}", broken.reason) };
+    let Interruption::Refused { guard: 0, fault, .. } = broken.reason else { panic!("{}", broken.reason) };
     assert_eq!(fault, SurfaceFault::Concentric { point: [0.0; 3] });
 }

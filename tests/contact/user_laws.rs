@@ -5,9 +5,7 @@ use crate::located_differences::{agrees_with_differences, differentiate};
 use nalgebra::Vector3;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_located;
-use somersault_contact::event::{EventKind, Located, Location};
-use somersault_contact::hybrid::Hybrid;
+use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::{
     ContactLaw, FrictionChange, FrictionDerivative, FrictionInput, FrictionLaw, FrictionResponse,
@@ -18,6 +16,7 @@ use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::events::{Hybrid, Located, Location, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
@@ -146,7 +145,7 @@ fn run(
     start: &RigidBodyState,
     end: f64,
     dt: f64,
-) -> Located<Pose> {
+) -> Located<Pose, EventKind> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     integrate_located(method, Options::default(), system, start, &grid, &Location::default(), &mut ())
         .unwrap()

@@ -2,11 +2,12 @@
 
 use nalgebra::{DMatrix, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
+use somersault::integrators::driver::IntegrateError;
 use somersault::multibody::flight::{
     Flight, FlightData, FlightError, FlightSensitivities, FlightSystem, ShapeMotion, ShapeParameters, TakeOff,
 };
 use somersault::multibody::models::Diver;
-use somersault::multibody::motion::{Coordinates, MotionError, TreeMotion, TreeState, TreeSystem};
+use somersault::multibody::motion::{Coordinates, TreeState, TreeSystem};
 use somersault::multibody::{Data, DynamicsError, Joint, Link, MassProperties, Model, ModelBuilder, Split};
 use somersault::prelude::*;
 use somersault_core::argument::ArgumentError;
@@ -195,7 +196,7 @@ fn momentum_is_exactly_constant_and_the_centre_of_mass_on_its_parabola_in_reduce
         let grid = TimeGrid::try_with_steps(0.0, 2.0, 100).unwrap();
         for method in [Method::Euler, Method::Cf4] {
             let mut balance = Balance::new(&system);
-            system.integrate(method, Options::default(), &start, &grid, &mut balance).unwrap();
+            Run::new(&system, method, grid).observed_by(&mut balance).from(&start).unwrap();
             let Balance { momentum, center, .. } = balance;
             assert!(momentum < 1e-13 && center < 1e-13, "tree {i}, {method}: {momentum:e} {center:e}");
         }
@@ -227,9 +228,7 @@ fn difference_from_full_dynamics(model: &Model, random: &mut Random) -> f64 {
     let system = FlightSystem::new(flight, &swing);
     let start = system.state(&orientation(random, model)).unwrap();
     let control = Adaptive::with_tolerances(1e-13, 1e-13);
-    let end = system
-        .integrate_adaptive(Method::Rkmk8, Options::default(), &start, (0.0, 1.0), &control, &mut ())
-        .unwrap();
+    let end = Run::new(&system, Method::Rkmk8, Steps::adapted((0.0, 1.0), control)).from(&start).unwrap();
     let mut w = somersault::integrators::system::System::workspace(&system);
     let (q, v) = system.complete(&mut w, 0.0, &start).unwrap();
     let full_start = model.state(q, v).unwrap();
@@ -238,9 +237,8 @@ fn difference_from_full_dynamics(model: &Model, random: &mut Random) -> f64 {
     let split = Split::new((0..model.n_velocities()).map(|k| k >= n_root).collect());
     let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| shape_acceleration(&swing, t, &mut a[n_root..]);
     let full = TreeSystem::new(model, ()).driven(split, drive).unwrap();
-    let full_end = full
-        .integrate_adaptive(Method::Rkmk8, Options::default(), &full_start, (0.0, 1.0), &control, &mut ())
-        .unwrap();
+    let full_end =
+        Run::new(&full, Method::Rkmk8, Steps::adapted((0.0, 1.0), control)).from(&full_start).unwrap();
     let (mut dq, mut full_v) = (vec![0.0; v.len()], vec![0.0; v.len()]);
     model.difference(q, full_end.state.configuration.as_slice(), &mut dq).unwrap();
     model.joint_velocities(&full_end.state, &mut full_v).unwrap();
@@ -296,7 +294,7 @@ fn two_plates_on_a_hinge_turn_by_the_integral_over_the_hinge_angle() {
     let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), &shape);
     let start = system.state(&[0.3]).unwrap();
     let grid = TimeGrid::try_with_steps(0.0, duration, 60).unwrap();
-    let end = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+    let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
     // ∫ (c + d cos φ)/(A + B cos φ) dφ with c = I₂ + μb², d = B/2
     let mu = m1 * m2 / (m1 + m2);
     let (big_a, big_b) = (i1 + i2 + mu * (a * a + b * b), 2.0 * mu * a * b);
@@ -346,7 +344,7 @@ fn a_cat_without_angular_momentum_turns_by_its_loop_and_not_by_its_pace() {
         let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), &shape);
         let start = system.state(&[0.0, 0.0, 0.0, 1.0]).unwrap();
         let grid = TimeGrid::try_with_steps(0.0, 1.0, 400).unwrap();
-        let end = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap();
+        let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap();
         let q = end.state.configuration.as_slice();
         UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]))
     };
@@ -387,7 +385,7 @@ fn a_rigid_shape_flies_as_the_exact_free_body() {
             Sampling { first: if order > 5.0 { 6 } else { 16 }, last: 4000, ..Sampling::default() };
         let found = estimate(2.0, &sampling, |steps| {
             let grid = TimeGrid::try_with_steps(0.0, 2.0, steps).unwrap();
-            let end = system.integrate(method, Options::default(), &start, &grid, &mut ()).ok()?.state;
+            let end = Run::new(&system, method, grid).from(&start).ok()?.state;
             let q = end.configuration.as_slice();
             let turn = UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]));
             Some(so3::angle_between(&turn, exact.orientation()))
@@ -406,12 +404,13 @@ fn curves_between_the_steps_of_a_flight_are_the_flight() {
     let start = system.state(&orientation(&mut random, &model)).unwrap();
     let control = Adaptive::with_tolerances(1e-11, 1e-11);
     let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
-    system
-        .integrate_adaptive(Method::Rkmk8, Options::default(), &start, (0.0, 1.7), &control, &mut recorder)
+    Run::new(&system, Method::Rkmk8, Steps::adapted((0.0, 1.7), control))
+        .observed_by(&mut recorder)
+        .from(&start)
         .unwrap();
     let between = recorder.into_solution().at(0.9).unwrap();
     let grid = TimeGrid::try_with_steps(0.0, 0.9, 500).unwrap();
-    let there = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+    let there = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
     let turn = |x: &TreeState| {
         let q = x.configuration.as_slice();
         UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]))
@@ -431,7 +430,7 @@ fn orientation_in_flight_has_the_order_of_the_method() {
     let start = system.state(&orientation(&mut random, &model)).unwrap();
     let end = |method: Method, steps| {
         let grid = TimeGrid::try_with_steps(0.0, 2.0, steps).unwrap();
-        let x = system.integrate(method, Options::default(), &start, &grid, &mut ()).ok()?.state;
+        let x = Run::new(&system, method, grid).from(&start).ok()?.state;
         let q = x.configuration.as_slice();
         Some(UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2])))
     };
@@ -648,7 +647,7 @@ fn derivatives_of_the_final_orientation_are_those_of_dual_numbers_and_difference
         let system = FlightSensitivities::new(flight, &swing);
         let start = system.state(&first).unwrap();
         let grid = TimeGrid::try_with_steps(0.0, 1.0, 200).unwrap();
-        let end = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+        let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
         let columns = system.columns(&end).unwrap();
         assert_eq!(columns.shape(), (3, 6 + swing.n_parameters()));
         let (turn, dl) = (random.vector(1.0), random.vector(1.0));
@@ -676,8 +675,7 @@ fn derivatives_of_the_final_orientation_are_those_of_dual_numbers_and_difference
                 UnitQuaternion::new_unchecked(Quaternion::new(first[3], first[0], first[1], first[2]))
                     * UnitQuaternion::from_scaled_axis(turn * h);
             let start = system.state(first.coords.as_slice()).unwrap();
-            let end =
-                system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+            let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
             let q = end.configuration.as_slice();
             UnitQuaternion::new_unchecked(Quaternion::new(q[3], q[0], q[1], q[2]))
         };
@@ -696,14 +694,14 @@ fn derivatives_of_the_final_angle_in_the_plane_are_those_of_differences() {
     let system = FlightSensitivities::new(Flight::try_new(&model, start_from).unwrap(), &swing);
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 200).unwrap();
     let start = system.state(&[0.4]).unwrap();
-    let end = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+    let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
     let columns = system.columns(&end).unwrap().into_owned();
     assert_eq!(columns.shape(), (1, 4 + swing.n_parameters()));
     assert_eq!(columns[0], 1.0);
     let angle = |take_off: TakeOff, swing: &Swing| {
         let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), swing);
         let start = system.state(&[0.4]).unwrap();
-        let end = system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut ()).unwrap().state;
+        let end = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap().state;
         end.configuration.as_slice()[0]
     };
     assert!((angle(start_from, &swing) - end.configuration.as_slice()[0]).abs() < 1e-13);
@@ -803,9 +801,9 @@ fn what_cannot_fly_is_refused_by_name() {
     let system = FlightSystem::new(Flight::try_new(&needle, start).unwrap(), &rest);
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 4).unwrap();
     let first = system.state(&[0.0, 0.0, 0.0, 1.0]).unwrap();
-    match system.integrate(Method::Rkmk, Options::default(), &first, &grid, &mut ()) {
-        Err(MotionError::Dynamics { source, .. }) => {
-            assert_eq!(source, DynamicsError::Singular { joint: "needle".into() });
+    match Run::new(&system, Method::Rkmk, grid).from(&first) {
+        Err(IntegrateError::Fault { source, .. }) => {
+            assert_eq!(source.downcast_ref(), Some(&DynamicsError::Singular { joint: "needle".into() }));
         }
         other => panic!("{other:?}"),
     }

@@ -6,9 +6,7 @@ use somersault::integrators::exact::FreeBody;
 use somersault::integrators::state::Configuration;
 use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::models::{CartPendulum, TwoLinkArm};
-use somersault::multibody::motion::{
-    BodyWrenches, Coordinates, MotionError, TreeForces, TreeMotion, TreeState, TreeSystem,
-};
+use somersault::multibody::motion::{BodyWrenches, Coordinates, TreeForces, TreeState, TreeSystem};
 use somersault::multibody::{
     Data, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, Split, Velocities,
 };
@@ -30,17 +28,23 @@ fn is_general(method: Method) -> bool {
 
 /// The state at the end, `None` where the run fails.
 fn try_run(
-    system: &impl TreeMotion,
+    system: &impl System<Configuration = Coordinates, Forms = OneForm>,
     method: Method,
     start: &TreeState,
     end: f64,
     steps: u64,
 ) -> Option<TreeState> {
     let grid = TimeGrid::try_with_steps(0.0, end, steps).unwrap();
-    Some(system.integrate(method, Options::default(), start, &grid, &mut ()).ok()?.state)
+    Some(Run::new(system, method, grid).from(start).ok()?.state)
 }
 
-fn run(system: &impl TreeMotion, method: Method, start: &TreeState, end: f64, steps: u64) -> TreeState {
+fn run(
+    system: &impl System<Configuration = Coordinates, Forms = OneForm>,
+    method: Method,
+    start: &TreeState,
+    end: f64,
+    steps: u64,
+) -> TreeState {
     try_run(system, method, start, end, steps).expect("a smooth motion")
 }
 
@@ -211,7 +215,7 @@ fn a_single_body_moves_as_the_exact_free_body_and_as_the_body_form() {
     let bodies = RigidBodySystem::free(body);
     let twin = Method::RkmkB;
     let grid = TimeGrid::try_with_steps(0.0, duration, 100).unwrap();
-    let expected = twin.integrate(Options::default(), &bodies, &free, &grid, &mut ()).unwrap().state;
+    let expected = Run::new(&bodies, twin, grid).from(&free).unwrap().state;
     let (_, turn) = pose(&run(&system, Method::Rkmk, &start, duration, 100));
     assert!(so3::angle_between(&turn, expected.orientation()) < 1e-13);
 }
@@ -265,7 +269,7 @@ fn momentum_of_a_free_tree_is_constant_to_the_order_of_the_method_over_1e5_steps
     let drift = |method: Method, dt: f64| {
         let grid = TimeGrid::try_with_steps(0.0, 1e5 * dt, 100_000).unwrap();
         let mut drift = Drift::new(&model, &start);
-        system.integrate(method, Options::default(), &start, &grid, &mut drift).unwrap();
+        Run::new(&system, method, grid).observed_by(&mut drift).from(&start).unwrap();
         drift.largest
     };
     for (method, dt, order) in [(Method::Heun, 4e-4, 2), (Method::Rkmk, 4e-3, 4), (Method::Cf4, 4e-3, 4)] {
@@ -317,7 +321,7 @@ fn power_of_torques_wrenches_and_gravity_is_the_change_of_energy_along_a_run() {
     };
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 500).unwrap();
     let mut recorder = Recorder::new(0.0, &start, 1);
-    system.integrate(Method::Rkmk8, Options::default(), &start, &grid, &mut recorder).unwrap();
+    Run::new(&system, Method::Rkmk8, grid).observed_by(&mut recorder).from(&start).unwrap();
     let solution = recorder.into_solution();
     // Simpson's rule over pairs of steps
     let h = grid.dt();
@@ -392,8 +396,9 @@ fn steps_adapt_and_curves_between_them_are_the_motion() {
     for (method, tolerance) in [(Method::Rkmk3, 1e-6), (Method::Rkmk5, 1e-8), (Method::Rkmk8, 1e-10)] {
         let control = Adaptive::with_tolerances(tolerance, tolerance);
         let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
-        let outcome = system
-            .integrate_adaptive(method, Options::default(), &start, (0.0, 1.0), &control, &mut recorder)
+        let outcome = Run::new(&system, method, Steps::adapted((0.0, 1.0), control))
+            .observed_by(&mut recorder)
+            .from(&start)
             .unwrap();
         assert!(outcome.steps > 3);
         let seen = recorder.into_solution().at(0.7).unwrap();
@@ -468,24 +473,17 @@ fn methods_for_rigid_bodies_are_refused_by_name() {
     let start = model.state(&[0.1, 0.2], &[0.0; 2]).unwrap();
     let grid = TimeGrid::try_with_steps(0.0, 0.1, 5).unwrap();
     for method in Method::ALL {
-        let found = system.integrate(method, Options::default(), &start, &grid, &mut ());
+        let found = Run::new(&system, method, grid).from(&start);
         if is_general(method) {
             assert!(found.is_ok(), "{method}");
         } else {
             let refusal = IntegrateError::RigidBodiesOnly { method: method.info().name };
-            assert_eq!(found.unwrap_err(), MotionError::Integrate(refusal), "{method}");
+            assert_eq!(found.unwrap_err(), refusal, "{method}");
         }
     }
-    let found = system.integrate_adaptive(
-        Method::Rkmk,
-        Options::default(),
-        &start,
-        (0.0, 1.0),
-        &Adaptive::default(),
-        &mut (),
-    );
+    let found = Run::new(&system, Method::Rkmk, Steps::adapted((0.0, 1.0), Adaptive::default())).from(&start);
     let refusal = IntegrateError::NoErrorEstimate { method: "rkmk" };
-    assert_eq!(found.unwrap_err(), MotionError::Integrate(refusal));
+    assert_eq!(found.unwrap_err(), refusal);
 }
 
 #[test]
@@ -497,19 +495,17 @@ fn a_motion_that_has_no_acceleration_names_the_joint() {
     let system = TreeSystem::new(&model, ());
     let start = model.state(&[0.0], &[1.0]).unwrap();
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 10).unwrap();
-    let singular = |error: MotionError| match error {
-        MotionError::Dynamics { source, .. } => {
-            assert_eq!(source, DynamicsError::Singular { joint: "top".into() });
+    let singular = |error: IntegrateError| match error {
+        IntegrateError::Fault { source, .. } => {
+            assert_eq!(source.downcast_ref(), Some(&DynamicsError::Singular { joint: "top".into() }));
         }
         other => panic!("{other}"),
     };
     for method in [Method::Euler, Method::Rkmk, Method::Imid] {
-        singular(system.integrate(method, Options::default(), &start, &grid, &mut ()).unwrap_err());
+        singular(Run::new(&system, method, grid).from(&start).unwrap_err());
     }
     let control = Adaptive { first_step: Some(0.1), ..Adaptive::default() };
-    let run = |start| {
-        system.integrate_adaptive(Method::Rkmk8, Options::default(), start, (0.0, 1.0), &control, &mut ())
-    };
+    let run = |start| Run::new(&system, Method::Rkmk8, Steps::adapted((0.0, 1.0), control)).from(start);
     singular(run(&start).unwrap_err());
     // a state of another tree
     let other = humanoid().unwrap();
@@ -520,7 +516,10 @@ fn a_motion_that_has_no_acceleration_names_the_joint() {
         expected: 1,
         found: 25 + 5,
     });
-    assert!(matches!(&found, MotionError::Dynamics { source, .. } if *source == expected), "{found}");
+    assert!(
+        matches!(&found, IntegrateError::Fault { source, .. } if source.downcast_ref() == Some(&expected)),
+        "{found}"
+    );
 }
 
 #[test]

@@ -50,7 +50,11 @@ def real(x):
 
 def rounded(x):
     """A step size of 30 bits, which keeps the fractions short."""
-    return Fraction(float(x)).limit_denominator(1 << 30) if x < 1 else Fraction(math.floor(float(x) * 1024), 1024)
+    return (
+        Fraction(float(x)).limit_denominator(1 << 30)
+        if x < 1
+        else Fraction(math.floor(float(x) * 1024), 1024)
+    )
 
 
 class Series:
@@ -82,7 +86,9 @@ class Series:
         self.c = [w1, w2, w3, e1, e2, e3]
         self.h = h
         last = max(max(abs(c[-1]), abs(c[-2])) for c in self.c)
-        self.growth = 64.0 if last == 0 else min(64.0, 2.0 ** ((TOLERANCE.bit_length() - last.bit_length()) / ORDER))
+        self.growth = (
+            64.0 if last == 0 else min(64.0, 2.0 ** ((TOLERANCE.bit_length() - last.bit_length()) / ORDER))
+        )
 
     def at(self, x):
         """State at the fraction x (fixed point) of the step."""
@@ -225,7 +231,6 @@ class Motion:
         return times(start, q), w, abs(turned + n * turned_half)
 
 
-
 def rational(x):
     x = Fraction(x)
     return mpmath.mpf(x.numerator) / x.denominator
@@ -290,6 +295,7 @@ def quaternion(r):
 
 
 # --- cases ---------------------------------------------------------------------------------------------------------------
+
 
 def random_rotation(rng):
     q = [rng.gauss(0, 1) for _ in range(4)]
@@ -376,8 +382,18 @@ def draw(name, rng):
 
 
 COUNTS = {
-    "generic": 200, "needle": 100, "disc": 100, "near-symmetric": 120, "near-spherical": 120, "symmetric": 50,
-    "spherical": 20, "principal": 30, "near-principal": 80, "near-separatrix": 110, "saddle": 50, "separatrix": 40,
+    "generic": 200,
+    "needle": 100,
+    "disc": 100,
+    "near-symmetric": 120,
+    "near-spherical": 120,
+    "symmetric": 50,
+    "spherical": 20,
+    "principal": 30,
+    "near-principal": 80,
+    "near-separatrix": 110,
+    "saddle": 50,
+    "separatrix": 40,
 }
 
 
@@ -400,7 +416,9 @@ def cases(frame="body", seed=20240, counts=None):
             if frame == "world":
                 if name in ("separatrix", "principal"):
                     # these stay what they are only where the rotation does not round
-                    orientation = rng.choice([[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, -0.5, 0.5], [0.0, 0.0, 1.0, 0.0]])
+                    orientation = rng.choice(
+                        [[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, -0.5, 0.5], [0.0, 0.0, 1.0, 0.0]]
+                    )
                 velocity = [float(x) for x in in_world(unit(orientation), velocity)]
                 exact = in_body(orientation, velocity)
             motion = Motion(moments, orientation, exact)
@@ -419,7 +437,16 @@ def cases(frame="body", seed=20240, counts=None):
             q, w, turned = motion.at(t)
             if frame == "world":
                 w = in_world(q, w)
-            yield name, moments, orientation, velocity, t, turned, [float(x) for x in q], [float(x) for x in w]
+            yield (
+                name,
+                moments,
+                orientation,
+                velocity,
+                t,
+                turned,
+                [float(x) for x in q],
+                [float(x) for x in w],
+            )
 
 
 def main():

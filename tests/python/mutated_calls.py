@@ -17,6 +17,7 @@ import collections
 import contextlib
 import doctest
 import faulthandler
+import functools
 import importlib
 import inspect
 import io
@@ -136,19 +137,23 @@ def name_of(function: Any) -> str | None:
         return f"{type(function).__name__}.__call__"
     # a static method of the extension knows no more than its name
     qualified = str(getattr(function, "__qualname__", ""))
-    extension = importlib.import_module("somersault._somersault")
-    kind = getattr(extension, qualified.partition(".")[0], None)
+    kind = extension().get(qualified.partition(".")[0])
     return qualified if isinstance(kind, type) and getattr(kind, name, None) == function else None
+
+
+@functools.cache
+def extension() -> dict[str, Any]:
+    """What the modules of the extension list."""
+    found: dict[str, Any] = importlib.import_module("public_names").extension()
+    return found
 
 
 def examples() -> Iterator[tuple[str, str]]:
     """Names of things with examples, and their sources."""
     parser = doctest.DocTestParser()
-    somersault = importlib.import_module("somersault._somersault")
-    for name in somersault.__all__:
-        thing = getattr(somersault, name)
+    for name, thing in sorted(extension().items()):
         members = [thing, *(vars(thing).values() if isinstance(thing, type) else ())]
-        text = [inspect.getdoc(one) or "" for one in members if not isinstance(one, str)]
+        text = [inspect.getdoc(one) or "" for one in members]
         yield name, "\n".join(one.source for part in text for one in parser.get_examples(part))
     for module in MODULES:
         loaded = importlib.import_module(f"somersault{module}")
@@ -156,7 +161,7 @@ def examples() -> Iterator[tuple[str, str]]:
         members = [
             one
             for thing in things
-            if getattr(thing, "__module__", "") != "somersault._somersault"
+            if not str(getattr(thing, "__module__", "")).startswith("somersault._somersault")
             for one in (thing, *(vars(thing).values() if isinstance(thing, type) else ()))
         ]
         text = [inspect.getdoc(one) or "" for one in members if callable(one) or inspect.ismodule(one)]
@@ -191,12 +196,8 @@ def starts(slowest: float) -> list[Start]:
 def uncovered(found: list[Start]) -> list[str]:
     """Public callables without a start."""
     seen = {start.name for start in found}
-    extension = importlib.import_module("somersault._somersault")
     missing = []
-    for name in extension.__all__:
-        thing = getattr(extension, name)
-        if isinstance(thing, str):
-            continue
+    for name, thing in extension().items():
         if not isinstance(thing, type):
             if name not in seen and thing.__name__ not in seen:
                 missing.append(name)

@@ -321,7 +321,8 @@ optimum.hamiltonian_range()
 placement.following(flow, optimum, [1.0, 0.0], [1e-3, 1e-2], 0.1)
 ftla.cold_start(linear, [1.0], [1.0], 3.0, tol=1e-9, first_step=0.5)
 ftla.continue_through(linear, [([0.0], [0.0]), ([1.0], [1.0])], 2.0, [0.0, 0.5, 1.0], tol=1e-9)
-somersault._somersault.travel_arm(ftla.arm(), (0.0, 0.1), (0.3, 0.2), 1.0, 0.1, tol=1e-8, max_iterations=10)
+travel_arm = somersault._somersault.ftla.travel_arm
+travel_arm(ftla.arm(), (0.0, 0.1), (0.3, 0.2), 1.0, 0.1, tol=1e-8, max_iterations=10)
 ftla.arm_extremals((0.0, 0.1, 0.0, 0.0), (0.3, 0.2, 0.0, 0.0), 1.0, folds=[np.pi], turns=[0])
 ftla.follow(lambda s: (linear, [1.0 + s], [1.0], 3.0), optimum, tol=1e-9, first_step=0.5)
 
@@ -351,6 +352,7 @@ motion.read_csv("a.csv", unit="m", up="z", forward="x", nan_is_gap=True)
 motion.read_trc("a.trc")
 motion.read_c3d("a.c3d")
 motion.read_bvh("a.bvh", unit="m")
+motion.read_file("a.bvh", unit="m", up="y", forward="z")
 numbers = (
     [0.1, 0.0, 0.9, 0.0]
     + [1.0, 0.0, 0.0, 0.0] * 4

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import somersault
+from somersault import _somersault
 
 LIST = Path(__file__).with_name("public_names.txt")
 
@@ -22,6 +23,16 @@ def modules() -> list[str]:
     """The public modules."""
     found = (module.name for module in pkgutil.iter_modules(somersault.__path__))
     return ["somersault", *(f"somersault.{name}" for name in found if not name.startswith("_"))]
+
+
+def extension() -> dict[str, Any]:
+    """What the modules of the extension list, by its name there."""
+    found = {}
+    for name in _somersault.__all__:
+        module = getattr(_somersault, name)
+        if inspect.ismodule(module):
+            found.update({listed: getattr(module, listed) for listed in module.__all__})
+    return found
 
 
 def things() -> dict[str, Any]:

@@ -122,8 +122,6 @@ def circles(imports: dict[Module, set[Module]]) -> list[list[str]]:
 
 @pytest.mark.parametrize("crate", sorted(path.name for path in CRATES.iterdir() if (path / "src").is_dir()))
 def test_files_import_one_another_without_circles(crate):
-    if crate == "somersault-py":
-        pytest.xfail("the bindings still have circles")
     assert circles(Crate(CRATES / crate / "src").imports()) == []
 
 

@@ -144,6 +144,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         lambda **more: motion.read_bvh(io.StringIO(BVH), **more),
         {"unit": "m", "up": "y", "forward": "z"},
     ),
+    "read_file": (
+        lambda **more: motion.read_file(io.StringIO(BVH), **more),
+        {"format": "bvh", "unit": "m", "up": "y", "forward": "z", "nan_is_gap": True, "diver": DIVER},
+    ),
     "spearman": (motion.spearman, {"x": SCORES, "y": SCORES}),
     "turns_about": (motion.turns_about, {"model": DIVER.model, "q": Q}),
     "validate": (

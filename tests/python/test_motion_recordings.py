@@ -319,6 +319,32 @@ class TestReaders:
         ]
         assert shank[0] / shank[1] == pytest.approx(1.6 / 1.7, rel=1e-12)
 
+    def test_a_file_is_read_as_its_ending_says(self, tmp_path: Path) -> None:
+        for name, text, expected in [
+            ("a.csv", CSV, motion.read_csv(io.StringIO(CSV))),
+            ("a.TRC", TRC, motion.read_trc(io.StringIO(TRC))),
+        ]:
+            (tmp_path / name).write_text(text)
+            found = motion.read_file(tmp_path / name)
+            assert isinstance(found, motion.MarkerRecording) and found.names == expected.names
+            np.testing.assert_array_equal(found.points, expected.points)
+        skeleton = motion.read_file(FILES / "bvhio.bvh", unit="m")
+        assert isinstance(skeleton, motion.SkeletonRecording)
+        expected = motion.read_bvh(FILES / "bvhio.bvh", unit="m").joint_centres()
+        np.testing.assert_array_equal(skeleton.joint_centres().points, expected.points)
+        assert len(motion.read_file(io.StringIO(BVH), format="bvh", unit="cm")) == 2
+
+    def test_a_file_of_no_format_is_refused_by_its_ending(self, tmp_path: Path) -> None:
+        for source, more, message in [
+            (tmp_path / "a.mov", {}, "`source` must end in .csv, .* or .txt, found '.mov'"),
+            (tmp_path / "a.csv", {"format": "mov"}, "`format` must end in .csv, .* found 'mov'"),
+            (FILES / "bvhio.bvh", {}, "`unit` must be given, since BVH has none"),
+            (FILES / "bvhio.bvh", {"unit": "m", "up": "z"}, "`up` and `forward` must be perpendicular"),
+            (io.StringIO(BVH), {}, "`format` must be given"),
+        ]:
+            with pytest.raises((ValueError, TypeError), match=message):
+                motion.read_file(source, **more)  # type: ignore[arg-type]
+
     @pytest.mark.parametrize(
         ("reader", "text", "line", "message"),
         [

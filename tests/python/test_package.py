@@ -20,10 +20,8 @@ ROOT = Path(__file__).parents[2]
 
 def documented() -> Iterator[tuple[str, Any]]:
     """Everything public in the extension, with its members."""
-    for name in _somersault.__all__:
-        thing = getattr(_somersault, name)
-        if not isinstance(thing, str):
-            yield name, thing
+    for name, thing in sorted(public_names.extension().items()):
+        yield name, thing
         if inspect.isclass(thing):
             for member, value in sorted(vars(thing).items()):
                 if not member.startswith("_"):
@@ -53,7 +51,19 @@ def test_the_examples_of_the_readme_hold() -> None:
     assert found.failed == 0
 
 
-def test_the_stub_is_the_module() -> None:
+def test_the_modules_of_the_extension_are_imported_by_their_names() -> None:
+    for name in sorted({*_somersault.__all__} - {"__version__"}):
+        program = f"""
+from somersault._somersault import {name} as attribute
+import somersault._somersault.{name} as module
+assert module is attribute
+assert module.__name__ == "somersault._somersault.{name}"
+assert all(getattr(module, listed).__module__.startswith("somersault") for listed in module.__all__)
+"""
+        subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_stubs_are_the_modules() -> None:
     checked = subprocess.run(
         [
             *(sys.executable, "-m", "mypy.stubtest"),

@@ -13,7 +13,7 @@ fn body() -> RigidBody {
 fn run(state: &RigidBodyState, forces: impl ForceModel) -> Result<(), IntegrateError> {
     let grid = TimeGrid::try_new(0.0, 1.0, 0.01).unwrap();
     let system = RigidBodySystem::new(body(), forces);
-    Method::Rkmk.integrate(Options::default(), &system, state, &grid, &mut ()).map(|_| ())
+    Run::new(&system, Method::Rkmk, grid).from(state).map(|_| ())
 }
 
 #[test]
@@ -96,9 +96,7 @@ fn adaptive_settings() {
     let system = RigidBodySystem::free(body());
     let start = RigidBodyState::spinning(Vector3::new(1.0, 2.0, 3.0));
     let adapt = |method: Method, interval, control: Adaptive| {
-        method
-            .integrate_adaptive(Options::default(), &system, &start, interval, &control, &mut ())
-            .map(|_| ())
+        Run::new(&system, method, Steps::adapted(interval, control)).from(&start).map(|_| ())
     };
     assert!(matches!(
         adapt(Method::Rkmk, (0.0, 1.0), Adaptive::default()),

@@ -3,11 +3,12 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
 use somersault_core::{Inertia, lie::so3};
-use somersault_integrators::batch::{self, BatchError, FreeBodyBatch, InstructionSet};
+use somersault_integrators::batch::{BatchError, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{IntegrateError, TimeGrid};
 use somersault_integrators::force::{ForceModel, Gravity, Spring};
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
 use std::f64::consts::FRAC_PI_2;
@@ -77,7 +78,7 @@ fn textbook(
 fn a_batch_agrees_with_the_textbook_to_rounding() {
     let bodies = Bodies::new(150, 2.0);
     let mut batch = bodies.batch();
-    batch.integrate(&[0.01; 150], &[500; 150]).unwrap();
+    batch.advance(&[0.01; 150], &[500; 150]).unwrap();
     for i in 0..150 {
         let (mut q, mut omega) = (bodies.orientations[i], bodies.omegas[i]);
         textbook(&bodies.moments[i], &mut q, &mut omega, 0.01, 500);
@@ -94,7 +95,7 @@ fn all_instructions_give_the_same_bits() {
         let steps: Vec<u64> = (0..203).map(|i| 20 + (i * i % 37)).collect();
         let run = |set| {
             let mut batch = bodies.batch();
-            batch.integrate_with(set, &[dt; 203], &steps).unwrap();
+            batch.advance_with(set, &[dt; 203], &steps).unwrap();
             bits(&batch)
         };
         let results: Vec<_> = InstructionSet::supported().map(run).collect();
@@ -110,7 +111,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     let run = |threads| {
         let mut batch = bodies.batch();
         let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| batch.integrate(&dt, &steps)).unwrap();
+        pool.install(|| batch.advance(&dt, &steps)).unwrap();
         bits(&batch)
     };
     let one = run(1);
@@ -125,7 +126,7 @@ fn a_body_moves_as_if_alone() {
         let dt: Vec<f64> = (0..n).map(|i| 0.05 * spread(5, i)).collect();
         let steps: Vec<u64> = (0..n as u64).map(|i| (i * 7) % 23).collect();
         let mut batch = bodies.batch();
-        batch.integrate(&dt, &steps).unwrap();
+        batch.advance(&dt, &steps).unwrap();
         for i in 0..n {
             let one = i..i + 1;
             let mut alone = FreeBodyBatch::try_new(
@@ -134,7 +135,7 @@ fn a_body_moves_as_if_alone() {
                 &bodies.omegas[one.clone()],
             )
             .unwrap();
-            alone.integrate(&dt[one.clone()], &steps[one]).unwrap();
+            alone.advance(&dt[one.clone()], &steps[one]).unwrap();
             assert_eq!(bits(&alone)[0], bits(&batch)[i]);
         }
     }
@@ -145,8 +146,8 @@ fn bodies_without_steps_stay() {
     let bodies = Bodies::new(70, 3.0);
     let mut batch = bodies.batch();
     let before = bits(&batch);
-    batch.integrate(&[0.1; 70], &[0; 70]).unwrap();
-    batch.integrate(&[0.0; 70], &[9; 70]).unwrap();
+    batch.advance(&[0.1; 70], &[0; 70]).unwrap();
+    batch.advance(&[0.0; 70], &[9; 70]).unwrap();
     assert_eq!(bits(&batch), before);
 }
 
@@ -154,7 +155,7 @@ fn bodies_without_steps_stay() {
 fn an_empty_batch_is_integrated() {
     let mut batch = FreeBodyBatch::default();
     assert!(batch.is_empty());
-    batch.integrate(&[], &[]).unwrap();
+    batch.advance(&[], &[]).unwrap();
 }
 
 #[test]
@@ -163,7 +164,7 @@ fn a_batch_is_of_fourth_order() {
     let bodies = Bodies::new(n, 1.5);
     let at = |steps: u64| {
         let mut batch = bodies.batch();
-        batch.integrate(&vec![2.0 / steps as f64; n], &vec![steps; n]).unwrap();
+        batch.advance(&vec![2.0 / steps as f64; n], &vec![steps; n]).unwrap();
         batch
     };
     let fine = at(20_000);
@@ -195,7 +196,7 @@ fn rotation_about_a_principal_axis_is_exact_for_any_step() {
         let moments = vec![Vector3::new(1.0, 1.3, 2.0); n];
         let mut batch =
             FreeBodyBatch::try_new(&moments, &vec![UnitQuaternion::identity(); n], &omegas).unwrap();
-        batch.integrate(&vec![2.0; n], &vec![1; n]).unwrap();
+        batch.advance(&vec![2.0; n], &vec![1; n]).unwrap();
         for (q, &a) in batch.orientations().iter().zip(&angles) {
             let bound = if a.abs() < FRAC_PI_2 / 2.0 { 3e-16 } else { 1e-15 + 3e-16 * a.abs() };
             let sign = (q.w * a.cos() + q.coords[axis] * a.sin()).signum();
@@ -215,7 +216,7 @@ fn large_steps_keep_unit_quaternions_and_agree() {
     let mut results = Vec::new();
     for set in InstructionSet::supported() {
         let mut batch = FreeBodyBatch::try_new(&moments, &bodies.orientations, &bodies.omegas).unwrap();
-        batch.integrate_with(set, &vec![1.0; n], &vec![40; n]).unwrap();
+        batch.advance_with(set, &vec![1.0; n], &vec![40; n]).unwrap();
         results.push(bits(&batch));
         for i in 0..n {
             let q = batch.orientations()[i];
@@ -233,7 +234,7 @@ fn unit_quaternions_stay_so_for_absurd_steps() {
     let omegas = [1e12, 1e16, 1e40, 1e150].map(|w| Vector3::new(w, -w, 0.5 * w));
     let moments = [Vector3::repeat(1.0); 4];
     let mut batch = FreeBodyBatch::try_new(&moments, &[UnitQuaternion::identity(); 4], &omegas).unwrap();
-    batch.integrate(&[1.0; 4], &[3; 4]).unwrap();
+    batch.advance(&[1.0; 4], &[3; 4]).unwrap();
     assert!(batch.orientations().iter().all(|q| (q.norm() - 1.0).abs() < 4e-16));
 }
 
@@ -256,7 +257,7 @@ fn misuse_is_a_typed_error_that_names_the_body() {
     spoiled[2].x = 0.0;
     assert!(matches!(make(&spoiled, q, w), Err(BatchError::NotPositive { body: 2, .. })));
     let mut batch = bodies.batch();
-    let infinite = batch.integrate(&[1.0, f64::INFINITY, 1.0], &[1; 3]);
+    let infinite = batch.advance(&[1.0, f64::INFINITY, 1.0], &[1; 3]);
     assert!(matches!(infinite, Err(BatchError::NonFinite { argument: "dt", body: 1, .. })));
 }
 
@@ -267,7 +268,7 @@ fn a_diverging_body_is_named_and_the_batch_left_alone() {
     bodies.omegas[80] = bodies.omegas[70];
     let mut batch = bodies.batch();
     let before = bits(&batch);
-    assert_eq!(batch.integrate(&[0.1; 100], &[5; 100]), Err(BatchError::Diverged { body: 70 }));
+    assert_eq!(batch.advance(&[0.1; 100], &[5; 100]), Err(BatchError::Diverged { body: 70 }));
     assert_eq!(bits(&batch), before);
 }
 
@@ -308,8 +309,8 @@ fn distance(a: &RigidBodyState, b: &RigidBodyState) -> f64 {
 fn free_bodies_agree_with_rkmk_b_to_rounding() {
     let (bodies, states, grids) = flight(150);
     let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::free(*body)).collect();
-    let ends = batch::integrate(&bodies, &states, &grids).unwrap();
-    let outcomes = batch::integrate_by(Method::RkmkB, Options::default(), &systems, &states, &grids).unwrap();
+    let ends = FreeRuns::new(&bodies, &grids).from(&states).unwrap();
+    let outcomes = Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap();
     for (end, outcome) in ends.iter().zip(&outcomes) {
         assert!(distance(end, &outcome.state) < 1e-12);
     }
@@ -320,8 +321,8 @@ fn falling_bodies_agree_with_rkmk_b_to_rounding() {
     let (bodies, states, grids) = flight(70);
     let gravity = Gravity::earth();
     let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, gravity)).collect();
-    let ends = batch::integrate_in_gravity(&gravity, &bodies, &states, &grids).unwrap();
-    let outcomes = batch::integrate_by(Method::RkmkB, Options::default(), &systems, &states, &grids).unwrap();
+    let ends = FreeRuns::new(&bodies, &grids).in_gravity(&gravity).from(&states).unwrap();
+    let outcomes = Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap();
     for (end, outcome) in ends.iter().zip(&outcomes) {
         // Positions reach 80 m by up to 800 additions.
         assert!(distance(end, &outcome.state) < 1e-11);
@@ -341,14 +342,12 @@ fn any_method_gives_each_system_what_it_gives_it_alone() {
     assert!(!spring.is_torque_free());
     let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, spring)).collect();
     for method in Method::ALL {
-        let alone =
-            |i: usize| method.integrate(Options::default(), &systems[i], &states[i], &grids[i], &mut ());
+        let alone = |i: usize| Run::new(&systems[i], method, grids[i]).from(&states[i]);
         let first_failure =
             (0..9).find_map(|index| alone(index).err().map(|source| BatchError::Integrate { index, source }));
         for threads in [1, 3] {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            match pool.install(|| batch::integrate_by(method, Options::default(), &systems, &states, &grids))
-            {
+            match pool.install(|| Runs::new(&systems, method, &grids).from(&states)) {
                 Ok(outcomes) => {
                     assert!(first_failure.is_none());
                     assert!((0..9).all(|i| outcomes[i].state == alone(i).unwrap().state));
@@ -363,14 +362,14 @@ fn any_method_gives_each_system_what_it_gives_it_alone() {
 fn the_fronts_refuse_what_is_not_finite() {
     let (bodies, mut states, grids) = flight(5);
     states[3].rate.linear.z = f64::NAN;
-    let refused = batch::integrate(&bodies, &states, &grids);
+    let refused = FreeRuns::new(&bodies, &grids).from(&states);
     assert!(matches!(refused, Err(BatchError::NonFinite { argument: "states", body: 3, .. })));
     let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::free(*body)).collect();
-    let refused = batch::integrate_by(Method::Rk4, Options::default(), &systems, &states, &grids).map(|_| ());
+    let refused = Runs::new(&systems, Method::Rk4, &grids).from(&states).map(|_| ());
     assert!(matches!(
         refused,
         Err(BatchError::Integrate { index: 3, source: IntegrateError::InitialState { .. } })
     ));
-    let short = batch::integrate(&bodies, &states[..4], &grids);
+    let short = FreeRuns::new(&bodies, &grids).from(&states[..4]);
     assert_eq!(short, Err(BatchError::Length { argument: "states", expected: 5, found: 4 }));
 }

@@ -30,7 +30,7 @@ fn drift_after(method: Method, first: u64, h: f64, steps: u64) -> (f64, f64) {
     let (system, start) = scene();
     let after = |steps: u64| {
         let grid = TimeGrid::try_with_steps(0.0, h * steps as f64, steps).unwrap();
-        method.integrate(Options::default(), &system, &start, &grid, &mut ()).unwrap().state
+        Run::new(&system, method, grid).from(&start).unwrap().state
     };
     let (start, end) = (if first == 0 { start } else { after(first) }, after(steps));
     let (e, l) = (energy(&system.body, &start), momentum(&system.body, &start));
@@ -42,7 +42,7 @@ fn stays_on_the_group(steps: u64) {
     let (system, start) = scene();
     let grid = TimeGrid::try_with_steps(0.0, 1e-4 * steps as f64, steps).unwrap();
     Method::ALL.into_par_iter().for_each(|method| {
-        let end = method.integrate(Options::default(), &system, &start, &grid, &mut ()).unwrap().state;
+        let end = Run::new(&system, method, grid).from(&start).unwrap().state;
         let r = end.orientation().as_ref();
         // The matrix of the quaternion as it stands, without another normalisation.
         let r = nalgebra::UnitQuaternion::new_unchecked(*r).to_rotation_matrix().into_inner();
@@ -94,7 +94,7 @@ fn torque_free_methods_refuse_torque() {
     let system = RigidBodySystem::new(free.body, torque);
     let grid = TimeGrid::try_new(0.0, 1.0, 0.1).unwrap();
     for method in Method::ALL.into_iter().filter(|m| m.info().scope == Scope::TorqueFree) {
-        let error = method.integrate(Options::default(), &system, &start, &grid, &mut ()).unwrap_err();
+        let error = Run::new(&system, method, grid).from(&start).unwrap_err();
         assert_eq!(
             error.to_string(),
             format!("method `{method}` takes no torque, and these forces may exert one")
@@ -132,7 +132,7 @@ fn energy_errors(method: Method, force: ConstantForce, h: f64, steps: u64) -> (f
     let system = RigidBodySystem::new(free.body, force);
     let grid = TimeGrid::try_with_steps(0.0, h * steps as f64, steps).unwrap();
     let mut watch = Watch(&error, Vec::new());
-    method.integrate(Options::default(), &system, &start, &grid, &mut watch).unwrap();
+    Run::new(&system, method, grid).observed_by(&mut watch).from(&start).unwrap();
     let tenth = watch.1.len() / 10;
     let largest = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
     (largest(&watch.1[..tenth]), largest(&watch.1[9 * tenth..]))

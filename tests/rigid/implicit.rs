@@ -95,7 +95,7 @@ fn check(bound: &Bound, seed: u64, h: f64) -> Result<(), String> {
     let mut states = States(vec![start]);
     let grid = TimeGrid::try_with_steps(0.0, 20.0 * h, 20).unwrap();
     let system = RigidBodySystem::free(body);
-    let outcome = method.integrate(Options::default(), &system, &start, &grid, &mut states);
+    let outcome = Run::new(&system, *method, grid).observed_by(&mut states).from(&start);
     for pair in states.0.windows(2) {
         let exact = FreeBody::try_new(&body, &pair[0]).unwrap().at(h).unwrap();
         let error = so3::angle_between(pair[1].orientation(), exact.orientation());
@@ -179,7 +179,7 @@ fn a_free_rotation_is_the_same_in_all_units() {
         let body = RigidBody::try_principal(m, Vector3::new(1.0, 2.0, 2.5) * (m * l * l)).unwrap();
         let start = RigidBodyState::spinning(Vector3::new(0.5, 1.0, -0.7) / t);
         let grid = TimeGrid::try_with_steps(0.0, 10.0 * t, 100).unwrap();
-        let end = method.integrate(Options::default(), &RigidBodySystem::free(body), &start, &grid, &mut ());
+        let end = Run::new(&RigidBodySystem::free(body), method, grid).from(&start);
         *end.unwrap_or_else(|error| panic!("{method} in units {l} m, {t} s, {m} kg: {error}"))
             .state
             .orientation()
@@ -210,7 +210,7 @@ fn hanging(
     let system = RigidBodySystem::new(body, (Gravity { acceleration: z * -g }, spring));
     let start = RigidBodyState::new(z * ((origin + height) * l), UnitQuaternion::identity(), zero, zero);
     let grid = TimeGrid::try_new(0.0, 60.0 * t, 0.02 * t).unwrap();
-    match method.integrate(Options::default(), &system, &start, &grid, &mut ()) {
+    match Run::new(&system, method, grid).from(&start) {
         Ok(end) => Ok((end.state.position().z / l - origin).abs() + end.state.velocity().norm() * t / l),
         Err(error) => Err(error.to_string()),
     }
@@ -252,6 +252,7 @@ struct Oscillator;
 
 impl System for Oscillator {
     type Configuration = Varied<Pose, Twist>;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, (): &mut (), _: f64, x: &StateOf<Self>, out: &mut Varied<Twist>) {
@@ -273,7 +274,7 @@ fn the_columns_of_a_body_at_rest_are_those_of_a_moving_one() {
     let run = |position: Vector3<f64>, velocity: Vector3<f64>| {
         let base = RigidBodyState::new(position, UnitQuaternion::identity(), velocity, Vector3::zeros());
         let start = State::varied(base, [column]);
-        Method::Imid.integrate_system(Options::default(), &Oscillator, &start, &grid, &mut ()).unwrap().state
+        Run::new(&Oscillator, Method::Imid, grid).from(&start).unwrap().state
     };
     let (at_rest, moving) = (run(Vector3::zeros(), Vector3::zeros()), run(Vector3::x(), Vector3::y()));
     let (displacement, rate) = (&at_rest.configuration.columns[0], &at_rest.rate.columns[0]);

@@ -3,6 +3,7 @@
 mod bad_input;
 mod batch;
 mod conservation;
+mod events;
 mod exact;
 mod implicit;
 mod moser_veselov;

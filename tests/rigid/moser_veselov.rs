@@ -4,9 +4,10 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{IntegrateError, TimeGrid};
 use somersault_integrators::force::{ConstantForce, Drag, Gravity};
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
 use somersault_integrators::moser_veselov::{CompensatedVector, MoserVeselov, step};
 use somersault_integrators::preprocessing::{ModifiedMoments, Preprocessing};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::StepError;
 use somersault_integrators::system::{RigidBodySystem, RigidSystem};
@@ -65,7 +66,7 @@ fn run<S: RigidSystem<Configuration = Pose>>(
 ) -> Result<RigidBodyState, IntegrateError> {
     let method: Method = method.parse().unwrap();
     let grid = TimeGrid::try_with_steps(0.0, t, steps).unwrap();
-    Ok(method.integrate(Options::default(), system, x, &grid, &mut ())?.state)
+    Ok(Run::new(system, method, grid).from(x)?.state)
 }
 
 /// World angular momentum.

@@ -2,11 +2,11 @@
 //! tolerances; and what must not depend on how a run is cut or bundled.
 
 use rayon::prelude::*;
-use somersault::integrators::driver::{IntegrateError, integrate_adaptive};
+use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::methods::{
-    Coefficients, EmbeddedCoefficients, RungeKutta4, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
+    Coefficients, EmbeddedCoefficients, RungeKutta4, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4, Visitor,
 };
-use somersault::integrators::state::{Rate, RigidBodiesState};
+use somersault::integrators::state::{Pose, Rate, RigidBodiesState};
 use somersault::integrators::stepper::{StepError, Variables};
 use somersault::integrators::system::{Form, MomentumForm, RateOf, RigidBodiesSystem, RigidSystem, StateOf};
 use somersault::integrators::tableau::{DenseWeights, ErrorWeights, Tableau};
@@ -136,7 +136,7 @@ fn a_wrong_coefficient_is_caught() {
     let problem = asymmetric_body();
     let found = estimate(problem.duration, &sampling(4), |n| {
         let grid = TimeGrid::try_with_steps(0.0, problem.duration, n).unwrap();
-        let end = integrate(&problem.system, &Broken, &problem.initial, &grid, &mut ()).unwrap();
+        let end = Run::by_stepper(&problem.system, &Broken, grid).from(&problem.initial).unwrap();
         Some(problem.error(&end.state))
     });
     assert!(!says_at_least(&found, 4, 0.2), "{found:?}");
@@ -184,13 +184,14 @@ fn a_tableau_of_the_users_own_has_its_order_and_adapts() {
     for problem in [asymmetric_body(), heavy_top(true)] {
         let found = estimate(problem.duration, &sampling(3), |n| {
             let grid = TimeGrid::try_with_steps(0.0, problem.duration, n).unwrap();
-            let end = integrate(&problem.system, &method, &problem.initial, &grid, &mut ()).unwrap();
+            let end = Run::by_stepper(&problem.system, &method, grid).from(&problem.initial).unwrap();
             Some(problem.error(&end.state))
         });
         assert!(says(&found, 3, 0.2), "{found:?}");
         let control = Adaptive::with_tolerances(1e-7, 1e-7);
         let interval = (0.0, problem.duration);
-        let end = integrate_adaptive(&problem.system, &method, &problem.initial, interval, &control, &mut ())
+        let end = Run::by_embedded_stepper(&problem.system, &method, Steps::adapted(interval, control))
+            .from(&problem.initial)
             .unwrap();
         assert!(problem.error(&end.state) < 1e-4);
     }
@@ -203,14 +204,7 @@ fn adaptive_run(
 ) -> Result<Outcome<somersault::integrators::state::Pose>, IntegrateError> {
     let control = Adaptive::with_tolerances(tolerance, tolerance);
     let interval = (0.0, problem.duration);
-    method.integrate_adaptive(
-        Options::default(),
-        &problem.system,
-        &problem.initial,
-        interval,
-        &control,
-        &mut (),
-    )
+    Run::new(&problem.system, method, Steps::adapted(interval, control)).from(&problem.initial)
 }
 
 #[test]
@@ -238,15 +232,8 @@ fn adaptive_errors_shrink_with_the_tolerance_over_four_decades() {
 fn rkmk8_flips_the_box_to_a_billionth_in_a_hundred_and_seven_trials() {
     let problem = thesis_case(2, 10.0);
     let control = Adaptive::with_tolerances(1e-10, 1e-12);
-    let end = Method::Rkmk8B
-        .integrate_adaptive(
-            Options::default(),
-            &problem.system,
-            &problem.initial,
-            (0.0, 10.0),
-            &control,
-            &mut (),
-        )
+    let end = Run::new(&problem.system, Method::Rkmk8B, Steps::adapted((0.0, 10.0), control))
+        .from(&problem.initial)
         .unwrap();
     assert!(problem.error(&end.state) < 1.1e-9, "{:e}", problem.error(&end.state));
     assert!(end.steps + end.rejected <= 108, "{} {}", end.steps, end.rejected);
@@ -259,15 +246,8 @@ fn a_wild_first_step_is_rejected_and_the_run_goes_on() {
     for method in Method::ALL.into_iter().filter(|m| m.info().embedded.is_some()) {
         let control = Adaptive { first_step: Some(1e3), ..Adaptive::with_tolerances(1e-8, 1e-8) };
         let interval = (0.0, problem.duration);
-        let end = method
-            .integrate_adaptive(
-                Options::default(),
-                &problem.system,
-                &problem.initial,
-                interval,
-                &control,
-                &mut (),
-            )
+        let end = Run::new(&problem.system, method, Steps::adapted(interval, control))
+            .from(&problem.initial)
             .unwrap();
         assert!(
             end.rejected > 0 && problem.error(&end.state) < 1e-5,
@@ -294,8 +274,7 @@ fn a_force_that_is_not_a_number_for_long_steps_is_met_by_shorter_ones() {
     );
     let control = Adaptive { first_step: Some(5.0), ..Adaptive::default() };
     for method in [Method::Rkmk3, Method::Rkmk5, Method::Rkmk8, Method::Rkmk8B] {
-        let end =
-            method.integrate_adaptive(Options::default(), &system, &start, (0.0, 5.0), &control, &mut ());
+        let end = Run::new(&system, method, Steps::adapted((0.0, 5.0), control)).from(&start);
         let end = end.unwrap();
         assert!(end.rejected > 0 && end.state.is_finite(), "{method}");
     }
@@ -310,7 +289,7 @@ fn momentum_form_keeps_angular_momentum_to_the_bit() {
         let form = MomentumForm(system);
         let start = form.encode(initial);
         let grid = TimeGrid::try_with_steps(0.0, 10.0, 1000).unwrap();
-        let end = integrate(&form, stepper, &start, &grid, &mut ()).unwrap().state;
+        let end = Run::by_stepper(&form, stepper, grid).from(&start).unwrap().state;
         assert_eq!(format!("{:?}", end.rate), format!("{:?}", start.rate));
     }
     let problem = asymmetric_body();
@@ -333,36 +312,20 @@ fn several_bodies_move_as_each_alone() {
         let torque = method.info().orders.rotation_with_torque.is_some();
         let together: Vec<RigidBodyState> = if torque {
             let system = RigidBodiesSystem::try_new(boxes.to_vec(), vec![(weight, drag); 3], ()).unwrap();
-            let end = method
-                .integrate(
-                    Options::default(),
-                    &system,
-                    &RigidBodiesState::from_bodies(&starts),
-                    &grid,
-                    &mut (),
-                )
-                .unwrap();
+            let end = Run::new(&system, method, grid).from(&RigidBodiesState::from_bodies(&starts)).unwrap();
             (0..3).map(|i| end.state.body(i).unwrap()).collect()
         } else {
             let system = RigidBodiesSystem::try_new(boxes.to_vec(), vec![(); 3], ()).unwrap();
-            let end = method
-                .integrate(
-                    Options::default(),
-                    &system,
-                    &RigidBodiesState::from_bodies(&starts),
-                    &grid,
-                    &mut (),
-                )
-                .unwrap();
+            let end = Run::new(&system, method, grid).from(&RigidBodiesState::from_bodies(&starts)).unwrap();
             (0..3).map(|i| end.state.body(i).unwrap()).collect()
         };
         for i in 0..3 {
             let alone = if torque {
                 let system = RigidBodySystem::new(boxes[i], (weight, drag));
-                method.integrate(Options::default(), &system, &starts[i], &grid, &mut ()).unwrap().state
+                Run::new(&system, method, grid).from(&starts[i]).unwrap().state
             } else {
                 let system = RigidBodySystem::free(boxes[i]);
-                method.integrate(Options::default(), &system, &starts[i], &grid, &mut ()).unwrap().state
+                Run::new(&system, method, grid).from(&starts[i]).unwrap().state
             };
             if method == Method::Imid {
                 // Its iteration ends for all bodies at once, a rounding or so later than for one.
@@ -395,7 +358,7 @@ fn a_step_of_minus_h_takes_an_implicit_midpoint_step_back() {
 fn an_implicit_step_too_large_is_a_typed_error() {
     let problem = asymmetric_body();
     let grid = TimeGrid::try_with_steps(0.0, 100.0, 10).unwrap();
-    let found = Method::Imid.integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ());
+    let found = Run::new(&problem.system, Method::Imid, grid).from(&problem.initial);
     match found {
         Err(IntegrateError::Step(StepError::NotConverged { method, t, iterations, residual })) => {
             assert_eq!((method, t), ("imid", 0.0));
@@ -445,9 +408,7 @@ fn dense_output_meets_the_ends_of_every_step() {
             }
             let grid = TimeGrid::try_with_steps(0.0, 1.0, 40).unwrap();
             let mut ends = Ends(0.0);
-            method
-                .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ends)
-                .unwrap();
+            Run::new(&problem.system, method, grid).observed_by(&mut ends).from(&problem.initial).unwrap();
             assert!(ends.0 < 2e-14, "{method}: {:e}", ends.0);
         }
     }
@@ -462,11 +423,11 @@ fn dense_output_leaves_the_run_as_it_is() {
             continue;
         }
         let grid = TimeGrid::try_new(0.0, 1.0, 0.03).unwrap();
-        let plain =
-            method.integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ()).unwrap();
+        let plain = Run::new(&problem.system, method, grid).from(&problem.initial).unwrap();
         let mut recorder = Recorder::new(0.0, &problem.initial, 1).with_dense_output();
-        let seen = method
-            .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut recorder)
+        let seen = Run::new(&problem.system, method, grid)
+            .observed_by(&mut recorder)
+            .from(&problem.initial)
             .unwrap();
         assert_eq!(plain.state, seen.state, "{method}");
     }
@@ -482,9 +443,7 @@ fn a_step_that_does_not_divide_the_interval_keeps_the_order() {
             let dt = problem.duration / (n as f64 + 0.4);
             let grid = TimeGrid::try_new(0.0, problem.duration, dt).unwrap();
             assert_eq!(grid.steps(), n + 1);
-            let end = method
-                .integrate(Options::default(), &problem.system, &problem.initial, &grid, &mut ())
-                .ok()?;
+            let end = Run::new(&problem.system, method, grid).from(&problem.initial).ok()?;
             assert_eq!(end.t, problem.duration);
             Some(problem.error(&end.state))
         });
@@ -500,12 +459,9 @@ fn a_step_that_does_not_divide_the_interval_keeps_the_order() {
 #[test]
 fn a_restart_forgets_all() {
     struct Halves<'a>(&'a Problem);
-    impl<S: RigidSystem> somersault::integrators::methods::Visitor<S> for Halves<'_>
-    where
-        S: RigidSystem<Configuration = somersault::integrators::state::Pose>,
-    {
+    impl Visitor<Pose> for Halves<'_> {
         type Output = ();
-        fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) {
+        fn visit<B: Form<Pose>, M: Stepper<B>>(self, form: B, stepper: M) {
             let h = 0.02;
             let run = |memory: &mut M::Memory, x: &StateOf<B>| {
                 let (mut x, mut y) = (x.clone(), x.clone());

@@ -2,11 +2,10 @@
 //!
 //! `cargo run --release -p somersault-contact --example figure_7_5`
 
-use somersault_contact::driver::integrate_located;
-use somersault_contact::event::Location;
 use somersault_contact::models::SpinningTop;
 use somersault_contact::studies::{Stepping, convergence, errors, spinning_top};
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::events::{Location, integrate_located};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::stepper::Scope;
 use somersault_integrators::studies::silent;

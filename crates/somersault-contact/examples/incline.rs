@@ -7,8 +7,6 @@
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
-use somersault_contact::driver::integrate_located_adaptive;
-use somersault_contact::event::Location;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
@@ -16,6 +14,7 @@ use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::Adaptive;
+use somersault_integrators::events::{Location, integrate_located_adaptive};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::state::RigidBodyState;

@@ -5,10 +5,9 @@
 //! `fixed` or `adaptive`, step or tolerance, number of runs.
 
 use nalgebra::Vector3;
-use somersault_contact::driver::{integrate_located, integrate_located_adaptive};
-use somersault_contact::event::Location;
 use somersault_contact::models::SpinningTop;
 use somersault_integrators::driver::{Adaptive, TimeGrid};
+use somersault_integrators::events::{Location, integrate_located, integrate_located_adaptive};
 use somersault_integrators::methods::{Method, Options};
 use std::hint::black_box;
 

@@ -3,18 +3,21 @@
 use crate::contacts::{Contact, about_centre, is_free, without_stretch};
 use crate::error::{ContactError, finite};
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::stretches::Touching;
 use crate::surface::SurfaceFault;
-use crate::sweep::{BodySweep, Sweep};
+use crate::sweep::BodySweep;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
-use somersault_integrators::system::{Interaction, RigidBodiesSystem, world_acceleration};
+use somersault_integrators::system::{
+    BodyPoses, BodyRate, CountMismatch, Fault, Interaction, RigidBodiesSystem, RigidForms, RigidSystem,
+    System, world_acceleration,
+};
 
 /// A sphere fixed on a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -261,7 +264,79 @@ impl Interaction for BodyContacts {
 }
 
 /// Several rigid bodies, each under forces `F`, smooth along a trajectory, and their contacts.
-pub type BodiesInContact<F> = RigidBodiesSystem<F, BodyContacts>;
+///
+/// As a [`System`] in its own right it switches each contact by its state, as [`BodyContacts`] do.
+#[derive(Debug, Clone)]
+pub struct BodiesInContact<F>(pub RigidBodiesSystem<F, BodyContacts>);
+
+impl<F: ForceModel> BodiesInContact<F> {
+    /// Bodies, the force model of each, and their contacts.
+    pub fn try_new(
+        bodies: Vec<RigidBody>,
+        forces: Vec<F>,
+        contacts: BodyContacts,
+    ) -> Result<Self, CountMismatch> {
+        RigidBodiesSystem::try_new(bodies, forces, contacts).map(Self)
+    }
+}
+
+impl<F> std::ops::Deref for BodiesInContact<F> {
+    type Target = RigidBodiesSystem<F, BodyContacts>;
+    #[inline(always)]
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<F: ForceModel> System for BodiesInContact<F> {
+    type Configuration = Vec<Pose>;
+    type Forms = RigidForms;
+    type Workspace = Vec<Twist>;
+    fn workspace(&self) -> Vec<Twist> {
+        self.0.workspace()
+    }
+    fn velocity(&self, w: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
+        self.0.velocity(w, t, x, out);
+    }
+    fn acceleration(&self, w: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
+        self.0.acceleration(w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<F: ForceModel> RigidSystem for BodiesInContact<F> {
+    fn body(&self, i: usize) -> &RigidBody {
+        self.0.body(i)
+    }
+    fn rest(&self) -> State<Vec<Pose>> {
+        self.0.rest()
+    }
+    fn wrenches(&self, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
+        self.0.wrenches(t, x, out);
+    }
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<BodyPoses<Self>>,
+        world: &mut (State<Vec<Pose>>, Vec<Twist>),
+        out: &mut BodyRate<Self>,
+    ) {
+        self.0.body_wrenches(t, x, world, out);
+    }
+    fn is_free(&self) -> bool {
+        self.0.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.0.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.0.depends_on_velocity()
+    }
+}
 
 impl<F: ForceModel> Touching for BodiesInContact<F> {
     fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
@@ -296,6 +371,8 @@ impl<F: ForceModel> Touching for BodiesInContact<F> {
 
 impl<F: ForceModel> Hybrid for BodiesInContact<F> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
 
     fn check(&self) -> Result<(), IntegrateError> {
         without_stretch(self.laws())
@@ -341,15 +418,12 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
         (before, after): (&State<Vec<Pose>>, &State<Vec<Pose>>),
         out: &mut Vec<Sweep>,
     ) {
-        let (contacts, is_free) = (self.interaction(), is_free(mode));
+        let is_free = is_free(mode);
         let sweep = |i: usize| {
             let ends = (&state(moving(before), i), &state(moving(after), i));
             BodySweep::between(&self.bodies()[i], &self.forces()[i], ends, h, is_free)
         };
-        out.extend(contacts.gap_sweeps(before, &sweep));
-        if contacts.friction_has_modes {
-            out.resize(2 * contacts.len(), Sweep::UNKNOWN);
-        }
+        out.extend(self.interaction().gap_sweeps(before, &sweep));
     }
 
     fn clear_time(
@@ -381,7 +455,7 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
         }
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &State<Vec<Pose>>) -> f64 {
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &State<Vec<Pose>>) -> f64 {
         let (contacts, bodies) = (self.interaction(), self.bodies());
         let of_surfaces = contacts.on_surfaces.iter().zip(mode);
         let of_pairs = contacts.pairs.iter().zip(mode.iter().skip(contacts.on_surfaces.len()));

@@ -2,22 +2,24 @@
 
 use crate::error::{ContactError, direction, finite};
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Place, Shape};
 use crate::stretches::Touching;
 #[cfg(doc)]
 use crate::stretches::WithStretches;
 use crate::surface::{self, HalfSpace, Surface, SurfaceFault, check_slope};
-use crate::sweep::{BodySweep, Sweep};
+use crate::sweep::BodySweep;
 use crate::touch::{Motion, Touch};
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{InBody, Pose, RigidBodyState, State, Twist};
-use somersault_integrators::system::{Decoder, FromBody, RigidBodySystem, euler};
+use somersault_integrators::system::{
+    Decoder, Fault, FromBody, RigidBodySystem, RigidForms, RigidSystem, System, euler,
+};
 use std::sync::Arc;
 
 /// A part of a body that touches a surface under some laws.
@@ -218,18 +220,18 @@ pub(crate) fn about_centre(arm: &Vector3<f64>, effort: &Wrench) -> Wrench {
 ///
 /// As a [`ForceModel`] it switches each contact by its state, as the thesis does: that costs any method
 /// its order. As part of a [`BodyInContact`] it has modes, one a contact, for
-/// [`integrate_located`](crate::driver::integrate_located). Friction with a stretch needs a state that has it,
+/// [`integrate_located`](somersault_integrators::events::integrate_located). Friction with a stretch needs a state that has it,
 /// [`WithStretches`]; as a [`ForceModel`] the stretch is zero.
 ///
 /// ```
 /// use nalgebra::Vector3;
-/// use somersault_contact::driver::integrate_located;
-/// use somersault_contact::event::{EventKind, Location};
+/// use somersault_contact::event::EventKind;
 /// use somersault_contact::laws::compliant::CompliantLaw;
 /// use somersault_contact::laws::coulomb::CoulombFriction;
 /// use somersault_contact::models::SlidingBlock;
 /// use somersault_contact::stretches::WithStretches;
 /// use somersault_integrators::driver::TimeGrid;
+/// use somersault_integrators::events::{Location, integrate_located};
 /// use somersault_integrators::methods::{Method, Options};
 ///
 /// let law = CompliantLaw::from_frequency(1.0, 140.0, 0.2)?;
@@ -284,9 +286,6 @@ impl Contacts {
     ) {
         let sweep = BodySweep::between(body, forces, ends, h, is_free(modes));
         out.extend(self.contacts.iter().map(|contact| contact.sweep(&sweep, ends.0)));
-        if self.friction_has_modes {
-            out.resize(2 * self.contacts.len(), Sweep::UNKNOWN);
-        }
     }
 
     /// For how long no contact can close.
@@ -357,7 +356,81 @@ impl ForceModel for Contacts {
 }
 
 /// A rigid body under forces `F`, smooth along a trajectory, and contacts.
-pub type BodyInContact<F> = RigidBodySystem<(F, Contacts)>;
+///
+/// As a [`System`] in its own right it switches each contact by its state, as [`Contacts`] do.
+#[derive(Debug, Clone)]
+pub struct BodyInContact<F>(pub RigidBodySystem<(F, Contacts)>);
+
+impl<F: ForceModel> BodyInContact<F> {
+    /// A body, and the forces and contacts on it.
+    pub fn new(body: RigidBody, forces: (F, Contacts)) -> Self {
+        Self(RigidBodySystem::new(body, forces))
+    }
+}
+
+impl<F> std::ops::Deref for BodyInContact<F> {
+    type Target = RigidBodySystem<(F, Contacts)>;
+    #[inline(always)]
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<F: ForceModel> System for BodyInContact<F> {
+    type Configuration = Pose;
+    type Forms = RigidForms;
+    type Workspace = ();
+    fn workspace(&self) {}
+    #[inline(always)]
+    fn velocity(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+        self.0.velocity(w, t, x, out);
+    }
+    #[inline(always)]
+    fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+        self.0.acceleration(w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<F: ForceModel> RigidSystem for BodyInContact<F> {
+    #[inline(always)]
+    fn body(&self, i: usize) -> &RigidBody {
+        self.0.body(i)
+    }
+    fn rest(&self) -> RigidBodyState {
+        self.0.rest()
+    }
+    #[inline(always)]
+    fn wrenches(&self, t: f64, x: &RigidBodyState, out: &mut Twist) {
+        self.0.wrenches(t, x, out);
+    }
+    #[inline(always)]
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<InBody<Pose>>,
+        world: &mut (RigidBodyState, Twist),
+        out: &mut InBody<Twist>,
+    ) {
+        self.0.body_wrenches(t, x, world, out);
+    }
+    #[inline(always)]
+    fn is_free(&self) -> bool {
+        self.0.is_free()
+    }
+    #[inline(always)]
+    fn is_torque_free(&self) -> bool {
+        self.0.is_torque_free()
+    }
+    #[inline(always)]
+    fn depends_on_velocity(&self) -> bool {
+        self.0.depends_on_velocity()
+    }
+}
 
 /// Refuses friction with a stretch, for which a state of poses and rates alone has no place.
 pub(crate) fn without_stretch<'a>(
@@ -390,6 +463,8 @@ fn wrench_in<F: ForceModel>(
 
 impl<F: ForceModel> Hybrid for BodyInContact<F> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
 
     fn check(&self) -> Result<(), IntegrateError> {
         without_stretch(self.forces.1.iter().map(Contact::law))
@@ -458,7 +533,7 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
         self.forces.1.get(guard).map_or(Ok(()), |contact| contact.examine(x))
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &RigidBodyState) -> f64 {
         self.forces.1.rate(mode, &self.body, x)
     }
 

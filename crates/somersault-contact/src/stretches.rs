@@ -13,20 +13,21 @@
 
 use crate::error::ContactError;
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Guard, Hybrid, HybridBodies};
 use crate::laws::{ContactLaw, ContactMode, Encounter, FrictionSpring};
 use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
 use nalgebra::{DMatrix, DVector, Vector3};
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{Poses, State};
-use somersault_integrators::system::{RateOf, RigidSystem, StateOf, System, world_acceleration};
+use somersault_integrators::system::{
+    Fault, RateOf, RigidForms, RigidSystem, StateOf, System, world_acceleration,
+};
 
 /// Bodies and their contacts, for [`WithStretches`].
-pub trait Touching: HybridBodies<Mode = Vec<ContactMode>> {
+pub trait Touching: HybridBodies<Mode = Vec<ContactMode>, Kind = EventKind, Fault = SurfaceFault> {
     /// The laws of the contacts, in their order.
     fn laws(&self) -> impl Iterator<Item = &ContactLaw>;
 
@@ -269,10 +270,14 @@ pub(crate) fn reset(before: &[ContactMode], after: &[ContactMode], stretches: &m
 
 impl<S: Touching> System for WithStretches<S> {
     type Configuration = Augmented<S::Configuration>;
+    type Forms = RigidForms;
     type Workspace = ();
     fn workspace(&self) {}
     fn acceleration(&self, w: &mut (), t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
     }
 }
 
@@ -298,8 +303,11 @@ impl<S: Touching> RigidSystem for WithStretches<S> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<S: Touching> Hybrid for WithStretches<S> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
 
     fn check(&self) -> Result<(), IntegrateError> {
@@ -338,7 +346,6 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         out: &mut Vec<Sweep>,
     ) {
         self.0.sweeps(mode, t, h, (&ends.0.base(), &ends.1.base()), out);
-        out.resize(2 * mode.len(), Sweep::UNKNOWN);
     }
 
     fn clear_time(
@@ -356,8 +363,8 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         self.0.examine(guard, &x.base())
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
-        self.0.contact_rate(mode, &x.base())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<Self>) -> f64 {
+        self.0.stiffest_rate(mode, &x.base())
     }
 
     fn energy(&self, x: &StateOf<Self>) -> Option<Energy> {

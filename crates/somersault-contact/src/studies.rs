@@ -25,14 +25,13 @@
 //! top within a millimetre.
 
 use crate::contacts::BodyInContact;
-use crate::driver::integrate_located;
-use crate::event::{Interruption, Location};
-use crate::hybrid::HybridBodies;
 use crate::models::SpinningTop;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::driver::{Flow, IntegrateError, TimeGrid};
+use somersault_integrators::events::{HybridBodies, Interruption, Location, integrate_located};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::run::Run;
 use somersault_integrators::studies::order::{
     Convergence, Measured, ObservedOrders, forgive, mean_order, observed_order,
 };
@@ -97,7 +96,7 @@ pub fn errors<H: HybridBodies>(
                 .map_err(|broken| interrupted(broken.reason))
         }
         Stepping::Straddling => {
-            method.integrate(options, system, initial, &grid, &mut ()).map(|run| run.state)
+            Run::new(system, method, grid).with_options(options).from(initial).map(|run| run.state)
         }
     };
     Ok(forgive(state)?.map_or(Errors::INFINITE, |state| problem.errors(&state)))
@@ -148,12 +147,12 @@ pub fn convergence<H: HybridBodies>(
 }
 
 /// A guard that is not finite, or chatter, is what a step too large leads to, as a state that is not finite.
-fn interrupted(reason: Interruption) -> IntegrateError {
+fn interrupted<F>(reason: Interruption<F>) -> IntegrateError {
     match reason {
         Interruption::Integrate(error) => error,
         Interruption::NonFiniteGuard { t, .. }
         | Interruption::Chattering { t, .. }
-        | Interruption::Surface { t, .. }
+        | Interruption::Refused { t, .. }
         | Interruption::Unproved { t, .. }
         | Interruption::StepTooLong { t, .. }
         | Interruption::EnergyGain { t, .. } => IntegrateError::NonFinite { t },

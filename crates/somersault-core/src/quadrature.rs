@@ -56,20 +56,6 @@ fn legendre(n: usize, x: f64) -> (f64, f64) {
     (before, last)
 }
 
-/// Simpson's rule over [0, 1] on n equal intervals, n at least 2: the last three by his three-eighths rule where n is odd.
-pub fn simpson(n: usize) -> Vec<f64> {
-    let mut weights = vec![0.0; n + 1];
-    let even = if n.is_multiple_of(2) { n } else { n - 3 };
-    for k in (0..even).step_by(2) {
-        [1.0, 4.0, 1.0].iter().enumerate().for_each(|(i, w)| weights[k + i] += w / 3.0);
-    }
-    if even < n {
-        [3.0, 9.0, 9.0, 3.0].iter().enumerate().for_each(|(i, w)| weights[even + i] += w / 8.0);
-    }
-    weights.iter_mut().for_each(|w| *w /= n as f64);
-    weights
-}
-
 /// The value at the start of each of n equal intervals of [0, 1], as Euler's method takes it.
 pub fn left_rectangles(n: usize) -> Vec<f64> {
     let mut weights = vec![1.0 / n as f64; n + 1];
@@ -136,7 +122,6 @@ mod tests {
     #[test]
     fn rules_on_equal_intervals_are_exact_to_degree_three() {
         for n in 2..40 {
-            assert!(error(3, on_grid(simpson(n))) < 1e-15, "{n}");
             assert!(error(3, on_grid(gregory(n))) < 1e-15, "{n}");
         }
         assert!(error(1, on_grid(gregory(1))) < 1e-15);

@@ -1,4 +1,6 @@
-//! Drivers: from an initial state over an interval of time, by steps of fixed or adapted size.
+//! Drivers: from an initial state over an interval of time, by steps of fixed or adapted size ([`Steps`]).
+//!
+//! [`Run`](crate::run::Run) calls them.
 //!
 //! A fixed-step run counts its steps and computes each time from the count; where the step does not
 //! divide the interval the last one is shorter and the memory is restarted for it. After every step
@@ -6,12 +8,10 @@
 //! ([`Configuration::renormalize`]).
 
 use crate::dense::Interpolant;
-use crate::engine::{Engine, FormEngine, Slot, Track};
+use crate::engine::{Engine, Slot, Track};
 pub use crate::error::IntegrateError;
 use crate::state::{Configuration, Rate, State};
 pub use crate::step_size::Adaptive;
-use crate::stepper::{EmbeddedStepper, Stepper};
-use crate::system::{StateOf, System, Unchanged};
 use somersault_core::argument::{ArgumentError, expect_positive};
 pub use somersault_core::cancel::Flow;
 
@@ -80,6 +80,41 @@ impl TimeGrid {
     /// Time after `n` steps; exactly the end after the last.
     pub fn time(&self, n: u64) -> f64 {
         if n >= self.steps() { self.end } else { self.start + n as f64 * self.dt }
+    }
+}
+
+/// How the steps of a run are chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Steps {
+    /// On a grid of times.
+    Fixed(TimeGrid),
+    /// Adapted to tolerances, from one time to another; [`crate::step_size`] says how.
+    Adapted {
+        /// Start and end.
+        interval: (f64, f64),
+        /// What the steps are adapted to.
+        settings: Adaptive,
+    },
+}
+
+impl Steps {
+    /// Steps adapted to tolerances, from `interval.0` to `interval.1`.
+    pub fn adapted(interval: (f64, f64), settings: Adaptive) -> Self {
+        Self::Adapted { interval, settings }
+    }
+
+    /// Start and end.
+    pub fn interval(&self) -> (f64, f64) {
+        match self {
+            Self::Fixed(grid) => (grid.start, grid.end),
+            Self::Adapted { interval, .. } => *interval,
+        }
+    }
+}
+
+impl From<TimeGrid> for Steps {
+    fn from(grid: TimeGrid) -> Self {
+        Self::Fixed(grid)
     }
 }
 
@@ -188,45 +223,6 @@ pub struct Outcome<Q: Configuration> {
     pub steps: u64,
     /// Steps tried and rejected by the step size control.
     pub rejected: u64,
-}
-
-/// Integrates over a grid of times with a fixed step.
-///
-/// Errors: a state that is not finite, at the start or after a step, and failures of the method.
-pub fn integrate<S, M>(
-    system: &S,
-    stepper: &M,
-    initial: &StateOf<S>,
-    grid: &TimeGrid,
-    observer: &mut dyn Observer<S::Configuration>,
-) -> Result<Outcome<S::Configuration>, IntegrateError>
-where
-    S: System,
-    M: Stepper<S>,
-{
-    check_state(initial)?;
-    let mut engine = FormEngine::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
-    run_fixed(&mut engine, initial, grid, observer)
-}
-
-/// Integrates from `interval.0` to `interval.1` with steps adapted to tolerances.
-///
-/// [`crate::step_size`] says how.
-pub fn integrate_adaptive<S, M>(
-    system: &S,
-    stepper: &M,
-    initial: &StateOf<S>,
-    interval: (f64, f64),
-    control: &Adaptive,
-    observer: &mut dyn Observer<S::Configuration>,
-) -> Result<Outcome<S::Configuration>, IntegrateError>
-where
-    S: System,
-    M: EmbeddedStepper<S>,
-{
-    check_state(initial)?;
-    let engine = FormEngine::start(system, stepper, Unchanged, &StateOf::<S>::clone, initial)?;
-    run_adaptive(&mut engine.with_estimate(), initial, interval, control, observer)
 }
 
 /// Fixed steps by an engine that was started from a state, which is finite.

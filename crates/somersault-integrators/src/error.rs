@@ -1,5 +1,6 @@
 //! Why integrations fail.
 
+use crate::fault::Fault;
 use crate::stepper::StepError;
 use somersault_core::argument::ArgumentError;
 
@@ -51,6 +52,14 @@ pub enum IntegrateError {
     RigidBodiesOnly {
         /// The method.
         method: &'static str,
+    },
+    /// The equations of motion have no value, for what reason says the source.
+    #[error("in the step at t = {t}: {source}")]
+    Fault {
+        /// Start or end of the step, as the method or the driver reports it.
+        t: f64,
+        /// What was wrong, as the system says.
+        source: Fault,
     },
     /// Forces have a state of their own, for which the state of the system has no place.
     #[error("the forces have variables that the state does not hold: {remedy}")]

@@ -5,6 +5,7 @@ use crate::body::angular_momentum;
 use crate::exact::FreeRotation;
 use crate::state::{Poses, Rate, Twist};
 use crate::system::{RateOf, RigidSystem, StateOf, angular_velocity};
+use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4};
 
 /// How a kick is solved where the wrench depends on the rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,12 +127,14 @@ impl<S: RigidSystem> SplittingMemory<S> {
                 self.carried.axpy(h, &self.slope);
             }
             Kick::FourthOrder => {
+                let ButcherTableau { rows, weights, .. } = RUNGE_KUTTA_4;
                 self.sum.assign(&self.slope);
-                for (part, weight) in [(0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
+                let parts = rows.iter().filter_map(|row| row.last());
+                for (part, numerator) in parts.zip(&weights.numerators[1..]) {
                     self.evaluate_ahead(system, t, part * h, out);
-                    self.sum.axpy(weight, &self.slope);
+                    self.sum.axpy(*numerator, &self.slope);
                 }
-                self.carried.axpy(h / 6.0, &self.sum);
+                self.carried.axpy(h / weights.denominator, &self.sum);
             }
         }
     }

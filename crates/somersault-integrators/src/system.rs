@@ -9,8 +9,12 @@
 //! | the system itself | ω, world frame | ω̇ = I⁻¹(M − ω × Iω), Ṙ = ω̂R |
 //! | [`MomentumForm`] | L, world frame | L̇ = M, ω = I⁻¹L (thesis 6.2.1) |
 //! | [`BodyForm`] | ω, body frame | ω̇ = I⁻¹(M − ω × Iω), Ṙ = Rω̂ |
+//!
+//! [`System::Forms`] says in which forms the methods of the table find a system: [`OneForm`] for the system itself alone,
+//! [`RigidForms`] for the three.
 
 use crate::body::{RigidBody, angular_momentum};
+pub use crate::fault::Fault;
 use crate::force::ForceModel;
 use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
 use nalgebra::Vector3;
@@ -21,10 +25,22 @@ pub type StateOf<S> = State<<S as System>::Configuration>;
 /// Rate of a system.
 pub type RateOf<S> = <<S as System>::Configuration as Configuration>::Rate;
 
+/// The forms of a system that is integrated as it is: methods for any system take it.
+#[derive(Debug, Clone, Copy)]
+pub struct OneForm;
+
+/// The forms of a [`RigidSystem`], in the variables of the world, with angular momentum, and in body axes: all methods take
+/// it.
+#[derive(Debug, Clone, Copy)]
+pub struct RigidForms;
+
 /// Equations of motion on ℝᵐ × SO(3)ᵏ.
 pub trait System {
     /// Where the system lives.
     type Configuration: Configuration;
+    /// The forms in which the methods of the table take it, [`OneForm`] or [`RigidForms`]; a type of another crate may
+    /// offer others, see [`Forms`](crate::methods::Forms).
+    type Forms;
     /// Room for intermediate results, made once per trajectory.
     type Workspace;
     /// A workspace of the right size.
@@ -36,11 +52,17 @@ pub trait System {
     }
     /// Time derivative of the rate.
     fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+    /// Takes the reason why values since it was taken last are NaN, where the system keeps one: a run puts it in the place
+    /// of the error that the NaN led to.
+    fn take_fault(&self) -> Option<Fault> {
+        None
+    }
 }
 
 #[deny(clippy::missing_trait_methods)]
 impl<S: System + ?Sized> System for &S {
     type Configuration = S::Configuration;
+    type Forms = S::Forms;
     type Workspace = S::Workspace;
     fn workspace(&self) -> Self::Workspace {
         (**self).workspace()
@@ -53,10 +75,13 @@ impl<S: System + ?Sized> System for &S {
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).acceleration(w, t, x, out);
     }
+    fn take_fault(&self) -> Option<Fault> {
+        (**self).take_fault()
+    }
 }
 
 /// One or several rigid bodies, for the methods that need inertia and torque rather than acceleration.
-pub trait RigidSystem: System<Configuration: Poses> {
+pub trait RigidSystem: System<Configuration: Poses, Forms = RigidForms> {
     /// Body `i`, for `i` below the number of poses.
     fn body(&self, i: usize) -> &RigidBody;
     /// A state of the right size: all bodies at rest at the origin.
@@ -199,6 +224,7 @@ impl<F: ForceModel> RigidBodySystem<F> {
 
 impl<F: ForceModel> System for RigidBodySystem<F> {
     type Configuration = Pose;
+    type Forms = RigidForms;
     type Workspace = ();
     fn workspace(&self) {}
     #[inline(always)]
@@ -366,6 +392,7 @@ impl<F: ForceModel, I: Interaction> RigidBodiesSystem<F, I> {
 
 impl<F: ForceModel, I: Interaction> System for RigidBodiesSystem<F, I> {
     type Configuration = Vec<Pose>;
+    type Forms = RigidForms;
     type Workspace = Vec<Twist>;
     fn workspace(&self) -> Vec<Twist> {
         vec![Twist::default(); self.bodies.len()]
@@ -407,19 +434,19 @@ impl<F: ForceModel, I: Interaction> RigidSystem for RigidBodiesSystem<F, I> {
     }
 }
 
-/// How the variables of a form turn into those of the bodies, and back.
-pub trait Form<Q: Poses>: System {
+/// How the variables of a form turn into those of the system, and back.
+pub trait Form<Q: Configuration>: System {
     /// Turns states back without borrowing the system, so that dense output can keep it.
     type Decoder: Decoder<Self::Configuration, Q>;
-    /// The state of the bodies in the variables of this form.
+    /// The state of the system in the variables of this form.
     fn encode(&self, x: &State<Q>) -> StateOf<Self>;
     /// The way back.
     fn decoder(&self) -> Self::Decoder;
 }
 
-/// Turns states of a form into states of the bodies.
+/// Turns states of a form into states of the system.
 pub trait Decoder<From: Configuration, Q: Configuration>: Clone + Send + Sync + 'static {
-    /// Writes the bodies' state into `out`.
+    /// Writes the system's state into `out`.
     fn decode(&self, x: &State<From>, out: &mut State<Q>);
 }
 
@@ -434,7 +461,7 @@ impl<Q: Configuration> Decoder<Q, Q> for Unchanged {
     }
 }
 
-impl<S: RigidSystem> Form<S::Configuration> for &S {
+impl<S: System> Form<S::Configuration> for &S {
     type Decoder = Unchanged;
     fn encode(&self, x: &StateOf<S>) -> StateOf<S> {
         x.clone()
@@ -476,6 +503,7 @@ impl<S: RigidSystem> MomentumForm<'_, S> {
 
 impl<S: RigidSystem> System for MomentumForm<'_, S> {
     type Configuration = S::Configuration;
+    type Forms = OneForm;
     type Workspace = StateOf<S>;
     fn workspace(&self) -> StateOf<S> {
         self.0.rest()
@@ -498,6 +526,9 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
             let linear = wrench.linear / self.0.body(i).mass();
             S::Configuration::set_twist(out, i, Twist { linear, angular: wrench.angular });
         }
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
     }
 }
 
@@ -542,6 +573,7 @@ pub struct BodyForm<'a, S>(pub &'a S);
 
 impl<S: RigidSystem> System for BodyForm<'_, S> {
     type Configuration = BodyPoses<S>;
+    type Forms = OneForm;
     type Workspace = (StateOf<S>, RateOf<S>);
     fn workspace(&self) -> Self::Workspace {
         let rest = self.0.rest();
@@ -562,6 +594,9 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
             let angular = euler(body, &omega, &wrench.angular);
             BodyPoses::<S>::set_twist(out, i, Twist { linear: wrench.linear / body.mass(), angular });
         }
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
     }
 }
 

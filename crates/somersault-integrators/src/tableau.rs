@@ -11,8 +11,16 @@
 //! by L. F. Shampine, Math. Comp. 46 (1986) 135; DOP853 with its estimates and its dense output from
 //! E. Hairer, S. P. Nørsett and G. Wanner, *Solving Ordinary Differential Equations I* (1993),
 //! sections II.5, II.6 and II.10.
+//!
+//! Methods of few stages are constants, [`RUNGE_KUTTA_4`] and [`COMMUTATOR_FREE_4`] beside [`EULER`]: the steppers and the
+//! differentiated steps of optimal control read them.
 
+mod classical;
 mod dop853;
+
+pub use classical::{
+    ButcherTableau, COMMUTATOR_FREE_4, Combination, CommutatorFreeTableau, EULER, Exponential, RUNGE_KUTTA_4,
+};
 
 use somersault_core::argument::{ArgumentError, expect_least, expect_length};
 use std::sync::LazyLock;

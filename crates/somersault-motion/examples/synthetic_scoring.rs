@@ -4,13 +4,13 @@
 //! cargo run --release -p somersault-motion --example synthetic_scoring
 //! ```
 
+use somersault_dives::{Dive, DiveSearch};
 use somersault_motion::fit::MarkerSet;
 use somersault_motion::scoring::{ScoringOptions, ValidationOptions, validate};
 use somersault_motion::synthetic::{
     Perturbation, SyntheticFlight, SyntheticJudge, SyntheticOptions, SyntheticSet,
 };
 use somersault_nlp::Flow;
-use somersault_ocp::dive::{Dive, DiveSearch};
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -18,10 +18,10 @@
 
 use crate::readers::csv::Rows;
 use crate::readers::{
-    LoadError, MarkerOptions, Place, ReadError, bvh, c3d, csv, joint_motion, load, number, text, trc,
+    LoadError, Place, ReadError, ReadOptions, RecordingFile, c3d, endings, load, number, read_file, text,
     unexpected,
 };
-use crate::recording::{Convention, LengthUnit, MarkerRecording, RecordingError, SkeletonRecording};
+use crate::recording::{Convention, LengthUnit, MarkerRecording, RecordingError};
 use crate::scoring::{Performance, ScoringError};
 use crate::writers::{self, WriteError};
 use ::csv::StringRecord;
@@ -115,7 +115,7 @@ pub enum JudgedError {
         before: usize,
     },
     /// A file has no known ending.
-    #[error("line {line} of the list: `{file}` must end in .csv, .trc, .c3d, .bvh, .json or .txt")]
+    #[error("line {line} of the list: `{file}` must end in {}", endings())]
     UnknownFormat {
         /// Line in the list, from 1.
         line: usize,
@@ -318,38 +318,23 @@ fn recording(
     motion: &JudgedMotion,
     options: &JudgedOptions,
 ) -> Result<(MarkerRecording, Vec<c3d::Contradiction>), JudgedError> {
-    let path = folder.join(&motion.file);
-    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let JudgedOptions { convention, nan_is_gap, diver, .. } = *options;
-    let markers = MarkerOptions { convention, nan_is_gap };
-    let centres = |read: Result<SkeletonRecording, LoadError>| {
-        let unread = |source| JudgedError::Motion { line: motion.line, source };
-        read.map_err(unread)?.joint_centres().map_err(|source| JudgedError::Recording {
-            line: motion.line,
-            file: motion.file.clone(),
-            source,
-        })
+    let options = ReadOptions {
+        unit: Some(convention.unit()),
+        up: Some(convention.up()),
+        forward: Some(convention.forward()),
+        nan_is_gap,
+        diver,
     };
-    let mut contradictions = Vec::new();
-    let found = match ending.as_str() {
-        "csv" => load(path, |bytes| csv::read(text(bytes)?, &markers)),
-        "trc" => load(path, |bytes| trc::read(text(bytes)?, &markers)),
-        "c3d" => load(path, |bytes| {
-            contradictions = c3d::contradictions(bytes)?;
-            c3d::read(bytes, &c3d::C3dOptions { convention, nan_is_gap })
-        }),
-        "bvh" => {
-            let found = centres(load(path, |bytes| bvh::read(text(bytes)?, &convention)))?;
-            return Ok((found, contradictions));
-        }
-        "json" | "txt" => {
-            let found = centres(load(path, |bytes| joint_motion::read(text(bytes)?, &diver)))?;
-            return Ok((found, contradictions));
-        }
-        _ => return Err(JudgedError::UnknownFormat { line: motion.line, file: motion.file.clone() }),
-    };
-    let found = found.map_err(|source| JudgedError::Motion { line: motion.line, source })?;
-    Ok((found, contradictions))
+    let (line, file) = (motion.line, motion.file.clone());
+    match read_file(folder.join(&motion.file), &options) {
+        Ok(RecordingFile { recording, contradictions }) => match recording.into_markers() {
+            Ok(recording) => Ok((recording, contradictions)),
+            Err(source) => Err(JudgedError::Recording { line, file, source }),
+        },
+        Err(LoadError::UnknownFormat { .. }) => Err(JudgedError::UnknownFormat { line, file }),
+        Err(source) => Err(JudgedError::Motion { line, source }),
+    }
 }
 
 /// The list as text that [`read`] reads; lines that are synthetic are labelled SYNTHETIC, and so is the list.

@@ -69,6 +69,13 @@ impl Split {
         Ok(Self { active })
     }
 
+    /// All degrees of freedom are active but those of the root: a body in the air whose joints are driven.
+    pub fn all_but_root<T: Scalar>(model: &Model<T>) -> Self {
+        let mut active = vec![true; model.n_velocities()];
+        active[model.velocities_of(0)].fill(false);
+        Self { active }
+    }
+
     /// One flag per degree of freedom, true for the active ones.
     pub fn active(&self) -> &[bool] {
         &self.active

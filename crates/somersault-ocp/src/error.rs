@@ -1,7 +1,6 @@
 //! What can be wrong with a problem.
 
 use somersault_core::argument::{ArgumentError, expect_length, expect_not_negative};
-use somersault_multibody::flight::FlightError;
 use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::{DynamicsError, ModelError};
 
@@ -18,9 +17,6 @@ pub enum OcpError {
     /// The description of the model.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// A flight, or what was asked of it.
-    #[error(transparent)]
-    Flight(#[from] FlightError),
     /// An argument that is not allowed.
     #[error(transparent)]
     Argument(#[from] ArgumentError),

@@ -13,10 +13,12 @@ use crate::shooting::{Drive, Shooting};
 use crate::transcription::Transcription;
 use somersault_core::argument::expect_length;
 use somersault_core::cancel::CancellationToken;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::driver::{IntegrateError, Steps};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
-use somersault_multibody::motion::{MotionError, TreeMotion, TreeSystem};
+use somersault_multibody::motion::TreeSystem;
 use somersault_multibody::{Data, DynamicsError, Model, Split};
 use somersault_nlp::{EvaluationError, Flow, Iteration, NlpSolver, Report, SolverError, Start};
 
@@ -37,6 +39,19 @@ pub struct VerifiedReport<V = Verification, E = VerificationError> {
     pub verification: Result<V, E>,
 }
 
+/// What integrations say of a motion.
+pub trait Holds {
+    /// Whether the motion holds, to what counts as agreement where nothing else is said.
+    fn holds(&self) -> bool;
+}
+
+impl<V: Holds, E> VerifiedReport<V, E> {
+    /// Whether the program is solved, and its motion holds.
+    pub fn is_success(&self) -> bool {
+        self.report.status.is_converged() && self.verification.as_ref().is_ok_and(V::holds)
+    }
+}
+
 /// Why a motion could not be integrated anew.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -49,7 +64,7 @@ pub enum VerificationError {
     Evaluation(#[from] EvaluationError),
     /// The accurate integration.
     #[error(transparent)]
-    Integration(#[from] MotionError),
+    Integration(#[from] IntegrateError),
     /// The model.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
@@ -69,6 +84,13 @@ pub struct Verification {
     pub terminal_error: f64,
     /// Largest change of the angular momentum about the centre of mass over the nodes, kg m²/s; meant for flight.
     pub momentum_drift: f64,
+}
+
+impl Holds for Verification {
+    /// [Confirmed](Verification::is_confirmed) to [`ALLOWED`].
+    fn holds(&self) -> bool {
+        self.is_confirmed(ALLOWED)
+    }
 }
 
 impl Verification {
@@ -232,13 +254,13 @@ impl<'a> Leg<'a> {
             ..Adaptive::default()
         };
         let write = |t: f64, _: &[f64], _: &[f64], out: &mut [f64]| self.drive(t, out);
-        let (method, options) = (Method::Rkmk8, Options::default());
+        let steps = Steps::adapted((from, to), control);
         let end = if self.drive == Drive::Motion {
             let system = TreeSystem::new(self.model, ()).driven(self.split.clone(), write)?;
-            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut token)?
+            Run::new(&system, Method::Rkmk8, steps).observed_by(&mut token).from(&state)?
         } else {
             let system = TreeSystem::new(self.model, write);
-            system.integrate_adaptive(method, options, &state, (from, to), &control, &mut token)?
+            Run::new(&system, Method::Rkmk8, steps).observed_by(&mut token).from(&state)?
         };
         if token.is_cancelled() {
             return Err(VerificationError::Interrupted);

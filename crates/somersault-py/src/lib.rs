@@ -1,6 +1,9 @@
 //! Python bindings of somersault.
 //!
 //! These files convert, validate and delegate. The classes of exceptions are in `somersault.errors`.
+//!
+//! A folder is a chapter, as the crates are, and `core` has what all of them share. Each public module of the package has
+//! its own in the extension, declared as `module` in the folder or file of its chapter.
 #![forbid(unsafe_code)]
 
 mod contact;
@@ -11,85 +14,46 @@ mod motion;
 mod multibody;
 mod ocp;
 
-/// Motion of rigid bodies on R^3 x SO(3): what the package `somersault` is made of.
+/// Motion of rigid and articulated bodies: what the package `somersault` is made of.
 #[pyo3::pymodule]
 mod _somersault {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
-    use crate::contact::contacts::{Contact, SpherePair};
+    use crate::contact::module as contact;
     #[pymodule_export]
-    use crate::contact::laws::{
-        CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
-        restitution,
-    };
+    use crate::ftla::module as ftla;
     #[pymodule_export]
-    use crate::contact::sensitivity::{Sensitivities, differentiate};
+    use crate::integrators::batch::module as batch;
     #[pymodule_export]
-    use crate::contact::surface::{
-        CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction,
-    };
+    use crate::integrators::exact::module as exact;
     #[pymodule_export]
-    use crate::contact::system::{
-        ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
-    };
+    use crate::integrators::forces::module as forces;
     #[pymodule_export]
-    use crate::ftla::{
-        Chain, ContinuationResult, Diagnosis, Extremal, Following, Matching, MatchingResult, Placement,
-        PlacementResult, Spectrum, Splitting, Subspace, System, Transition, VariationalFlow, arm, cold_start,
-        continue_through, cubic_regulator, diagnose, linear_regulator, py_follow, py_graded_times,
-        rank_held_costates, shoot, slow_subspace, state_costate, travel_arm, tree,
-    };
+    use crate::integrators::module as integrators;
     #[pymodule_export]
-    use crate::integrators::batch::integrate_batch;
+    use crate::integrators::studies::module as studies;
     #[pymodule_export]
-    use crate::integrators::bodies::{RigidBody, State};
+    use crate::motion::module as motion;
     #[pymodule_export]
-    use crate::integrators::event::Event;
+    use crate::multibody::module as multibody;
     #[pymodule_export]
-    use crate::integrators::exact::FreeBody;
-    #[pymodule_export]
-    use crate::integrators::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
-    #[pymodule_export]
-    use crate::integrators::integrate::integrate;
-    #[pymodule_export]
-    use crate::integrators::methods::{MethodInfo, MethodTable, method, methods};
-    #[pymodule_export]
-    use crate::integrators::studies::{
-        Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
-        spectral_radii, stability_region, work_precision_study,
-    };
-    #[pymodule_export]
-    use crate::integrators::trajectory::{DenseOutput, Solution, Trajectory};
-    #[pymodule_export]
-    use crate::motion::{
-        Band, Baseline, Correlation, DiveFaults, GroupComparison, JudgedSet, MarkerFit, MarkerRecording,
-        MarkerSet, MotionFit, Pca, Performance, Perturbation, Projection, Score, ScoringModel,
-        ScoringOptions, Skeleton, SkeletonJoint, SkeletonRecording, SyntheticDive, SyntheticFlight,
-        SyntheticJudge, SyntheticSet, Validation, common_eigenpostures, eigenpostures_per_motion,
-        normalize_frames, pearson, project, read_bvh, read_c3d, read_csv, read_joint_motion, read_judged,
-        read_trc, spearman, turns_about, validate, write_bvh, write_c3d, write_csv, write_joint_motion,
-        write_trc,
-    };
-    #[pymodule_export]
-    use crate::multibody::flight::integrate_flight;
-    #[pymodule_export]
-    use crate::multibody::link::Link;
-    #[pymodule_export]
-    use crate::multibody::model::Model;
-    #[pymodule_export]
-    use crate::multibody::models::{Diver, cart_pendulum, diver_planar, diver_spatial, two_link_arm};
-    #[pymodule_export]
-    use crate::multibody::motion::{TreeDenseOutput, TreeSolution, integrate_tree};
-    #[pymodule_export]
-    use crate::ocp::{
-        CartPendulumProblem, CollocationOutcome, CollocationProblem, CollocationResult, Constraint, Cost,
-        Dive, DiveSolution, DiveVerification, EigenpostureBase, LiteralDive, Motion, MotionProblem,
-        MultiphaseProblem, MultiphaseResult, Phase, Report, SearchResult, SplineMotion, SwingUpVerification,
-        Term, Verification, axis_direction, body_orientation, displacement, dive_107b, dive_5174d, entries,
-        function, momentum, point_position,
-    };
+    use crate::ocp::module as ocp;
 
     /// The version of the package.
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    /// Lets the modules in it be imported by their names, as if it were a package.
+    #[pymodule_init]
+    fn register(extension: &Bound<'_, PyModule>) -> PyResult<()> {
+        let imported = extension.py().import("sys")?.getattr("modules")?;
+        for (_, member) in extension.dict() {
+            if let Ok(module) = member.cast::<PyModule>() {
+                imported.set_item(module.name()?, module)?;
+            }
+        }
+        Ok(())
+    }
 }

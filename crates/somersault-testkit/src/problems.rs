@@ -6,7 +6,8 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
 use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{BoxedForce, ConstantForce, Drag, ForceModel, Spring, Wrench};
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::Orders;
 use somersault_integrators::system::RigidBodySystem;
@@ -103,7 +104,7 @@ impl Problem {
     /// The errors of a method with `steps` equal steps; `None` where the run fails.
     pub fn errors_of(&self, method: Method, steps: u64) -> Option<[f64; 2]> {
         let grid = TimeGrid::try_with_steps(0.0, self.duration, steps).ok()?;
-        let end = method.integrate(Options::default(), &self.system, &self.initial, &grid, &mut ()).ok()?;
+        let end = Run::new(&self.system, method, grid).from(&self.initial).ok()?;
         Some(self.errors(&end.state))
     }
 
@@ -113,7 +114,7 @@ impl Problem {
         let dt = self.duration / (steps as f64 + fraction);
         let grid = TimeGrid::try_with_steps(0.0, dt * (steps + 1) as f64, steps + 1).ok()?;
         let mut last = LastCurve { last: steps + 1, time: self.duration, state: None };
-        method.integrate(Options::default(), &self.system, &self.initial, &grid, &mut last).ok()?;
+        Run::new(&self.system, method, grid).observed_by(&mut last).from(&self.initial).ok()?;
         Some(self.errors(&last.state?))
     }
 }
@@ -289,10 +290,7 @@ fn with_fine_end(
 ) -> Problem {
     let duration = 2.0;
     let grid = TimeGrid::try_with_steps(0.0, duration, 4000).expect("a grid");
-    let end = Method::Rkmk8
-        .integrate(Options::default(), &system, &initial, &grid, &mut ())
-        .expect("a smooth motion")
-        .state;
+    let end = Run::new(&system, Method::Rkmk8, grid).from(&initial).expect("a smooth motion").state;
     Problem { name, kind, coupled, system, initial, duration, end }
 }
 

@@ -8,7 +8,7 @@
 //! let system = RigidBodySystem::free(body);
 //! let start = RigidBodyState::spinning(Vector3::new(1.0, 2.0, 3.0));
 //! let grid = TimeGrid::try_new(0.0, 10.0, 0.01)?;
-//! let end = Method::Rkmk.integrate(Options::default(), &system, &start, &grid, &mut ())?;
+//! let end = Run::new(&system, Method::Rkmk, grid).from(&start)?;
 //! assert_eq!(end.t, 10.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -26,6 +26,7 @@
 //! | `contact` | compliant contact with located events |
 //! | `nlp` | nonlinear programs and their solvers |
 //! | `ocp` | optimal motions; brings `multibody` and `nlp` |
+//! | `dives` | optimal dives; brings `ocp` |
 //! | `motion` | recorded motions; brings `multibody` |
 //! | `ftla` | finite-time Lyapunov analysis; brings `multibody` |
 //! | `serde` | serde's traits for bodies, states, models and results |
@@ -35,6 +36,8 @@
 #[cfg(feature = "contact")]
 pub use somersault_contact as contact;
 pub use somersault_core as core;
+#[cfg(feature = "dives")]
+pub use somersault_dives as dives;
 #[cfg(feature = "ftla")]
 pub use somersault_ftla as ftla;
 pub use somersault_integrators as integrators;
@@ -55,7 +58,7 @@ pub mod prelude {
     pub use somersault_core::{Inertia, lie::so3};
     pub use somersault_integrators::body::RigidBody;
     pub use somersault_integrators::driver::{
-        Adaptive, Flow, Observer, Outcome, Status, Step, TimeGrid, integrate, integrate_adaptive,
+        Adaptive, Flow, Observer, Outcome, Status, Step, Steps, TimeGrid,
     };
     pub use somersault_integrators::exact::FreeBody;
     pub use somersault_integrators::force::{
@@ -63,8 +66,9 @@ pub mod prelude {
     };
     pub use somersault_integrators::methods::{Method, Options, StartUp};
     pub use somersault_integrators::nalgebra::{UnitQuaternion, Vector3};
+    pub use somersault_integrators::run::Run;
     pub use somersault_integrators::solution::{Recorder, Solution};
     pub use somersault_integrators::state::{RigidBodyState, State};
     pub use somersault_integrators::stepper::{MethodInfo, Scheme, Stepper};
-    pub use somersault_integrators::system::{RigidBodySystem, System};
+    pub use somersault_integrators::system::{OneForm, RigidBodySystem, System};
 }

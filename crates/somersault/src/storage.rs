@@ -60,8 +60,9 @@ kinds! {
     "ocp":
     somersault_ocp::swing_up::CartPendulumProblem: "swing-up",
     somersault_ocp::collocation::CollocationReport: "collocation",
-    somersault_ocp::dive::Dive: "dive",
-    somersault_ocp::dive::DiveReport: "judgement of a dive",
+    "dives":
+    somersault_dives::Dive: "dive",
+    somersault_dives::DiveReport: "judgement of a dive",
     "motion":
     somersault_motion::fit::MotionFit: "fitted motion",
     somersault_motion::scoring::ScoringModel: "scoring model",

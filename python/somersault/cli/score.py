@@ -14,14 +14,6 @@ import numpy as np
 from somersault.cli import tables
 from somersault.cli.documents import Document, read
 
-#: The readers, and which of the options of a document each takes.
-_READERS = {
-    ".bvh": ("read_bvh", ("unit", "up", "forward")),
-    ".c3d": ("read_c3d", ("unit", "up", "forward")),
-    ".trc": ("read_trc", ("up", "forward")),
-    ".csv": ("read_csv", ("unit", "up", "forward")),
-}
-
 #: Of the table of scores. The distance is to the motions learnt; beyond 1 a motion is not like them.
 _COLUMNS = ("file", "score", "predicted", "distance")
 #: Distance of a judged motion to the others that is worth a word.
@@ -136,17 +128,9 @@ def _taught(scorer: Any) -> dict[str, Any]:
 def _performance(motion: Any, document: Document, where: tuple[str | int, ...], file: str) -> Any:
     reading = dict(document.values.get("read", {}))
     longest = reading.pop("longest_gap", None)
-    kind = Path(file).suffix.lower()
-    if kind not in _READERS:
-        raise document.fault(where, f"must end in one of {', '.join(_READERS)}, found {file!r}")
-    name, takes = _READERS[kind]
-    if kind == ".bvh" and "unit" not in reading:
-        raise document.fault(("read", "unit"), "is needed, since BVH has no unit")
     with document.at(*where):
-        recording = getattr(motion, name)(
-            document.path.parent / file, **{key: reading[key] for key in takes if key in reading}
-        )
-        if kind == ".bvh":
+        recording = motion.read_file(document.path.parent / file, **reading)
+        if isinstance(recording, motion.SkeletonRecording):
             recording = recording.joint_centres()
         if longest is not None:
             recording = recording.fill_gaps(longest)

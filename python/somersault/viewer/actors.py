@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from somersault._somersault import Model, Trajectory, TreeSolution
+from somersault._somersault.integrators import Trajectory
+from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.figures import equivalent_ellipsoid, figure
 from somersault.viewer.shapes import Box, Ellipsoid, RoundShape, Shape, rgb

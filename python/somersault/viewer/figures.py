@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from somersault._somersault import Link, Model
+from somersault._somersault.multibody import Link, Model
 from somersault.viewer.shapes import Box, Capsule, Cylinder, Ellipsoid, Loft, Shape, Sphere
 
 __all__ = ["equivalent_ellipsoid", "figure", "rail"]

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from somersault._somersault import Model, TreeSolution
+from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.actors import (
     COLORS,

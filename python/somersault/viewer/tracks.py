@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from somersault._somersault import Model, RigidBody, Trajectory, TreeSolution
+from somersault._somersault.integrators import RigidBody, Trajectory
+from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.shapes import numbers
 

@@ -10,9 +10,9 @@
 
 use super::normal_law::{NormalChange, NormalDerivative, NormalLaw, Stiffest};
 use crate::error::ContactError;
-use crate::hybrid::Guard;
 use somersault_core::argument::{expect_not_negative, expect_positive};
 use somersault_core::roots;
+use somersault_integrators::events::Guard;
 use std::convert::Infallible;
 
 /// Spring and damper that push and never pull, thesis (7.10).

@@ -7,8 +7,8 @@ use super::friction_law::{FrictionChange, FrictionDerivative, FrictionInput, Fri
 use super::normal_law::{NormalChange, NormalDerivative, NormalLaw};
 use super::rate::{ContactRate, Mobility};
 use super::resistance::Resistance;
-use crate::hybrid::Guard;
 use nalgebra::Vector3;
+use somersault_integrators::events::Guard;
 use somersault_integrators::force::Wrench;
 use std::fmt;
 use std::sync::Arc;

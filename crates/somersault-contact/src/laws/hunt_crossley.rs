@@ -11,17 +11,17 @@
 //! x^{3/2} has no second derivative at x = 0. The step that begins there leaves an error of order h^{5/2} in
 //! the velocity, as does the one that ends there, whatever the method: located events keep an order of at
 //! most 5/2, unless the first and the last steps in contact are graded, as t = T (j/m)^r with r > p/(5/2)
-//! for a method of order p. [`integrate_located_adaptive`](crate::driver::integrate_located_adaptive) grades
+//! for a method of order p. [`integrate_located_adaptive`](somersault_integrators::events::integrate_located_adaptive) grades
 //! them by its tolerances, and so keeps the order.
 //!
 //! K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440; H. Hertz, J. reine angew. Math. 92 (1882) 156.
 
 use super::normal_law::{NormalChange, NormalDerivative, NormalLaw, Stiffest, between};
 use crate::error::ContactError;
-use crate::hybrid::Guard;
 use somersault_core::argument::{expect_not_negative, expect_positive};
 use somersault_core::quadrature::GAUSS_3;
 use somersault_core::roots;
+use somersault_integrators::events::Guard;
 use std::convert::Infallible;
 
 /// An isotropic elastic material.

@@ -1,8 +1,8 @@
 //! What a normal law is.
 
 use super::value::LawValue;
-use crate::hybrid::Guard;
 use somersault_core::quadrature::GAUSS_3;
+use somersault_integrators::events::Guard;
 use std::any::Any;
 
 /// The force of a normal law at its greatest in a contact, and its derivatives there.

@@ -68,7 +68,7 @@ impl SlidingBlock {
         let (sin, cos) = angle.sin_cos();
         let gravity = Gravity { acceleration: Vector3::new(weight * sin, 0.0, -weight * cos) };
         let Self { system, half_height, sag } = self;
-        let system = BodyInContact::new(system.body, (gravity, system.forces.1));
+        let system = BodyInContact::new(system.body, (gravity, system.0.forces.1));
         Self { system, half_height, sag: sag * cos }
     }
 }

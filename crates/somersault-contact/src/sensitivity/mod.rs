@@ -24,10 +24,10 @@
 //! says in a [`Side`] whose one-sided derivatives the columns are. [`Differentiation::grazing`] is the bound.
 //!
 //! ```
-//! use somersault_contact::event::Location;
 //! use somersault_contact::models::SpinningTop;
 //! use somersault_contact::sensitivity::{Differentiation, Parameter, differentiate_located};
 //! use somersault_integrators::driver::TimeGrid;
+//! use somersault_integrators::events::Location;
 //! use somersault_integrators::methods::{Method, Options};
 //!
 //! let top = SpinningTop::thesis()?;

@@ -3,8 +3,10 @@
 use super::grazing::Grazing;
 use super::system::{EventTime, VariedPose};
 use crate::error::ContactError;
-use crate::event::{Event, Interruption, Located};
+use crate::event::EventKind;
+use crate::surface::SurfaceFault;
 use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
+use somersault_integrators::events::{Event, Interruption, Located};
 use somersault_integrators::state::Pose;
 
 /// A motion and its derivative.
@@ -13,8 +15,8 @@ use somersault_integrators::state::Pose;
 /// frame, R_ε = exp(ε δφ̂) R), velocity (m/s) and angular velocity (rad/s), three components each.
 #[derive(Debug, Clone)]
 pub struct Sensitivities {
-    /// The run, as [`integrate_hybrid`](crate::driver::integrate_hybrid) leaves it without sensitivities.
-    pub run: Located<Pose>,
+    /// The run, as [`integrate_hybrid`](somersault_integrators::events::integrate_hybrid) leaves it without sensitivities.
+    pub run: Located<Pose, EventKind>,
     /// Derivative of the state reached, at a fixed time, with respect to the initial state.
     pub state: SMatrix<f64, 12, 12>,
     /// Derivative of the state reached, at a fixed time, with respect to the parameters, one column each.
@@ -34,7 +36,7 @@ pub struct Sensitivities {
 pub enum SensitivityError {
     /// The run did not reach its end.
     #[error(transparent)]
-    Run(#[from] Interruption),
+    Run(#[from] Interruption<SurfaceFault>),
     /// The method is one for rigid bodies only, or in angular momentum.
     #[error(
         "method `{method}` cannot integrate columns: take one for any system, in the variables of the world or of the body"
@@ -108,13 +110,13 @@ pub struct Undifferentiated {
 }
 
 /// Reads the columns of a run, and finds the derivative of the time of each of its events.
-pub(super) fn collect(run: Located<VariedPose>, times: &[EventTime]) -> Sensitivities {
+pub(super) fn collect(run: Located<VariedPose, EventKind>, times: &[EventTime]) -> Sensitivities {
     let columns: Vec<SVector<f64, 12>> = run.state.columns().map(|column| column.components()).collect();
-    let event = |event: Event<VariedPose>| {
+    let event = |event: Event<VariedPose, EventKind>| {
         let Event { t, guard, kind, impulse, state } = event;
         Event { t, guard, kind, impulse, state: state.body() }
     };
-    let events: Vec<Event<Pose>> = run.events.into_iter().map(event).collect();
+    let events: Vec<Event<Pose, EventKind>> = run.events.into_iter().map(event).collect();
     let mut event_times = DMatrix::from_element(events.len(), columns.len(), f64::NAN);
     let mut rest = times;
     for (event, mut row) in events.iter().zip(event_times.row_iter_mut()) {

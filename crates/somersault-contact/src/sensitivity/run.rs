@@ -2,26 +2,23 @@
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
 use super::parameter::{Differentiation, FoundParameter, Parameter};
-use super::system::{
-    FromBodyAxes, FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState, in_body_axes,
-};
+use super::system::{FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState};
 use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::driver::{
-    LocatedResult, integrate_hybrid, integrate_hybrid_adaptive, integrate_hybrid_form,
-    integrate_hybrid_form_adaptive,
-};
-use crate::event::{Interruption, Located, Location};
-use crate::hybrid::Frozen;
 use crate::laws::LawParameter;
 use crate::stretches::WithStretches;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
+use somersault_integrators::events::{
+    Frozen, Located, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
+    integrate_hybrid_form, integrate_hybrid_form_adaptive,
+};
 use somersault_integrators::force::ForceModel;
-use somersault_integrators::methods::{EmbeddedFrameVisitor, FrameVisitor, Method, Options};
+use somersault_integrators::methods::{Method, Options, Visitor};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
+use somersault_integrators::system::Form;
 use somersault_integrators::variation::Tangent;
 
 /// The outcome of a run with sensitivities.
@@ -33,7 +30,7 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 /// The method must be one for any system, in the variables of the world or of the body. The observer sees every
 /// committed step with its columns: the twelve of the initial state, then the parameters.
 ///
-/// Errors keep the solution: those of [`integrate_located`](crate::driver::integrate_located), which also
+/// Errors keep the solution: those of [`integrate_located`](somersault_integrators::events::integrate_located), which also
 /// end runs whose columns stop being finite, a parameter of a contact or of friction that there is not, a
 /// start on a surface, and grazing.
 ///
@@ -54,7 +51,9 @@ where
 {
     let interval = (grid.time(0), grid.time(grid.steps()));
     let task = Task { system, initial, differentiation, interval, location, observer };
-    task.run(method.info().name, |run| method.visit_frames(options, Fixed { run, grid }))
+    task.run(method.info().name, |run| {
+        method.visit_frames(options, run.frozen, InBodyAxes(run.frozen), Fixed { run, grid })
+    })
 }
 
 /// The same with steps adapted to tolerances, by a method that estimates its error; see [`differentiate_located`].
@@ -77,10 +76,11 @@ where
     let task = Task { system, initial, differentiation, interval, location, observer };
     if method.info().embedded.is_none() {
         let error = IntegrateError::NoErrorEstimate { method: method.info().name };
-        return Err(refused(Interruption::from(error).into(), interval.0, &task.unstretched()));
+        return Err(refused(SensitivityError::Run(error.into()), interval.0, &task.unstretched()));
     }
     task.run(method.info().name, |run| {
-        method.visit_embedded_frames(options, Adapted { run, interval, settings })
+        let adapted = Adapted { run, interval, settings };
+        method.visit_frames(options, adapted.run.frozen, InBodyAxes(adapted.run.frozen), adapted)?
     })
 }
 
@@ -159,7 +159,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         self,
         stepper: &M,
         grid: &TimeGrid,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         integrate_hybrid(frozen, stepper, start, grid, location, &mut Watching { frozen, observer })
     }
@@ -169,7 +169,7 @@ impl<'a, F: ForceModel> Begun<'a, '_, F> {
         stepper: &M,
         interval: (f64, f64),
         settings: &Adaptive,
-    ) -> LocatedResult<VariedPose> {
+    ) -> LocatedResult<Variational<'a, F>> {
         let Self { frozen, start, location, observer } = self;
         let mut watching = Watching { frozen, observer };
         integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, &mut watching)
@@ -182,49 +182,39 @@ struct Fixed<'a, 'b, F: ForceModel> {
     grid: &'b TimeGrid,
 }
 
-impl<'a, 'b, F> FrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Fixed<'a, 'b, F>
-where
-    F: ForceModel,
-{
-    type Output = LocatedResult<VariedPose>;
+impl<'a, F: ForceModel> Visitor<VariedPose> for Fixed<'a, '_, F> {
+    type Output = LocatedResult<Variational<'a, F>>;
 
-    fn world<M: Stepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        self.run.fixed(&stepper, self.grid)
-    }
-
-    fn body<M: Stepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
         let mut watching = Watching { frozen, observer };
-        let axes = InBodyAxes(frozen);
-        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let encode = |x: &_| form.encode(x);
+        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
         integrate_hybrid_form(frozen, form, &stepper, start, self.grid, location, &mut watching)
     }
 }
 
-/// Steps adapted to tolerances.
+/// Steps adapted to tolerances; none by a method that does not estimate its error.
 struct Adapted<'a, 'b, F: ForceModel> {
     run: Begun<'a, 'b, F>,
     interval: (f64, f64),
     settings: &'b Adaptive,
 }
 
-impl<'a, 'b, F> EmbeddedFrameVisitor<FrozenVariational<'a, F>, InBodyAxes<'a, 'b, F>> for Adapted<'a, 'b, F>
-where
-    F: ForceModel,
-{
-    type Output = LocatedResult<VariedPose>;
+impl<'a, F: ForceModel> Visitor<VariedPose> for Adapted<'a, '_, F> {
+    type Output = Option<LocatedResult<Variational<'a, F>>>;
 
-    fn world<M: EmbeddedStepper<FrozenVariational<'a, F>>>(self, stepper: M) -> Self::Output {
-        self.run.adapted(&stepper, self.interval, self.settings)
+    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, _: B, _: M) -> Self::Output {
+        None
     }
 
-    fn body<M: EmbeddedStepper<InBodyAxes<'a, 'b, F>>>(self, stepper: M) -> Self::Output {
+    fn visit_embedded<B: Form<VariedPose>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let Begun { frozen, start, location, observer } = self.run;
         let mut watching = Watching { frozen, observer };
-        let axes = InBodyAxes(frozen);
-        let form = (&axes, &in_body_axes as &dyn Fn(&_) -> _, FromBodyAxes);
+        let encode = |x: &_| form.encode(x);
+        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
         let steps = (self.interval, self.settings);
-        integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching)
+        Some(integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching))
     }
 }
 
@@ -238,7 +228,7 @@ impl<'a, F: ForceModel> Task<'a, '_, F> {
     fn run(
         self,
         method: &'static str,
-        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<VariedPose>>,
+        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<Variational<'a, F>>>,
     ) -> SensitivityResult {
         let Self { system, differentiation, interval, location, .. } = self;
         let unstretched = self.unstretched();
@@ -299,7 +289,7 @@ fn refusal<F: ForceModel>(
     initial: &RigidBodyState,
 ) -> Option<SensitivityError> {
     if let Err(error) = expect_positive("grazing", differentiation.grazing) {
-        return Some(Interruption::from(IntegrateError::from(error)).into());
+        return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
     let contacts = &system.forces.1;
     let without = |(contact, at): (usize, &Contact)| {

@@ -6,18 +6,16 @@ use super::grazing::{Grazing, Side};
 use super::parameter::{FoundParameter, Parameter};
 use crate::contacts::{BodyInContact, Contacts};
 use crate::event::EventKind;
-use crate::hybrid::{Energy, Frozen, Guard, Hybrid};
 use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter};
-use crate::step_curve::StepCurve;
 use crate::stretches::{Touching, WithStretches, reset};
 use crate::surface::SurfaceFault;
-use crate::sweep::Sweep;
 use nalgebra::Vector3;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Frozen, Guard, Hybrid, StepCurve, Sweep};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
-use somersault_integrators::system::{Decoder, System, world_acceleration};
+use somersault_integrators::system::{Decoder, Form, OneForm, System, world_acceleration};
 use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
 use std::cell::RefCell;
 
@@ -191,6 +189,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
 
 impl<F: ForceModel> System for Variational<'_, F> {
     type Configuration = VariedPose;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
 
@@ -206,8 +205,11 @@ impl<F: ForceModel> System for Variational<'_, F> {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<F: ForceModel> Hybrid for Variational<'_, F> {
     type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
     const RESETS: bool = true;
 
     fn check(&self) -> Result<(), IntegrateError> {
@@ -245,7 +247,6 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         out: &mut Vec<Sweep>,
     ) {
         self.system.0.sweeps(mode, t, h, (&ends.0.body(), &ends.1.body()), out);
-        out.resize(2 * mode.len(), Sweep::UNKNOWN);
     }
 
     fn clear_time(
@@ -263,8 +264,8 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         self.system.0.examine(guard, &x.body())
     }
 
-    fn contact_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
-        self.system.0.contact_rate(mode, &x.body())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
+        self.system.0.stiffest_rate(mode, &x.body())
     }
 
     fn energy(&self, x: &VariedState) -> Option<Energy> {
@@ -364,14 +365,19 @@ impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
     }
 }
 
-/// The state with its base in body axes.
-pub(super) fn in_body_axes(x: &VariedState) -> State<BodyVariedPose> {
-    State {
-        configuration: Varied {
-            base: Augmented(InBody(x.configuration.base.0)),
-            columns: x.configuration.columns.clone(),
-        },
-        rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+impl<F: ForceModel> Form<VariedPose> for InBodyAxes<'_, '_, F> {
+    type Decoder = FromBodyAxes;
+    fn encode(&self, x: &VariedState) -> State<BodyVariedPose> {
+        State {
+            configuration: Varied {
+                base: Augmented(InBody(x.configuration.base.0)),
+                columns: x.configuration.columns.clone(),
+            },
+            rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
+        }
+    }
+    fn decoder(&self) -> FromBodyAxes {
+        FromBodyAxes
     }
 }
 
@@ -388,6 +394,7 @@ fn rate_in_body_axes(
 
 impl<F: ForceModel> System for InBodyAxes<'_, '_, F> {
     type Configuration = BodyVariedPose;
+    type Forms = OneForm;
     type Workspace = Option<(VariedState, VariedRate)>;
     fn workspace(&self) -> Self::Workspace {
         None

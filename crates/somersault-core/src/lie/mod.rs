@@ -13,8 +13,9 @@
 //! ```text
 //! exp(u + δ) = exp(J_l δ) exp(u) = exp(u) exp(J_r δ),   to first order,   J_r(u) = J_l(−u) = Ad(exp(u))⁻¹ J_l(u)
 //! ```
-//! All is generic over the scalar, so that dual numbers go through. Factors such as sin θ/θ are even in the angle; they are
-//! functions of θ² without a branch point at 0, and their derivatives exist there.
+//! All of this is generic over the scalar, so that dual numbers go through. Factors such as sin θ/θ are even in the angle; they
+//! are functions of θ² without a branch point at 0, and their derivatives exist there. [`short`] is the inverse differential on
+//! SO(3) as far as a method of order 4 needs it.
 //!
 //! Sources: Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*, Acta Numerica 9 (2000), appendix B; Murray, Li and
 //! Sastry, *A Mathematical Introduction to Robotic Manipulation* (1994), appendix A; Hairer, Lubich and Wanner, *Geometric
@@ -23,6 +24,7 @@
 mod even;
 pub mod se2;
 pub mod se3;
+pub mod short;
 pub mod so2;
 pub mod so3;
 

@@ -2,12 +2,11 @@
 //!
 //! Each body has its own inertia, its own state and its own times; no body sees another.
 //!
-//! | Function | Bodies | Method |
+//! | Type | Systems | Method |
 //! |---|---|---|
-//! | [`integrate`] | free | Runge–Kutta–Munthe-Kaas of order 4 in the body frame, vectorised |
-//! | [`integrate_in_gravity`] | under uniform gravity | the same, and the parabola of the centre of mass |
-//! | [`integrate_by`] | under any forces | any of the table, one body at a time on each core |
-//! | [`FreeBodyBatch`] | free, rotation only | the vectorised kernel under the first two |
+//! | [`FreeRuns`] | bodies, free or under uniform gravity | Runge–Kutta–Munthe-Kaas of order 4 in the body frame, vectorised, and the parabola of the centre of mass |
+//! | [`Runs`] | any | any of the table, one [`Run`] at a time on each core |
+//! | [`FreeBodyBatch`] | free bodies, rotation only | the vectorised kernel under the first |
 //!
 //! Tiles of 64 bodies are the unit of work of the kernel. Within a tile the bodies share vector
 //! instructions ([`InstructionSet`], chosen once a call); the tiles are shared among the threads of
@@ -28,7 +27,7 @@
 //!     .collect::<Result<_, _>>()?;
 //! let states = vec![RigidBodyState::spinning(Vector3::new(0.1, 3.0, 0.0)); 100];
 //! let grids = vec![TimeGrid::try_new(0.0, 2.0, 0.01)?; 100];
-//! let ends = batch::integrate(&bodies, &states, &grids)?;
+//! let ends = batch::FreeRuns::new(&bodies, &grids).from(&states)?;
 //! assert_eq!(ends.len(), 100);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -40,11 +39,12 @@ mod lanes;
 pub use lanes::InstructionSet;
 
 use crate::body::RigidBody;
-use crate::driver::{IntegrateError, Outcome, TimeGrid};
+use crate::driver::{IntegrateError, Outcome, Steps, TimeGrid};
 use crate::force::Gravity;
-use crate::methods::{Method, Options};
+use crate::methods::{Forms, Method, Options};
+use crate::run::Run;
 use crate::state::RigidBodyState;
-use crate::system::{RigidSystem, StateOf, System};
+use crate::system::{StateOf, System};
 use free::Tile;
 use lanes::TILE;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -99,103 +99,126 @@ pub enum BatchError {
     },
 }
 
-/// Free bodies, each from the start of its grid to the end.
+/// Runs of free bodies, each over a grid of its own.
 ///
 /// The method is `rkmk_b` of the table ([`Method::RkmkB`]) with the rotation in principal axes and the
 /// translation in closed form: order 4, and the results of the two differ by rounding.
-///
-/// Errors: slices of different lengths, states that are not finite at the start or at the end.
-pub fn integrate(
-    bodies: &[RigidBody],
-    states: &[RigidBodyState],
-    grids: &[TimeGrid],
-) -> Result<Vec<RigidBodyState>, BatchError> {
-    integrate_in_gravity(&Gravity { acceleration: Vector3::zeros() }, bodies, states, grids)
+#[derive(Debug, Clone, Copy)]
+#[must_use = "runs begin with states, `from`"]
+pub struct FreeRuns<'a> {
+    bodies: &'a [RigidBody],
+    grids: &'a [TimeGrid],
+    gravity: Vector3<f64>,
 }
 
-/// As [`integrate`], with all bodies under uniform gravity g: r + vT + gT²/2, v + gT after the time T.
-///
-/// Gravity that is not finite leads to ends that are not, and so to the same error.
-pub fn integrate_in_gravity(
-    gravity: &Gravity,
-    bodies: &[RigidBody],
-    states: &[RigidBodyState],
-    grids: &[TimeGrid],
-) -> Result<Vec<RigidBodyState>, BatchError> {
-    check_length("states", bodies.len(), states.len())?;
-    check_length("grids", bodies.len(), grids.len())?;
-    for (body, x) in states.iter().enumerate() {
-        check_finite("states", body, x.position().as_slice())?;
-        check_finite("states", body, x.orientation().coords.as_slice())?;
-        check_finite("states", body, x.velocity().as_slice())?;
-        check_finite("states", body, x.angular_velocity().as_slice())?;
+impl<'a> FreeRuns<'a> {
+    /// Without forces.
+    pub fn new(bodies: &'a [RigidBody], grids: &'a [TimeGrid]) -> Self {
+        Self { bodies, grids, gravity: Vector3::zeros() }
     }
-    let (orientations, angular_velocities_body) = bodies
-        .par_iter()
-        .zip(states)
-        .map(|(body, x)| {
-            let q = x.orientation() * body.inertia().principal_axes();
-            (q, q.inverse() * x.angular_velocity())
-        })
-        .unzip();
-    let principal_moments = bodies.iter().map(|body| *body.inertia().principal_moments()).collect();
-    let mut batch = FreeBodyBatch { principal_moments, orientations, angular_velocities_body };
 
-    let dt: Vec<f64> = grids.iter().map(TimeGrid::dt).collect();
-    let full_steps: Vec<u64> = grids.iter().map(TimeGrid::full_steps).collect();
-    batch.integrate(&dt, &full_steps)?;
-    let rests: Vec<f64> =
-        grids.iter().map(|grid| grid.time(grid.steps()) - grid.time(grid.full_steps())).collect();
-    batch.integrate(&rests, &vec![1; grids.len()])?;
+    /// With all bodies under uniform gravity g: r + vT + gT²/2, v + gT after the time T.
+    ///
+    /// Gravity that is not finite leads to ends that are not, and so to the same error.
+    pub fn in_gravity(self, gravity: &Gravity) -> Self {
+        Self { gravity: gravity.acceleration, ..self }
+    }
 
-    let ends: Vec<RigidBodyState> = (0..bodies.len())
-        .into_par_iter()
-        .map(|i| {
-            let (x, grid) = (&states[i], &grids[i]);
-            let duration = grid.time(grid.steps()) - grid.time(0);
-            let gained = gravity.acceleration * duration;
-            let q = batch.orientations[i];
-            RigidBodyState::new(
-                x.position() + (x.velocity() + gained * 0.5) * duration,
-                q * bodies[i].inertia().principal_axes().inverse(),
-                x.velocity() + gained,
-                q * batch.angular_velocities_body[i],
-            )
-        })
-        .collect();
-    match ends.iter().position(|x| !x.is_finite()) {
-        Some(body) => Err(BatchError::Diverged { body }),
-        None => Ok(ends),
+    /// Runs from a state of each body to the end of its grid.
+    ///
+    /// Errors: slices of different lengths, states that are not finite at the start or at the end.
+    pub fn from(self, states: &[RigidBodyState]) -> Result<Vec<RigidBodyState>, BatchError> {
+        let Self { bodies, grids, gravity } = self;
+        check_length("states", bodies.len(), states.len())?;
+        check_length("grids", bodies.len(), grids.len())?;
+        for (body, x) in states.iter().enumerate() {
+            check_finite("states", body, x.position().as_slice())?;
+            check_finite("states", body, x.orientation().coords.as_slice())?;
+            check_finite("states", body, x.velocity().as_slice())?;
+            check_finite("states", body, x.angular_velocity().as_slice())?;
+        }
+        let (orientations, angular_velocities_body) = bodies
+            .par_iter()
+            .zip(states)
+            .map(|(body, x)| {
+                let q = x.orientation() * body.inertia().principal_axes();
+                (q, q.inverse() * x.angular_velocity())
+            })
+            .unzip();
+        let principal_moments = bodies.iter().map(|body| *body.inertia().principal_moments()).collect();
+        let mut batch = FreeBodyBatch { principal_moments, orientations, angular_velocities_body };
+
+        let dt: Vec<f64> = grids.iter().map(TimeGrid::dt).collect();
+        let full_steps: Vec<u64> = grids.iter().map(TimeGrid::full_steps).collect();
+        batch.advance(&dt, &full_steps)?;
+        let rests: Vec<f64> =
+            grids.iter().map(|grid| grid.time(grid.steps()) - grid.time(grid.full_steps())).collect();
+        batch.advance(&rests, &vec![1; grids.len()])?;
+
+        let ends: Vec<RigidBodyState> = (0..bodies.len())
+            .into_par_iter()
+            .map(|i| {
+                let (x, grid) = (&states[i], &grids[i]);
+                let duration = grid.time(grid.steps()) - grid.time(0);
+                let gained = gravity * duration;
+                let q = batch.orientations[i];
+                RigidBodyState::new(
+                    x.position() + (x.velocity() + gained * 0.5) * duration,
+                    q * bodies[i].inertia().principal_axes().inverse(),
+                    x.velocity() + gained,
+                    q * batch.angular_velocities_body[i],
+                )
+            })
+            .collect();
+        match ends.iter().position(|x| !x.is_finite()) {
+            Some(body) => Err(BatchError::Diverged { body }),
+            None => Ok(ends),
+        }
     }
 }
 
-/// Each system from the start of its grid to the end, by a method of the table, in parallel.
-///
-/// A system is a body under its forces or several bodies. Each is integrated as
-/// [`Method::integrate`] would alone.
-///
-/// Errors: slices of different lengths, and the first failure by index.
-pub fn integrate_by<S>(
+/// Runs of systems that do not see each other, each with steps of its own, by a method of the table.
+#[derive(Debug)]
+#[must_use = "runs begin with states, `from`"]
+pub struct Runs<'a, S, T> {
+    systems: &'a [S],
     method: Method,
     options: Options,
-    systems: &[S],
-    states: &[StateOf<S>],
-    grids: &[TimeGrid],
-) -> Result<Vec<Outcome<<S as System>::Configuration>>, BatchError>
+    steps: &'a [T],
+}
+
+impl<'a, S, T> Runs<'a, S, T>
 where
-    S: RigidSystem + Sync,
+    S: System<Forms: Forms<S>> + Sync,
     StateOf<S>: Send + Sync,
+    T: Into<Steps> + Copy + Sync,
 {
-    check_length("states", systems.len(), states.len())?;
-    check_length("grids", systems.len(), grids.len())?;
-    let outcomes: Vec<_> = (systems, states, grids)
-        .into_par_iter()
-        .map(|(system, state, grid)| method.integrate(options, system, state, grid, &mut ()))
-        .collect();
-    let named = |(index, outcome): (usize, Result<_, _>)| {
-        outcome.map_err(|source| BatchError::Integrate { index, source })
-    };
-    outcomes.into_iter().enumerate().map(named).collect()
+    /// One run for each of the systems, as [`Run::new`] has it.
+    pub fn new(systems: &'a [S], method: Method, steps: &'a [T]) -> Self {
+        Self { systems, method, options: Options::default(), steps }
+    }
+
+    /// The same with other options.
+    pub fn with_options(self, options: Options) -> Self {
+        Self { options, ..self }
+    }
+
+    /// Runs from a state of each system, as each would alone.
+    ///
+    /// Errors: slices of different lengths, and the first failure by index.
+    pub fn from(self, states: &[StateOf<S>]) -> Result<Vec<Outcome<S::Configuration>>, BatchError> {
+        let Self { systems, method, options, steps } = self;
+        check_length("states", systems.len(), states.len())?;
+        check_length("steps", systems.len(), steps.len())?;
+        let outcomes: Vec<_> = (systems, states, steps)
+            .into_par_iter()
+            .map(|(system, state, steps)| Run::new(system, method, *steps).with_options(options).from(state))
+            .collect();
+        let named = |(index, outcome): (usize, Result<_, _>)| {
+            outcome.map_err(|source| BatchError::Integrate { index, source })
+        };
+        outcomes.into_iter().enumerate().map(named).collect()
+    }
 }
 
 /// The rotation of many free bodies.
@@ -210,7 +233,7 @@ where
 /// let moments = [Vector3::new(1.0, 2.0, 2.5), Vector3::new(3.0, 3.0, 3.0)];
 /// let upright = [UnitQuaternion::identity(); 2];
 /// let mut batch = FreeBodyBatch::try_new(&moments, &upright, &[Vector3::new(0.0, 1.0, 0.01), Vector3::z()])?;
-/// batch.integrate(&[0.01, 0.02], &[1000, 500])?;
+/// batch.advance(&[0.01, 0.02], &[1000, 500])?;
 /// let ten_seconds = UnitQuaternion::from_scaled_axis(Vector3::z() * 10.0);
 /// assert!(batch.orientations()[1].angle_to(&ten_seconds) < 1e-12);
 /// # Ok::<(), somersault_integrators::batch::BatchError>(())
@@ -281,13 +304,13 @@ impl FreeBodyBatch {
     ///
     /// Errors: slices of the wrong length, steps that are not finite, and a motion that stops being
     /// finite. An error leaves the batch as it was.
-    pub fn integrate(&mut self, dt: &[f64], steps: &[u64]) -> Result<(), BatchError> {
-        self.integrate_with(InstructionSet::detect(), dt, steps)
+    pub fn advance(&mut self, dt: &[f64], steps: &[u64]) -> Result<(), BatchError> {
+        self.advance_with(InstructionSet::detect(), dt, steps)
     }
 
-    /// [`integrate`](Self::integrate) with chosen vector instructions, which change the duration
+    /// [`advance`](Self::advance) with chosen vector instructions, which change the duration
     /// and not the result.
-    pub fn integrate_with(
+    pub fn advance_with(
         &mut self,
         instructions: InstructionSet,
         dt: &[f64],

@@ -20,6 +20,7 @@ use crate::scratch::Scratch;
 use crate::state::{Configuration, Rate};
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
+use crate::tableau::{ButcherTableau, COMMUTATOR_FREE_4, CommutatorFreeTableau};
 
 register! {
     370 => Cf4: CommutatorFree4, any;
@@ -60,40 +61,43 @@ impl<S: System> Stepper<S> for CommutatorFree4 {
         let (mut v1, mut v2, mut v3, mut v4) = (v1.lend(), v2.lend(), v3.lend(), v4.lend());
         let (mut a1, mut a2, mut a3, mut a4) = (a1.lend(), a2.lend(), a3.lend(), a4.lend());
         let (mut stage, mut sum) = (m.stage.lend(), sum.lend());
+        let CommutatorFreeTableau { on_vectors: ButcherTableau { nodes, rows, weights }, stages, end } =
+            COMMUTATOR_FREE_4;
         system.velocity(&mut m.workspace, t, x, &mut v1);
         system.acceleration(&mut m.workspace, t, x, &mut a1);
         out.assign(x);
-        out.drift(&v1, 0.5 * h);
-        out.kick(&a1, 0.5 * h);
-        system.velocity(&mut m.workspace, t + 0.5 * h, out, &mut v2);
-        system.acceleration(&mut m.workspace, t + 0.5 * h, out, &mut a2);
+        out.drift(&v1, stages[0].factors[0] * h);
+        out.kick(&a1, rows[1][0] * h);
+        system.velocity(&mut m.workspace, t + nodes[1] * h, out, &mut v2);
+        system.acceleration(&mut m.workspace, t + nodes[1] * h, out, &mut a2);
         stage.assign(x);
-        stage.drift(&v2, 0.5 * h);
-        stage.kick(&a2, 0.5 * h);
-        system.velocity(&mut m.workspace, t + 0.5 * h, &stage, &mut v3);
-        system.acceleration(&mut m.workspace, t + 0.5 * h, &stage, &mut a3);
-        // The fourth stage goes on from the second, which `out` holds.
+        stage.drift(&v2, stages[1].factors[1] * h);
+        stage.kick(&a2, rows[2][1] * h);
+        system.velocity(&mut m.workspace, t + nodes[2] * h, &stage, &mut v3);
+        system.acceleration(&mut m.workspace, t + nodes[2] * h, &stage, &mut a3);
+        // The fourth stage goes on from the second, which `out` holds, with the factor one of v₃.
         stage.configuration.assign(&out.configuration);
         sum.assign(&v3);
-        sum.axpy(-0.5, &v1);
+        sum.axpy(stages[2].factors[0], &v1);
         stage.drift(&sum, h);
         stage.rate.assign(&x.rate);
-        stage.kick(&a3, h);
-        system.velocity(&mut m.workspace, t + h, &stage, &mut v4);
-        system.acceleration(&mut m.workspace, t + h, &stage, &mut a4);
+        stage.kick(&a3, rows[3][2] * h);
+        system.velocity(&mut m.workspace, t + nodes[3] * h, &stage, &mut v4);
+        system.acceleration(&mut m.workspace, t + nodes[3] * h, &stage, &mut a4);
         out.assign(x);
-        for (first, last) in [(3.0, -1.0), (-1.0, 3.0)] {
+        for exponential in end {
             sum.set_zero();
-            sum.axpy(first, &v1);
-            sum.axpy(2.0, &v2);
-            sum.axpy(2.0, &v3);
-            sum.axpy(last, &v4);
-            out.drift(&sum, h / 12.0);
+            sum.axpy(exponential.numerators[0], &v1);
+            sum.axpy(exponential.numerators[1], &v2);
+            sum.axpy(exponential.numerators[2], &v3);
+            sum.axpy(exponential.numerators[3], &v4);
+            out.drift(&sum, h / exponential.denominator);
         }
-        a1.axpy(2.0, &a2);
-        a1.axpy(2.0, &a3);
-        a1.axpy(1.0, &a4);
-        out.kick(&a1, h / 6.0);
+        // The first numerator is one.
+        a1.axpy(weights.numerators[1], &a2);
+        a1.axpy(weights.numerators[2], &a3);
+        a1.axpy(weights.numerators[3], &a4);
+        out.kick(&a1, h / weights.denominator);
         Ok(())
     }
 }

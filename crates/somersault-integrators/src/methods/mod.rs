@@ -3,16 +3,17 @@
 //! A file of a method registers it: `register!` gives each of its rows a place in the table, the name in the enumeration, the
 //! type and the variables it takes. `table!` collects the rows of the files, and `methods!` makes of them the enumeration
 //! [`Method`], its list, its parser and the `match` that makes an [`Engine`] of a method, once per trajectory. Bindings, benchmarks,
-//! documentation and tests iterate over it. A user-defined method is a type that implements [`Stepper`]; every driver and study
+//! documentation and tests iterate over it. A user-defined method is a type that implements [`Stepper`]; every run and study
 //! takes one.
+//!
+//! Which methods take a system, and in which variables, says the system itself ([`System::Forms`]).
 
 pub use crate::adams::StartUp;
-use crate::driver::{Adaptive, IntegrateError, Observer, Outcome, TimeGrid};
-use crate::driver::{check_state, run_adaptive, run_fixed};
 use crate::engine::{Engine, FormEngine};
+use crate::error::IntegrateError;
 use crate::state::{Configuration, State};
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, StepError, Stepper, Variables};
-use crate::system::{BodyForm, Form, MomentumForm, RigidSystem, StateOf, System, Unchanged};
+use crate::system::{BodyForm, Form, MomentumForm, OneForm, RigidForms, RigidSystem, StateOf, System};
 use std::fmt;
 use std::str::FromStr;
 
@@ -82,57 +83,49 @@ fn names() -> String {
     Method::ALL.map(|m| m.info().name).join(", ")
 }
 
-/// What to do with a method once its type is known.
-pub trait Visitor<S: RigidSystem> {
+/// What to do with a method once its type is known, for systems with configurations `Q`.
+pub trait Visitor<Q: Configuration>: Sized {
     /// The result.
     type Output;
-    /// Takes the bodies in the form the method integrates, and the method.
-    fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output;
+    /// Takes the system in the form that the method integrates, and the method.
+    fn visit<B: Form<Q>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output;
+    /// The same for a method that estimates its error, where that makes a difference.
+    fn visit_embedded<B: Form<Q>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
+        self.visit(form, stepper)
+    }
 }
 
-/// As [`Visitor`], for methods that estimate their error.
-pub trait EmbeddedVisitor<S: RigidSystem> {
-    /// The result.
-    type Output;
-    /// Takes the bodies in the form the method integrates, and the method.
-    fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output;
+/// How the methods of the table take systems: what [`System::Forms`] names.
+pub trait Forms<S: System> {
+    /// Enters code that knows the type of a method and of the form that it integrates; `None` for a method without one.
+    fn visit<V: Visitor<S::Configuration>>(
+        method: Method,
+        options: Options,
+        system: &S,
+        visitor: V,
+    ) -> Option<V::Output>;
 }
 
-/// What to do with a method that takes any system, once its type is known.
-pub trait SystemVisitor<S: System> {
-    /// The result.
-    type Output;
-    /// Takes the method.
-    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output;
+impl<S: System> Forms<S> for OneForm {
+    fn visit<V: Visitor<S::Configuration>>(
+        method: Method,
+        options: Options,
+        system: &S,
+        visitor: V,
+    ) -> Option<V::Output> {
+        method.visit_system(options, system, visitor)
+    }
 }
 
-/// What to do with a method that takes any system, in the variables of the world or of the body, once its type is
-/// known.
-pub trait FrameVisitor<W: System, B: System> {
-    /// The result.
-    type Output;
-    /// Takes a method in world variables.
-    fn world<M: Stepper<W>>(self, stepper: M) -> Self::Output;
-    /// Takes a method in body variables.
-    fn body<M: Stepper<B>>(self, stepper: M) -> Self::Output;
-}
-
-/// As [`FrameVisitor`], for methods that estimate their error.
-pub trait EmbeddedFrameVisitor<W: System, B: System> {
-    /// The result.
-    type Output;
-    /// Takes a method in world variables.
-    fn world<M: EmbeddedStepper<W>>(self, stepper: M) -> Self::Output;
-    /// Takes a method in body variables.
-    fn body<M: EmbeddedStepper<B>>(self, stepper: M) -> Self::Output;
-}
-
-/// As [`SystemVisitor`], for methods that estimate their error.
-pub trait EmbeddedSystemVisitor<S: System> {
-    /// The result.
-    type Output;
-    /// Takes the method.
-    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output;
+impl<S: RigidSystem> Forms<S> for RigidForms {
+    fn visit<V: Visitor<S::Configuration>>(
+        method: Method,
+        options: Options,
+        system: &S,
+        visitor: V,
+    ) -> Option<V::Output> {
+        Some(method.visit(options, system, visitor))
+    }
 }
 
 macro_rules! methods {
@@ -168,83 +161,49 @@ macro_rules! methods {
                 }
             }
 
-            /// Enters code that knows the type of the method.
-            pub fn visit<S: RigidSystem, V: Visitor<S>>(self, options: Options, system: &S, visitor: V) -> V::Output {
-                match self {
-                    $(Self::$variant => visitor.visit(methods!(@form system, $kind), methods!(@make options, $stepper $({ $($option),+ })?)),)*
-                }
-            }
-
-            /// As [`visit`](Self::visit) for methods with an error estimate; `None` for the others.
-            pub fn visit_embedded<S: RigidSystem, V: EmbeddedVisitor<S>>(
+            /// Enters code that knows the type of the method, and the form of the bodies that it integrates.
+            pub fn visit<S: RigidSystem, V: Visitor<S::Configuration>>(
                 self,
                 options: Options,
                 system: &S,
                 visitor: V,
-            ) -> Option<V::Output> {
-                // No method with an estimate has a choice to make so far.
-                let _ = options;
+            ) -> V::Output {
                 match self {
                     $(Self::$variant => methods!(
-                        @estimate $($embedded)? => Some(visitor.visit(
-                            methods!(@form system, $kind),
-                            methods!(@make options, $stepper $({ $($option),+ })?),
-                        ))
+                        @visit visitor($($embedded)?)
+                        methods!(@form system, $kind), methods!(@make options, $stepper $({ $($option),+ })?)
                     ),)*
                 }
             }
 
             /// As [`visit`](Self::visit) for any system; `None` for the methods that need rigid bodies.
-            pub fn visit_system<S: System, V: SystemVisitor<S>>(self, options: Options, visitor: V) -> Option<V::Output> {
+            pub fn visit_system<S: System, V: Visitor<S::Configuration>>(
+                self,
+                options: Options,
+                system: &S,
+                visitor: V,
+            ) -> Option<V::Output> {
                 match self {
                     $(Self::$variant => methods!(
-                        @system visitor, methods!(@make options, $stepper $({ $($option),+ })?), $kind
+                        @system $kind visitor($($embedded)?)
+                        system, methods!(@make options, $stepper $({ $($option),+ })?)
                     ),)*
                 }
             }
 
             /// As [`visit_system`](Self::visit_system) for a system written in two frames: methods for any system in the
-            /// variables of the world or of the body; `None` for the others.
-            pub fn visit_frames<W: System, B: System, V: FrameVisitor<W, B>>(
+            /// variables of the world, or of the body in another form; `None` for the others.
+            pub fn visit_frames<S: System, B: Form<S::Configuration>, V: Visitor<S::Configuration>>(
                 self,
                 options: Options,
+                world: &S,
+                body: B,
                 visitor: V,
             ) -> Option<V::Output> {
                 match self {
                     $(Self::$variant => methods!(
-                        @frames visitor, methods!(@make options, $stepper $({ $($option),+ })?), $kind
-                    ),)*
-                }
-            }
-
-            /// As [`visit_frames`](Self::visit_frames) for methods with an error estimate.
-            pub fn visit_embedded_frames<W: System, B: System, V: EmbeddedFrameVisitor<W, B>>(
-                self,
-                options: Options,
-                visitor: V,
-            ) -> Option<V::Output> {
-                let _ = options;
-                match self {
-                    $(Self::$variant => methods!(
-                        @estimate $($embedded)? => methods!(
-                            @frames visitor, methods!(@make options, $stepper $({ $($option),+ })?), $kind
-                        )
-                    ),)*
-                }
-            }
-
-            /// As [`visit_system`](Self::visit_system) for methods with an error estimate.
-            pub fn visit_embedded_system<S: System, V: EmbeddedSystemVisitor<S>>(
-                self,
-                options: Options,
-                visitor: V,
-            ) -> Option<V::Output> {
-                let _ = options;
-                match self {
-                    $(Self::$variant => methods!(
-                        @estimate $($embedded)? => methods!(
-                            @system visitor, methods!(@make options, $stepper $({ $($option),+ })?), $kind
-                        )
+                        @frames $kind visitor($($embedded)?)
+                        world, body, methods!(@make options, $stepper $({ $($option),+ })?)
                     ),)*
                 }
             }
@@ -261,11 +220,19 @@ macro_rules! methods {
     }};
     (@scope any) => { "any system" };
     (@scope $kind:ident) => { concat!("rigid bodies in ", stringify!($kind), " variables") };
-    (@frames $visitor:ident, $make:expr, any) => { Some($visitor.world($make)) };
-    (@frames $visitor:ident, $make:expr, body) => { Some($visitor.body($make)) };
-    (@frames $visitor:ident, $make:expr, $kind:ident) => { None };
-    (@system $visitor:ident, $make:expr, any) => { Some($visitor.visit($make)) };
-    (@system $visitor:ident, $make:expr, $kind:ident) => { None };
+    (@visit $visitor:ident() $form:expr, $make:expr) => { $visitor.visit($form, $make) };
+    (@visit $visitor:ident(embedded) $form:expr, $make:expr) => { $visitor.visit_embedded($form, $make) };
+    (@system any $visitor:ident($($embedded:ident)?) $system:ident, $make:expr) => {
+        Some(methods!(@visit $visitor($($embedded)?) $system, $make))
+    };
+    (@system $kind:ident $visitor:ident($($embedded:ident)?) $system:ident, $make:expr) => { None };
+    (@frames any $visitor:ident($($embedded:ident)?) $world:ident, $body:ident, $make:expr) => {
+        Some(methods!(@visit $visitor($($embedded)?) $world, $make))
+    };
+    (@frames body $visitor:ident($($embedded:ident)?) $world:ident, $body:ident, $make:expr) => {
+        Some(methods!(@visit $visitor($($embedded)?) $body, $make))
+    };
+    (@frames $kind:ident $visitor:ident($($embedded:ident)?) $world:ident, $body:ident, $make:expr) => { None };
     (@info $stepper:ty, any) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, world) => { <$stepper as Scheme>::INFO };
     (@info $stepper:ty, momentum($name:literal, $title:literal)) => {
@@ -278,8 +245,6 @@ macro_rules! methods {
     (@form $system:ident, world) => { $system };
     (@form $system:ident, momentum) => { MomentumForm($system) };
     (@form $system:ident, body) => { BodyForm($system) };
-    (@estimate embedded => $found:expr) => { $found };
-    (@estimate => $found:expr) => { None };
 }
 
 /// Collects the rows of the modules and hands them to `methods!`: `module … => row …` is what is left and what is collected.
@@ -333,146 +298,53 @@ struct Engage<'a, Q: Configuration, R> {
     run: &'a mut dyn FnMut(&mut dyn Engine<Q>) -> R,
 }
 
-impl<S: RigidSystem, R> Visitor<S> for Engage<'_, S::Configuration, R> {
+impl<Q: Configuration, R> Visitor<Q> for Engage<'_, Q, R> {
     type Output = Result<R, StepError>;
 
-    fn visit<B: Form<S::Configuration>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
+    fn visit<B: Form<Q>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let encode = |x: &_| form.encode(x);
         let mut engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
         Ok((self.run)(&mut engine))
     }
-}
 
-impl<S: RigidSystem, R> EmbeddedVisitor<S> for Engage<'_, S::Configuration, R> {
-    type Output = Result<R, StepError>;
-
-    fn visit<B: Form<S::Configuration>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
+    fn visit_embedded<B: Form<Q>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
         let encode = |x: &_| form.encode(x);
         let engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
         Ok((self.run)(&mut engine.with_estimate()))
     }
 }
 
-/// The same for a system that a method takes as it is.
-struct EngageSystem<'a, S: System, R> {
-    system: &'a S,
-    initial: &'a StateOf<S>,
-    run: &'a mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
-}
-
-impl<S: System, R> SystemVisitor<S> for EngageSystem<'_, S, R> {
-    type Output = Result<R, StepError>;
-
-    fn visit<M: Stepper<S>>(self, stepper: M) -> Self::Output {
-        let Self { system, initial, run } = self;
-        Ok(run(&mut FormEngine::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?))
-    }
-}
-
-impl<S: System, R> EmbeddedSystemVisitor<S> for EngageSystem<'_, S, R> {
-    type Output = Result<R, StepError>;
-
-    fn visit<M: EmbeddedStepper<S>>(self, stepper: M) -> Self::Output {
-        let Self { system, initial, run } = self;
-        let engine = FormEngine::start(system, &stepper, Unchanged, &StateOf::<S>::clone, initial)?;
-        Ok(run(&mut engine.with_estimate()))
-    }
-}
-
 impl Method {
-    /// Runs an engine of this method on bodies, started from a state.
+    /// Runs an engine of this method on a system, started from a state, with the method's estimate of its error where it has
+    /// one.
     ///
-    /// Errors where the method does not take the forces.
-    pub fn engage<S: RigidSystem, R>(
-        self,
-        options: Options,
-        system: &S,
-        initial: &StateOf<S>,
-        run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
-    ) -> Result<R, StepError> {
-        self.visit(options, system, Engage { initial, run })
-    }
-
-    /// As [`engage`](Self::engage), with the method's estimate of its error.
-    ///
-    /// Errors with [`IntegrateError::NoErrorEstimate`] where it has none.
-    pub fn engage_embedded<S: RigidSystem, R>(
+    /// Errors where the method does not take the system, with [`IntegrateError::RigidBodiesOnly`], or its forces.
+    pub fn engage<S: System<Forms: Forms<S>>, R>(
         self,
         options: Options,
         system: &S,
         initial: &StateOf<S>,
         run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
     ) -> Result<R, IntegrateError> {
-        let engaged = self.visit_embedded(options, system, Engage { initial, run });
-        Ok(engaged.ok_or(IntegrateError::NoErrorEstimate { method: self.info().name })??)
+        let engaged = S::Forms::visit(self, options, system, Engage { initial, run });
+        Ok(engaged.ok_or(IntegrateError::RigidBodiesOnly { method: self.info().name })??)
     }
 
-    /// Integrates bodies over a grid of times with a fixed step, see [`crate::driver::integrate`].
-    pub fn integrate<S: RigidSystem>(
-        self,
-        options: Options,
-        system: &S,
-        initial: &StateOf<S>,
-        grid: &TimeGrid,
-        observer: &mut dyn Observer<S::Configuration>,
-    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        check_state(initial)?;
-        self.engage(options, system, initial, &mut |engine| run_fixed(engine, initial, grid, observer))?
-    }
-
-    /// Integrates bodies with steps adapted to tolerances, see [`crate::driver::integrate_adaptive`].
-    pub fn integrate_adaptive<S: RigidSystem>(
-        self,
-        options: Options,
-        system: &S,
-        initial: &StateOf<S>,
-        interval: (f64, f64),
-        control: &Adaptive,
-        observer: &mut dyn Observer<S::Configuration>,
-    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        check_state(initial)?;
-        self.engage_embedded(options, system, initial, &mut |engine| {
-            run_adaptive(engine, initial, interval, control, observer)
-        })?
-    }
-
-    /// As [`integrate`](Self::integrate) for any system, say a tree of bodies.
+    /// As [`engage`](Self::engage) for adapted steps.
     ///
-    /// Errors with [`IntegrateError::RigidBodiesOnly`] where the method needs rigid bodies.
-    pub fn integrate_system<S: System>(
+    /// Errors with [`IntegrateError::NoErrorEstimate`] where the method has no estimate of its error.
+    pub fn engage_embedded<S: System<Forms: Forms<S>>, R>(
         self,
         options: Options,
         system: &S,
         initial: &StateOf<S>,
-        grid: &TimeGrid,
-        observer: &mut dyn Observer<S::Configuration>,
-    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        check_state(initial)?;
-        let run = &mut |engine: &mut dyn Engine<_>| run_fixed(engine, initial, grid, observer);
-        self.visit_system(options, EngageSystem { system, initial, run })
-            .ok_or(IntegrateError::RigidBodiesOnly { method: self.info().name })??
-    }
-
-    /// As [`integrate_adaptive`](Self::integrate_adaptive) for any system.
-    pub fn integrate_system_adaptive<S: System>(
-        self,
-        options: Options,
-        system: &S,
-        initial: &StateOf<S>,
-        interval: (f64, f64),
-        control: &Adaptive,
-        observer: &mut dyn Observer<S::Configuration>,
-    ) -> Result<Outcome<S::Configuration>, IntegrateError> {
-        check_state(initial)?;
-        let run =
-            &mut |engine: &mut dyn Engine<_>| run_adaptive(engine, initial, interval, control, observer);
-        self.visit_embedded_system(options, EngageSystem { system, initial, run }).ok_or_else(|| {
-            let MethodInfo { name: method, embedded, .. } = self.info();
-            match embedded {
-                Some(_) => IntegrateError::RigidBodiesOnly { method },
-                None => IntegrateError::NoErrorEstimate { method },
-            }
-        })??
+        run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
+    ) -> Result<R, IntegrateError> {
+        let MethodInfo { name: method, embedded, .. } = self.info();
+        match embedded {
+            Some(_) => self.engage(options, system, initial, run),
+            None => Err(IntegrateError::NoErrorEstimate { method }),
+        }
     }
 }
 
@@ -482,6 +354,7 @@ mod tests {
     use crate::body::RigidBody;
     use crate::stepper::Scope;
     use crate::system::RigidBodySystem;
+    use nalgebra::Vector3;
 
     #[test]
     fn each_name_is_of_one_method() {
@@ -493,21 +366,20 @@ mod tests {
     /// The name of the method it sees.
     struct Name;
 
-    impl<S: System> SystemVisitor<S> for Name {
+    impl<Q: Configuration> Visitor<Q> for Name {
         type Output = &'static str;
-        fn visit<M: Stepper<S>>(self, _: M) -> &'static str {
+        fn visit<B: Form<Q>, M: Stepper<B>>(self, _: B, _: M) -> &'static str {
             M::INFO.name
         }
     }
 
     #[test]
     fn methods_for_any_system_are_those_of_that_scope() {
-        type Free =
-            RigidBodySystem<fn(f64, &RigidBody, &crate::state::RigidBodyState) -> crate::force::Wrench>;
+        let free = RigidBodySystem::free(RigidBody::try_principal(1.0, Vector3::repeat(1.0)).unwrap());
         for method in Method::ALL {
             let info = method.info();
             let any = info.scope == Scope::AnySystem && info.variables == Variables::World;
-            let found = method.visit_system::<Free, _>(Options::default(), Name);
+            let found = method.visit_system(Options::default(), &free, Name);
             assert_eq!(found, any.then_some(info.name), "{method}");
         }
     }

@@ -9,6 +9,7 @@
 use crate::state::Rate;
 use crate::stepper::{MethodInfo, Orders, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
+use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4};
 
 register! {
     60 thesis => Rk4: RungeKutta4, any;
@@ -55,32 +56,34 @@ impl<S: System> Stepper<S> for RungeKutta4 {
         let (mut v1, mut v2, mut v3, mut v4) = (v1.lend(), v2.lend(), v3.lend(), v4.lend());
         let (mut a1, mut a2, mut a3, mut a4) = (a1.lend(), a2.lend(), a3.lend(), a4.lend());
         let mut stage = m.stage.lend();
+        let ButcherTableau { nodes, rows, weights } = RUNGE_KUTTA_4;
         system.velocity(&mut m.workspace, t, x, &mut v1);
         system.acceleration(&mut m.workspace, t, x, &mut a1);
         stage.assign(x);
-        stage.drift(&v1, 0.5 * h);
-        stage.kick(&a1, 0.5 * h);
-        system.velocity(&mut m.workspace, t + 0.5 * h, &stage, &mut v2);
-        system.acceleration(&mut m.workspace, t + 0.5 * h, &stage, &mut a2);
+        stage.drift(&v1, rows[1][0] * h);
+        stage.kick(&a1, rows[1][0] * h);
+        system.velocity(&mut m.workspace, t + nodes[1] * h, &stage, &mut v2);
+        system.acceleration(&mut m.workspace, t + nodes[1] * h, &stage, &mut a2);
         stage.assign(x);
-        stage.drift(&v2, 0.5 * h);
-        stage.kick(&a2, 0.5 * h);
-        system.velocity(&mut m.workspace, t + 0.5 * h, &stage, &mut v3);
-        system.acceleration(&mut m.workspace, t + 0.5 * h, &stage, &mut a3);
+        stage.drift(&v2, rows[2][1] * h);
+        stage.kick(&a2, rows[2][1] * h);
+        system.velocity(&mut m.workspace, t + nodes[2] * h, &stage, &mut v3);
+        system.acceleration(&mut m.workspace, t + nodes[2] * h, &stage, &mut a3);
         stage.assign(x);
-        stage.drift(&v3, h);
-        stage.kick(&a3, h);
-        system.velocity(&mut m.workspace, t + h, &stage, &mut v4);
-        system.acceleration(&mut m.workspace, t + h, &stage, &mut a4);
-        v1.axpy(2.0, &v2);
-        v1.axpy(2.0, &v3);
-        v1.axpy(1.0, &v4);
-        a1.axpy(2.0, &a2);
-        a1.axpy(2.0, &a3);
-        a1.axpy(1.0, &a4);
+        stage.drift(&v3, rows[3][2] * h);
+        stage.kick(&a3, rows[3][2] * h);
+        system.velocity(&mut m.workspace, t + nodes[3] * h, &stage, &mut v4);
+        system.acceleration(&mut m.workspace, t + nodes[3] * h, &stage, &mut a4);
+        // The first numerator is one.
+        v1.axpy(weights.numerators[1], &v2);
+        v1.axpy(weights.numerators[2], &v3);
+        v1.axpy(weights.numerators[3], &v4);
+        a1.axpy(weights.numerators[1], &a2);
+        a1.axpy(weights.numerators[2], &a3);
+        a1.axpy(weights.numerators[3], &a4);
         out.assign(x);
-        out.drift(&v1, h / 6.0);
-        out.kick(&a1, h / 6.0);
+        out.drift(&v1, h / weights.denominator);
+        out.kick(&a1, h / weights.denominator);
         Ok(())
     }
 }

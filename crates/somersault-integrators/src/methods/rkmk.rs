@@ -13,6 +13,7 @@
 use crate::state::Rate;
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
+use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4};
 
 register! {
     130 thesis => Rkmk: RungeKuttaMuntheKaas4, any;
@@ -54,36 +55,38 @@ impl<S: System> Stepper<S> for RungeKuttaMuntheKaas4 {
         let (mut v1, mut v2, mut v3, mut v4) = (v1.lend(), v2.lend(), v3.lend(), v4.lend());
         let (mut a1, mut a2, mut a3, mut a4) = (a1.lend(), a2.lend(), a3.lend(), a4.lend());
         let (mut stage, mut u) = (m.stage.lend(), displacement.lend());
+        let ButcherTableau { nodes, rows, weights } = RUNGE_KUTTA_4;
         system.velocity(&mut m.workspace, t, x, &mut v1);
         system.acceleration(&mut m.workspace, t, x, &mut a1);
         stage.assign(x);
-        stage.drift(&v1, 0.5 * h);
-        stage.kick(&a1, 0.5 * h);
-        system.velocity(&mut m.workspace, t + 0.5 * h, &stage, &mut v2);
-        system.acceleration(&mut m.workspace, t + 0.5 * h, &stage, &mut a2);
+        stage.drift(&v1, rows[1][0] * h);
+        stage.kick(&a1, rows[1][0] * h);
+        system.velocity(&mut m.workspace, t + nodes[1] * h, &stage, &mut v2);
+        system.acceleration(&mut m.workspace, t + nodes[1] * h, &stage, &mut a2);
         u.assign(&v2);
         u.add_bracket(-0.25 * h, &v1, &v2);
         stage.assign(x);
-        stage.drift(&u, 0.5 * h);
-        stage.kick(&a2, 0.5 * h);
-        system.velocity(&mut m.workspace, t + 0.5 * h, &stage, &mut v3);
-        system.acceleration(&mut m.workspace, t + 0.5 * h, &stage, &mut a3);
+        stage.drift(&u, rows[2][1] * h);
+        stage.kick(&a2, rows[2][1] * h);
+        system.velocity(&mut m.workspace, t + nodes[2] * h, &stage, &mut v3);
+        system.acceleration(&mut m.workspace, t + nodes[2] * h, &stage, &mut a3);
         stage.assign(x);
-        stage.drift(&v3, h);
-        stage.kick(&a3, h);
-        system.velocity(&mut m.workspace, t + h, &stage, &mut v4);
-        system.acceleration(&mut m.workspace, t + h, &stage, &mut a4);
+        stage.drift(&v3, rows[3][2] * h);
+        stage.kick(&a3, rows[3][2] * h);
+        system.velocity(&mut m.workspace, t + nodes[3] * h, &stage, &mut v4);
+        system.acceleration(&mut m.workspace, t + nodes[3] * h, &stage, &mut a4);
+        // The first numerator is one.
         u.assign(&v1);
-        u.axpy(2.0, &v2);
-        u.axpy(2.0, &v3);
-        u.axpy(1.0, &v4);
+        u.axpy(weights.numerators[1], &v2);
+        u.axpy(weights.numerators[2], &v3);
+        u.axpy(weights.numerators[3], &v4);
         u.add_bracket(-0.5 * h, &v1, &v4);
-        a1.axpy(2.0, &a2);
-        a1.axpy(2.0, &a3);
-        a1.axpy(1.0, &a4);
+        a1.axpy(weights.numerators[1], &a2);
+        a1.axpy(weights.numerators[2], &a3);
+        a1.axpy(weights.numerators[3], &a4);
         out.assign(x);
-        out.drift(&u, h / 6.0);
-        out.kick(&a1, h / 6.0);
+        out.drift(&u, h / weights.denominator);
+        out.kick(&a1, h / weights.denominator);
         Ok(())
     }
 }

@@ -175,7 +175,9 @@ pub fn energy(
     study(setup, bodies, progress, &|body| {
         let system = RigidBodySystem::free(*body);
         let initial = RigidBodyState::spinning(setup.angular_velocity);
-        method.engage(setup.options, &system, &initial, &mut |engine| run(engine, &initial, body, setup))?
+        let engaged =
+            method.engage(setup.options, &system, &initial, &mut |engine| run(engine, &initial, body, setup));
+        Ok(engaged??)
     })
 }
 
@@ -190,7 +192,7 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
         let system = RigidBodySystem::free(*body);
         let initial = RigidBodyState::spinning(setup.angular_velocity);
         let mut engine = FormEngine::start(&system, stepper, Unchanged, &RigidBodyState::clone, &initial)?;
-        run(&mut engine, &initial, body, setup)
+        Ok(run(&mut engine, &initial, body, setup)?)
     })
 }
 
@@ -259,7 +261,7 @@ fn study(
     setup: &EnergySetup,
     bodies: &[RigidBody],
     progress: &mut Progress<'_>,
-    run: &(dyn Fn(&RigidBody) -> Result<Run, StepError> + Sync),
+    run: &(dyn Fn(&RigidBody) -> Result<Run, StudyError> + Sync),
 ) -> Result<EnergyStudy, StudyError> {
     setup.check(bodies)?;
     let mut result = EnergyStudy {

@@ -12,8 +12,9 @@
 
 use super::problem::{Errors, Problem};
 use super::{Progress, StudyError, check_not_empty, report};
-use crate::driver::{IntegrateError, Outcome, TimeGrid, integrate};
+use crate::driver::{IntegrateError, Outcome, TimeGrid};
 use crate::methods::{Method, Options};
+use crate::run::Run;
 use crate::stepper::{StepError, Stepper};
 use crate::system::{RigidSystem, System};
 use somersault_core::argument::expect_positive;
@@ -78,7 +79,7 @@ pub fn convergence<S: RigidSystem>(
     progress: &mut Progress<'_>,
 ) -> Result<Convergence, StudyError> {
     study(problem, dts, progress, &|grid| {
-        method.integrate(options, problem.system(), problem.initial(), grid, &mut ())
+        Run::new(problem.system(), method, grid).with_options(options).from(problem.initial())
     })
 }
 
@@ -90,7 +91,7 @@ pub fn convergence_of<S: RigidSystem, M: Stepper<S>>(
     progress: &mut Progress<'_>,
 ) -> Result<Convergence, StudyError> {
     study(problem, dts, progress, &|grid| {
-        integrate(problem.system(), stepper, problem.initial(), grid, &mut ())
+        Run::by_stepper(problem.system(), stepper, grid).from(problem.initial())
     })
 }
 
@@ -98,13 +99,13 @@ fn study<S: RigidSystem>(
     problem: &Problem<S>,
     dts: &[f64],
     progress: &mut Progress<'_>,
-    run: &dyn Fn(&TimeGrid) -> Integrated<S>,
+    run: &dyn Fn(TimeGrid) -> Integrated<S>,
 ) -> Result<Convergence, StudyError> {
     check_not_empty("dts", dts)?;
     dts.iter().try_for_each(|dt| expect_positive("dts", *dt).map(|_| ()))?;
     let mut measured = Vec::with_capacity(dts.len());
     for &dt in dts {
-        let outcome = run(&TimeGrid::try_new(0.0, problem.t_end(), dt)?);
+        let outcome = run(TimeGrid::try_new(0.0, problem.t_end(), dt)?);
         let errors = forgive(outcome)?.map_or(Errors::INFINITE, |outcome| problem.errors(&outcome.state));
         measured.push(Measured { dt, errors });
         report(progress, measured.len(), dts.len())?;

@@ -6,7 +6,8 @@ use crate::body::RigidBody;
 use crate::driver::TimeGrid;
 use crate::exact::FreeBody;
 use crate::force::{Drag, ForceModel, Gravity, Spring};
-use crate::methods::{Method, Options};
+use crate::methods::Method;
+use crate::run::Run;
 use crate::state::{Pose, Poses, RigidBodyState, State, Twist};
 use crate::system::{RigidBodySystem, RigidSystem, StateOf};
 use nalgebra::Vector3;
@@ -92,7 +93,7 @@ impl<S: RigidSystem> Problem<S> {
     ) -> Result<Self, StudyError> {
         expect_positive("t_end", t_end)?;
         let grid = TimeGrid::try_new(0.0, t_end, dt)?;
-        let reference = method.integrate(Options::default(), &system, &initial, &grid, &mut ())?.state;
+        let reference = Run::new(&system, method, grid).from(&initial)?.state;
         Self::try_new(system, initial, t_end, reference)
     }
 

@@ -261,7 +261,7 @@ struct Fill<'a> {
     out: &'a mut [[f64; 2]],
 }
 
-impl Visitor<TestSystem> for Fill<'_> {
+impl Visitor<Pose> for Fill<'_> {
     type Output = Result<(), StepError>;
 
     fn visit<B: Form<Pose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {

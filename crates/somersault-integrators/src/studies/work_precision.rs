@@ -17,11 +17,12 @@ use super::order::{Integrated, forgive};
 use super::problem::{Errors, Problem};
 use super::{Progress, StudyError, check_not_empty, report};
 use crate::body::RigidBody;
-use crate::driver::{Adaptive, TimeGrid, integrate, integrate_adaptive};
+use crate::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use crate::methods::{Method, Options};
+use crate::run::Run;
 use crate::state::State;
 use crate::stepper::{EmbeddedStepper, Stepper};
-use crate::system::{BodyPoses, BodyRate, RateOf, RigidSystem, StateOf, System};
+use crate::system::{BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System};
 use somersault_core::argument::expect_positive;
 use std::cell::Cell;
 use std::time::Instant;
@@ -36,8 +37,14 @@ pub enum StepChoice {
 }
 
 impl StepChoice {
-    fn control(tolerance: f64) -> Adaptive {
-        Adaptive::with_tolerances(tolerance, 0.01 * tolerance)
+    /// The steps of a run from 0 to `t_end`.
+    fn steps(self, t_end: f64) -> Result<Steps, IntegrateError> {
+        Ok(match self {
+            Self::Fixed(dt) => TimeGrid::try_new(0.0, t_end, dt)?.into(),
+            Self::Tolerance(tolerance) => {
+                Steps::adapted((0.0, t_end), Adaptive::with_tolerances(tolerance, 0.01 * tolerance))
+            }
+        })
     }
 }
 
@@ -73,25 +80,12 @@ pub fn work_precision<S: RigidSystem>(
     progress: &mut Progress<'_>,
 ) -> Result<Vec<WorkPoint>, StudyError> {
     let counted = Counted::new(problem.system());
-    let initial = problem.initial();
-    let interval = (0.0, problem.t_end());
     let bench = Bench { problem, calls: &counted.calls, nominal: method.info().evaluations, repeats };
-    bench.run(choices, progress, &|choice, counting| match choice {
-        StepChoice::Fixed(dt) => {
-            let grid = TimeGrid::try_new(interval.0, interval.1, dt)?;
-            if counting {
-                method.integrate(options, &counted, initial, &grid, &mut ())
-            } else {
-                method.integrate(options, problem.system(), initial, &grid, &mut ())
-            }
-        }
-        StepChoice::Tolerance(tolerance) => {
-            let control = StepChoice::control(tolerance);
-            if counting {
-                method.integrate_adaptive(options, &counted, initial, interval, &control, &mut ())
-            } else {
-                method.integrate_adaptive(options, problem.system(), initial, interval, &control, &mut ())
-            }
+    bench.run(choices, progress, &|steps, counting| {
+        if counting {
+            Run::new(&counted, method, steps).with_options(options).from(problem.initial())
+        } else {
+            Run::new(problem.system(), method, steps).with_options(options).from(problem.initial())
         }
     })
 }
@@ -111,13 +105,11 @@ where
     let counted = Counted::new(problem.system());
     let choices: Vec<_> = dts.iter().map(|dt| StepChoice::Fixed(*dt)).collect();
     let bench = Bench { problem, calls: &counted.calls, nominal: M::INFO.evaluations, repeats };
-    bench.run(&choices, progress, &|choice, counting| {
-        let (StepChoice::Fixed(dt) | StepChoice::Tolerance(dt)) = choice;
-        let grid = TimeGrid::try_new(0.0, problem.t_end(), dt)?;
+    bench.run(&choices, progress, &|steps, counting| {
         if counting {
-            integrate(&counted, stepper, problem.initial(), &grid, &mut ())
+            Run::by_stepper(&counted, stepper, steps).from(problem.initial())
         } else {
-            integrate(problem.system(), stepper, problem.initial(), &grid, &mut ())
+            Run::by_stepper(problem.system(), stepper, steps).from(problem.initial())
         }
     })
 }
@@ -136,15 +128,12 @@ where
 {
     let counted = Counted::new(problem.system());
     let choices: Vec<_> = tolerances.iter().map(|t| StepChoice::Tolerance(*t)).collect();
-    let interval = (0.0, problem.t_end());
     let bench = Bench { problem, calls: &counted.calls, nominal: M::INFO.evaluations, repeats };
-    bench.run(&choices, progress, &|choice, counting| {
-        let (StepChoice::Fixed(tolerance) | StepChoice::Tolerance(tolerance)) = choice;
-        let control = StepChoice::control(tolerance);
+    bench.run(&choices, progress, &|steps, counting| {
         if counting {
-            integrate_adaptive(&counted, stepper, problem.initial(), interval, &control, &mut ())
+            Run::by_embedded_stepper(&counted, stepper, steps).from(problem.initial())
         } else {
-            integrate_adaptive(problem.system(), stepper, problem.initial(), interval, &control, &mut ())
+            Run::by_embedded_stepper(problem.system(), stepper, steps).from(problem.initial())
         }
     })
 }
@@ -157,12 +146,12 @@ struct Bench<'a, S: RigidSystem> {
 }
 
 impl<S: RigidSystem> Bench<'_, S> {
-    /// `go` integrates with a choice, by the counted system or by the bare one.
+    /// `go` integrates with steps, the counted system or the bare one.
     fn run(
         &self,
         choices: &[StepChoice],
         progress: &mut Progress<'_>,
-        go: &dyn Fn(StepChoice, bool) -> Integrated<S>,
+        go: &dyn Fn(Steps, bool) -> Integrated<S>,
     ) -> Result<Vec<WorkPoint>, StudyError> {
         check_not_empty("choices", choices)?;
         for choice in choices {
@@ -182,8 +171,9 @@ impl<S: RigidSystem> Bench<'_, S> {
     fn point(
         &self,
         choice: StepChoice,
-        go: &dyn Fn(StepChoice, bool) -> Integrated<S>,
+        go: &dyn Fn(Steps, bool) -> Integrated<S>,
     ) -> Result<WorkPoint, StudyError> {
+        let steps = choice.steps(self.problem.t_end())?;
         let failed = WorkPoint {
             choice,
             errors: Errors::INFINITE,
@@ -196,7 +186,7 @@ impl<S: RigidSystem> Bench<'_, S> {
         let mut end = None;
         for _ in 0..self.repeats.max(1) {
             let start = Instant::now();
-            let run = go(choice, false);
+            let run = go(steps, false);
             seconds = seconds.min(start.elapsed().as_secs_f64());
             end = forgive(run)?;
             if end.is_none() {
@@ -205,7 +195,7 @@ impl<S: RigidSystem> Bench<'_, S> {
         }
         let Some(outcome) = end else { return Ok(failed) };
         self.calls.set(0);
-        forgive(go(choice, true))?;
+        forgive(go(steps, true))?;
         let tried = outcome.steps + outcome.rejected;
         let evaluations = match self.calls.get() {
             0 => tried * u64::from(self.nominal),
@@ -244,6 +234,7 @@ impl<'a, S> Counted<'a, S> {
 #[deny(clippy::missing_trait_methods)]
 impl<S: RigidSystem> System for Counted<'_, S> {
     type Configuration = S::Configuration;
+    type Forms = RigidForms;
     type Workspace = S::Workspace;
     fn workspace(&self) -> S::Workspace {
         self.system.workspace()
@@ -254,6 +245,9 @@ impl<S: RigidSystem> System for Counted<'_, S> {
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         self.calls.set(self.calls.get() + 1);
         self.system.acceleration(w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.system.take_fault()
     }
 }
 

@@ -17,8 +17,8 @@
 //!
 //! Source: M. Meredith and S. Maddock, *Motion capture file formats explained*, University of Sheffield, CS-01-11, 2001.
 
-use super::{Place, ReadError, number, unexpected};
-use crate::recording::{Convention, RecordingError, Skeleton, SkeletonJoint, SkeletonRecording};
+use super::{Choices, Format, Place, ReadError, number, text, unexpected};
+use crate::recording::{Axis, Convention, RecordingError, Skeleton, SkeletonJoint, SkeletonRecording};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::HashSet;
 
@@ -141,6 +141,15 @@ impl<'a> Words<'a> {
         }
     }
 }
+
+pub(super) const FORMAT: Format = Format {
+    name: "BVH",
+    endings: &["bvh"],
+    unit: None,
+    up: Axis::PlusY,
+    forward: Axis::PlusZ,
+    parse: |bytes, Choices { convention, .. }| Ok(read(text(bytes)?, convention)?.into()),
+};
 
 /// The recording in the `text` of a BVH file, the frames of which begin at t = 0.
 pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, ReadError> {

@@ -16,11 +16,13 @@
 //!
 //! Source: *The C3D file format user guide*, Motion Lab Systems, 2021.
 
+mod contradiction;
 mod layout;
 mod parameters;
 
-use super::{Place, ReadError, unexpected};
-use crate::recording::{Convention, LengthUnit, MarkerRecording};
+use super::{Choices, Format, Place, ReadError, RecordingFile, unexpected};
+use crate::recording::{Axis, Convention, LengthUnit, MarkerRecording};
+pub use contradiction::{Contradiction, Decision};
 pub(crate) use layout::FIRST_TIME;
 use layout::{Layout, layout};
 use nalgebra::Vector3;
@@ -55,43 +57,18 @@ fn bytes<'a>(file: &'a [u8], from: usize, n: usize, allowed: &str) -> Result<&'a
     })
 }
 
-/// What decides between header and parameters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Decision {
-    /// The length of the file: with the other its frames do not end where the file does.
-    Length,
-    /// The length says nothing of it; the user guide has the parameters rule.
-    Parameters,
-}
-
-/// Something that the header of a file and its parameters declare differently.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contradiction {
-    /// What is declared.
-    pub quantity: &'static str,
-    /// By the header.
-    pub header: f64,
-    /// By the parameters.
-    pub parameter: f64,
-    /// What the file was read with.
-    pub used: f64,
-    /// Why.
-    pub decided: Decision,
-}
-
-impl std::fmt::Display for Contradiction {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { quantity, header, parameter, used, decided } = self;
-        let why = match decided {
-            Decision::Length => "by the length of the file",
-            Decision::Parameters => "since parameters take precedence",
-        };
-        write!(
-            f,
-            "{quantity}: the header declares {header}, the parameters {parameter}; {used} is used, {why}"
-        )
-    }
-}
+pub(super) const FORMAT: Format = Format {
+    name: "C3D",
+    endings: &["c3d"],
+    unit: Some(LengthUnit::Millimetre),
+    up: Axis::PlusZ,
+    forward: Axis::PlusX,
+    parse: |bytes, &Choices { convention, nan_is_gap, .. }| {
+        let contradictions = contradictions(bytes)?;
+        let found: RecordingFile = read(bytes, &C3dOptions { convention, nan_is_gap })?.into();
+        Ok(RecordingFile { contradictions, ..found })
+    },
+};
 
 /// What header and parameters of a C3D `file` declare differently, and what [`read`] takes for it.
 pub fn contradictions(file: &[u8]) -> Result<Vec<Contradiction>, ReadError> {

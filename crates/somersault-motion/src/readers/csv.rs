@@ -16,9 +16,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use super::{MarkerOptions, Place, ReadError, number, point, unexpected};
-use crate::recording::MarkerRecording;
+use super::{Choices, Format, MarkerOptions, Place, ReadError, number, point, text, unexpected};
+use crate::recording::{Axis, LengthUnit, MarkerRecording};
 use ::csv::{Reader, ReaderBuilder, StringRecord, Trim};
+
+pub(super) const FORMAT: Format = Format {
+    name: "CSV",
+    endings: &["csv"],
+    unit: Some(LengthUnit::Metre),
+    up: Axis::PlusZ,
+    forward: Axis::PlusX,
+    parse: |bytes, &Choices { convention, nan_is_gap, .. }| {
+        Ok(read(text(bytes)?, &MarkerOptions { convention, nan_is_gap })?.into())
+    },
+};
 
 /// The recording in `text`.
 pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, ReadError> {

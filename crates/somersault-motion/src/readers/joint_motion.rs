@@ -19,8 +19,8 @@
 //!
 //! Source: X. B. Peng, P. Abbeel, S. Levine and M. van de Panne, *DeepMimic*, ACM Trans. Graph. 37 (2018), 143.
 
-use super::{Place, ReadError, shorten};
-use crate::recording::{Convention, LengthUnit, Skeleton, SkeletonJoint, SkeletonRecording};
+use super::{Choices, Format, Place, ReadError, shorten, text};
+use crate::recording::{Axis, Convention, LengthUnit, Skeleton, SkeletonJoint, SkeletonRecording};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::de::{Deserialize, DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
 use somersault_multibody::ModelError;
@@ -149,6 +149,15 @@ impl Frame {
         })
     }
 }
+
+pub(super) const FORMAT: Format = Format {
+    name: "motions of DeepMimic",
+    endings: &["json", "txt"],
+    unit: Some(LengthUnit::Metre),
+    up: Axis::PlusY,
+    forward: Axis::PlusX,
+    parse: |bytes, Choices { diver, .. }| Ok(read(text(bytes)?, diver)?.into()),
+};
 
 /// The recording in `text`, with the lengths of `diver`.
 pub fn read(text: &str, diver: &Diver) -> Result<SkeletonRecording, ReadError> {

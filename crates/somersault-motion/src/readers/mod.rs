@@ -8,17 +8,22 @@
 //! | TRC | [`trc`] | markers |
 //! | CSV | [`csv`] | markers |
 //!
-//! Readers take text or bytes, [`load`] a path. Files may come from anywhere: what a file declares is held
+//! [`read_file`] takes a path and finds the reader by its ending; [`FORMATS`] has a row for each. Readers take text or bytes,
+//! [`load`] a path and a reader. Files may come from anywhere: what a file declares is held
 //! against what it has before memory is asked for, so that a reader uses a bounded multiple of the file's
 //! length; nesting costs no stack. Every error has the line or the byte, what was found and what is allowed.
 
 pub mod bvh;
 pub mod c3d;
 pub mod csv;
+mod format;
 pub mod joint_motion;
 pub mod trc;
 
+pub use format::{Format, ReadOptions, Recording, RecordingFile};
+
 use crate::recording::{Convention, RecordingError};
+use format::Choices;
 use somersault_multibody::ModelError;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -115,6 +120,15 @@ pub enum ReadError {
         /// Why.
         source: RecordingError,
     },
+    /// Neither the file nor the caller says in which unit lengths are.
+    #[error("`unit` must be given, since {format} has none")]
+    NoUnit {
+        /// Name of the format.
+        format: &'static str,
+    },
+    /// The axes that the caller says are none.
+    #[error(transparent)]
+    Axes(RecordingError),
     /// The body whose lengths a motion takes is none.
     #[error("`diver`: {0}")]
     Diver(#[from] ModelError),
@@ -132,7 +146,7 @@ impl ReadError {
             | Self::NoFrames { place }
             | Self::Encoding { place }
             | Self::Recording { place, .. } => Some(*place),
-            Self::Diver(_) => None,
+            Self::NoUnit { .. } | Self::Axes(_) | Self::Diver(_) => None,
         }
     }
 
@@ -155,6 +169,12 @@ pub enum LoadError {
         /// What the operating system says.
         reason: String,
     },
+    /// The ending of its name is that of no format.
+    #[error("`{}` must end in {}", path.display(), endings())]
+    UnknownFormat {
+        /// The path.
+        path: PathBuf,
+    },
     /// The file is not what it should be.
     #[error("`{}`: {source}", path.display())]
     Read {
@@ -163,6 +183,43 @@ pub enum LoadError {
         /// What is wrong.
         source: ReadError,
     },
+}
+
+/// The formats.
+pub const FORMATS: [&Format; 5] =
+    [&csv::FORMAT, &trc::FORMAT, &c3d::FORMAT, &bvh::FORMAT, &joint_motion::FORMAT];
+
+/// The format whose files end so, in any case and without the dot.
+pub fn format_of(ending: &str) -> Option<&'static Format> {
+    let ending = ending.to_ascii_lowercase();
+    FORMATS.into_iter().find(|format| format.endings.contains(&ending.as_str()))
+}
+
+/// All endings of [`FORMATS`], for a message.
+pub fn endings() -> String {
+    let all: Vec<String> =
+        FORMATS.iter().flat_map(|format| format.endings).map(|ending| format!(".{ending}")).collect();
+    match all.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        Some(_) | None => all.concat(),
+    }
+}
+
+/// Reads the file at `path`, which is of the format that its ending says.
+///
+/// ```no_run
+/// use somersault_motion::readers::{ReadOptions, read_file};
+///
+/// let gait = read_file("gait.c3d", &ReadOptions::default())?.recording.into_markers()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn read_file(path: impl AsRef<Path>, options: &ReadOptions) -> Result<RecordingFile, LoadError> {
+    let path = path.as_ref();
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    match ending.and_then(format_of) {
+        Some(format) => load(path, |bytes| format.read(bytes, options)),
+        None => Err(LoadError::UnknownFormat { path: path.to_owned() }),
+    }
 }
 
 /// Reads the file at `path` with one of the readers.

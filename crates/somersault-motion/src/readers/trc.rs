@@ -13,8 +13,8 @@
 //! The unit is the file's, the axes are the caller's: OpenSim has y up and x forward. A marker with empty cells is
 //! missing in that frame. NumFrames and NumMarkers must be those of what follows.
 
-use super::{MarkerOptions, Place, ReadError, number, point, unexpected};
-use crate::recording::{LengthUnit, MarkerRecording};
+use super::{Choices, Format, MarkerOptions, Place, ReadError, number, point, text, unexpected};
+use crate::recording::{Axis, LengthUnit, MarkerRecording};
 
 /// Cells of a line without what surrounds them.
 fn cells(line: &str) -> Vec<&str> {
@@ -44,6 +44,17 @@ impl<'a> Header<'a> {
         value.parse().map_err(|_| unexpected(Self::PLACE, value, format!("{name}, a whole number")))
     }
 }
+
+pub(super) const FORMAT: Format = Format {
+    name: "TRC",
+    endings: &["trc"],
+    unit: Some(LengthUnit::Metre),
+    up: Axis::PlusY,
+    forward: Axis::PlusX,
+    parse: |bytes, &Choices { convention, nan_is_gap, .. }| {
+        Ok(read(text(bytes)?, &MarkerOptions { convention, nan_is_gap })?.into())
+    },
+};
 
 /// The recording in the `text` of a TRC file; the unit of `options` is not used.
 pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, ReadError> {

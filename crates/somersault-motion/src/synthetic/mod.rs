@@ -11,7 +11,7 @@
 //!                                      └── markers + noise ──→ performances
 //! ```
 //! A flight is any motion of a tree in the air, configuration by configuration: an optimal dive of
-//! `somersault-ocp`, or a fitted recording. Its joint motion s(u), u the fraction of the duration T, is perturbed
+//! `somersault-dives`, or a fitted recording. Its joint motion s(u), u the fraction of the duration T, is perturbed
 //! in what it departs by from the straight way between its end postures, its fold F:
 //!
 //! ```text
@@ -46,9 +46,9 @@ use crate::fit::FitError;
 use crate::recording::RecordingError;
 use crate::scoring::ScoringError;
 use somersault_core::argument::ArgumentError;
+use somersault_integrators::driver::IntegrateError;
 use somersault_multibody::DynamicsError;
 use somersault_multibody::flight::FlightError;
-use somersault_multibody::motion::MotionError;
 
 /// Why there is no synthetic dive.
 #[derive(Debug, thiserror::Error)]
@@ -103,7 +103,7 @@ pub enum SyntheticError {
     Flight(#[from] FlightError),
     /// The flight breaks off.
     #[error(transparent)]
-    Motion(#[from] MotionError),
+    Motion(#[from] IntegrateError),
     /// Markers are not the model's.
     #[error(transparent)]
     Markers(#[from] FitError),

@@ -8,11 +8,11 @@ use crate::recording::{MarkerRecording, expect_times, uniform_times};
 use nalgebra::Vector3;
 use somersault_core::argument::{expect_finite, expect_least, expect_length};
 use somersault_core::lie::so3;
-use somersault_integrators::driver::{TimeGrid, integrate};
+use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::methods::RungeKuttaMuntheKaas4;
+use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
 use somersault_multibody::flight::{Flight, FlightSystem, TakeOff};
-use somersault_multibody::motion::TreeMotion;
 use somersault_multibody::{Data, Group, Joint, Model};
 
 /// A flight that synthetic dives are made of.
@@ -141,11 +141,9 @@ impl SyntheticFlight {
         };
         let system = FlightSystem::new(flight, &shape);
         let first = system.state(&self.orientation)?;
-        let grid = TimeGrid::try_with_steps(0.0, duration, STEPS * (self.n_frames as u64 - 1));
-        let grid = grid.map_err(|error| system.explain(error))?;
+        let grid = TimeGrid::try_with_steps(0.0, duration, STEPS * (self.n_frames as u64 - 1))?;
         let mut recorder = Recorder::new(0.0, &first, STEPS);
-        integrate(&system, &RungeKuttaMuntheKaas4, &first, &grid, &mut recorder)
-            .map_err(|error| system.explain(error))?;
+        Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid).observed_by(&mut recorder).from(&first)?;
         let times = uniform_times(&[0.0, duration], self.n_frames);
         let mut positions = Vec::with_capacity(self.n_frames * self.model.n_positions());
         let mut room = somersault_integrators::system::System::workspace(&system);

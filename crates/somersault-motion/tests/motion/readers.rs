@@ -3,9 +3,10 @@
 use crate::files::{BVH, Bytes, C3d, CSV, TRC, joint_motion};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use somersault_motion::readers::{
-    MarkerOptions, Place, ReadError, bvh, c3d, csv, joint_motion, load, text, trc,
+    LoadError, MarkerOptions, Place, ReadError, ReadOptions, Recording, bvh, c3d, csv, format_of,
+    joint_motion, load, read_file, text, trc,
 };
-use somersault_motion::recording::{Convention, LengthUnit, RecordingError};
+use somersault_motion::recording::{Axis, Convention, LengthUnit, RecordingError};
 use somersault_motion::writers;
 use somersault_multibody::models::Diver;
 
@@ -422,4 +423,63 @@ fn paths_are_named() {
     assert!(found.unwrap_err().to_string().contains("no such file"));
     let found = text(&[b'a', 0xff]);
     assert_eq!(found, Err(ReadError::Encoding { place: Place::Byte(1) }));
+}
+
+#[test]
+fn a_file_is_read_as_its_ending_says() {
+    let c3d_file = C3d { bytes: Bytes::Intel, float: true, n_frames: 3 }.write();
+    let motion = joint_motion(2);
+    let centimetres = ReadOptions { unit: Some(LengthUnit::Centimetre), ..ReadOptions::default() };
+    let y_up = MarkerOptions {
+        convention: Convention::y_up_x_forward(LengthUnit::Metre),
+        ..MarkerOptions::default()
+    };
+    let skeleton = |text: &str| {
+        bvh::read(text, &Convention::y_up_z_forward(LengthUnit::Centimetre)).map(Recording::Skeleton)
+    };
+    let folder = std::env::temp_dir().join(format!("somersault-endings-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let read = |name: &str, bytes: &[u8], options: &ReadOptions| {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        read_file(path, options).map(|found| found.recording)
+    };
+    let markers = Recording::Markers;
+    let own = ReadOptions::default();
+    for (name, bytes, options, expected) in [
+        ("a.csv", CSV.as_bytes(), own, csv::read(CSV, &MarkerOptions::default()).map(markers)),
+        ("a.TRC", TRC.as_bytes(), centimetres, trc::read(TRC, &y_up).map(markers)),
+        ("a.c3d", &c3d_file, centimetres, c3d::read(&c3d_file, &c3d::C3dOptions::default()).map(markers)),
+        ("a.bvh", BVH.as_bytes(), centimetres, skeleton(BVH)),
+        (
+            "a.txt",
+            motion.as_bytes(),
+            own,
+            joint_motion::read(&motion, &Diver::spatial()).map(Recording::Skeleton),
+        ),
+    ] {
+        assert_eq!(read(name, bytes, &options), Ok(expected.unwrap()), "{name}");
+    }
+    let unknown = read("a.mov", b"", &own).unwrap_err();
+    assert!(matches!(unknown, LoadError::UnknownFormat { .. }));
+    assert!(unknown.to_string().ends_with("must end in .csv, .trc, .c3d, .bvh, .json or .txt"), "{unknown}");
+    std::fs::remove_dir_all(&folder).unwrap();
+    let bvh = format_of("bvh").unwrap();
+    assert_eq!(bvh.read(BVH.as_bytes(), &own), Err(ReadError::NoUnit { format: "BVH" }));
+    let parallel = ReadOptions { up: Some(Axis::PlusZ), ..centimetres };
+    assert!(matches!(bvh.read(BVH.as_bytes(), &parallel), Err(ReadError::Axes(_))));
+}
+
+/// What the caller leaves open is what the reader of the format takes by itself, so that both say the same.
+#[test]
+fn a_format_has_the_conventions_of_its_reader() {
+    let convention = |ending: &str, unit: LengthUnit| {
+        let format = format_of(ending).unwrap();
+        assert!(format.unit.is_none_or(|own| own == unit));
+        Convention::try_new(unit, format.up, format.forward).unwrap()
+    };
+    assert_eq!(convention("csv", LengthUnit::Metre), MarkerOptions::default().convention);
+    assert_eq!(convention("c3d", LengthUnit::Millimetre), c3d::C3dOptions::default().convention);
+    assert_eq!(convention("trc", LengthUnit::Metre), Convention::y_up_x_forward(LengthUnit::Metre));
+    assert_eq!(convention("bvh", LengthUnit::Inch), Convention::y_up_z_forward(LengthUnit::Inch));
 }

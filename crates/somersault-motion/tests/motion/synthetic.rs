@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use somersault_core::argument::ArgumentError;
+use somersault_dives::{Dive, DiveMotion, DiveReport, DiveSearch};
 use somersault_motion::analysis::DiveFaults;
 use somersault_motion::fit::MarkerSet;
 use somersault_motion::scoring::{ScoringModel, ScoringOptions, Validation, ValidationOptions, validate};
@@ -12,7 +13,6 @@ use somersault_motion::synthetic::{
 use somersault_multibody::models::Diver;
 use somersault_multibody::{Data, Model};
 use somersault_nlp::Flow;
-use somersault_ocp::dive::{Dive, DiveMotion, DiveReport, DiveSearch};
 use std::sync::LazyLock;
 
 /// The optimal 107B of thesis 3.1, found once.

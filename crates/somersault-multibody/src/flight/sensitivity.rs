@@ -10,11 +10,11 @@
 use super::{Flight, FlightWorkspace, ShapeMotion};
 use crate::coordinates::{Coordinates, Factor, Layout, Rates};
 use crate::error::DynamicsError;
-use crate::motion::{Failure, TreeMotion, TreeState};
+use crate::motion::{Failure, TreeState};
 use nalgebra::{DMatrix, DMatrixView, Vector3};
 use somersault_core::argument::expect_length;
 use somersault_integrators::state::State;
-use somersault_integrators::system::System;
+use somersault_integrators::system::{Fault, OneForm, System};
 
 /// A joint motion with parameters.
 pub trait ShapeParameters: ShapeMotion {
@@ -137,6 +137,7 @@ impl<'f, S: ShapeParameters + ?Sized> FlightSensitivities<'f, S> {
 
 impl<S: ShapeParameters + ?Sized> System for FlightSensitivities<'_, S> {
     type Configuration = Coordinates;
+    type Forms = OneForm;
     type Workspace = SensitivityWorkspace;
 
     fn workspace(&self) -> SensitivityWorkspace {
@@ -156,10 +157,8 @@ impl<S: ShapeParameters + ?Sized> System for FlightSensitivities<'_, S> {
     fn acceleration(&self, _: &mut SensitivityWorkspace, _: f64, _: &TreeState, out: &mut Rates) {
         out.as_mut_slice().fill(0.0);
     }
-}
 
-impl<S: ShapeParameters + ?Sized> TreeMotion for FlightSensitivities<'_, S> {
-    fn failure(&self) -> &Failure {
-        &self.failure
+    fn take_fault(&self) -> Option<Fault> {
+        self.failure.take()
     }
 }

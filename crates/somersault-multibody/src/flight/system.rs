@@ -3,11 +3,11 @@
 use super::{Flight, FlightData};
 use crate::coordinates::{Coordinates, Factor, Layout, Rates};
 use crate::error::DynamicsError;
-use crate::motion::{Failure, TreeMotion, TreeState};
+use crate::motion::{Failure, TreeState};
 use nalgebra::Vector3;
 use somersault_core::argument::expect_length;
 use somersault_integrators::state::State;
-use somersault_integrators::system::System;
+use somersault_integrators::system::{Fault, OneForm, System};
 
 /// The joint motion of a flight: all joints but the root's.
 ///
@@ -121,6 +121,7 @@ impl<'f, S: ShapeMotion + ?Sized> FlightSystem<'f, S> {
 
 impl<S: ShapeMotion + ?Sized> System for FlightSystem<'_, S> {
     type Configuration = Coordinates;
+    type Forms = OneForm;
     type Workspace = FlightWorkspace;
 
     fn workspace(&self) -> FlightWorkspace {
@@ -139,10 +140,8 @@ impl<S: ShapeMotion + ?Sized> System for FlightSystem<'_, S> {
     fn acceleration(&self, _: &mut FlightWorkspace, _: f64, _: &TreeState, out: &mut Rates) {
         out.as_mut_slice().fill(0.0);
     }
-}
 
-impl<S: ShapeMotion + ?Sized> TreeMotion for FlightSystem<'_, S> {
-    fn failure(&self) -> &Failure {
-        &self.failure
+    fn take_fault(&self) -> Option<Fault> {
+        self.failure.take()
     }
 }

@@ -1,14 +1,12 @@
 //! The equations of motion of a tree as a system for the integrators.
 
-use super::{
-    Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeMotion, TreeState, TreeWorkspace,
-};
+use super::{Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeState, TreeWorkspace};
 use crate::articulated::Split;
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Force;
 use somersault_core::argument::expect_length;
-use somersault_integrators::system::System;
+use somersault_integrators::system::{Fault, OneForm, System};
 
 /// A tree under forces, with joints that may be driven.
 #[derive(Debug)]
@@ -77,6 +75,7 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
 
 impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
     type Configuration = Coordinates;
+    type Forms = OneForm;
     type Workspace = TreeWorkspace;
 
     fn workspace(&self) -> TreeWorkspace {
@@ -92,10 +91,8 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
             None => out.as_mut_slice().fill(f64::NAN),
         }
     }
-}
 
-impl<F: TreeForces, D: JointDrive> TreeMotion for TreeSystem<'_, F, D> {
-    fn failure(&self) -> &Failure {
-        &self.failure
+    fn take_fault(&self) -> Option<Fault> {
+        self.failure.take()
     }
 }

@@ -11,8 +11,9 @@ use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
 use somersault_core::cancel::CancellationToken;
-use somersault_integrators::driver::{Adaptive, integrate_adaptive};
+use somersault_integrators::driver::{Adaptive, Steps};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::State;
 use somersault_nlp::EvaluationError;
 
@@ -198,7 +199,8 @@ fn integrate(
     };
     let driven = DrivenPhase::new(phase, solution, k);
     let stepper = RungeKuttaMuntheKaas::<Dop853>::default();
-    let outcome = integrate_adaptive(&driven, &stepper, &initial, (start, end), &control, &mut token);
+    let steps = Steps::adapted((start, end), control);
+    let outcome = Run::by_embedded_stepper(&driven, &stepper, steps).observed_by(&mut token).from(&initial);
     if let Some(error @ EvaluationError::Failed(_)) = driven.into_failure() {
         return Err(error.into());
     }

@@ -5,7 +5,7 @@ use super::solution::{PhaseSolution, combine};
 use somersault_integrators::nalgebra::Vector3;
 use somersault_integrators::scratch::Storage;
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, State, Tolerances};
-use somersault_integrators::system::System;
+use somersault_integrators::system::{OneForm, System};
 use somersault_nlp::EvaluationError;
 use std::cell::RefCell;
 
@@ -119,6 +119,7 @@ impl<'a> DrivenPhase<'a> {
 
 impl System for DrivenPhase<'_> {
     type Configuration = Vector;
+    type Forms = OneForm;
     type Workspace = ();
     fn workspace(&self) {}
 

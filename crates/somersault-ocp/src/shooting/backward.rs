@@ -1,6 +1,5 @@
 //! The adjoint of a rollout: segments, steps and stages in reverse.
 
-use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Shooting};
 use crate::dynamics::{GroupTransport, HybridDynamics};
@@ -59,7 +58,7 @@ impl Work {
 fn pull_move(
     transport: &GroupTransport,
     by: &[f64],
-    factors: &Factors,
+    factors: &[f64],
     h: f64,
     velocities: [&[f64]; 4],
     slopes: &mut [[Vec<f64>; 2]; 4],
@@ -232,10 +231,10 @@ impl<D: HybridDynamics> Shooting<D> {
             for dof in &*passive {
                 stages[0][1][*dof] = state[1][*dof];
             }
-            by_step += pull_sum(&tableau.end_velocity, h, &state[1], n_stages, slopes, passive, |i| {
-                motion.found(first + i)
-            });
-            for (m, factors) in tableau.end.iter().enumerate().rev() {
+            let weights = tableau.on_vectors.weights.factors;
+            by_step += pull_sum(weights, h, &state[1], slopes, passive, |i| motion.found(first + i));
+            for (m, exponential) in tableau.end.iter().enumerate().rev() {
+                let factors = exponential.factors;
                 let transport = &motion.transports[first_move + n_stages - 1 + m];
                 by_step +=
                     pull_move(transport, &state[0], factors, h, velocities, slopes, moving, along, passive);
@@ -264,7 +263,7 @@ impl<D: HybridDynamics> Shooting<D> {
             by_step += pull_move(
                 transport,
                 by_position,
-                &inner.position,
+                inner.factors,
                 h,
                 velocities,
                 slopes,
@@ -276,9 +275,8 @@ impl<D: HybridDynamics> Shooting<D> {
                 earlier[inner.from][0][*dof] += along[*dof];
                 earlier[0][1][*dof] += by_velocity[*dof];
             }
-            by_step += pull_sum(&inner.velocity, h, by_velocity, n_stages, slopes, passive, |i| {
-                motion.found(first + i)
-            });
+            let row = tableau.on_vectors.rows[s];
+            by_step += pull_sum(row, h, by_velocity, slopes, passive, |i| motion.found(first + i));
         }
         if let Some(variable) = self.layout.durations[phase] {
             gradient[variable] += by_step / self.phases[phase].n_steps as f64;
@@ -356,16 +354,15 @@ impl<D: HybridDynamics> Shooting<D> {
 
 /// v₀ + h Σ f_i a_i: from the gradient `by` the sum to those by the a_i and, returned, by h.
 fn pull_sum<'a>(
-    factors: &Factors,
+    factors: &[f64],
     h: f64,
     by: &[f64],
-    n_stages: usize,
     slopes: &mut [[Vec<f64>; 2]; 4],
     passive: &[usize],
     accelerations: impl Fn(usize) -> &'a [f64],
 ) -> f64 {
     let mut by_step = 0.0;
-    for (i, factor) in factors.iter().enumerate().take(n_stages).filter(|(_, f)| **f != 0.0) {
+    for (i, factor) in factors.iter().enumerate().filter(|(_, f)| **f != 0.0) {
         let found = accelerations(i);
         for dof in passive {
             slopes[i][1][*dof] += h * factor * by[*dof];

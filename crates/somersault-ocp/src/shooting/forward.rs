@@ -2,7 +2,6 @@
 
 use super::curvature::Sum;
 use super::table::push_forward;
-use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Segment, Shooting};
 use crate::dynamics::{GroupTransport, HybridDynamics};
@@ -56,7 +55,7 @@ impl Work {
 /// Which of the moves of a step, with its factors and length.
 struct Move<'a> {
     transport: &'a GroupTransport,
-    factors: &'a Factors,
+    factors: &'a [f64],
     h: f64,
     /// Row of the duration, if it is free, and ∂h by it.
     duration: Option<(usize, f64)>,
@@ -310,20 +309,20 @@ impl<D: HybridDynamics> Shooting<D> {
         let Work { state, stages, moving, along, .. } = work;
         for (s, inner) in (1..n_stages).zip(tableau.stages) {
             let transport = &self.stages.transports[first_move + s - 1];
-            let step_to = Move { transport, factors: &inner.position, h, duration };
+            let step_to = Move { transport, factors: inner.factors, h, duration };
             step_to.push(&stages[inner.from].position, stages, velocities, &self.passive, moving, along);
             stages[s].position.copy_from(along);
-            self.push_sum(first, &inner.velocity, h, duration, stages, along);
+            self.push_sum(first, tableau.on_vectors.rows[s], h, duration, stages, along);
             stages[s].velocity.copy_from(along);
             self.push_stage(segment, step, s, &mut stages[s], false);
         }
-        for (m, factors) in tableau.end.iter().enumerate() {
+        for (m, exponential) in tableau.end.iter().enumerate() {
             let transport = &self.stages.transports[first_move + n_stages - 1 + m];
-            let step_to = Move { transport, factors, h, duration };
+            let step_to = Move { transport, factors: exponential.factors, h, duration };
             step_to.push(&state[0], stages, velocities, &self.passive, moving, along);
             state[0].copy_from(along);
         }
-        self.push_sum(first, &tableau.end_velocity, h, duration, stages, along);
+        self.push_sum(first, tableau.on_vectors.weights.factors, h, duration, stages, along);
         state[1].copy_from(along);
     }
 
@@ -331,7 +330,7 @@ impl<D: HybridDynamics> Shooting<D> {
     fn push_sum(
         &self,
         first: usize,
-        factors: &Factors,
+        factors: &[f64],
         h: f64,
         duration: Option<(usize, f64)>,
         stages: &[Stage],

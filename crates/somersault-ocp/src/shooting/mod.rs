@@ -20,7 +20,6 @@ mod layout;
 mod phase;
 mod step;
 mod table;
-mod tableau;
 mod trajectory;
 
 pub use layout::Layout;

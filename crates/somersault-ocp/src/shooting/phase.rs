@@ -3,6 +3,7 @@
 use crate::error::OcpError;
 use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_core::quadrature::{gregory, left_rectangles};
+use somersault_integrators::tableau::{COMMUTATOR_FREE_4, CommutatorFreeTableau, EULER, RUNGE_KUTTA_4};
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_nlp::Bounds;
 
@@ -129,12 +130,24 @@ impl Start {
     }
 }
 
+/// Half steps to each stage of the classical Runge–Kutta method.
+const HALF_STEPS: [usize; 4] = [half_steps(0), half_steps(1), half_steps(2), half_steps(3)];
+
+const fn half_steps(stage: usize) -> usize {
+    (2.0 * RUNGE_KUTTA_4.nodes[stage]) as usize
+}
+
 impl Scheme {
-    pub(crate) fn n_stages(self) -> usize {
+    /// The numbers of a step.
+    pub(crate) fn tableau(self) -> &'static CommutatorFreeTableau {
         match self {
-            Self::ExplicitEuler => 1,
-            Self::RungeKutta4 => 4,
+            Self::ExplicitEuler => &EULER,
+            Self::RungeKutta4 => &COMMUTATOR_FREE_4,
         }
+    }
+
+    pub(crate) fn n_stages(self) -> usize {
+        self.tableau().on_vectors.nodes.len()
     }
 
     /// Places in a step at which the channels are needed.
@@ -149,7 +162,7 @@ impl Scheme {
     pub(crate) fn point(self, stage: usize) -> usize {
         match self {
             Self::ExplicitEuler => 0,
-            Self::RungeKutta4 => [0, 1, 1, 2][stage],
+            Self::RungeKutta4 => HALF_STEPS[stage],
         }
     }
 

@@ -1,15 +1,13 @@
 //! One step after another, and what all sweeps need of them.
 
-use super::phase::Scheme;
-use super::tableau::Factors;
 use super::trajectory::moves_per_step;
 use super::{Drive, Prepared, Shooting};
 use crate::dynamics::HybridDynamics;
 use somersault_nlp::EvaluationError;
 
-/// The stages that a sum takes. The others may hold what an earlier motion without a value left there.
-fn summed(factors: &Factors, scheme: Scheme) -> impl Iterator<Item = usize> + '_ {
-    (0..scheme.n_stages()).filter(|i| factors[*i] != 0.0)
+/// The stages that a sum takes, with their factors. The others may hold what an earlier motion without a value left there.
+fn summed(factors: &[f64]) -> impl Iterator<Item = (usize, f64)> + '_ {
+    factors.iter().copied().enumerate().filter(|(_, factor)| *factor != 0.0)
 }
 
 impl Prepared {
@@ -89,23 +87,23 @@ impl<D: HybridDynamics> Shooting<D> {
         let first = self.stages.number(node, 0);
         self.evaluate(node, 0, phase, step)?;
         for (s, inner) in (1..).zip(tableau.stages) {
-            self.displacement(first, &inner.position, h);
+            self.displacement(first, inner.factors, h);
             let Self { dynamics, stages, backward, .. } = self;
             let (from, to) = stages.positions_apart(first + inner.from, first + s);
             dynamics.displace(from, &backward.delta, to)?;
-            self.accelerate(first, &inner.velocity, h);
+            self.accelerate(first, tableau.on_vectors.rows[s], h);
             let stage = self.stages.stage_mut(first + s);
             stage.velocity.copy_from_slice(&self.backward.velocity);
             self.evaluate(node, s, phase, step)?;
         }
         self.backward.position.copy_from_slice(self.stages.position(first));
-        for factors in tableau.end {
-            self.displacement(first, factors, h);
+        for exponential in tableau.end {
+            self.displacement(first, exponential.factors, h);
             let super::backward::Work { delta, position, moved, .. } = &mut self.backward;
             self.dynamics.displace(position, delta, moved)?;
             std::mem::swap(position, moved);
         }
-        self.accelerate(first, &tableau.end_velocity, h);
+        self.accelerate(first, tableau.on_vectors.weights.factors, h);
         let super::backward::Work { position, velocity, .. } = &self.backward;
         let (end_position, end_velocity) = match ends {
             Some(number) => {
@@ -124,20 +122,20 @@ impl<D: HybridDynamics> Shooting<D> {
     }
 
     /// delta ← h Σ f_i v_i for the passive degrees of freedom.
-    pub(super) fn displacement(&mut self, first: usize, factors: &Factors, h: f64) {
-        let Self { stages, backward, passive, scheme, .. } = self;
+    pub(super) fn displacement(&mut self, first: usize, factors: &[f64], h: f64) {
+        let Self { stages, backward, passive, .. } = self;
         for dof in &*passive {
-            let velocities = summed(factors, *scheme).map(|i| factors[i] * stages.velocity(first + i)[*dof]);
+            let velocities = summed(factors).map(|(i, factor)| factor * stages.velocity(first + i)[*dof]);
             backward.delta[*dof] = h * velocities.sum::<f64>();
         }
     }
 
     /// velocity ← v₀ + h Σ f_i a_i for the passive degrees of freedom.
-    fn accelerate(&mut self, first: usize, factors: &Factors, h: f64) {
-        let Self { stages, backward, passive, scheme, .. } = self;
+    fn accelerate(&mut self, first: usize, factors: &[f64], h: f64) {
+        let Self { stages, backward, passive, .. } = self;
         backward.velocity.copy_from_slice(stages.velocity(first));
         for dof in &*passive {
-            let accelerations = summed(factors, *scheme).map(|i| factors[i] * stages.found(first + i)[*dof]);
+            let accelerations = summed(factors).map(|(i, factor)| factor * stages.found(first + i)[*dof]);
             backward.velocity[*dof] += h * accelerations.sum::<f64>();
         }
     }
@@ -256,7 +254,8 @@ impl<D: HybridDynamics> Shooting<D> {
                 if last {
                     continue;
                 }
-                let moves = tableau.stages.iter().map(|inner| &inner.position).chain(tableau.end);
+                let to_end = tableau.end.iter().map(|exponential| exponential.factors);
+                let moves = tableau.stages.iter().map(|inner| inner.factors).chain(to_end);
                 for (m, factors) in moves.enumerate() {
                     self.displacement(first, factors, h);
                     let transport = &mut self.stages.transports[node * moves_per_step(self.scheme) + m];

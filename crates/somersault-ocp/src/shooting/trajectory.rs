@@ -23,12 +23,10 @@ pub(super) struct Stages {
     pub(super) transports: Vec<GroupTransport>,
 }
 
-/// Moves from one point of the group to another in a step: to each stage but the first, and two to the end.
+/// Moves from one point of the group to another in a step: to each stage but the first, and those to the end.
 pub(super) fn moves_per_step(scheme: Scheme) -> usize {
-    match scheme {
-        Scheme::ExplicitEuler => 1,
-        Scheme::RungeKutta4 => 5,
-    }
+    let tableau = scheme.tableau();
+    tableau.stages.len() + tableau.end.len()
 }
 
 impl Stages {

@@ -7,6 +7,10 @@
 //! passive. With the defaults this is thesis A.2, read so that Table A.1 reproduces: ½ in both costs, R = Δt once,
 //! g = 9.81, explicit Euler, N = 200, and n_par = p + 2 splines, since two of them go to r(0) and ṙ(0).
 //!
+//! It is the case study of shooting, and stands here since it is nothing but that: its motion problem and its verification are
+//! those of this crate, and a program that is written out for it shows how much faster the same problem can be. Nothing in the
+//! crate depends on it.
+//!
 //! The same problem comes in three forms.
 //!
 //! - [`CartPendulumProblem::swing_up`] is the one to solve. It is lifted (multiple shooting; Albersmeyer & Diehl, SIAM J.
@@ -23,7 +27,7 @@
 //! - [`CartPendulumProblem::single_shooting`] has the parameters alone for variables, and the same minima: what a motion of
 //!   the cart costs, by one pass forwards and one backwards.
 //! - [`CartPendulumProblem::motion_problem`] composes it of terms, as any problem.
-//!
+
 mod curvature;
 mod euler;
 mod lifted;

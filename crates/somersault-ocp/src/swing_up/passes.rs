@@ -6,6 +6,7 @@ use super::tables::Tables;
 use crate::error::OcpError;
 use crate::shooting::Scheme;
 use somersault_core::argument::{expect_finite, expect_not_negative, expect_positive};
+use somersault_integrators::tableau::RUNGE_KUTTA_4;
 use somersault_multibody::joint_motion::JointMotionError;
 use somersault_multibody::models::CartPendulum;
 use somersault_nlp::EvaluationError;
@@ -54,9 +55,10 @@ pub(super) struct Stage {
     pub(super) multiplier: f64,
 }
 
-/// Inner factors of the classical Runge–Kutta method, and its weights.
-pub(super) const INNER: [f64; 3] = [0.5, 0.5, 1.0];
-pub(super) const WEIGHTS: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
+/// Inner factors of the classical Runge–Kutta method, each of the stage before, and its weights.
+pub(super) const INNER: [f64; 3] =
+    [RUNGE_KUTTA_4.rows[1][0], RUNGE_KUTTA_4.rows[2][1], RUNGE_KUTTA_4.rows[3][2]];
+pub(super) const WEIGHTS: &[f64] = RUNGE_KUTTA_4.weights.factors;
 
 impl Passes {
     pub(super) fn try_new(problem: &CartPendulumProblem) -> Result<Self, OcpError> {

@@ -1,7 +1,7 @@
 //! What an accurate integration makes of a swing-up.
 
 use super::{CartPendulumProblem, SwingUp};
-use crate::verification::{Verification, VerificationError, VerifiedReport, verify_cancellable};
+use crate::verification::{Holds, Verification, VerificationError, VerifiedReport, verify_cancellable};
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Iteration, Nlp, NlpSolver, SolverError, Start};
 
@@ -17,6 +17,13 @@ pub struct SwingUpVerification {
     pub cost: f64,
     /// Relative change of that cost when its step was last halved.
     pub cost_error: f64,
+}
+
+impl Holds for SwingUpVerification {
+    /// Its motion holds.
+    fn holds(&self) -> bool {
+        self.motion.holds()
+    }
 }
 
 impl CartPendulumProblem {

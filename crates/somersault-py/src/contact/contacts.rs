@@ -4,10 +4,11 @@ use crate::contact::laws::{
     Resistance, friction_law, laws, normal_law, normal_law_repr, parts, resistance_law,
 };
 use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
-use crate::core::convert::{a_type, vector, vector_array, vector_or};
+use crate::core::callable::Failure;
+use crate::core::convert::{a_type, sequence, vector, vector_array, vector_or};
 use crate::core::error::Error;
 use crate::integrators::bodies::State;
-use crate::integrators::forces::{Failure, Reader, sequence};
+use crate::integrators::forces::Reader;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::bodies::{self, BodyContacts, BodySphere};

@@ -5,3 +5,27 @@ pub(crate) mod laws;
 pub(crate) mod sensitivity;
 pub(crate) mod surface;
 pub(crate) mod system;
+
+/// Compliant contact, its events and its derivatives.
+#[pyo3::pymodule(name = "contact", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::contact::contacts::{Contact, SpherePair};
+    #[pymodule_export]
+    use crate::contact::laws::{
+        CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
+        restitution,
+    };
+    #[pymodule_export]
+    use crate::contact::sensitivity::{Sensitivities, differentiate};
+    #[pymodule_export]
+    use crate::contact::surface::{
+        CylindricalSurface, HalfSpace, SphericalSurface, Surface, SurfaceFunction,
+    };
+    #[pymodule_export]
+    use crate::contact::system::{
+        ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
+    };
+    #[pymodule_export]
+    use crate::integrators::event::Event;
+}

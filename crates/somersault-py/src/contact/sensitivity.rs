@@ -1,26 +1,29 @@
 //! Derivatives of a body's motion through contacts.
 
-use crate::core::convert::{a_type, array, integer_or_none, interval_of, vector, with_shape};
+use crate::core::callable::Failure;
+use crate::core::convert::{a_type, array, integer_or_none, interval_of, sequence, vector, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::Event;
-use crate::integrators::forces::{Failure, Reader, sequence};
+use crate::integrators::forces::Reader;
 use crate::integrators::integrate::stretched;
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
-use crate::integrators::plan::{Plan, StepArguments, Steps};
+use crate::integrators::plan::{Plan, StepArguments};
 use crate::multibody::kinematics::write;
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::Location;
 use somersault::contact::sensitivity::{
     self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
     differentiate_located_adaptive,
 };
 use somersault::contact::stretches::WithStretches;
+use somersault::integrators::driver::Steps;
+use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
 
@@ -71,11 +74,10 @@ impl Sensitivities {
         format!("<Sensitivities at t = {}: {} events, {parameters} parameters>", self.t, self.events.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let own = slf.get();
         let derivatives = (&own.by_state, &own.by_parameters, &own.event_times, &own.stretches);
-        let arguments = (own.t, own.state, &own.events, derivatives).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.t, own.state, &own.events, derivatives))
     }
 
     /// Pickled sensitivities.
@@ -262,7 +264,6 @@ pub(crate) fn differentiate(
         method,
         options,
         steps,
-        start: interval.0,
         every: u64::MAX,
         dense: false,
         calls_python: reader.calls_python,
@@ -274,8 +275,8 @@ pub(crate) fn differentiate(
         Steps::Fixed(grid) => {
             differentiate_located(method, options, &system, &state.0, &by, grid, &location, monitor)
         }
-        Steps::Adapted(interval, control) => differentiate_located_adaptive(
-            method, options, &system, &state.0, &by, *interval, control, &location, monitor,
+        Steps::Adapted { interval, settings } => differentiate_located_adaptive(
+            method, options, &system, &state.0, &by, *interval, settings, &location, monitor,
         ),
     })?;
     let (found, status) = match outcome {

@@ -1,10 +1,11 @@
 //! Surfaces, and Python callables in their place.
 
+use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{a_type, any_vector, vector, vector_array, vector_or};
 use crate::core::error::Error;
-use crate::integrators::forces::{Failure, call, callable_name};
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::contact::surface::{self, SignedDistance, Solid};
 use somersault::integrators::nalgebra::Vector3;
 use std::fmt;
@@ -94,6 +95,15 @@ pub(crate) struct HalfSpace {
     normal: Vector3<f64>,
 }
 
+value! {
+    impl HalfSpace(point, normal) {
+        /// ndarray, shape (3,): A point of the plane, m.
+        point: Bound<'py, PyAny> = |own, py| vector_array(py, &own.point);
+        /// ndarray, shape (3,): Outward normal, of the length that was given.
+        normal: Bound<'py, PyAny> = |own, py| vector_array(py, &own.normal);
+    }
+}
+
 #[pymethods]
 impl HalfSpace {
     #[new]
@@ -106,23 +116,6 @@ impl HalfSpace {
         let normal = vector_or("normal", normal, Vector3::z())?;
         let surface = surface::HalfSpace::try_new(point, normal)?;
         Ok(build(surface, Self { surface, point, normal }))
-    }
-
-    /// ndarray, shape (3,): A point of the plane, m.
-    #[getter]
-    fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.point)
-    }
-
-    /// ndarray, shape (3,): Outward normal, of the length that was given.
-    #[getter]
-    fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.normal)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.point(py), own.normal(py)).into_pyobject(py)?))
     }
 }
 
@@ -143,6 +136,17 @@ pub(crate) struct SphericalSurface {
     solid: Solid,
 }
 
+value! {
+    impl SphericalSurface(center, radius, solid) {
+        /// ndarray, shape (3,): Centre, m.
+        center: Bound<'py, PyAny> = |own, py| vector_array(py, &own.center);
+        /// float: Radius, m.
+        radius: f64 = |own| own.radius;
+        /// str: Which side is solid, ``'inside'`` or ``'outside'``.
+        solid: &'static str = |own| solid_name(own.solid);
+    }
+}
+
 #[pymethods]
 impl SphericalSurface {
     #[new]
@@ -151,29 +155,6 @@ impl SphericalSurface {
         let (center, solid) = (vector("center", center)?, solid_of(solid)?);
         let sphere = surface::SphericalSurface::try_new(center, radius, solid)?;
         Ok(build(sphere, Self { center, radius, solid }))
-    }
-
-    /// ndarray, shape (3,): Centre, m.
-    #[getter]
-    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.center)
-    }
-
-    /// float: Radius, m.
-    #[getter]
-    fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// str: Which side is solid, ``'inside'`` or ``'outside'``.
-    #[getter]
-    fn solid(&self) -> &'static str {
-        solid_name(self.solid)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.center(py), own.radius(), own.solid()).into_pyobject(py)?))
     }
 }
 
@@ -197,6 +178,19 @@ pub(crate) struct CylindricalSurface {
     solid: Solid,
 }
 
+value! {
+    impl CylindricalSurface(center, axis, radius, solid) {
+        /// ndarray, shape (3,): A point of the axis, m.
+        center: Bound<'py, PyAny> = |own, py| vector_array(py, &own.center);
+        /// ndarray, shape (3,): Direction of the axis, of the length that was given.
+        axis: Bound<'py, PyAny> = |own, py| vector_array(py, &own.axis);
+        /// float: Radius, m.
+        radius: f64 = |own| own.radius;
+        /// str: Which side is solid, ``'inside'`` or ``'outside'``.
+        solid: &'static str = |own| solid_name(own.solid);
+    }
+}
+
 #[pymethods]
 impl CylindricalSurface {
     #[new]
@@ -210,35 +204,6 @@ impl CylindricalSurface {
         let (center, axis, solid) = (vector("center", center)?, vector("axis", axis)?, solid_of(solid)?);
         let cylinder = surface::CylindricalSurface::try_new(center, axis, radius, solid)?;
         Ok(build(cylinder, Self { center, axis, radius, solid }))
-    }
-
-    /// ndarray, shape (3,): A point of the axis, m.
-    #[getter]
-    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.center)
-    }
-
-    /// ndarray, shape (3,): Direction of the axis, of the length that was given.
-    #[getter]
-    fn axis<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.axis)
-    }
-
-    /// float: Radius, m.
-    #[getter]
-    fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// str: Which side is solid, ``'inside'`` or ``'outside'``.
-    #[getter]
-    fn solid(&self) -> &'static str {
-        solid_name(self.solid)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.center(py), own.axis(py), own.radius(), own.solid()).into_pyobject(py)?))
     }
 }
 
@@ -268,12 +233,23 @@ pub(crate) struct SurfaceFunction {
     pub(crate) concavity: f64,
 }
 
+value! {
+    impl SurfaceFunction {
+        /// callable: The function.
+        function: Py<PyAny> = |own, py| own.function.clone_ref(py);
+        /// float: K.
+        lipschitz: f64 = |own| own.lipschitz;
+        /// float: κ, 1/m.
+        concavity: f64 = |own| own.concavity;
+    }
+}
+
 #[pymethods]
 impl SurfaceFunction {
     #[new]
     #[pyo3(signature = (function, *, lipschitz=1.0, concavity=f64::INFINITY))]
     fn new(function: &Bound<'_, PyAny>, lipschitz: f64, concavity: f64) -> Result<Self, Error> {
-        crate::integrators::plan::check_callable("function", "f(point) -> (distance, gradient)", function)?;
+        check_callable("function", "f(point) -> (distance, gradient)", function)?;
         if !(lipschitz.is_finite() && lipschitz > 0.0) {
             return Err(Error::input(format!("`lipschitz` must be positive and finite, found {lipschitz}")));
         }
@@ -281,24 +257,6 @@ impl SurfaceFunction {
             return Err(Error::input(format!("`concavity` must not be negative, found {concavity}")));
         }
         Ok(Self { function: function.clone().unbind(), lipschitz, concavity })
-    }
-
-    /// callable: The function.
-    #[getter]
-    fn function(&self, py: Python<'_>) -> Py<PyAny> {
-        self.function.clone_ref(py)
-    }
-
-    /// float: K.
-    #[getter]
-    fn lipschitz(&self) -> f64 {
-        self.lipschitz
-    }
-
-    /// float: κ, 1/m.
-    #[getter]
-    fn concavity(&self) -> f64 {
-        self.concavity
     }
 
     fn __call__<'py>(&self, py: Python<'py>, point: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
@@ -310,10 +268,9 @@ impl SurfaceFunction {
         Ok(format!("SurfaceFunction({function}, lipschitz={}, concavity={})", self.lipschitz, self.concavity))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.function(py), own.lipschitz, own.concavity).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.function(py), own.lipschitz, own.concavity))
     }
 
     /// A pickled surface.

@@ -4,10 +4,11 @@ use crate::contact::contacts::Contact;
 use crate::contact::laws::{CompliantLaw, CoulombFriction, laws};
 use crate::core::convert::{finite, vector};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::forces::Gravity;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::models::{
     BouncingBall, FallingBox, RollingDisk, SlidingBlock, SpinningTop, TippeTop,
@@ -51,10 +52,9 @@ impl ContactSystem {
         format!("<ContactSystem: a body of {} kg, {} contacts>", self.body.0.mass(), self.contacts.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.body, own.state, &own.forces, &own.contacts).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let own = slf.get();
+        by_restore(slf, (own.body, own.state, &own.forces, &own.contacts))
     }
 
     /// A pickled scene.

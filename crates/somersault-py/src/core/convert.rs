@@ -10,7 +10,7 @@ use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
 use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyFloat, PyList, PyTuple, PyType};
+use pyo3::types::{PyFloat, PyList, PySequence, PyString, PyTuple, PyType};
 use somersault::integrators::nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 /// How far RᵀR of a rotation matrix may be from the identity: what is left of one written to eight
@@ -71,22 +71,15 @@ where
     if value.is_none() { Ok(None) } else { entries(value).map(Some) }
 }
 
+/// A list or a tuple, or whatever else is a sequence but no text.
+pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Bound<'py, PySequence>> {
+    if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }
+}
+
 /// The argument `interval`: its start and its end.
 pub(crate) fn interval_of(value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
     let found = with_shape("interval", &[2], value)?;
     Ok([found[0], found[1]])
-}
-
-/// The end of a message about a name that is unknown: the known one that was perhaps meant.
-pub(crate) fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
-    let known: Vec<&str> = known.into_iter().collect();
-    let closest = Python::attach(|py| -> PyResult<Vec<String>> {
-        py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()
-    });
-    match closest.as_deref() {
-        Ok([closest, ..]) => format!("; did you mean `{closest}`?"),
-        _ => String::new(),
-    }
 }
 
 /// Real numbers in the order of C, with their shape.
@@ -142,6 +135,15 @@ pub(crate) fn a_type(value: &Bound<'_, PyAny>) -> String {
     let name = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
     let vowel = name.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']);
     format!("{} {name}", if vowel { "an" } else { "a" })
+}
+
+/// A positive and finite number.
+pub(crate) fn positive(argument: &str, value: f64) -> Result<f64, Error> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
+    }
 }
 
 fn check_finite(argument: &str, values: &[f64]) -> Result<(), Error> {

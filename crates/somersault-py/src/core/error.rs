@@ -2,18 +2,19 @@
 //!
 //! The classes are those of `somersault.errors`; this file says which one an error belongs to.
 
-use crate::core::convert::did_you_mean;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::ContactError;
-use somersault::contact::event::Interruption;
 use somersault::contact::models::ModelError as ContactModelError;
 use somersault::contact::sensitivity::SensitivityError;
+use somersault::contact::surface::SurfaceFault;
 use somersault::core::InertiaError;
+use somersault::dives::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::events::Interruption;
 use somersault::integrators::exact::FreeBodyError;
 use somersault::integrators::methods::{Method, UnknownMethod};
 use somersault::integrators::stepper::StepError;
@@ -28,13 +29,11 @@ use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
 use somersault::multibody::joint_motion::JointMotionError;
 use somersault::multibody::models::PostureError;
-use somersault::multibody::motion::MotionError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
 use somersault::nlp::SolverError;
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
-use somersault::ocp::dive::{DiveError, DiveJudgementError, DiveSearchError};
 
 /// A class of `somersault.errors`.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -116,12 +115,43 @@ impl Error {
         }
     }
 
+    /// The same error by the names that Python has for arguments of the library: pairs of that one and this.
+    pub(crate) fn with_names(self, names: &[(&str, &str)]) -> Self {
+        let Self::Own { class, mut message } = self else { return self };
+        for (theirs, ours) in names {
+            message = message.replace(&format!("`{theirs}`"), &format!("`{ours}`"));
+        }
+        Self::Own { class, message }
+    }
+
+    /// The same error of something in an argument, which its message names.
+    pub(crate) fn within(self, argument: &str) -> Self {
+        match self {
+            Self::Own { class, message } if !message.contains(&format!("`{argument}`")) => {
+                Self::Own { class, message: format!("`{argument}`: {message}") }
+            }
+            named => named,
+        }
+    }
+
     /// The error of one of many rows.
     pub(crate) fn in_row(self, row: usize) -> Self {
         match self {
             Self::Own { class, message } => Self::Own { class, message: format!("row {row}: {message}") },
             raised => raised,
         }
+    }
+}
+
+/// The end of a message about a name that is unknown: the known one that was perhaps meant.
+pub(crate) fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    let known: Vec<&str> = known.into_iter().collect();
+    let closest = Python::attach(|py| -> PyResult<Vec<String>> {
+        py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()
+    });
+    match closest.as_deref() {
+        Ok([closest, ..]) => format!("; did you mean `{closest}`?"),
+        _ => String::new(),
     }
 }
 
@@ -201,6 +231,7 @@ impl From<IntegrateError> for Error {
             | IntegrateError::NoErrorEstimate { .. }
             | IntegrateError::RigidBodiesOnly { .. }
             | IntegrateError::Variables { .. } => Self::own(Class::Input, &error),
+            IntegrateError::Fault { .. } => Self::own(Class::Dynamics, &error),
             error => Self::own(Class::Integration, &error),
         }
     }
@@ -241,15 +272,17 @@ impl From<DynamicsError> for Error {
     }
 }
 
-impl From<Interruption> for Error {
-    fn from(reason: Interruption) -> Self {
+impl From<Interruption<SurfaceFault>> for Error {
+    fn from(reason: Interruption<SurfaceFault>) -> Self {
         match reason {
             Interruption::Integrate(error) => error.into(),
             Interruption::Chattering { .. } => Self::own(Class::Chattering, &reason),
             Interruption::NonFiniteGuard { guard, t, gap, rate } => Self::input(format!(
                 "the gap of contact {guard} is not finite at t = {t}: it is {gap}, its rate {rate}"
             )),
-            Interruption::Surface { .. } => Self::own(Class::Input, &reason),
+            Interruption::Refused { guard, t, fault } => {
+                Self::input(format!("the surface behind guard {guard} cannot be touched at t = {t}: {fault}"))
+            }
             reason => Self::own(Class::Integration, &reason),
         }
     }
@@ -270,15 +303,6 @@ impl From<UrdfError> for Error {
         match error {
             UrdfError::NotRepresentable { .. } => Self::own(Class::Write, &error),
             error => Self::own(Class::Read, &error),
-        }
-    }
-}
-
-impl From<MotionError> for Error {
-    fn from(error: MotionError) -> Self {
-        match error {
-            MotionError::Integrate(error) => error.into(),
-            error => Self::own(Class::Dynamics, &error),
         }
     }
 }

@@ -1,7 +1,9 @@
-//! What all chapters of the bindings share: arguments, errors, memory, rows of arrays, and waiting.
+//! What all chapters of the bindings share: arguments, callables, errors, memory, rows of arrays, classes of values, and waiting.
 
+pub(crate) mod callable;
 pub(crate) mod convert;
 pub(crate) mod error;
 pub(crate) mod memory;
 pub(crate) mod rows;
+pub(crate) mod value;
 pub(crate) mod waiting;

@@ -178,6 +178,15 @@ pub(crate) fn cancel_on_signal<T: Send, E: Send + Into<Error>>(
     }
 }
 
+/// What the argument `on_interrupt` asks for: whether what was found is returned.
+pub(crate) fn returns_interrupted(on_interrupt: &str) -> Result<bool, Error> {
+    match on_interrupt {
+        "raise" => Ok(false),
+        "return" => Ok(true),
+        _ => Err(Error::input(format!("`on_interrupt` must be 'raise' or 'return', found '{on_interrupt}'"))),
+    }
+}
+
 /// What was found until a call ended: returned, or the attribute `solution` of what was raised.
 pub(crate) fn deliver<'py, T: IntoPyObject<'py>>(
     py: Python<'py>,

@@ -1,6 +1,5 @@
 //! Arguments that are whole numbers, pairs or lists of them, read under the names that they have in Python.
 
-use super::error::input;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
 use pyo3::exceptions::PyOverflowError;
@@ -14,13 +13,13 @@ fn whole_number(argument: &str, value: &Bound<'_, PyAny>) -> Result<usize, Error
         } else {
             a_type(value)
         };
-        input(format!("`{argument}` must be a whole number that is not negative, found {found}"))
+        Error::input(format!("`{argument}` must be a whole number that is not negative, found {found}"))
     })
 }
 
 fn entries<'py>(argument: &str, value: &Bound<'py, PyAny>) -> Result<Vec<Bound<'py, PyAny>>, Error> {
     crate::core::convert::entries(value)
-        .map_err(|_| input(format!("`{argument}` must be a sequence, found {}", a_type(value))))
+        .map_err(|_| Error::input(format!("`{argument}` must be a sequence, found {}", a_type(value))))
 }
 
 fn whole_numbers(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<usize>, Error> {
@@ -30,7 +29,7 @@ fn whole_numbers(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<usize>,
 fn three(argument: &str, value: &Bound<'_, PyAny>) -> Result<(usize, usize, usize), Error> {
     match whole_numbers(argument, value)?[..] {
         [stable, center, unstable] => Ok((stable, center, unstable)),
-        ref other => Err(input(format!("`{argument}` must have 3 entries, found {}", other.len()))),
+        ref other => Err(Error::input(format!("`{argument}` must have 3 entries, found {}", other.len()))),
     }
 }
 

@@ -1,14 +1,14 @@
 //! Transition matrices, and chains of them.
 
 use super::dimension::{by_rows, expect_square, matrix_array, vector};
-use super::error::input;
 use super::spectrum::Spectrum;
 use crate::core::convert::integer;
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::spectrum;
@@ -35,36 +35,28 @@ impl Transition {
     }
 }
 
+value! {
+    impl Transition {
+        /// float: T, s, negative backward in time.
+        duration: f64 = |own| own.transition.duration;
+        /// ndarray, shape (dimension,): p(t + T).
+        end: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, own.transition.end.as_slice()).into_any();
+        /// ndarray, shape (dimension, dimension): Φ.
+        matrix: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, &own.transition.matrix);
+    }
+}
+
 #[pymethods]
 impl Transition {
-    /// float: T, s, negative backward in time.
-    #[getter]
-    fn duration(&self) -> f64 {
-        self.transition.duration
-    }
-
-    /// ndarray, shape (dimension,): p(t + T).
-    #[getter]
-    fn end<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, self.transition.end.as_slice()).into_any()
-    }
-
-    /// ndarray, shape (dimension, dimension): Φ.
-    #[getter]
-    fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.transition.matrix)
-    }
-
     fn __repr__(&self) -> String {
         let (duration, symplecticity_defect) = (self.duration(), self.symplecticity_defect);
         format!("<Transition: over {duration} s, symplectic to {symplecticity_defect:.1e}>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let columns = PyArray1::from_slice(py, own.transition.matrix.as_slice());
-        let arguments = (own.duration(), own.end(py), columns, own.symplecticity_defect);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.duration(), own.end(py), columns, own.symplecticity_defect))
     }
 
     /// A pickled transition.
@@ -113,26 +105,19 @@ impl Chain {
     }
 }
 
+value! {
+    impl Chain {
+        /// ndarray, shape (m,): The times asked for, since the start, s; negative backward.
+        times: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, &own.times).into_any();
+        /// list of int: Number of factors up to each of the times.
+        marks: Vec<usize> = |own| own.marks.clone();
+        /// int: Evaluations of the field.
+        n_evaluations: usize = |own| own.work.evaluations;
+    }
+}
+
 #[pymethods]
 impl Chain {
-    /// ndarray, shape (m,): The times asked for, since the start, s; negative backward.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.times).into_any()
-    }
-
-    /// list of int: Number of factors up to each of the times.
-    #[getter]
-    fn marks(&self) -> Vec<usize> {
-        self.marks.clone()
-    }
-
-    /// int: Evaluations of the field.
-    #[getter]
-    fn n_evaluations(&self) -> usize {
-        self.work.evaluations
-    }
-
     /// The spectrum of the product up to one of the times.
     ///
     /// Parameters
@@ -152,7 +137,7 @@ impl Chain {
     fn spectrum(&self, #[pyo3(from_py_with = integer)] mark: i64) -> Result<Spectrum, Error> {
         let known = self.marks.len();
         let number = index(mark as isize, known).map_err(|_| {
-            super::error::input(format!("`mark` must be from -{known} to {}, found {mark}", known as i64 - 1))
+            Error::input(format!("`mark` must be from -{known} to {}, found {mark}", known as i64 - 1))
         })?;
         Ok(self.spectrum_of(self.marks[number]))
     }
@@ -172,12 +157,11 @@ impl Chain {
         }
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let Work { evaluations, steps, rejected, switches } = own.work;
         let work = (evaluations, steps, rejected, switches);
-        let arguments = (own.links.clone(), own.dimension, own.marks(), own.times(slf.py()), work);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.links.clone(), own.dimension, own.marks(), own.times(slf.py()), work))
     }
 
     /// A pickled chain.
@@ -194,7 +178,7 @@ impl Chain {
             && marks.len() == times.len()
             && marks.iter().all(|&mark| mark <= links.len());
         if !fits {
-            return Err(input("`links`, `dimension`, `marks` and `times` of a chain must fit".to_owned()));
+            return Err(Error::input("`links`, `dimension`, `marks` and `times` of a chain must fit"));
         }
         let (evaluations, steps, rejected, switches) = work;
         Ok(Self { links, dimension, marks, times, work: Work { evaluations, steps, rejected, switches } })

@@ -1,7 +1,6 @@
 //! Extremals from a rest, and families of them.
 
 use super::argument::whole;
-use super::error::{input, positive};
 use super::matching::entries;
 use super::named_systems::of_arm;
 use super::run::{Run, attend, caused};
@@ -9,11 +8,12 @@ use super::settings::{Settings, limits_of};
 use super::shooting::{EndStates, Extremal, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;
-use crate::core::convert::{a_type, real_numbers};
+use crate::core::callable::check_callable;
+use crate::core::convert::{a_type, positive, real_numbers};
 use crate::core::error::Error;
-use crate::integrators::plan::check_callable;
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
 use somersault::ftla::continuation::{self, Continuation, Member, Reason};
@@ -46,14 +46,17 @@ pub(crate) struct ContinuationResult {
     reason: Option<(String, bool)>,
 }
 
+value! {
+    impl ContinuationResult {
+        /// bool: Whether the last member was reached and polished.
+        success: bool = |own| own.reason.is_none();
+        /// Extremal: The last solution.
+        extremal: Py<Extremal> = |own, py| own.extremal.clone_ref(py);
+    }
+}
+
 #[pymethods]
 impl ContinuationResult {
-    /// bool: Whether the last member was reached and polished.
-    #[getter]
-    fn success(&self) -> bool {
-        self.reason.is_none()
-    }
-
     /// str: ``'arrived'``, ``'broke_off'``, or ``'limit_reached'`` where ``max_time`` or ``max_evaluations`` was; ``extremal`` is then
     /// the last member solved or, where there is none, the best iterate.
     #[getter]
@@ -74,12 +77,6 @@ impl ContinuationResult {
         }
     }
 
-    /// Extremal: The last solution.
-    #[getter]
-    fn extremal(&self, py: Python<'_>) -> Py<Extremal> {
-        self.extremal.clone_ref(py)
-    }
-
     fn __repr__(&self) -> String {
         let Self { s, n_steps, n_rejected, n_iterations, .. } = self;
         let how = if self.success() { "arrived" } else { "broke off" };
@@ -88,11 +85,10 @@ impl ContinuationResult {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let counts = (own.n_steps, own.n_rejected, own.n_iterations, own.n_evaluations);
-        let arguments = (own.extremal.bind(slf.py()), own.s, counts, own.stage.clone(), own.reason.clone());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.extremal.bind(slf.py()), own.s, counts, own.stage.clone(), own.reason.clone()))
     }
 
     /// A pickled continuation.
@@ -140,7 +136,7 @@ fn continuation_of(
     let polish = shooting_of(tolerances, max_iterations, limits)?;
     for (name, found) in [("first_step", first_step), ("min_step", min_step)] {
         if !found.is_finite() || found <= 0.0 || found > 1.0 {
-            return Err(input(format!("`{name}` must be above 0 and not above 1, found {found}")));
+            return Err(Error::input(format!("`{name}` must be above 0 and not above 1, found {found}")));
         }
     }
     Ok(Continuation { polish, first_step, min_step, ..Continuation::default() })
@@ -152,7 +148,7 @@ fn fractions_of(fractions: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let ascending = fractions.windows(2).all(|pair| pair[0] < pair[1]);
     match (fractions.first(), fractions.last()) {
         (Some(0.0), Some(1.0)) if ascending => Ok(fractions),
-        (_, _) => Err(input("`fractions` must ascend from 0 to 1".to_owned())),
+        (_, _) => Err(Error::input("`fractions` must ascend from 0 to 1")),
     }
 }
 
@@ -229,7 +225,7 @@ pub(crate) fn continue_through(
     let pair = |pair: &Bound<'_, PyAny>| {
         let [initial, last]: [Bound<'_, PyAny>; 2] = pair
             .extract()
-            .map_err(|_| input(format!("`stages` must be pairs of states, found {}", a_type(pair))))?;
+            .map_err(|_| Error::input(format!("`stages` must be pairs of states, found {}", a_type(pair))))?;
         Ok([real_numbers("stages", &initial)?, real_numbers("stages", &last)?])
     };
     let stages = stages.iter().map(pair).collect::<Result<Vec<_>, Error>>()?;
@@ -367,7 +363,7 @@ pub(crate) fn travel_arm(
 ) -> Result<ContinuationResult, Error> {
     let polish = shooting_of([tol, rtol, atol], max_iterations, limits_of(max_time, max_evaluations)?)?;
     let Some(arm) = system.get().arm() else {
-        return Err(input("`system` must be an arm, as `ftla.arm` makes it".to_owned()));
+        return Err(Error::input("`system` must be an arm, as `ftla.arm` makes it"));
     };
     let travel = ArmTravel { system: arm, initial, last, fold, horizon };
     let continuation = Continuation { polish, ..Continuation::default() };
@@ -393,13 +389,13 @@ fn follow(
     let (dimension, n) = (start.system.get().dimension, start.system.get().n_states()?);
     let member = |(system, initial, last, horizon): &GivenMember| -> Result<Member<_>, Error> {
         if !horizon.is_finite() || *horizon <= 0.0 {
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`family` must return a positive and finite horizon, found {horizon}"
             )));
         }
         if system.get().dimension != dimension {
             let found = system.get().dimension;
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`family` must have systems of dimension {dimension} as `start` has, found {found}"
             )));
         }
@@ -471,7 +467,7 @@ pub(crate) fn py_follow(
             let returned = callable.call1(py, (s,)).map_err(|error| caused(py, "family", error))?;
             returned.bind(py).extract().map_err(|_| {
                 let what = "`family` must return (system, initial_state, final_state, horizon)";
-                PyErr::from(input(what.to_owned()))
+                PyErr::from(Error::input(what))
             })
         })
     };

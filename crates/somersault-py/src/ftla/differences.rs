@@ -1,7 +1,7 @@
 //! Derivatives that users write, held against differences of what they are derivatives of.
 
-use super::error::input;
 use super::run::Run;
+use crate::core::error::Error;
 
 /// Part of an argument that differences step by.
 const STEP: f64 = 1e-5;
@@ -73,7 +73,7 @@ pub(super) fn expect_derivative(
     if let Some(entry) = wrong.filter(|_| !run.is_stopped()) {
         let (found, expected) = (written[entry], 0.5 * (least[entry] + largest[entry]));
         run.stop(
-            input(format!(
+            Error::input(format!(
                 "`{name}` must be the derivative of `{function}`: entry {entry}, counted row by row from 0, is {found}, and \
                  differences of `{function}` give {expected}"
             ))

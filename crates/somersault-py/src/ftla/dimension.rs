@@ -1,10 +1,10 @@
-//! How many numbers a point may have, and arrays of vectors and matrices.
+//! How many numbers a point and its subspaces may have, and arrays of vectors and matrices.
 
-use super::error::input;
 use crate::core::convert::array;
 use crate::core::error::Error;
 use pyo3::prelude::*;
 use somersault::ftla::nalgebra::{DMatrix, DVector};
+use somersault::ftla::spectrum::SplittingDims;
 
 /// States and costates together. More are a slip, and no memory is there for it: a run takes some twenty of their squares.
 pub(crate) const MOST: usize = 256;
@@ -14,7 +14,7 @@ pub(crate) fn expect_dimension(argument: &str, found: usize) -> Result<usize, Er
     if (1..=MOST).contains(&found) {
         Ok(found)
     } else {
-        Err(input(format!("`{argument}` must be from 1 to {MOST}, found {found}")))
+        Err(Error::input(format!("`{argument}` must be from 1 to {MOST}, found {found}")))
     }
 }
 
@@ -22,9 +22,18 @@ pub(crate) fn expect_dimension(argument: &str, found: usize) -> Result<usize, Er
 pub(crate) fn expect_square(argument: &str, values: &[f64], n: usize) -> Result<(), Error> {
     expect_dimension("dimension", n)?;
     if values.len() != n * n {
-        return Err(input(format!("`{argument}` must have {} entries, found {}", n * n, values.len())));
+        return Err(Error::input(format!(
+            "`{argument}` must have {} entries, found {}",
+            n * n,
+            values.len()
+        )));
     }
     Ok(())
+}
+
+/// (n^s, n^c, n^u) as they come from Python.
+pub(crate) fn dims_of((stable, center, unstable): (usize, usize, usize)) -> SplittingDims {
+    SplittingDims { stable, center, unstable }
 }
 
 /// Numbers as a vector.

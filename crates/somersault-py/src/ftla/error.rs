@@ -10,20 +10,6 @@ use somersault::ftla::shooting::ShootingError;
 use somersault::ftla::spectrum::SpectrumError;
 use somersault::ftla::system::SystemError;
 
-/// An argument that is not allowed.
-pub(super) fn input(message: String) -> Error {
-    Error::input(message)
-}
-
-/// A positive and finite number.
-pub(super) fn positive(argument: &str, found: f64) -> Result<f64, Error> {
-    if found.is_finite() && found > 0.0 {
-        Ok(found)
-    } else {
-        Err(input(format!("`{argument}` must be positive and finite, found {found}")))
-    }
-}
-
 inputs!(MatchingError, PlacementError, SpectrumError);
 
 impl From<SystemError> for Error {

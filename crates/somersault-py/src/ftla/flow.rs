@@ -3,7 +3,7 @@
 use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
-use super::error::{input, of_motion};
+use super::error::of_motion;
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
@@ -11,9 +11,10 @@ use super::system::System;
 use crate::core::convert::{array, real_numbers};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::{Pickled, by_restore};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use rayon::prelude::*;
 use somersault::ftla::flow::{self, FlowTolerances};
 use somersault::ftla::nalgebra::DVector;
@@ -151,7 +152,7 @@ impl VariationalFlow {
     pub(crate) fn point(&self, name: &'static str, p: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
         let rows = Rows::extract(name, &[self.system.get().dimension], p)?;
         if rows.is_many() {
-            return Err(input(format!("`{name}` must be one point, found many")));
+            return Err(Error::input(format!("`{name}` must be one point, found many")));
         }
         Ok(vector(rows.all()?))
     }
@@ -169,7 +170,7 @@ impl VariationalFlow {
     ) -> Result<Self, Error> {
         let tolerances = tolerances_of(rtol, atol)?;
         if max_steps == 0 {
-            return Err(input("`max_steps` must be positive, found 0".to_owned()));
+            return Err(Error::input("`max_steps` must be positive, found 0"));
         }
         Ok(Self { system, settings: Settings { tolerances, max_steps } })
     }
@@ -382,10 +383,9 @@ impl VariationalFlow {
         format!("<VariationalFlow: rtol {relative:e}, atol {absolute:e}>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        let arguments = (own.system.bind(slf.py()), own.settings.plain());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.system.bind(slf.py()), own.settings.plain()))
     }
 
     /// A pickled flow.

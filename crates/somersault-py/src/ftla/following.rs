@@ -1,16 +1,16 @@
 //! How long motions follow an optimum that they start beside.
 
-use super::error::positive;
 use super::flow::VariationalFlow;
 use super::placement::{Placement, status_named, status_of};
 use super::run::{Run, attend};
 use super::settings::Settings;
 use super::shooting::Extremal;
 use super::system::System;
-use crate::core::convert::real_numbers;
+use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
 use std::sync::Arc;
@@ -37,10 +37,9 @@ impl Following {
         format!("<Following: error {size:e}, {without_placement} s, {status} {with_placement} s>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let Self { size, without_placement, with_placement, status, left } = slf.get();
-        let arguments = (size, without_placement, with_placement, status, left);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (size, without_placement, with_placement, status, left))
     }
 
     /// What was pickled.

@@ -2,16 +2,16 @@
 
 use super::argument::{whole, wholes};
 use super::dimension::rows_array;
-use super::error::{input, positive};
 use super::flow::VariationalFlow;
 use super::placement::Placement;
 use super::run::{Run, attend};
 use super::settings::limits_of;
 use super::watched::Watched;
-use crate::core::convert::{real_numbers, with_shape};
+use crate::core::convert::{positive, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::flow;
 use somersault::ftla::matching::{self, GridSearch, LeastSquares, MatchStatus};
 use somersault::ftla::nalgebra::DVector;
@@ -72,7 +72,7 @@ fn status_named(name: &str) -> Result<&'static str, Error> {
         MatchStatus::LimitReached,
     ];
     let known = all.map(name_of).into_iter().find(|known| *known == name);
-    known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
+    known.ok_or_else(|| Error::input(format!("`status` is not known: '{name}'")))
 }
 
 /// The entries of a vector, to be pickled.
@@ -84,7 +84,7 @@ fn numbers(p: &DVector<f64>) -> Vec<f64> {
 pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
     let values = with_shape(name, &[n], value)?;
     match values.iter().find(|x| !x.is_finite()) {
-        Some(found) => Err(input(format!("`{name}` must be finite, found {found}"))),
+        Some(found) => Err(Error::input(format!("`{name}` must be finite, found {found}"))),
         None => Ok(values),
     }
 }
@@ -286,12 +286,12 @@ impl Matching {
         format!("<Matching: {horizon} s, at {match_time} s, corrections at {corrections:?} s>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let times = (own.horizon, own.match_time, own.corrections.clone());
         let arguments =
             (own.flow.bind(py), own.placement.bind(py), own.states.clone(), own.costates.clone(), times);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled problem.
@@ -350,26 +350,19 @@ impl Default for MatchingResult {
     }
 }
 
+value! {
+    impl MatchingResult {
+        /// bool: Whether the mismatch is below the tolerance.
+        success: bool = |own| own.status == "matched";
+        /// ndarray, shape (2, dimension): PlacementResult points at the start and at the end.
+        ends: PyResult<Bound<'py, PyAny>> = |own, py| rows_array(py, &own.ends, own.ends[0].len());
+        /// ndarray, shape (2, dimension): p⁺ and p⁻ at the match time.
+        meeting: PyResult<Bound<'py, PyAny>> = |own, py| rows_array(py, &own.meeting, own.meeting[0].len());
+    }
+}
+
 #[pymethods]
 impl MatchingResult {
-    /// bool: Whether the mismatch is below the tolerance.
-    #[getter]
-    fn success(&self) -> bool {
-        self.status == "matched"
-    }
-
-    /// ndarray, shape (2, dimension): PlacementResult points at the start and at the end.
-    #[getter]
-    fn ends<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.ends, self.ends[0].len())
-    }
-
-    /// ndarray, shape (2, dimension): p⁺ and p⁻ at the match time.
-    #[getter]
-    fn meeting<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.meeting, self.meeting[0].len())
-    }
-
     /// The matched motion at given times: a guess for `shoot`.
     ///
     /// Parameters
@@ -383,11 +376,11 @@ impl MatchingResult {
     fn nodes<'py>(&self, py: Python<'py>, times: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let times = real_numbers("times", times)?;
         let Some(matching) = self.matching.as_ref().filter(|_| self.status != "no_start") else {
-            return Err(input("this match has no motion".to_owned()));
+            return Err(Error::input("this match has no motion"));
         };
         let matching = matching.get();
         if let Some(t) = times.iter().find(|t| !(0.0..=matching.horizon).contains(*t)) {
-            return Err(input(format!("`times` must be from 0 to the horizon, found {t}")));
+            return Err(Error::input(format!("`times` must be from 0 to the horizon, found {t}")));
         }
         let n = matching.dimension();
         let nodes = attend(py, |run| nodes_in(self, matching, run, &times))?;
@@ -401,7 +394,7 @@ impl MatchingResult {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let counts = (own.n_rounds, own.n_branches, own.n_flow_evaluations);
         let matching = own.matching.as_ref().map(|matching| matching.bind(py));
@@ -416,7 +409,7 @@ impl MatchingResult {
                 .map(|course| course.iter().map(|(t, p)| (*t, numbers(p))).collect::<Vec<_>>()),
             matching,
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled match.

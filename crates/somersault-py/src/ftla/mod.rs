@@ -7,12 +7,14 @@ mod chain;
 mod continuation;
 mod control_problem;
 mod differences;
+mod differentiated;
 mod dimension;
 mod error;
 mod flow;
 mod following;
 mod matching;
 mod named_systems;
+mod pickled_system;
 mod placement;
 mod run;
 mod settings;
@@ -22,15 +24,33 @@ mod subspace;
 mod system;
 mod watched;
 
-pub(crate) use chain::{Chain, Transition};
-pub(crate) use continuation::{ContinuationResult, cold_start, continue_through, py_follow, travel_arm};
-pub(crate) use control_problem::state_costate;
-pub(crate) use flow::VariationalFlow;
-pub(crate) use following::Following;
-pub(crate) use matching::{Matching, MatchingResult};
-pub(crate) use named_systems::{arm, cubic_regulator, linear_regulator, tree};
-pub(crate) use placement::{Placement, PlacementResult};
-pub(crate) use shooting::{Extremal, py_graded_times, shoot};
-pub(crate) use spectrum::{Diagnosis, Spectrum, diagnose};
-pub(crate) use subspace::{Splitting, Subspace, rank_held_costates, slow_subspace};
-pub(crate) use system::System;
+/// Finite-time Lyapunov analysis of hyper-sensitive optimal control.
+#[pyo3::pymodule(name = "ftla", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::ftla::chain::{Chain, Transition};
+    #[pymodule_export]
+    use crate::ftla::continuation::{
+        ContinuationResult, cold_start, continue_through, py_follow, travel_arm,
+    };
+    #[pymodule_export]
+    use crate::ftla::control_problem::state_costate;
+    #[pymodule_export]
+    use crate::ftla::flow::VariationalFlow;
+    #[pymodule_export]
+    use crate::ftla::following::Following;
+    #[pymodule_export]
+    use crate::ftla::matching::{Matching, MatchingResult};
+    #[pymodule_export]
+    use crate::ftla::named_systems::{arm, cubic_regulator, linear_regulator, tree};
+    #[pymodule_export]
+    use crate::ftla::placement::{Placement, PlacementResult};
+    #[pymodule_export]
+    use crate::ftla::shooting::{Extremal, py_graded_times, shoot};
+    #[pymodule_export]
+    use crate::ftla::spectrum::{Diagnosis, Spectrum, diagnose};
+    #[pymodule_export]
+    use crate::ftla::subspace::{Splitting, Subspace, rank_held_costates, slow_subspace};
+    #[pymodule_export]
+    use crate::ftla::system::System;
+}

@@ -2,8 +2,7 @@
 
 use super::argument::{pair, pair_or_none, wholes};
 use super::dimension::MOST;
-use super::error::input;
-use super::system::{Origin, System};
+use super::system::{GivenTree, Origin, System};
 use crate::core::convert::numbers_or_one;
 use crate::core::error::Error;
 use crate::multibody::model::Model;
@@ -93,19 +92,10 @@ pub(crate) fn cubic_regulator() -> System {
     System::made_from(2, 1, "cubic regulator".to_owned(), Origin::CubicRegulator)
 }
 
-/// What the system of a tree is made from.
-pub(super) struct GivenTree {
-    pub(super) model: Py<Model>,
-    pub(super) weights: Vec<f64>,
-    pub(super) limits: Vec<f64>,
-    pub(super) passive: Vec<usize>,
-    pub(super) system: Arc<TreeMinimumTorque>,
-}
-
 /// Limits may be infinite.
 fn check_limits(limits: &[f64]) -> Result<(), Error> {
     match limits.iter().find(|limit| limit.is_nan() || **limit <= 0.0) {
-        Some(found) => Err(input(format!("`torque_limits` must be positive, found {found}"))),
+        Some(found) => Err(Error::input(format!("`torque_limits` must be positive, found {found}"))),
         None => Ok(()),
     }
 }
@@ -141,16 +131,19 @@ pub(crate) fn tree(
     let tree = &model.get().model;
     let n = tree.n_velocities();
     if !(1..=MOST / 4).contains(&n) {
-        return Err(input(format!("`model` must have from 1 to {} degrees of freedom, found {n}", MOST / 4)));
+        return Err(Error::input(format!(
+            "`model` must have from 1 to {} degrees of freedom, found {n}",
+            MOST / 4
+        )));
     }
     for (i, joint) in passive.iter().enumerate() {
         if *joint >= n || passive[..i].contains(joint) {
             let allowed = format!("different numbers of degrees of freedom below {n}");
-            return Err(input(format!("`passive` must be {allowed}, found {passive:?}")));
+            return Err(Error::input(format!("`passive` must be {allowed}, found {passive:?}")));
         }
     }
     if passive.len() == n {
-        return Err(input("`passive` must leave one degree of freedom driven".to_owned()));
+        return Err(Error::input("`passive` must leave one degree of freedom driven"));
     }
     let numbers = |name, value: Option<&Bound<'_, PyAny>>, default| {
         value.map_or(Ok(vec![default; n]), |value| numbers_or_one(name, n, value))

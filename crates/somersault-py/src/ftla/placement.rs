@@ -1,19 +1,19 @@
 //! Placing a point on the centre-stable or the centre-unstable manifold.
 
 use super::argument::{triple, whole, wholes};
-use super::dimension::expect_dimension;
-use super::error::{input, positive, told};
+use super::dimension::{dims_of, expect_dimension};
+use super::error::told;
 use super::flow::VariationalFlow;
 use super::run::{Run, attend};
 use super::settings::{Settings, limits_of};
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
-use super::subspace::dims_of;
 use super::system::System;
-use crate::core::convert::real_numbers;
+use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::FlowError;
 use somersault::ftla::nalgebra::DVector;
@@ -116,6 +116,15 @@ fn place(
     Ok(PlacementResult::of(placement.place(&settings.flow(&system)?.within(&budget), p)))
 }
 
+value! {
+    impl Placement {
+        /// tuple of int: (n^s, n^c, n^u).
+        dims: (usize, usize, usize) = |own| (own.dims.stable, own.dims.center, own.dims.unstable);
+        /// ndarray, shape (m,): Averaging times, s.
+        times: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, own.schedule.times()).into_any();
+    }
+}
+
 #[pymethods]
 impl Placement {
     #[new]
@@ -135,37 +144,27 @@ impl Placement {
             (_, Some(times)) => Schedule::try_times(times)?,
             (Some(diagnosis), None) => Schedule::of_diagnosis(&diagnosis)?,
             (None, None) => {
-                return Err(input("`times` must be given where `dims` is no Diagnosis".to_owned()));
+                return Err(Error::input("`times` must be given where `dims` is no Diagnosis"));
             }
         };
         let method = match method {
             "newton" => Method::Newton,
             "fixed_point" => Method::FixedPoint,
             other => {
-                return Err(input(format!("`method` must be 'newton' or 'fixed_point', found '{other}'")));
+                return Err(Error::input(format!(
+                    "`method` must be 'newton' or 'fixed_point', found '{other}'"
+                )));
             }
         };
         positive("tol", tol)?;
         if max_iterations == 0 {
-            return Err(input("`max_iterations` must be positive, found 0".to_owned()));
+            return Err(Error::input("`max_iterations` must be positive, found 0"));
         }
         let placement = Self { dims, held, schedule, method, tol, max_iterations };
         let dimension = dims.stable.saturating_add(dims.center).saturating_add(dims.unstable);
         expect_dimension("dims", dimension)?;
         check(&placement, dimension)?;
         Ok(placement)
-    }
-
-    /// tuple of int: (n^s, n^c, n^u).
-    #[getter]
-    fn dims(&self) -> (usize, usize, usize) {
-        (self.dims.stable, self.dims.center, self.dims.unstable)
-    }
-
-    /// ndarray, shape (m,): Averaging times, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, self.schedule.times()).into_any()
     }
 
     /// str: ``'newton'`` or ``'fixed_point'``.
@@ -222,11 +221,11 @@ impl Placement {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let arguments =
             (own.dims(), own.held.clone(), own.times(py), own.method(), own.tol, own.max_iterations);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled placement.
@@ -285,7 +284,7 @@ pub(crate) fn status_of(status: &PlacementStatus) -> &'static str {
 pub(crate) fn status_named(name: &str) -> Result<&'static str, Error> {
     let known = ["placed", "stalled", "max_iterations", "singular_costates", "flow", "limit_reached"];
     let found = known.into_iter().find(|status| *status == name);
-    found.ok_or_else(|| input(format!("`status` must be one of {known:?}, found '{name}'")))
+    found.ok_or_else(|| Error::input(format!("`status` must be one of {known:?}, found '{name}'")))
 }
 
 impl PlacementResult {
@@ -319,36 +318,28 @@ impl PlacementResult {
     }
 }
 
+value! {
+    impl PlacementResult {
+        /// ndarray, shape (dimension,): The point.
+        p: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, own.p.as_slice()).into_any();
+        /// bool: Whether it was placed at the last averaging time.
+        success: bool = |own| own.status == "placed";
+        /// Spectrum or None: The spectrum there, if the motion could be followed.
+        spectrum: Option<Spectrum> = |own| own.spectrum.clone();
+    }
+}
+
 #[pymethods]
 impl PlacementResult {
-    /// ndarray, shape (dimension,): The point.
-    #[getter]
-    fn p<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, self.p.as_slice()).into_any()
-    }
-
-    /// bool: Whether it was placed at the last averaging time.
-    #[getter]
-    fn success(&self) -> bool {
-        self.status == "placed"
-    }
-
-    /// Spectrum or None: The spectrum there, if the motion could be followed.
-    #[getter]
-    fn spectrum(&self) -> Option<Spectrum> {
-        self.spectrum.clone()
-    }
-
     fn __repr__(&self) -> String {
         format!("<PlacementResult: {}, {:.1e} rad at T = {} s>", self.status, self.angle, self.time)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let how = (own.status, own.message.clone(), own.angle, own.time);
         let counts = (own.n_iterations, own.n_flow_evaluations);
-        let arguments = (own.p(slf.py()), how, own.spectrum(), counts);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.p(slf.py()), how, own.spectrum(), counts))
     }
 
     /// A pickled point.

@@ -1,11 +1,11 @@
 //! Calculations beside the interpreter: signals are looked for meanwhile, and what Python code raises ends them.
 
 use crate::core::error::{Class, Error};
-use crate::core::waiting;
+use crate::core::waiting::{self, Cancellation};
 use pyo3::exceptions::{PyArithmeticError, PyException};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Points at the beginning of a calculation at which all derivatives are checked.
 const FIRST_POINTS: usize = 4;
@@ -13,8 +13,7 @@ const FIRST_POINTS: usize = 4;
 /// One calculation. Once it is stopped its fields have no values any more, which ends whatever integrates them.
 #[derive(Default)]
 pub(crate) struct Run {
-    stopped: AtomicBool,
-    raised: OnceLock<PyErr>,
+    cancellation: Cancellation,
     /// Why a callable had no value where it was asked last.
     no_value: Mutex<Option<PyErr>>,
     /// Points at which derivatives have been asked for.
@@ -24,8 +23,7 @@ pub(crate) struct Run {
 impl Run {
     /// Ends the calculation with an exception; a later one is a consequence of the first.
     pub(crate) fn stop(&self, error: PyErr) {
-        let _ = self.raised.set(error);
-        self.stopped.store(true, Ordering::Relaxed);
+        self.cancellation.raise(error);
     }
 
     /// Notes why there is no value at some point. A trial that overflows is a step rejected; the reason is told where nothing
@@ -50,7 +48,7 @@ impl Run {
 
     /// Whether it is to end.
     pub(crate) fn is_stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
+        self.cancellation.token.is_cancelled()
     }
 }
 
@@ -61,7 +59,7 @@ pub(crate) fn attend<T: Send>(
 ) -> Result<T, Error> {
     let run = Arc::new(Run::default());
     let result = waiting::attend(py, |raised| run.stop(raised), || work(&run))?;
-    if let Some(error) = run.raised.get() {
+    if let Some(error) = run.cancellation.raised() {
         return Err(Error::Raised(error.clone_ref(py)));
     }
     result.map_err(|error| {

@@ -1,6 +1,5 @@
 //! Accuracy and length of runs.
 
-use super::error::input;
 use super::watched::Watched;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
@@ -50,8 +49,9 @@ pub(crate) fn limits_of(
     max_evaluations: Option<&Bound<'_, PyAny>>,
 ) -> Result<Limits, Error> {
     let time = max_time.map(|value| {
-        let wrong =
-            || input(format!("`max_time` must be a positive number of seconds, found {}", shown(value)));
+        let wrong = || {
+            Error::input(format!("`max_time` must be a positive number of seconds, found {}", shown(value)))
+        };
         let seconds: f64 = value.extract().map_err(|_| wrong())?;
         match Duration::try_from_secs_f64(seconds) {
             Ok(time) if !time.is_zero() => Ok(time),
@@ -60,9 +60,10 @@ pub(crate) fn limits_of(
     });
     let evaluations = max_evaluations.map(|value| match value.extract::<usize>() {
         Ok(count) if count > 0 => Ok(count),
-        Ok(_) | Err(_) => {
-            Err(input(format!("`max_evaluations` must be a positive whole number, found {}", shown(value))))
-        }
+        Ok(_) | Err(_) => Err(Error::input(format!(
+            "`max_evaluations` must be a positive whole number, found {}",
+            shown(value)
+        ))),
     });
     Ok(Limits { time: time.transpose()?, evaluations: evaluations.transpose()? })
 }
@@ -75,10 +76,10 @@ fn shown(value: &Bound<'_, PyAny>) -> String {
 /// FlowTolerances by the names that they have in Python.
 pub(crate) fn tolerances_of(rtol: f64, atol: f64) -> Result<FlowTolerances, Error> {
     if !(1e-15..=0.1).contains(&rtol) {
-        return Err(input(format!("`rtol` must be from 1e-15 to 0.1, found {rtol}")));
+        return Err(Error::input(format!("`rtol` must be from 1e-15 to 0.1, found {rtol}")));
     }
     if !atol.is_finite() || atol < 0.0 {
-        return Err(input(format!("`atol` must be finite and not negative, found {atol}")));
+        return Err(Error::input(format!("`atol` must be finite and not negative, found {atol}")));
     }
     Ok(FlowTolerances { relative: rtol, absolute: atol })
 }

@@ -3,16 +3,16 @@
 use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
-use super::error::input;
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, limits_of, tolerances_of};
 use super::system::System;
 use crate::core::convert::{array, real_numbers, times};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{self, Work};
 use somersault::ftla::nalgebra::DVector;
@@ -47,7 +47,7 @@ fn status_named(name: &str) -> Result<ShootingStatus, Error> {
         ShootingStatus::OnTheWay,
     ];
     let known = all.into_iter().find(|status| name_of(*status) == name);
-    known.ok_or_else(|| input(format!("`status` is not known: '{name}'")))
+    known.ok_or_else(|| Error::input(format!("`status` is not known: '{name}'")))
 }
 
 /// The states at one end, None where one is free.
@@ -56,10 +56,10 @@ pub(crate) type EndStates = Vec<Option<f64>>;
 /// The conditions at one end.
 pub(crate) fn end_of(name: &str, n: usize, states: &EndStates) -> Result<End, Error> {
     if states.len() != n {
-        return Err(input(format!("`{name}` must have {n} entries, found {}", states.len())));
+        return Err(Error::input(format!("`{name}` must have {n} entries, found {}", states.len())));
     }
     if let Some(found) = states.iter().flatten().find(|x| !x.is_finite()) {
-        return Err(input(format!("`{name}` must be finite, found {found}")));
+        return Err(Error::input(format!("`{name}` must be finite, found {found}")));
     }
     // what is free is given first, and then freed
     let given: Vec<f64> = states.iter().map(|x| x.unwrap_or(0.0)).collect();
@@ -90,7 +90,7 @@ impl Extremal {
         if self.dimension() == expected {
             return Ok(());
         }
-        Err(input(format!("the extremal must be of dimension {expected}, found {}", self.dimension())))
+        Err(Error::input(format!("the extremal must be of dimension {expected}, found {}", self.dimension())))
     }
 
     /// Times of the nodes as fractions of the horizon.
@@ -127,89 +127,46 @@ fn hamiltonian_range(extremal: &Extremal, run: &Arc<Run>) -> Result<[f64; 2], Er
     Ok(extremal.extremal.range_of(|p| system.hamiltonian(p)))
 }
 
+value! {
+    impl Extremal {
+        /// System: Whose motion it is.
+        system: Py<System> = |own, py| own.system.clone_ref(py);
+        /// str: ``'converged'``; ``'floor'`` where rounding and the segments' tolerance allow no smaller residual;
+        /// ``'hamiltonian_drifts'`` where the conditions hold but the Hamiltonian is not constant, as with a wrong derivative;
+        /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation broke off
+        /// and the nodes solve a problem before the requested one. The nodes are the best found.
+        status: &'static str = |own| name_of(own.extremal.status);
+        /// str: The status in a sentence.
+        message: String = |own| own.extremal.status.to_string();
+        /// ndarray, shape (m,): Times of the nodes, s.
+        times: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, &own.extremal.times).into_any();
+        /// ndarray, shape (m, dimension): States and costates at the nodes.
+        nodes: PyResult<Bound<'py, PyAny>> = |own, py| rows_array(py, &own.extremal.nodes, own.dimension());
+        /// float: The largest entry of a defect or end condition, relative to the largest value of that entry of (x, λ) over the
+        /// motion.
+        residual: f64 = |own| own.extremal.residual;
+        /// float: The residual below which rounding and the tolerance of the segments hide what a step does.
+        floor: f64 = |own| own.extremal.floor;
+        /// float or None: The range of the Hamiltonian over nodes and ends of segments, relative to the terms that it is a sum of;
+        /// None where the system was made without it.
+        hamiltonian_drift: Option<f64> = |own| own.extremal.hamiltonian_drift;
+        /// int: Newton steps taken.
+        n_iterations: usize = |own| own.extremal.iterations;
+        /// int: Segments propagated.
+        n_flow_evaluations: usize = |own| own.extremal.flow_evaluations;
+        /// int: Evaluations of the field.
+        n_evaluations: usize = |own| own.extremal.work.evaluations;
+        /// Chain: The transition matrices of the segments.
+        chain: Chain = |own| Chain::of(own.dimension(), &flow::Chain::from_links(own.extremal.links.clone()));
+    }
+}
+
 #[pymethods]
 impl Extremal {
-    /// System: Whose motion it is.
-    #[getter]
-    fn system(&self, py: Python<'_>) -> Py<System> {
-        self.system.clone_ref(py)
-    }
-
-    /// str: ``'converged'``; ``'floor'`` where rounding and the segments' tolerance allow no smaller residual;
-    /// ``'hamiltonian_drifts'`` where the conditions hold but the Hamiltonian is not constant, as with a wrong derivative;
-    /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation broke off
-    /// and the nodes solve a problem before the requested one. The nodes are the best found.
-    #[getter]
-    fn status(&self) -> &'static str {
-        name_of(self.extremal.status)
-    }
-
-    /// str: The status in a sentence.
-    #[getter]
-    fn message(&self) -> String {
-        self.extremal.status.to_string()
-    }
-
     /// bool: Whether it converged.
     #[getter]
     pub(crate) fn success(&self) -> bool {
         self.extremal.status == ShootingStatus::Converged
-    }
-
-    /// ndarray, shape (m,): Times of the nodes, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, &self.extremal.times).into_any()
-    }
-
-    /// ndarray, shape (m, dimension): States and costates at the nodes.
-    #[getter]
-    fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.extremal.nodes, self.dimension())
-    }
-
-    /// float: The largest entry of a defect or end condition, relative to the largest value of that entry of (x, λ) over the
-    /// motion.
-    #[getter]
-    fn residual(&self) -> f64 {
-        self.extremal.residual
-    }
-
-    /// float: The residual below which rounding and the tolerance of the segments hide what a step does.
-    #[getter]
-    fn floor(&self) -> f64 {
-        self.extremal.floor
-    }
-
-    /// float or None: The range of the Hamiltonian over nodes and ends of segments, relative to the terms that it is a sum of;
-    /// None where the system was made without it.
-    #[getter]
-    fn hamiltonian_drift(&self) -> Option<f64> {
-        self.extremal.hamiltonian_drift
-    }
-
-    /// int: Newton steps taken.
-    #[getter]
-    fn n_iterations(&self) -> usize {
-        self.extremal.iterations
-    }
-
-    /// int: Segments propagated.
-    #[getter]
-    fn n_flow_evaluations(&self) -> usize {
-        self.extremal.flow_evaluations
-    }
-
-    /// int: Evaluations of the field.
-    #[getter]
-    fn n_evaluations(&self) -> usize {
-        self.extremal.work.evaluations
-    }
-
-    /// Chain: The transition matrices of the segments.
-    #[getter]
-    fn chain(&self) -> Chain {
-        Chain::of(self.dimension(), &flow::Chain::from_links(self.extremal.links.clone()))
     }
 
     /// States and costates at any times, integrated from the node before.
@@ -269,7 +226,7 @@ impl Extremal {
         format!("<Extremal: {}, residual {residual:.1e}, {} nodes to {last} s>", self.status(), times.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let shooting::Extremal {
             links,
@@ -286,8 +243,7 @@ impl Extremal {
         let how = (own.status(), residual, floor, hamiltonian_drift, iterations, flow_evaluations);
         let work = (evaluations, steps, rejected, switches);
         let motion = (own.times(py), own.nodes(py)?, links);
-        let arguments = (own.system.bind(py), own.settings.plain(), motion, how, work);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.system.bind(py), own.settings.plain(), motion, how, work))
     }
 
     /// A pickled extremal.
@@ -309,7 +265,7 @@ impl Extremal {
             && links.len() + 1 == times.len()
             && links.iter().all(|link| link.transition.end.len() == n);
         if !fits {
-            return Err(input("times, nodes and links of an extremal must fit".to_owned()));
+            return Err(Error::input("times, nodes and links of an extremal must fit"));
         }
         let (status, residual, floor, hamiltonian_drift, iterations, flow_evaluations) = how;
         let status = status_named(&status)?;
@@ -334,7 +290,7 @@ impl Extremal {
 fn finite_times(t: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
     let (single, found) = times("t", t)?;
     match found.iter().find(|t| !t.is_finite()) {
-        Some(t) => Err(input(format!("`t` must be finite, found {t}"))),
+        Some(t) => Err(Error::input(format!("`t` must be finite, found {t}"))),
         None => Ok((single, found)),
     }
 }
@@ -358,7 +314,9 @@ pub(crate) fn shooting_of(
     limits: Limits,
 ) -> Result<MultipleShooting, Error> {
     if !(1e-15..=0.1).contains(&tol) {
-        return Err(input(format!("`tol` must be from 1e-15, below which is rounding, to 0.1, found {tol}")));
+        return Err(Error::input(format!(
+            "`tol` must be from 1e-15, below which is rounding, to 0.1, found {tol}"
+        )));
     }
     Ok(MultipleShooting { tolerance: tol, max_iterations, flow: tolerances_of(rtol, atol)?, limits })
 }

@@ -1,12 +1,11 @@
 //! Finite-time Lyapunov exponents and vectors, and what they say of a problem.
 
-use super::dimension::{expect_square, matrix_array, vector};
-use super::error::input;
-use super::subspace::dims_of;
+use super::dimension::{dims_of, expect_square, matrix_array, vector};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::placement::Schedule;
 use somersault::ftla::spectrum::{self, SplittingDims, TimeDirection, Unknown, Verdict};
@@ -16,7 +15,7 @@ pub(crate) fn direction_of(name: &str) -> Result<TimeDirection, Error> {
     match name {
         "forward" => Ok(TimeDirection::Forward),
         "backward" => Ok(TimeDirection::Backward),
-        other => Err(input(format!("`direction` must be 'forward' or 'backward', found '{other}'"))),
+        other => Err(Error::input(format!("`direction` must be 'forward' or 'backward', found '{other}'"))),
     }
 }
 
@@ -43,61 +42,40 @@ impl Spectrum {
     }
 }
 
+value! {
+    impl Spectrum {
+        /// str: ``'forward'`` or ``'backward'``.
+        direction: &'static str = |own| name_of(own.spectrum.direction);
+        /// float: Averaging time T, s.
+        time: f64 = |own| own.spectrum.time;
+        /// ndarray, shape (dimension,): μ, 1/s, ascending forward and descending backward.
+        exponents: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_slice(py, own.spectrum.exponents.as_slice()).into_any();
+        /// ndarray, shape (dimension, dimension): lᵢ as columns, orthonormal.
+        vectors: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, &own.spectrum.vectors);
+        /// ndarray, shape (dimension,): The exponents with costates in the unit in which states act on them as much as they on states,
+        /// as `diagnose` takes them: those of a finite time depend on units, these not on that of the cost.
+        balanced: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_slice(py, own.spectrum.balanced.as_slice()).into_any();
+        /// ndarray, shape (dimension,): Exponents in forward order whatever the direction, backward ones with their sign changed.
+        rates: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_slice(py, own.spectrum.rates().as_slice()).into_any();
+        /// float: max |μᵢ + μ_{2n+1−i}|, zero for a Hamiltonian system.
+        pairing_defect: f64 = |own| own.spectrum.pairing_defect();
+    }
+}
+
 #[pymethods]
 impl Spectrum {
-    /// str: ``'forward'`` or ``'backward'``.
-    #[getter]
-    fn direction(&self) -> &'static str {
-        name_of(self.spectrum.direction)
-    }
-
-    /// float: Averaging time T, s.
-    #[getter]
-    fn time(&self) -> f64 {
-        self.spectrum.time
-    }
-
-    /// ndarray, shape (dimension,): μ, 1/s, ascending forward and descending backward.
-    #[getter]
-    fn exponents<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, self.spectrum.exponents.as_slice()).into_any()
-    }
-
-    /// ndarray, shape (dimension, dimension): lᵢ as columns, orthonormal.
-    #[getter]
-    fn vectors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.spectrum.vectors)
-    }
-
-    /// ndarray, shape (dimension,): The exponents with costates in the unit in which states act on them as much as they on states,
-    /// as `diagnose` takes them: those of a finite time depend on units, these not on that of the cost.
-    #[getter]
-    fn balanced<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, self.spectrum.balanced.as_slice()).into_any()
-    }
-
-    /// ndarray, shape (dimension,): Exponents in forward order whatever the direction, backward ones with their sign changed.
-    #[getter]
-    fn rates<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_slice(py, self.spectrum.rates().as_slice()).into_any()
-    }
-
-    /// float: max |μᵢ + μ_{2n+1−i}|, zero for a Hamiltonian system.
-    #[getter]
-    fn pairing_defect(&self) -> f64 {
-        self.spectrum.pairing_defect()
-    }
-
     fn __repr__(&self) -> String {
         let exponents: Vec<_> = self.spectrum.exponents.iter().map(|mu| digits(*mu)).collect();
         format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time(), exponents.join(", "))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let columns = PyArray1::from_slice(py, own.spectrum.vectors.as_slice());
-        let arguments = (own.direction(), own.time(), own.exponents(py), columns, own.balanced(py));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.direction(), own.time(), own.exponents(py), columns, own.balanced(py)))
     }
 
     /// A pickled spectrum.
@@ -112,7 +90,7 @@ impl Spectrum {
     ) -> Result<Self, Error> {
         expect_square("vectors", &vectors, exponents.len())?;
         if balanced.len() != exponents.len() {
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`balanced` must have {} entries, found {}",
                 exponents.len(),
                 balanced.len()
@@ -143,6 +121,35 @@ pub(crate) struct Diagnosis {
     pub(crate) diagnosis: spectrum::Diagnosis,
 }
 
+value! {
+    impl Diagnosis {
+        /// str: ``'complete'`` or ``'partial'`` where the problem is hyper-sensitive in all or in some directions, ``'insensitive'``
+        /// where no rates are fast against the horizon, ``'undetermined'`` where the averaging times do not tell, and
+        /// ``'not_hamiltonian'`` where the flow is that of no optimal control problem. ``str`` of the diagnosis says why.
+        verdict: &'static str = |own| verdict_name(&own.diagnosis.verdict);
+        /// bool: Whether fast rates act in both directions for many time constants on the horizon.
+        is_hyper_sensitive: bool = |own| own.diagnosis.is_hyper_sensitive();
+        /// bool: Whether it is so in some directions only.
+        is_partially_hyper_sensitive: bool = |own| own.diagnosis.is_partially_hyper_sensitive();
+        /// float: Averaging time that shows the splitting best, s.
+        time: f64 = |own| own.diagnosis.time;
+        /// tuple of float: Slowest of the fast contracting and of the fast expanding rates, 1/s.
+        fast_rates: (f64, f64) = |own| own.diagnosis.fast_rates.into();
+        /// tuple of float: The same of the balanced exponents, which the verdict is about.
+        balanced_rates: (f64, f64) = |own| own.diagnosis.balanced_rates.into();
+        /// float: Largest |μ| of the centre, 1/s.
+        center_rate: f64 = |own| own.diagnosis.center_rate;
+        /// tuple of float: Gaps between stable and centre and between centre and unstable exponents, 1/s.
+        gaps: (f64, f64) = |own| own.diagnosis.gaps.into();
+        /// float: The smaller gap times the averaging time: how far the subspaces have converged.
+        time_constants: f64 = |own| own.diagnosis.time_constants;
+        /// tuple of float: Longest range of averaging times over which the splitting has these dimensions, s.
+        window: (f64, f64) = |own| own.diagnosis.window.into();
+        /// float: The horizon, s.
+        horizon: f64 = |own| own.diagnosis.horizon;
+    }
+}
+
 #[pymethods]
 impl Diagnosis {
     /// tuple of int: (n^s, n^c, n^u); all in the centre where no gap is wide enough.
@@ -150,74 +157,6 @@ impl Diagnosis {
     fn dims(&self) -> (usize, usize, usize) {
         let SplittingDims { stable, center, unstable } = self.diagnosis.dims;
         (stable, center, unstable)
-    }
-
-    /// str: ``'complete'`` or ``'partial'`` where the problem is hyper-sensitive in all or in some directions, ``'insensitive'``
-    /// where no rates are fast against the horizon, ``'undetermined'`` where the averaging times do not tell, and
-    /// ``'not_hamiltonian'`` where the flow is that of no optimal control problem. ``str`` of the diagnosis says why.
-    #[getter]
-    fn verdict(&self) -> &'static str {
-        verdict_name(&self.diagnosis.verdict)
-    }
-
-    /// bool: Whether fast rates act in both directions for many time constants on the horizon.
-    #[getter]
-    fn is_hyper_sensitive(&self) -> bool {
-        self.diagnosis.is_hyper_sensitive()
-    }
-
-    /// bool: Whether it is so in some directions only.
-    #[getter]
-    fn is_partially_hyper_sensitive(&self) -> bool {
-        self.diagnosis.is_partially_hyper_sensitive()
-    }
-
-    /// float: Averaging time that shows the splitting best, s.
-    #[getter]
-    fn time(&self) -> f64 {
-        self.diagnosis.time
-    }
-
-    /// tuple of float: Slowest of the fast contracting and of the fast expanding rates, 1/s.
-    #[getter]
-    fn fast_rates(&self) -> (f64, f64) {
-        self.diagnosis.fast_rates.into()
-    }
-
-    /// tuple of float: The same of the balanced exponents, which the verdict is about.
-    #[getter]
-    fn balanced_rates(&self) -> (f64, f64) {
-        self.diagnosis.balanced_rates.into()
-    }
-
-    /// float: Largest |μ| of the centre, 1/s.
-    #[getter]
-    fn center_rate(&self) -> f64 {
-        self.diagnosis.center_rate
-    }
-
-    /// tuple of float: Gaps between stable and centre and between centre and unstable exponents, 1/s.
-    #[getter]
-    fn gaps(&self) -> (f64, f64) {
-        self.diagnosis.gaps.into()
-    }
-
-    /// float: The smaller gap times the averaging time: how far the subspaces have converged.
-    #[getter]
-    fn time_constants(&self) -> f64 {
-        self.diagnosis.time_constants
-    }
-
-    /// tuple of float: Longest range of averaging times over which the splitting has these dimensions, s.
-    #[getter]
-    fn window(&self) -> (f64, f64) {
-        self.diagnosis.window.into()
-    }
-
-    /// float: The horizon, s.
-    #[getter]
-    fn horizon(&self) -> f64 {
-        self.diagnosis.horizon
     }
 
     /// Averaging times to place with: steps of 0.7 time constants of the slowest fast rate, to eight constants of the gap.
@@ -238,7 +177,7 @@ impl Diagnosis {
         format!("<Diagnosis: {}>", self.diagnosis)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let spectrum::Diagnosis { time, center_rate, time_constants, horizon, .. } = own.diagnosis;
         let numbers = (time, center_rate, time_constants, horizon);
@@ -248,8 +187,7 @@ impl Diagnosis {
             Verdict::Complete | Verdict::Partial | Verdict::Insensitive => (own.verdict(), None, None),
         };
         let rates = (own.fast_rates(), own.balanced_rates());
-        let arguments = (verdict, own.dims(), numbers, rates, own.gaps(), own.window());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (verdict, own.dims(), numbers, rates, own.gaps(), own.window()))
     }
 
     /// A pickled diagnosis.
@@ -306,7 +244,7 @@ fn verdict_of((name, why, defect): (String, Option<String>, Option<f64>)) -> Res
         }
         (_, _, _) => None,
     };
-    known.ok_or_else(|| input(format!("`verdict` is not known: '{name}'")))
+    known.ok_or_else(|| Error::input(format!("`verdict` is not known: '{name}'")))
 }
 
 /// Chooses (n^s, n^c, n^u) from spectra at one point, and says what they tell about the problem.
@@ -338,7 +276,7 @@ fn verdict_of((name, why, defect): (String, Option<String>, Option<f64>)) -> Res
 pub(crate) fn diagnose(spectra: Vec<Bound<'_, Spectrum>>, horizon: f64) -> Result<Diagnosis, Error> {
     let n = spectra.first().map_or(2, |s| s.get().dimension());
     if spectra.iter().any(|s| s.get().dimension() != n) {
-        return Err(input("`spectra` must be of one dimension".to_owned()));
+        return Err(Error::input("`spectra` must be of one dimension"));
     }
     let spectra: Vec<_> = spectra.iter().map(|s| s.get().spectrum.clone()).collect();
     Ok(Diagnosis { diagnosis: spectrum::diagnose(&spectra, horizon)? })

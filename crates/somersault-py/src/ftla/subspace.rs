@@ -1,18 +1,18 @@
 //! Subspaces, the splitting they form, and the costates to hold.
 
 use super::argument::triple;
-use super::dimension::{expect_dimension, rows_array, vector};
-use super::error::input;
+use super::dimension::{dims_of, expect_dimension, rows_array, vector};
 use super::spectrum::Spectrum;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::placement;
-use somersault::ftla::spectrum::{self, SplittingDims, slow_subspace as slow};
+use somersault::ftla::spectrum::{self, slow_subspace as slow};
 
 /// A linear subspace.
 ///
@@ -43,15 +43,25 @@ impl Subspace {
         if expected == found {
             return Ok(());
         }
-        Err(input(format!("`other` must lie in {expected} dimensions, found {found}")))
+        Err(Error::input(format!("`other` must lie in {expected} dimensions, found {found}")))
     }
 
     fn vector(&self, v: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
         let rows = Rows::extract("v", &[self.dimension()], v)?;
         if rows.is_many() {
-            return Err(input("`v` must be one vector, found many".to_owned()));
+            return Err(Error::input("`v` must be one vector, found many"));
         }
         Ok(vector(rows.all()?))
+    }
+}
+
+value! {
+    impl Subspace {
+        /// int: Its dimension.
+        dim: usize = |own| own.subspace.dim();
+        /// ndarray, shape (dim, dimension): Orthonormal vectors that span it, in rows.
+        basis: PyResult<Bound<'py, PyAny>> =
+            |own, py| rows_array(py, &own.subspace.basis().collect::<Vec<_>>(), own.dimension());
     }
 }
 
@@ -61,27 +71,15 @@ impl Subspace {
     fn new(vectors: &Bound<'_, PyAny>) -> Result<Self, Error> {
         let shape = vectors.py().import("numpy")?.call_method1("shape", (vectors,));
         let shape: Vec<usize> = shape.and_then(|shape| shape.extract()).map_err(|_| {
-            input(format!("`vectors` must be of shape (m, dimension), found {}", a_type(vectors)))
+            Error::input(format!("`vectors` must be of shape (m, dimension), found {}", a_type(vectors)))
         })?;
         let &[_, n] = shape.as_slice() else {
-            return Err(input(format!("`vectors` must be of shape (m, dimension), found {shape:?}")));
+            return Err(Error::input(format!("`vectors` must be of shape (m, dimension), found {shape:?}")));
         };
         expect_dimension("dimension", n)?;
         let rows = Rows::extract("vectors", &[n], vectors)?;
         let vectors: Vec<_> = rows.all()?.chunks_exact(n).map(vector).collect();
         Ok(Self { subspace: spectrum::Subspace::spanned_by(n, &vectors) })
-    }
-
-    /// int: Its dimension.
-    #[getter]
-    fn dim(&self) -> usize {
-        self.subspace.dim()
-    }
-
-    /// ndarray, shape (dim, dimension): Orthonormal vectors that span it, in rows.
-    #[getter]
-    fn basis<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        rows_array(py, &self.subspace.basis().collect::<Vec<_>>(), self.dimension())
     }
 
     /// The orthogonal complement.
@@ -140,11 +138,10 @@ impl Subspace {
         format!("<Subspace: {} of {} dimensions>", self.dim(), self.dimension())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let basis: Vec<f64> = own.subspace.basis().flat_map(|v| v.as_slice().to_vec()).collect();
-        let arguments = (own.dimension(), PyArray1::from_vec(slf.py(), basis));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.dimension(), PyArray1::from_vec(slf.py(), basis)))
     }
 
     /// A pickled subspace.
@@ -154,18 +151,13 @@ impl Subspace {
         let whole = basis.len().is_multiple_of(dimension);
         if !whole || basis.len() > dimension * dimension {
             let found = basis.len();
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`basis` must be vectors of {dimension} entries, found {found} numbers"
             )));
         }
         let vectors: Vec<_> = basis.chunks_exact(dimension).map(vector).collect();
         Ok(Self { subspace: spectrum::Subspace::spanned_by(dimension, &vectors) })
     }
-}
-
-/// (n^s, n^c, n^u) as they come from Python.
-pub(crate) fn dims_of((stable, center, unstable): (usize, usize, usize)) -> SplittingDims {
-    SplittingDims { stable, center, unstable }
 }
 
 /// The subspaces at a point from which motions were followed both ways (thesis (9.5)–(9.9)).
@@ -184,6 +176,21 @@ pub(crate) struct Splitting {
     parts: [Subspace; 5],
 }
 
+value! {
+    impl Splitting {
+        /// Subspace: E^s (9.5).
+        stable: Subspace = |own| own.parts[0].clone();
+        /// Subspace: E^cs (9.6).
+        center_stable: Subspace = |own| own.parts[1].clone();
+        /// Subspace: E^c (9.7).
+        center: Subspace = |own| own.parts[2].clone();
+        /// Subspace: E^cu (9.8).
+        center_unstable: Subspace = |own| own.parts[3].clone();
+        /// Subspace: E^u (9.9).
+        unstable: Subspace = |own| own.parts[4].clone();
+    }
+}
+
 #[pymethods]
 impl Splitting {
     #[new]
@@ -193,7 +200,7 @@ impl Splitting {
         #[pyo3(from_py_with = triple::dims)] dims: (usize, usize, usize),
     ) -> Result<Self, Error> {
         if forward.dimension() != backward.dimension() {
-            return Err(input("`forward` and `backward` must be of one dimension".to_owned()));
+            return Err(Error::input("`forward` and `backward` must be of one dimension"));
         }
         let (forward, backward) = (forward.spectrum.clone(), backward.spectrum.clone());
         let splitting = spectrum::Splitting::try_new(dims_of(dims), forward, backward)?;
@@ -207,45 +214,14 @@ impl Splitting {
         Ok(Self { dims, parts: parts.map(|subspace| Subspace { subspace }) })
     }
 
-    /// Subspace: E^s (9.5).
-    #[getter]
-    fn stable(&self) -> Subspace {
-        self.parts[0].clone()
-    }
-
-    /// Subspace: E^cs (9.6).
-    #[getter]
-    fn center_stable(&self) -> Subspace {
-        self.parts[1].clone()
-    }
-
-    /// Subspace: E^c (9.7).
-    #[getter]
-    fn center(&self) -> Subspace {
-        self.parts[2].clone()
-    }
-
-    /// Subspace: E^cu (9.8).
-    #[getter]
-    fn center_unstable(&self) -> Subspace {
-        self.parts[3].clone()
-    }
-
-    /// Subspace: E^u (9.9).
-    #[getter]
-    fn unstable(&self) -> Subspace {
-        self.parts[4].clone()
-    }
-
     fn __repr__(&self) -> String {
         let (stable, center, unstable) = self.dims;
         format!("<Splitting: {stable} stable, {center} centre, {unstable} unstable>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        let arguments = (own.dims, own.parts.to_vec());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.dims, own.parts.to_vec()))
     }
 
     /// A pickled splitting.

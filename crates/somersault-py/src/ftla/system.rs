@@ -1,23 +1,20 @@
 //! State–costate systems, compiled or users' own.
 
 use super::argument::whole;
-use super::control_problem::{DifferentiatedCallables, Problem, state_costate};
+use super::differentiated::{DifferentiatedCallables, Problem};
 use super::dimension::{by_rows, expect_dimension};
-use super::error::input;
-use super::named_systems::{GivenTree, arm, cubic_regulator, linear_regulator, tree};
 use super::run::{Run, attend};
 use super::watched::{Callables, Source, Watched};
+use crate::core::callable::check_callable;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
-use crate::integrators::plan::check_callable;
+use crate::core::value::value;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
 use somersault::ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem, StateCostate,
     SystemError, TreeMinimumTorque, VectorField,
 };
-use somersault::multibody::models::TwoLinkArm;
 use std::sync::Arc;
 
 /// Controls that a user's system may have: what is asked for beyond is a slip, and no memory is there for it.
@@ -68,11 +65,8 @@ pub(crate) struct System {
     pub(crate) dimension: usize,
     pub(crate) n_controls: usize,
     description: String,
-    origin: Origin,
+    pub(super) origin: Origin,
 }
-
-/// A callable as it comes out of a pickle.
-type Code<'py> = Bound<'py, PyAny>;
 
 /// What a system is made from, for its runs and to be made again.
 pub(super) enum Origin {
@@ -82,6 +76,15 @@ pub(super) enum Origin {
     LinearRegulator,
     CubicRegulator,
     Tree(GivenTree),
+}
+
+/// What the system of a tree is made from.
+pub(super) struct GivenTree {
+    pub(super) model: Py<Model>,
+    pub(super) weights: Vec<f64>,
+    pub(super) limits: Vec<f64>,
+    pub(super) passive: Vec<usize>,
+    pub(super) system: Arc<TreeMinimumTorque>,
 }
 
 impl System {
@@ -116,7 +119,7 @@ impl System {
         if self.dimension.is_multiple_of(2) {
             Ok(self.dimension / 2)
         } else {
-            Err(input(format!(
+            Err(Error::input(format!(
                 "`system` must have as many costates as states, found {} numbers",
                 self.dimension
             )))
@@ -212,13 +215,22 @@ fn values(system: &System, run: &Arc<Run>, quantity: Quantity, points: &[f64]) -
     Ok(values)
 }
 
+value! {
+    impl System {
+        /// int: States and costates together.
+        dimension: usize = |own| own.dimension;
+        /// int: Number of controls.
+        n_controls: usize = |own| own.n_controls;
+    }
+}
+
 #[pymethods]
 impl System {
     #[new]
     #[pyo3(signature = (
         field, jacobian, dimension, *, hamiltonian=None, control=None, running_cost=None, n_controls=1
     ))]
-    fn new(
+    pub(super) fn new(
         field: &Bound<'_, PyAny>,
         jacobian: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole::dimension)] dimension: usize,
@@ -229,7 +241,7 @@ impl System {
     ) -> Result<Self, Error> {
         expect_dimension("dimension", dimension)?;
         if !(1..=MOST_CONTROLS).contains(&n_controls) {
-            return Err(input(format!(
+            return Err(Error::input(format!(
                 "`n_controls` must be between 1 and {MOST_CONTROLS}, found {n_controls}"
             )));
         }
@@ -250,18 +262,6 @@ impl System {
         });
         let description = format!("callables of dimension {dimension}");
         Ok(Self { dimension, n_controls, description, origin: Origin::Callables(callables) })
-    }
-
-    /// int: States and costates together.
-    #[getter]
-    fn dimension(&self) -> usize {
-        self.dimension
-    }
-
-    /// int: Number of controls.
-    #[getter]
-    fn n_controls(&self) -> usize {
-        self.n_controls
     }
 
     /// h(p) = dp/dt.
@@ -331,80 +331,5 @@ impl System {
 
     fn __repr__(&self) -> String {
         format!("<System: {}>", self.description)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        let tuple = |arguments: Bound<'py, PyTuple>, kind: &str| (kind, arguments).into_pyobject(py);
-        let arguments = match &own.origin {
-            Origin::Callables(own_code) => {
-                let Callables { field, jacobian, hamiltonian, control, running_cost, n_controls, .. } =
-                    &**own_code;
-                let optional = (hamiltonian, control, running_cost);
-                let given = ((field, jacobian), own.dimension, optional, n_controls);
-                tuple(given.into_pyobject(py)?, "callables")?
-            }
-            Origin::Problem(problem) => {
-                let Problem { callables: [dynamics, cost, jacobian, gradient, hessian], n_states, .. } =
-                    &**problem;
-                let bounds = problem.bounds.chunks(own.n_controls).collect::<Vec<_>>();
-                let code = (dynamics, cost, jacobian, gradient, hessian);
-                tuple((code, n_states, own.n_controls, bounds).into_pyobject(py)?, "problem")?
-            }
-            Origin::Arm(arm) => {
-                let TwoLinkArm { masses, lengths, damping } = *arm.arm();
-                let given = (masses, lengths, damping, arm.weights(), arm.torque_limits());
-                tuple(given.into_pyobject(py)?, "arm")?
-            }
-            Origin::LinearRegulator => tuple(PyTuple::empty(py), "linear_regulator")?,
-            Origin::CubicRegulator => tuple(PyTuple::empty(py), "cubic_regulator")?,
-            Origin::Tree(GivenTree { model, weights, limits, passive, .. }) => {
-                tuple((model, weights, limits, passive).into_pyobject(py)?, "tree")?
-            }
-        };
-        Ok((slf.get_type().getattr("_restore")?, arguments))
-    }
-
-    /// A pickled system; user-defined callables must be functions of a module.
-    #[classmethod]
-    fn _restore(_: &Bound<'_, PyType>, kind: &str, arguments: &Bound<'_, PyTuple>) -> Result<Self, Error> {
-        match kind {
-            "callables" => {
-                let ([field, jacobian], dimension, optional, n_controls): (
-                    [Code<'_>; 2],
-                    usize,
-                    [Option<Code<'_>>; 3],
-                    usize,
-                ) = arguments.extract()?;
-                let [hamiltonian, control, running_cost] = optional.each_ref().map(Option::as_ref);
-                Self::new(&field, &jacobian, dimension, hamiltonian, control, running_cost, n_controls)
-            }
-            "problem" => {
-                let ([dynamics, cost, jacobian, gradient, hessian], n_states, n_controls, bounds): (
-                    [Code<'_>; 5],
-                    usize,
-                    usize,
-                    Code<'_>,
-                ) = arguments.extract()?;
-                let bounds = Some(&bounds);
-                state_costate(&dynamics, &cost, n_states, n_controls, &jacobian, &gradient, &hessian, bounds)
-            }
-            "arm" => {
-                let (masses, lengths, damping, weights, limits) = arguments.extract()?;
-                arm(masses, lengths, damping, weights, Some(limits))
-            }
-            "linear_regulator" => Ok(linear_regulator()),
-            "cubic_regulator" => Ok(cubic_regulator()),
-            "tree" => {
-                let (model, weights, limits, passive): (
-                    Bound<'_, Model>,
-                    Bound<'_, PyAny>,
-                    Bound<'_, PyAny>,
-                    _,
-                ) = arguments.extract()?;
-                tree(&model, Some(&weights), Some(&limits), passive)
-            }
-            other => Err(input(format!("`kind` of a system is not known: '{other}'"))),
-        }
     }
 }

@@ -1,7 +1,6 @@
 //! The system of one calculation: compiled, or Python callables, and stopped when the calculation is.
 
 use super::differences::{Differences, expect_derivative};
-use super::error::input;
 use super::run::Run;
 use crate::core::convert::with_shape;
 use crate::core::error::Error;
@@ -83,7 +82,7 @@ impl Watched {
     /// A number that a callable makes of p; NaN where it has no value, and an error where there is no callable.
     fn number(&self, name: &str, callable: Option<&Py<PyAny>>, p: &[f64]) -> f64 {
         let Some(callable) = callable else {
-            self.run.stop(input(format!("this system was made without `{name}`")).into());
+            self.run.stop(Error::input(format!("this system was made without `{name}`")).into());
             return f64::NAN;
         };
         let value = self.call(name, callable, p, &[]).map_or(f64::NAN, |numbers| numbers[0]);
@@ -97,7 +96,7 @@ impl Watched {
 /// What a callable returned is an argument of this module.
 fn input_of(error: Error) -> Error {
     match error {
-        Error::Own { message, .. } => input(message),
+        Error::Own { message, .. } => Error::input(message),
         raised => raised,
     }
 }

@@ -1,13 +1,12 @@
 //! Many free bodies at once.
 
-use crate::core::convert::{a_type, interval_of, numbers_or_one, vector_or};
+use crate::core::convert::{a_type, interval_of, numbers_or_one, sequence, vector_or};
 use crate::core::error::Error;
 use crate::core::waiting::together;
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::forces::sequence;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
-use somersault::integrators::batch::{self, BatchError};
+use somersault::integrators::batch::{BatchError, FreeRuns};
 use somersault::integrators::body;
 use somersault::integrators::driver::TimeGrid;
 use somersault::integrators::force::Gravity;
@@ -98,7 +97,7 @@ pub(crate) fn integrate_batch(
         let first = ends.len();
         let last = (first + chunk(&grids[first..])).min(n);
         let part = |bodies: &[body::RigidBody], states: &[RigidBodyState], grids: &[TimeGrid]| {
-            together(py, || batch::integrate_in_gravity(&gravity, bodies, states, grids))
+            together(py, || FreeRuns::new(bodies, grids).in_gravity(&gravity).from(states))
         };
         let moved = part(&cast.bodies[first..last], &starts[first..last], &grids[first..last])?;
         ends.extend(moved.map_err(|error| from(first, error))?);
@@ -128,4 +127,11 @@ fn from(first: usize, error: BatchError) -> BatchError {
         }
         error => error,
     }
+}
+
+/// Many rigid bodies at once.
+#[pyo3::pymodule(name = "batch", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::batch::integrate_batch;
 }

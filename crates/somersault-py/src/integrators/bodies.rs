@@ -5,6 +5,7 @@ use crate::core::convert::{
     vector_or,
 };
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_class, value};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::core::Inertia;
@@ -40,6 +41,18 @@ pub(crate) struct RigidBody(pub(crate) body::RigidBody);
 impl RigidBody {
     fn of(mass: f64, inertia: Inertia) -> Result<Self, Error> {
         Ok(Self(body::RigidBody::try_new(mass, inertia)?))
+    }
+}
+
+value! {
+    impl RigidBody(mass, inertia) {
+        /// float: Mass, kg.
+        mass: f64 = |own| own.0.mass();
+        /// ndarray, shape (3, 3): Inertia tensor about the centre of mass, body frame, kg m².
+        inertia: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, own.0.inertia().tensor());
+        /// ndarray, shape (3,): Principal moments, along the axes of `principal_axes`, kg m².
+        principal_moments: Bound<'py, PyAny> =
+            |own, py| vector_array(py, own.0.inertia().principal_moments());
     }
 }
 
@@ -133,24 +146,6 @@ impl RigidBody {
         Self::of(mass, Inertia::try_shell(mass, radius)?)
     }
 
-    /// float: Mass, kg.
-    #[getter]
-    fn mass(&self) -> f64 {
-        self.0.mass()
-    }
-
-    /// ndarray, shape (3, 3): Inertia tensor about the centre of mass, body frame, kg m².
-    #[getter]
-    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, self.0.inertia().tensor())
-    }
-
-    /// ndarray, shape (3,): Principal moments, along the axes of `principal_axes`, kg m².
-    #[getter]
-    fn principal_moments<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, self.0.inertia().principal_moments())
-    }
-
     /// scipy.spatial.transform.Rotation: Rotation P from principal axes to the body frame.
     ///
     /// The inertia is P diag(principal_moments) Pᵀ.
@@ -170,11 +165,6 @@ impl RigidBody {
             format!("[{}]", rows.join(", "))
         };
         format!("RigidBody(mass={:?}, inertia={rows})", self.0.mass())
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, body) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (body.mass(), body.inertia(py)?).into_pyobject(py)?))
     }
 }
 
@@ -212,6 +202,20 @@ impl RigidBody {
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct State(pub(crate) RigidBodyState);
 
+value! {
+    impl State {
+        /// ndarray, shape (3,): Position of the centre of mass, m.
+        position: Bound<'py, PyAny> = |own, py| vector_array(py, own.0.position());
+        /// ndarray, shape (4,): The orientation as a unit quaternion (x, y, z, w).
+        quaternion: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &components(own.0.orientation())).into_any();
+        /// ndarray, shape (3,): Velocity of the centre of mass, m/s.
+        velocity: Bound<'py, PyAny> = |own, py| vector_array(py, own.0.velocity());
+        /// ndarray, shape (3,): Angular velocity in the world frame, rad/s.
+        angular_velocity: Bound<'py, PyAny> = |own, py| vector_array(py, own.0.angular_velocity());
+    }
+}
+
 #[pymethods]
 impl State {
     #[new]
@@ -240,34 +244,10 @@ impl State {
         Ok(Self(RigidBodyState::new(position, orientation, velocity, angular_velocity)))
     }
 
-    /// ndarray, shape (3,): Position of the centre of mass, m.
-    #[getter]
-    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, self.0.position())
-    }
-
     /// scipy.spatial.transform.Rotation: Rotation from the body frame to the world frame.
     #[getter(orientation)]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rotation(&self.quaternion(py))
-    }
-
-    /// ndarray, shape (4,): The orientation as a unit quaternion (x, y, z, w).
-    #[getter]
-    fn quaternion<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &components(self.0.orientation())).into_any()
-    }
-
-    /// ndarray, shape (3,): Velocity of the centre of mass, m/s.
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, self.0.velocity())
-    }
-
-    /// ndarray, shape (3,): Angular velocity in the world frame, rad/s.
-    #[getter]
-    fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, self.0.angular_velocity())
     }
 
     /// ndarray, shape (3,): Angular velocity in the body frame, rad/s.
@@ -286,10 +266,10 @@ impl State {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, state) = (slf.py(), slf.get());
         let parts =
             [state.position(py), state.quaternion(py), state.velocity(py), state.angular_velocity(py)];
-        Ok((slf.get_type(), PyTuple::new(py, parts)?))
+        by_class(slf, PyTuple::new(py, parts)?)
     }
 }

@@ -2,11 +2,12 @@
 
 use crate::core::convert::{a_type, entries};
 use crate::core::error::Error;
+use crate::core::value::value;
 use crate::integrators::bodies::State;
-use crate::integrators::trajectory::Seen;
+use crate::integrators::seen::Seen;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
-use somersault::contact::event;
+use somersault::contact::event::EventKind;
+use somersault::integrators::events;
 use somersault::integrators::nalgebra::Vector3;
 
 /// The events of a run, and what it took to find them.
@@ -20,7 +21,7 @@ pub(crate) struct Events<Q: Seen> {
     /// How many contacts there are; the guards of their friction follow theirs.
     pub(crate) contacts: usize,
     /// Those kept.
-    pub(crate) events: Vec<event::Event<Q>>,
+    pub(crate) events: Vec<events::Event<Q, EventKind>>,
     /// Stretches of the contacts in the state reached, m.
     pub(crate) stretches: Vec<Vector3<f64>>,
 }
@@ -43,7 +44,11 @@ pub(crate) struct Event {
 }
 
 impl Event {
-    pub(crate) fn of<Q: Seen>(py: Python<'_>, contacts: usize, event: &event::Event<Q>) -> PyResult<Self> {
+    pub(crate) fn of<Q: Seen>(
+        py: Python<'_>,
+        contacts: usize,
+        event: &events::Event<Q, EventKind>,
+    ) -> PyResult<Self> {
         let state = Q::to_python(py, &event.state)?.unbind();
         Ok(Self {
             t: event.t,
@@ -52,6 +57,22 @@ impl Event {
             impulse: event.impulse,
             state,
         })
+    }
+}
+
+value! {
+    impl Event(t, contact, kind, impulse, state) {
+        /// float: When, s.
+        t: f64 = |own| own.t;
+        /// int: Which contact, by its place among those given; pairs of spheres follow those with surfaces.
+        contact: usize = |own| own.contact;
+        /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
+        /// released below the surface is held again, ``'stick'`` or ``'slip'``.
+        kind: &str = |own| &own.kind;
+        /// float: Impulse that a release completes, ∫ F dt, N s, to order 4; 0 for the others.
+        impulse: f64 = |own| own.impulse;
+        /// State or list of State: The state.
+        state: Py<PyAny> = |own, py| own.state.clone_ref(py);
     }
 }
 
@@ -73,44 +94,7 @@ impl Event {
         Ok(Self { t, contact, kind: kind.to_owned(), impulse, state: state.clone().unbind() })
     }
 
-    /// float: When, s.
-    #[getter]
-    fn t(&self) -> f64 {
-        self.t
-    }
-
-    /// int: Which contact, by its place among those given; pairs of spheres follow those with surfaces.
-    #[getter]
-    fn contact(&self) -> usize {
-        self.contact
-    }
-
-    /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
-    /// released below the surface is held again, ``'stick'`` or ``'slip'``.
-    #[getter]
-    fn kind(&self) -> &str {
-        &self.kind
-    }
-
-    /// float: Impulse that a release completes, ∫ F dt, N s, to order 4; 0 for the others.
-    #[getter]
-    fn impulse(&self) -> f64 {
-        self.impulse
-    }
-
-    /// State or list of State: The state.
-    #[getter]
-    fn state(&self, py: Python<'_>) -> Py<PyAny> {
-        self.state.clone_ref(py)
-    }
-
     fn __repr__(&self) -> String {
         format!("<Event: {} of contact {} at t = {}>", self.kind, self.contact, self.t)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, event) = (slf.py(), slf.get());
-        let arguments = (event.t, event.contact, event.kind(), event.impulse, event.state(py));
-        Ok((slf.get_type(), arguments.into_pyobject(py)?))
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::core::convert::{finite, times};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_class};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
-use pyo3::types::PyType;
 use somersault::integrators::exact;
 
 /// Exact motion of a free rigid body, by elliptic and theta functions.
@@ -74,8 +74,15 @@ impl FreeBody {
         format!("<FreeBody from t = {}>", self.t0)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (RigidBody, State, f64)) {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        (slf.get_type(), (own.body, own.start, own.t0))
+        by_class(slf, (own.body, own.start, own.t0))
     }
+}
+
+/// Motions in closed form.
+#[pyo3::pymodule(name = "exact", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::exact::FreeBody;
 }

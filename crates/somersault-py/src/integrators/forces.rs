@@ -1,17 +1,21 @@
 //! Forces and torques: the models of the library, and Python callables in their place.
 
-use crate::core::convert::{a_type, any_vector, any_vectors, finite, vector, vector_array, vector_or};
+use crate::core::callable::{Failure, call, callable_name};
+use crate::core::convert::{
+    a_type, any_vector, any_vectors, finite, sequence, vector, vector_array, vector_or,
+};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_class, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PySequence, PyString, PyTuple, PyType};
+use pyo3::types::{PyList, PyType};
 use somersault::integrators::body;
 use somersault::integrators::force::{self, BoxedForce, Wrench};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, RigidBodiesState, RigidBodyState, State as StateOf, Twist};
 use somersault::integrators::system::{self, BoxedInteraction, Interaction};
 use somersault::integrators::variation::Tangent;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Base of the built-in force models.
 #[pyclass(frozen, subclass, module = "somersault.forces")]
@@ -107,6 +111,13 @@ impl Gravity {
     }
 }
 
+value! {
+    impl Gravity(acceleration) {
+        /// ndarray, shape (3,): g, m/s².
+        acceleration: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.acceleration);
+    }
+}
+
 #[pymethods]
 impl Gravity {
     #[new]
@@ -116,19 +127,8 @@ impl Gravity {
         Ok(build(force::Gravity { acceleration }, Self))
     }
 
-    /// ndarray, shape (3,): g, m/s².
-    #[getter]
-    fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.acceleration)
-    }
-
     fn __repr__(&self) -> String {
         format!("Gravity({:?})", self.0.acceleration.as_slice())
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.acceleration(py),).into_pyobject(py)?))
     }
 }
 
@@ -158,6 +158,21 @@ impl Spring {
     }
 }
 
+value! {
+    impl Spring {
+        /// float: k, N/m.
+        stiffness: f64 = |own| own.0.stiffness;
+        /// ndarray, shape (3,): Fixed end, world frame, m.
+        anchor: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.anchor);
+        /// ndarray, shape (3,): End on the body, body frame, m.
+        attachment: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.attachment);
+        /// float: c, N s/m.
+        damping: f64 = |own| own.0.damping;
+        /// float: l₀, m.
+        rest_length: f64 = |own| own.0.rest_length;
+    }
+}
+
 #[pymethods]
 impl Spring {
     #[new]
@@ -179,36 +194,6 @@ impl Spring {
         Ok(build(spring, Self))
     }
 
-    /// float: k, N/m.
-    #[getter]
-    fn stiffness(&self) -> f64 {
-        self.0.stiffness
-    }
-
-    /// ndarray, shape (3,): Fixed end, world frame, m.
-    #[getter]
-    fn anchor<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.anchor)
-    }
-
-    /// ndarray, shape (3,): End on the body, body frame, m.
-    #[getter]
-    fn attachment<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.attachment)
-    }
-
-    /// float: c, N s/m.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.0.damping
-    }
-
-    /// float: l₀, m.
-    #[getter]
-    fn rest_length(&self) -> f64 {
-        self.0.rest_length
-    }
-
     fn __repr__(&self) -> String {
         let s = &self.0;
         format!(
@@ -221,11 +206,10 @@ impl Spring {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let ends = (own.anchor(py), own.attachment(py));
-        let arguments = (own.stiffness(), ends.0, ends.1, own.damping(), own.rest_length());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (own.stiffness(), ends.0, ends.1, own.damping(), own.rest_length()))
     }
 
     /// A pickled spring.
@@ -263,6 +247,17 @@ impl Drag {
     }
 }
 
+value! {
+    impl Drag(linear, quadratic, angular) {
+        /// float: c₁, N s/m.
+        linear: f64 = |own| own.0.linear;
+        /// float: c₂, N s²/m².
+        quadratic: f64 = |own| own.0.quadratic;
+        /// float: c₃, N m s.
+        angular: f64 = |own| own.0.angular;
+    }
+}
+
 #[pymethods]
 impl Drag {
     #[new]
@@ -276,34 +271,11 @@ impl Drag {
         Ok(build(drag, Self))
     }
 
-    /// float: c₁, N s/m.
-    #[getter]
-    fn linear(&self) -> f64 {
-        self.0.linear
-    }
-
-    /// float: c₂, N s²/m².
-    #[getter]
-    fn quadratic(&self) -> f64 {
-        self.0.quadratic
-    }
-
-    /// float: c₃, N m s.
-    #[getter]
-    fn angular(&self) -> f64 {
-        self.0.angular
-    }
-
     fn __repr__(&self) -> String {
         format!(
             "Drag(linear={:?}, quadratic={:?}, angular={:?})",
             self.0.linear, self.0.quadratic, self.0.angular
         )
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.linear(), own.quadratic(), own.angular()).into_pyobject(py)?))
     }
 }
 
@@ -353,9 +325,9 @@ impl Torque {
         format!("Torque({:?}, frame='{}')", torque.as_slice(), self.frame())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.torque(py), own.frame()).into_pyobject(py)?))
+        by_class(slf, (own.torque(py), own.frame()))
     }
 }
 
@@ -369,6 +341,15 @@ impl Torque {
 ///     Point of action, body frame, m; the centre of mass unless given.
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Force(force::ConstantForce);
+
+value! {
+    impl Force(force, point) {
+        /// ndarray, shape (3,): Force, world frame, N.
+        force: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.force);
+        /// ndarray, shape (3,): Point of action, body frame, m.
+        point: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.point);
+    }
+}
 
 #[pymethods]
 impl Force {
@@ -385,25 +366,8 @@ impl Force {
         Ok(build(force, Self))
     }
 
-    /// ndarray, shape (3,): Force, world frame, N.
-    #[getter]
-    fn force<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.force)
-    }
-
-    /// ndarray, shape (3,): Point of action, body frame, m.
-    #[getter]
-    fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.point)
-    }
-
     fn __repr__(&self) -> String {
         format!("Force({:?}, point={:?})", self.0.force.as_slice(), self.0.point.as_slice())
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.force(py), own.point(py)).into_pyobject(py)?))
     }
 }
 
@@ -417,6 +381,13 @@ impl Force {
 #[derive(Clone, Copy)]
 pub(crate) struct Gravitation(system::Gravitation);
 
+value! {
+    impl Gravitation(constant) {
+        /// float: G.
+        constant: f64 = |own| own.0.constant;
+    }
+}
+
 #[pymethods]
 impl Gravitation {
     #[new]
@@ -425,48 +396,9 @@ impl Gravitation {
         Ok(Self(system::Gravitation { constant: finite("constant", constant)? }))
     }
 
-    /// float: G.
-    #[getter]
-    fn constant(&self) -> f64 {
-        self.0.constant
-    }
-
     fn __repr__(&self) -> String {
         format!("Gravitation({:?})", self.0.constant)
     }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
-        let (py, own) = (slf.py(), slf.get());
-        Ok((slf.get_type(), (own.constant(),).into_pyobject(py)?))
-    }
-}
-
-/// The first exception that Python code raised in a run. The run stops at it.
-#[derive(Clone, Default)]
-pub(crate) struct Failure(Arc<OnceLock<PyErr>>);
-
-impl Failure {
-    /// Keeps an exception unless there is one.
-    pub(crate) fn set(&self, error: PyErr) {
-        // A later exception is a consequence of the first.
-        let _ = self.0.set(error);
-    }
-
-    /// The exception kept.
-    pub(crate) fn get(&self) -> Option<&PyErr> {
-        self.0.get()
-    }
-}
-
-/// What a Python callable gives that stands for a force model: NaN once anything has been raised.
-pub(crate) fn call<T>(failure: &Failure, nan: T, f: impl FnOnce(Python<'_>) -> Result<T, Error>) -> T {
-    if failure.get().is_some() {
-        return nan;
-    }
-    Python::attach(f).unwrap_or_else(|error| {
-        failure.set(error.into());
-        nan
-    })
 }
 
 fn check_returned(name: &str, t: f64, finite: bool) -> Result<(), Error> {
@@ -512,12 +444,6 @@ fn pair<'py>(
             a_type(returned)
         ))
     })
-}
-
-/// What a callable calls itself, for messages.
-pub(crate) fn callable_name(callable: &Bound<'_, PyAny>) -> String {
-    let name = callable.getattr("__qualname__").and_then(|name| name.extract::<String>());
-    name.or_else(|_| callable.get_type().name().map(|name| name.to_string())).unwrap_or_default()
 }
 
 /// Reads force models, and notes whether a Python callable is among them.
@@ -629,11 +555,6 @@ impl Models {
     }
 }
 
-/// A list or a tuple, or whatever else is a sequence but no text.
-pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Bound<'py, PySequence>> {
-    if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }
-}
-
 /// An interaction that Python gave.
 struct CallableInteraction {
     callable: Py<PyAny>,
@@ -666,4 +587,11 @@ impl Interaction for CallableInteraction {
 /// The states of several bodies as a list of `State`.
 pub(crate) fn states_list<'py>(py: Python<'py>, x: &StateOf<Vec<Pose>>) -> PyResult<Bound<'py, PyList>> {
     PyList::new(py, (0..x.configuration.len()).filter_map(|i| x.body(i)).map(State))
+}
+
+/// What acts on bodies.
+#[pyo3::pymodule(name = "forces", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
 }

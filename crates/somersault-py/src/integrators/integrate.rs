@@ -1,21 +1,23 @@
 //! The front door: integration of one body or of several.
 
+use crate::core::callable::{Failure, check_callable};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
-use crate::integrators::event::Events;
-use crate::integrators::forces::{Failure, Reader};
+use crate::core::waiting::returns_interrupted;
+use crate::integrators::forces::Reader;
 use crate::integrators::located::{CountedForces, InContact};
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
-use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
-use crate::integrators::trajectory::{Cast, Report, Seen, Solution};
+use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
+use crate::integrators::seen::Seen;
+use crate::integrators::solve::{Bodies, Ended};
+use crate::integrators::trajectory::{Cast, Report, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::event::{Location, StiffSteps};
 use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
-use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::events::{Location, StiffSteps};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
@@ -24,36 +26,6 @@ use somersault::integrators::system::{
     BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
 };
 
-/// How a run ended and what it took.
-pub(crate) struct Ended<Q: Seen> {
-    pub(crate) status: Result<Status, Error>,
-    pub(crate) rejected: u64,
-    pub(crate) nfev: u64,
-    pub(crate) events: Events<Q>,
-}
-
-impl<Q: Seen> Ended<Q> {
-    fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
-        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
-        let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
-        Self { status, rejected, nfev, events: Events::none() }
-    }
-}
-
-/// Bodies to be integrated, and a count of how often their equations are evaluated.
-pub(crate) trait Bodies: Sync {
-    /// What moves.
-    type Configuration: Seen;
-
-    /// Integrates as planned.
-    fn solve(
-        &self,
-        initial: &State<Self::Configuration>,
-        plan: &Plan,
-        observer: &mut Monitor<Self::Configuration>,
-    ) -> Ended<Self::Configuration>;
-}
-
 /// A body without forces. Counting would hide from the methods that they can skip the forces.
 struct Free(RigidBodySystem);
 
@@ -61,7 +33,7 @@ impl Bodies for Free {
     type Configuration = Pose;
 
     fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
-        let outcome = plan.solve(&self.0, initial, observer);
+        let outcome = plan.run(&self.0).observed_by(observer).from(initial);
         let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
         let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
         Ended::without_events(outcome, nfev)
@@ -81,27 +53,8 @@ impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
         observer: &mut Monitor<S::Configuration>,
     ) -> Ended<S::Configuration> {
         let system = Counted::new(&self.0);
-        let outcome = plan.solve(&system, initial, observer);
+        let outcome = plan.run(&system).observed_by(observer).from(initial);
         Ended::without_events(outcome, system.calls())
-    }
-}
-
-impl Plan {
-    fn solve<S: RigidSystem>(
-        &self,
-        system: &S,
-        initial: &StateOf<S>,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> Result<Outcome<S::Configuration>, IntegrateError>
-    where
-        S::Configuration: Seen,
-    {
-        match &self.steps {
-            Steps::Fixed(grid) => self.method.integrate(self.options, system, initial, grid, observer),
-            Steps::Adapted(interval, control) => {
-                self.method.integrate_adaptive(self.options, system, initial, *interval, control, observer)
-            }
-        }
     }
 }
 
@@ -302,9 +255,9 @@ pub(crate) fn integrate<'py>(
     let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
     let steps = arguments.steps(method, interval)?;
     let every = plan::every_of(every)?;
-    let return_interrupted = plan::returns_interrupted(on_interrupt)?;
+    let return_interrupted = returns_interrupted(on_interrupt)?;
     if let Some(observer) = &observer {
-        plan::check_callable("observer", "f(t, state)", observer)?;
+        check_callable("observer", "f(t, state)", observer)?;
     }
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };
@@ -315,7 +268,6 @@ pub(crate) fn integrate<'py>(
         method,
         options,
         steps,
-        start: interval.0,
         every,
         dense: dense_output,
         calls_python,

@@ -1,18 +1,20 @@
 //! Runs of bodies in contact, whose events are located.
 
 use crate::integrators::event::Events;
-use crate::integrators::integrate::{Bodies, Ended};
 use crate::integrators::monitor::Monitor;
-use crate::integrators::plan::{Plan, Steps};
-use crate::integrators::trajectory::Seen;
+use crate::integrators::plan::Plan;
+use crate::integrators::seen::Seen;
+use crate::integrators::solve::{Bodies, Ended};
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
-use somersault::contact::driver::{LocatedResult, integrate_located, integrate_located_adaptive};
-use somersault::contact::event::{Interrupted, Located, Location};
-use somersault::contact::hybrid::HybridBodies;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::body::RigidBody;
+use somersault::integrators::driver::Steps;
+use somersault::integrators::events::{
+    HybridBodies, Interrupted, Located, LocatedResult, Location, integrate_located,
+    integrate_located_adaptive,
+};
 use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
 use somersault::integrators::state::{RigidBodyState, State, Twist};
 use somersault::integrators::system::{StateOf, System};
@@ -130,14 +132,14 @@ impl Plan {
         initial: &StateOf<S>,
         location: &Location,
         observer: &mut Monitor<S::Configuration>,
-    ) -> LocatedResult<S::Configuration> {
+    ) -> LocatedResult<S> {
         let Self { method, options, .. } = *self;
         match &self.steps {
             Steps::Fixed(grid) => {
                 integrate_located(method, options, system, initial, grid, location, observer)
             }
-            Steps::Adapted(interval, control) => integrate_located_adaptive(
-                method, options, system, initial, *interval, control, location, observer,
+            Steps::Adapted { interval, settings } => integrate_located_adaptive(
+                method, options, system, initial, *interval, settings, location, observer,
             ),
         }
     }

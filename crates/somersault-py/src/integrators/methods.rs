@@ -1,6 +1,7 @@
 //! The method table.
 
 use crate::core::error::Error;
+use crate::core::value::value;
 use pyo3::exceptions::{PyIndexError, PyKeyError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyIterator, PyList, PyString};
@@ -14,71 +15,50 @@ use somersault::integrators::stepper::{self, Orders, Scope, Variables};
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct MethodInfo(Method);
 
+value! {
+    impl MethodInfo {
+        /// str: The name by which it is asked for.
+        name: &'static str = |own| own.0.info().name;
+        /// str: The name in words.
+        title: &'static str = |own| own.0.info().title;
+        /// str: Where it comes from.
+        citation: &'static str = |own| own.0.info().citation;
+        /// dict: Powers of the step in the global error of position and orientation.
+        ///
+        /// ``"translation"`` is the order of the position where forces depend on the position only,
+        /// ``"translation_with_velocity"`` where they depend on the velocity too, ``"translation_with_orientation"``
+        /// where they depend on the orientation; ``"rotation"`` is that of the orientation of a free body and
+        /// ``"rotation_with_torque"`` of one under torque, None where the method takes none. A motion of several of these
+        /// kinds, say under a spring attached off the centre of mass, has the least of their orders.
+        orders: PyResult<Bound<'py, PyDict>> = |own, py| orders_dict(py, &own.0.info().orders);
+        /// dict: The same for velocity and angular velocity.
+        rate_orders: PyResult<Bound<'py, PyDict>> = |own, py| orders_dict(py, &own.0.info().rate_orders);
+        /// int: Power of the step in the error that dense output adds: between the ends of a step the order is the lower of
+        /// this and the order there.
+        dense_order: u8 = |own| own.0.info().dense_order;
+        /// float or None: The angle in rad that a body may turn in a step, where the method has a limit; a longer step is
+        /// refused.
+        angle_limit: Option<f64> = |own| own.0.info().angle_limit;
+        /// int: Evaluations of the equations of motion per step, once started; for an implicit method, per
+        /// iteration.
+        evaluations: u8 = |own| own.0.info().evaluations;
+        /// int: How many earlier steps it remembers.
+        history: u8 = |own| own.0.info().history;
+        /// bool: Whether it estimates its error, and so can adapt its step.
+        adaptive: bool = |own| own.0.info().embedded.is_some();
+        /// int or None: Order of the error estimate.
+        embedded_order: Option<u8> = |own| own.0.info().embedded;
+        /// bool: Whether each step solves an equation.
+        implicit: bool = |own| own.0.info().implicit;
+        /// str: What it conserves, and how well.
+        conserves: &'static str = |own| own.0.info().conserves;
+        /// str: What it is unsuitable for, and what it refuses.
+        limitations: &'static str = |own| own.0.info().limitations;
+    }
+}
+
 #[pymethods]
 impl MethodInfo {
-    /// str: The name by which it is asked for.
-    #[getter]
-    fn name(&self) -> &'static str {
-        self.0.info().name
-    }
-
-    /// str: The name in words.
-    #[getter]
-    fn title(&self) -> &'static str {
-        self.0.info().title
-    }
-
-    /// str: Where it comes from.
-    #[getter]
-    fn citation(&self) -> &'static str {
-        self.0.info().citation
-    }
-
-    /// dict: Powers of the step in the global error of position and orientation.
-    ///
-    /// ``"translation"`` is the order of the position where forces depend on the position only,
-    /// ``"translation_with_velocity"`` where they depend on the velocity too, ``"translation_with_orientation"``
-    /// where they depend on the orientation; ``"rotation"`` is that of the orientation of a free body and
-    /// ``"rotation_with_torque"`` of one under torque, None where the method takes none. A motion of several of these
-    /// kinds, say under a spring attached off the centre of mass, has the least of their orders.
-    #[getter]
-    fn orders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        orders_dict(py, &self.0.info().orders)
-    }
-
-    /// dict: The same for velocity and angular velocity.
-    #[getter]
-    fn rate_orders<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        orders_dict(py, &self.0.info().rate_orders)
-    }
-
-    /// int: Power of the step in the error that dense output adds: between the ends of a step the order is the lower of
-    /// this and the order there.
-    #[getter]
-    fn dense_order(&self) -> u8 {
-        self.0.info().dense_order
-    }
-
-    /// float or None: The angle in rad that a body may turn in a step, where the method has a limit; a longer step is
-    /// refused.
-    #[getter]
-    fn angle_limit(&self) -> Option<f64> {
-        self.0.info().angle_limit
-    }
-
-    /// int: Evaluations of the equations of motion per step, once started; for an implicit method, per
-    /// iteration.
-    #[getter]
-    fn evaluations(&self) -> u8 {
-        self.0.info().evaluations
-    }
-
-    /// int: How many earlier steps it remembers.
-    #[getter]
-    fn history(&self) -> u8 {
-        self.0.info().history
-    }
-
     /// str: ``"any system"``, ``"rigid bodies"``, or ``"torque-free"`` for rigid bodies without torque.
     #[getter]
     fn scope(&self) -> &'static str {
@@ -98,36 +78,6 @@ impl MethodInfo {
             Variables::Momentum => "momentum",
             Variables::Body => "body",
         }
-    }
-
-    /// bool: Whether it estimates its error, and so can adapt its step.
-    #[getter]
-    fn adaptive(&self) -> bool {
-        self.0.info().embedded.is_some()
-    }
-
-    /// int or None: Order of the error estimate.
-    #[getter]
-    fn embedded_order(&self) -> Option<u8> {
-        self.0.info().embedded
-    }
-
-    /// bool: Whether each step solves an equation.
-    #[getter]
-    fn implicit(&self) -> bool {
-        self.0.info().implicit
-    }
-
-    /// str: What it conserves, and how well.
-    #[getter]
-    fn conserves(&self) -> &'static str {
-        self.0.info().conserves
-    }
-
-    /// str: What it is unsuitable for, and what it refuses.
-    #[getter]
-    fn limitations(&self) -> &'static str {
-        self.0.info().limitations
     }
 
     fn __repr__(&self) -> String {

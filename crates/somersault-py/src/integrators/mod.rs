@@ -10,5 +10,20 @@ pub(crate) mod located;
 pub(crate) mod methods;
 pub(crate) mod monitor;
 pub(crate) mod plan;
+pub(crate) mod seen;
+pub(crate) mod solve;
 pub(crate) mod studies;
 pub(crate) mod trajectory;
+
+/// Rigid bodies, the methods that move them, and solutions.
+#[pyo3::pymodule(name = "integrators", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::bodies::{RigidBody, State};
+    #[pymodule_export]
+    use crate::integrators::integrate::integrate;
+    #[pymodule_export]
+    use crate::integrators::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::integrators::trajectory::{DenseOutput, Solution, Trajectory};
+}

@@ -1,14 +1,14 @@
 //! What watches a run: it records, shows progress, and stops where Python says so.
 
+use crate::core::callable::Failure;
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::waiting::SignalTimer;
-use crate::integrators::forces::Failure;
-use crate::integrators::plan::{Plan, Steps};
+use crate::integrators::plan::Plan;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use somersault::integrators::driver::{Flow, Observer, Status, Step};
+use somersault::integrators::driver::{Flow, Observer, Status, Step, Steps};
 use somersault::integrators::solution::{Recorder, Solution};
 use somersault::integrators::state::{Configuration, State};
 
@@ -92,7 +92,8 @@ impl<Q: Configuration> Monitor<Q> {
         progress: Option<ProgressBar>,
         failure: Failure,
     ) -> Result<Self, Error> {
-        let recorder = Recorder::new(plan.start, initial, plan.every);
+        let (start, _) = plan.steps.interval();
+        let recorder = Recorder::new(start, initial, plan.every);
         let recorder = if plan.dense { recorder.with_dense_output() } else { recorder };
         let state = size_of::<State<Q>>() + bytes_of_numbers(&[numbers]) + size_of::<f64>();
         let of_states = state as f64 / plan.every as f64;
@@ -104,7 +105,7 @@ impl<Q: Configuration> Monitor<Q> {
             failure,
             timer: SignalTimer::start(),
             steps: 0,
-            t: plan.start,
+            t: start,
             bytes,
             room: 0,
         };
@@ -114,7 +115,7 @@ impl<Q: Configuration> Monitor<Q> {
                 // it needs no more
                 monitor.room = u64::MAX;
             }
-            Steps::Adapted(..) => monitor.expect_room_for(FIRST_ROOM)?,
+            Steps::Adapted { .. } => monitor.expect_room_for(FIRST_ROOM)?,
         }
         Ok(monitor)
     }

@@ -1,26 +1,20 @@
 //! What a run is asked to do.
 
-use crate::core::convert::a_type;
+use crate::core::convert::positive;
 use crate::core::error::Error;
 use crate::core::waiting::deliver;
 use pyo3::prelude::*;
-use somersault::integrators::driver::{Adaptive, TimeGrid};
+use somersault::integrators::driver::{Adaptive, Steps, TimeGrid};
 use somersault::integrators::methods::{Method, Options, StartUp};
+use somersault::integrators::run::{ByMethod, Run};
 use somersault::integrators::state::Tolerances;
+use somersault::integrators::system::System;
 
-/// How the steps are chosen.
-#[derive(Clone, Copy)]
-pub(crate) enum Steps {
-    Fixed(TimeGrid),
-    Adapted((f64, f64), Adaptive),
-}
-
-/// A run, as asked for.
+/// A run as requested, and what is to be kept of it.
 pub(crate) struct Plan {
     pub(crate) method: Method,
     pub(crate) options: Options,
     pub(crate) steps: Steps,
-    pub(crate) start: f64,
     pub(crate) every: u64,
     pub(crate) dense: bool,
     pub(crate) calls_python: bool,
@@ -28,6 +22,11 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
+    /// The run of a system.
+    pub(crate) fn run<'a, S: System>(&self, system: &'a S) -> Run<'a, S, ByMethod> {
+        Run::new(system, self.method, self.steps).with_options(self.options)
+    }
+
     /// The solution, or the exception with the solution as its attribute.
     pub(crate) fn deliver<S: pyo3::PyClass>(
         &self,
@@ -66,7 +65,7 @@ impl StepArguments {
                         "`{name}` is for adaptive steps; leave out `dt` to have them"
                     )));
                 }
-                Ok(Steps::Fixed(TimeGrid::try_new(interval.0, interval.1, dt)?))
+                Ok(TimeGrid::try_new(interval.0, interval.1, dt)?.into())
             }
             None => {
                 if method.info().embedded.is_none() {
@@ -77,18 +76,16 @@ impl StepArguments {
                     )));
                 }
                 let default = Adaptive::default();
-                Ok(Steps::Adapted(
-                    interval,
-                    Adaptive {
-                        tolerances: Tolerances {
-                            relative: positive("rtol", self.rtol.unwrap_or(default.tolerances.relative))?,
-                            absolute: positive("atol", self.atol.unwrap_or(default.tolerances.absolute))?,
-                        },
-                        first_step: self.first_step,
-                        max_step: self.max_step.unwrap_or(default.max_step),
-                        max_steps: self.max_steps.map_or(Ok(default.max_steps), max_steps_of)?,
+                let settings = Adaptive {
+                    tolerances: Tolerances {
+                        relative: positive("rtol", self.rtol.unwrap_or(default.tolerances.relative))?,
+                        absolute: positive("atol", self.atol.unwrap_or(default.tolerances.absolute))?,
                     },
-                ))
+                    first_step: self.first_step,
+                    max_step: self.max_step.unwrap_or(default.max_step),
+                    max_steps: self.max_steps.map_or(Ok(default.max_steps), max_steps_of)?,
+                };
+                Ok(Steps::adapted(interval, settings))
             }
         }
     }
@@ -107,23 +104,6 @@ pub(crate) fn every_of(every: i64) -> Result<u64, Error> {
     positive.ok_or_else(|| Error::input(format!("`every` must be a positive number of steps, found {every}")))
 }
 
-/// Whether an interrupted run is returned.
-pub(crate) fn returns_interrupted(on_interrupt: &str) -> Result<bool, Error> {
-    match on_interrupt {
-        "raise" => Ok(false),
-        "return" => Ok(true),
-        _ => Err(Error::input(format!("`on_interrupt` must be 'raise' or 'return', found '{on_interrupt}'"))),
-    }
-}
-
-/// Fails unless an argument can be called.
-pub(crate) fn check_callable(argument: &str, signature: &str, value: &Bound<'_, PyAny>) -> Result<(), Error> {
-    if value.is_callable() {
-        return Ok(());
-    }
-    Err(Error::input(format!("`{argument}` must be a callable {signature}, found {}", a_type(value))))
-}
-
 /// The adaptive methods, for a message.
 fn adaptive_names() -> String {
     let names: Vec<_> =
@@ -137,13 +117,5 @@ pub(crate) fn start_up_of(name: &str) -> Result<StartUp, Error> {
         "one_step" => Ok(StartUp::OneStep),
         "ladder" => Ok(StartUp::Ladder),
         _ => Err(Error::input(format!("`start_up` must be 'one_step' or 'ladder', found '{name}'"))),
-    }
-}
-
-fn positive(argument: &str, value: f64) -> Result<f64, Error> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(Error::input(format!("`{argument}` must be positive and finite, found {value}")))
     }
 }

@@ -3,6 +3,7 @@
 use crate::core::convert::{array, entries, entries_or_none, finite, integer, real_numbers, vector_or};
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::forces::{Drag, Gravity, Models, Spring};
@@ -48,32 +49,23 @@ fn floats<'py>(py: Python<'py>, values: impl Iterator<Item = f64>) -> Bound<'py,
 #[pyclass(frozen, module = "somersault.studies")]
 pub(crate) struct StabilityRegion(stability::StabilityRegion);
 
+value! {
+    impl StabilityRegion {
+        /// float: Area of the whole region; infinite where it is unbounded.
+        area: f64 = |own| own.0.area;
+        /// float: Area divided by the square of the evaluations per step.
+        corrected: f64 = |own| own.0.corrected;
+        /// float: Largest b for which all λ = iy, 0 < y ≤ b, are stable; 0 where there is none.
+        imaginary_limit: f64 = |own| own.0.imaginary_limit;
+        /// float: Largest a for which all λ = −x, 0 < x ≤ a, are stable; 0 where there is none.
+        real_limit: f64 = |own| own.0.real_limit;
+        /// int: Points at which a step failed, counted as outside.
+        failed: usize = |own| own.0.failed;
+    }
+}
+
 #[pymethods]
 impl StabilityRegion {
-    /// float: Area of the whole region; infinite where it is unbounded.
-    #[getter]
-    fn area(&self) -> f64 {
-        self.0.area
-    }
-
-    /// float: Area divided by the square of the evaluations per step.
-    #[getter]
-    fn corrected(&self) -> f64 {
-        self.0.corrected
-    }
-
-    /// float: Largest b for which all λ = iy, 0 < y ≤ b, are stable; 0 where there is none.
-    #[getter]
-    fn imaginary_limit(&self) -> f64 {
-        self.0.imaginary_limit
-    }
-
-    /// float: Largest a for which all λ = −x, 0 < x ≤ a, are stable; 0 where there is none.
-    #[getter]
-    fn real_limit(&self) -> f64 {
-        self.0.real_limit
-    }
-
     /// ndarray, shape (n, 2, 2): The boundary in the upper half plane as line segments, unordered.
     ///
     /// The axes are segment, end, and real and imaginary part. The lower half is its mirror image.
@@ -84,12 +76,6 @@ impl StabilityRegion {
         Ok(array(py, values, &[self.0.boundary.len(), 2, 2])?.into_any())
     }
 
-    /// int: Points at which a step failed, counted as outside.
-    #[getter]
-    fn failed(&self) -> usize {
-        self.0.failed
-    }
-
     fn __repr__(&self) -> String {
         let r = &self.0;
         format!(
@@ -98,12 +84,11 @@ impl StabilityRegion {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let found = &slf.get().0;
         let ends = found.boundary.iter().map(|[a, b]| [a.re, a.im, b.re, b.im]);
         let limits = [found.area, found.corrected, found.imaginary_limit, found.real_limit];
-        let arguments = (limits, ends.collect::<Vec<_>>(), found.failed);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (limits, ends.collect::<Vec<_>>(), found.failed))
     }
 
     /// A pickled region.
@@ -192,26 +177,26 @@ type Extremes = (u64, (f64, usize), (f64, usize), (usize, usize));
 #[pyclass(frozen, module = "somersault.studies")]
 pub(crate) struct EnergyStudy(energy::EnergyStudy);
 
+value! {
+    impl EnergyStudy {
+        /// ndarray, shape (n,): Numbers of steps after which the study looked.
+        steps: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_vec(py, own.0.extremes.iter().map(|e| e.steps).collect()).into_any();
+        /// ndarray, shape (n,): Largest ratio Tₙ/T₀ over the bodies; infinite where a state overflowed.
+        max: Bound<'py, PyAny> = |own, py| floats(py, own.0.extremes.iter().map(|e| e.max));
+        /// ndarray, shape (n,): Smallest ratio Tₙ/T₀ over the bodies.
+        min: Bound<'py, PyAny> = |own, py| floats(py, own.0.extremes.iter().map(|e| e.min));
+        /// float: Largest energy in units of L²/(2 I_min), what the angular momentum allows.
+        fraction_of_bound: f64 = |own| own.0.fraction_of_bound;
+        /// float: Largest factor by which the energy grew in one step of any body.
+        largest_rise: f64 = |own| own.0.largest_rise;
+        /// int: Bodies whose step failed.
+        failed: usize = |own| own.0.failed;
+    }
+}
+
 #[pymethods]
 impl EnergyStudy {
-    /// ndarray, shape (n,): Numbers of steps after which the study looked.
-    #[getter]
-    fn steps<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_vec(py, self.0.extremes.iter().map(|e| e.steps).collect()).into_any()
-    }
-
-    /// ndarray, shape (n,): Largest ratio Tₙ/T₀ over the bodies; infinite where a state overflowed.
-    #[getter]
-    fn max<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        floats(py, self.0.extremes.iter().map(|e| e.max))
-    }
-
-    /// ndarray, shape (n,): Smallest ratio Tₙ/T₀ over the bodies.
-    #[getter]
-    fn min<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        floats(py, self.0.extremes.iter().map(|e| e.min))
-    }
-
     /// ndarray, shape (n,): How many bodies have gained energy.
     #[getter]
     fn gained<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
@@ -222,24 +207,6 @@ impl EnergyStudy {
     #[getter]
     fn lost<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         PyArray1::from_vec(py, self.0.extremes.iter().map(|e| e.lost as u64).collect()).into_any()
-    }
-
-    /// float: Largest energy in units of L²/(2 I_min), what the angular momentum allows.
-    #[getter]
-    fn fraction_of_bound(&self) -> f64 {
-        self.0.fraction_of_bound
-    }
-
-    /// float: Largest factor by which the energy grew in one step of any body.
-    #[getter]
-    fn largest_rise(&self) -> f64 {
-        self.0.largest_rise
-    }
-
-    /// int: Bodies whose step failed.
-    #[getter]
-    fn failed(&self) -> usize {
-        self.0.failed
     }
 
     /// str: ``"unconditionally stable"``, ``"conditionally stable"`` or ``"unconditionally unstable"``.
@@ -256,15 +223,14 @@ impl EnergyStudy {
         format!("<EnergyStudy: {}, {:.4} of the bound>", self.behaviour(), self.0.fraction_of_bound)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let found = &slf.get().0;
         let extremes = found
             .extremes
             .iter()
             .map(|e| (e.steps, (e.max, e.max_body), (e.min, e.min_body), (e.gained, e.lost)));
         let rest = (found.fraction_of_bound, found.largest_rise, found.failed);
-        let arguments = (extremes.collect::<Vec<_>>(), rest);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (extremes.collect::<Vec<_>>(), rest))
     }
 
     /// A pickled study.
@@ -332,7 +298,7 @@ fn at_most_a_thousand(argument: &str, found: i64) -> Result<usize, Error> {
 /// ------
 /// InputError
 ///     If an argument is not allowed or the method does not apply to free bodies.
-#[pyfunction]
+#[pyfunction(name = "energy")]
 #[pyo3(signature = (
     method, bodies=None, *, angular_velocity=None, dt=1.0, steps=vec![1, 2, 5, 10, 20, 50, 100], start_up="ladder"
 ))]
@@ -509,10 +475,9 @@ impl Problem {
         format!("<Problem: {kind}, {} s>", self.t_end())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.body(), own.state(), own.t_end(), own.reference(), own.forces(py)?);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (own.body(), own.state(), own.t_end(), own.reference(), own.forces(py)?))
     }
 
     /// A pickled problem.
@@ -590,12 +555,11 @@ impl Convergence {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let found = &slf.get().0;
         let measured: Vec<_> = found.measured.iter().map(|m| (m.dt, numbers_of(&m.errors))).collect();
         let o = &found.orders;
-        let arguments = (measured, [o.position, o.orientation, o.velocity, o.angular_velocity]);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (measured, [o.position, o.orientation, o.velocity, o.angular_velocity]))
     }
 
     /// A pickled study.
@@ -663,6 +627,22 @@ fn errors_of([position, orientation, velocity, angular_velocity]: [f64; 4]) -> E
 #[pyclass(frozen, module = "somersault.studies")]
 pub(crate) struct WorkPrecision(Vec<work_precision::WorkPoint>);
 
+value! {
+    impl WorkPrecision {
+        /// ndarray, shape (n,): Evaluations of the equations of motion.
+        evaluations: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_vec(py, own.0.iter().map(|p| p.evaluations).collect()).into_any();
+        /// ndarray, shape (n,): Steps made.
+        steps: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_vec(py, own.0.iter().map(|p| p.steps).collect()).into_any();
+        /// ndarray, shape (n,): Steps tried and rejected.
+        rejected: Bound<'py, PyAny> =
+            |own, py| PyArray1::from_vec(py, own.0.iter().map(|p| p.rejected).collect()).into_any();
+        /// ndarray, shape (n,): Least wall time of the repeats, s.
+        seconds: Bound<'py, PyAny> = |own, py| floats(py, own.0.iter().map(|p| p.seconds));
+    }
+}
+
 #[pymethods]
 impl WorkPrecision {
     /// dict of ndarray: Errors at the end, with the keys of `Convergence.errors`.
@@ -670,30 +650,6 @@ impl WorkPrecision {
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let errors: Vec<_> = self.0.iter().map(|p| p.errors).collect();
         errors_dict(py, &errors)
-    }
-
-    /// ndarray, shape (n,): Evaluations of the equations of motion.
-    #[getter]
-    fn evaluations<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_vec(py, self.0.iter().map(|p| p.evaluations).collect()).into_any()
-    }
-
-    /// ndarray, shape (n,): Steps made.
-    #[getter]
-    fn steps<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_vec(py, self.0.iter().map(|p| p.steps).collect()).into_any()
-    }
-
-    /// ndarray, shape (n,): Steps tried and rejected.
-    #[getter]
-    fn rejected<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        PyArray1::from_vec(py, self.0.iter().map(|p| p.rejected).collect()).into_any()
-    }
-
-    /// ndarray, shape (n,): Least wall time of the repeats, s.
-    #[getter]
-    fn seconds<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        floats(py, self.0.iter().map(|p| p.seconds))
     }
 
     fn __len__(&self) -> usize {
@@ -704,7 +660,7 @@ impl WorkPrecision {
         format!("<WorkPrecision: {} runs>", self.0.len())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let found = &slf.get().0;
         let row = |p: &work_precision::WorkPoint| {
             let choice = match p.choice {
@@ -713,8 +669,7 @@ impl WorkPrecision {
             };
             (choice, numbers_of(&p.errors), (p.steps, p.rejected, p.evaluations), p.seconds)
         };
-        let arguments = (found.iter().map(row).collect::<Vec<_>>(),);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (found.iter().map(row).collect::<Vec<_>>(),))
     }
 
     /// A pickled study.
@@ -762,7 +717,7 @@ impl WorkPrecision {
 /// ------
 /// InputError
 ///     If a step or a tolerance is not positive.
-#[pyfunction]
+#[pyfunction(name = "work_precision")]
 #[pyo3(signature = (problem, method, dts=None, *, tolerances=None, repeats=3, start_up="one_step"))]
 pub(crate) fn work_precision_study(
     py: Python<'_>,
@@ -787,4 +742,14 @@ pub(crate) fn work_precision_study(
             work_precision::work_precision(p, method, options, &choices, repeats, progress)
         }
     })?))
+}
+
+/// Studies of stability and accuracy.
+#[pyo3::pymodule(name = "studies", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::integrators::studies::{
+        Convergence, EnergyStudy, Problem, StabilityRegion, WorkPrecision, convergence, energy_study, prisms,
+        spectral_radii, stability_region, work_precision_study,
+    };
 }

@@ -1,20 +1,19 @@
 //! What an integration leaves: states over time, and what is derived from them.
 
-use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, times};
+use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, sequence, times};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
-use crate::integrators::forces::sequence;
+use crate::integrators::seen::{Curves, Seen};
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple, PyType};
-use somersault::integrators::augmented::Augmented;
-use somersault::integrators::dense::Interpolant;
+use somersault::integrators::body;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution;
-use somersault::integrators::state::{Pose, Poses, RigidBodyState, State as StateOf};
-use somersault::integrators::{body, state::Configuration};
+use somersault::integrators::state::RigidBodyState;
 use std::sync::Arc;
 
 /// One body or several. Where there is one, arrays have no axis for bodies.
@@ -181,6 +180,34 @@ impl Trajectory {
     }
 }
 
+value! {
+    impl Trajectory {
+        /// RigidBody or list of RigidBody: What moves.
+        body: PyResult<Bound<'py, PyAny>> = |own, py| own.cast.to_python(py);
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
+        position: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::Position, |_, x| (*x.position()).into());
+        /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
+        quaternion: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::Quaternion, |_, x| components(x.orientation()));
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
+        velocity: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::Velocity, |_, x| (*x.velocity()).into());
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
+        angular_velocity: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into());
+        /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
+        angular_momentum: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into());
+        /// ndarray, shape (n,) or (n, bodies): Kinetic energies of translation and rotation, J.
+        kinetic_energy: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::KineticEnergy, |body, x| [body.kinetic_energy(x)]);
+        /// ndarray, shape (n,) or (n, bodies): Kinetic energies of the rotation, J.
+        rotational_energy: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.array(py, Made::RotationalEnergy, |body, x| [body.rotational_energy(x)]);
+    }
+}
+
 #[pymethods]
 impl Trajectory {
     #[new]
@@ -205,30 +232,12 @@ impl Trajectory {
         Ok(Self::new(cast, times, states))
     }
 
-    /// RigidBody or list of RigidBody: What moves.
-    #[getter]
-    fn body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.cast.to_python(py)
-    }
-
     /// ndarray, shape (n,): Times, s.
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         let made = self.made[Made::T as usize]
             .get_or_init(py, || numpy::PyArray1::from_slice(py, &self.times).into_any().unbind());
         made.bind(py).clone()
-    }
-
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
-    #[getter]
-    fn position<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::Position, |_, x| (*x.position()).into())
-    }
-
-    /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
-    #[getter]
-    fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::Quaternion, |_, x| components(x.orientation()))
     }
 
     /// scipy.spatial.transform.Rotation: Rotations from the body frame to the world frame.
@@ -241,42 +250,12 @@ impl Trajectory {
         Ok(made.bind(py).clone())
     }
 
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::Velocity, |_, x| (*x.velocity()).into())
-    }
-
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
-    #[getter]
-    fn angular_velocity<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into())
-    }
-
     /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the body frame, rad/s.
     #[getter]
     fn angular_velocity_body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Made::AngularVelocityBody, |_, x| {
             x.orientation().inverse_transform_vector(x.angular_velocity()).into()
         })
-    }
-
-    /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
-    #[getter]
-    fn angular_momentum<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into())
-    }
-
-    /// ndarray, shape (n,) or (n, bodies): Kinetic energies of translation and rotation, J.
-    #[getter]
-    fn kinetic_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::KineticEnergy, |body, x| [body.kinetic_energy(x)])
-    }
-
-    /// ndarray, shape (n,) or (n, bodies): Kinetic energies of the rotation, J.
-    #[getter]
-    fn rotational_energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::RotationalEnergy, |body, x| [body.rotational_energy(x)])
     }
 
     fn __len__(&self) -> usize {
@@ -309,12 +288,6 @@ impl Trajectory {
         let py = slf.py();
         Ok((py.get_type::<Self>(), PyTuple::new(py, slf.get().arguments(py)?)?))
     }
-}
-
-/// Recorded curves of one body or of several.
-enum Curves {
-    One(solution::Solution<Pose>),
-    Several(solution::Solution<Vec<Pose>>),
 }
 
 /// The state at any time of an integration.
@@ -411,84 +384,6 @@ pub(crate) struct Solution {
     dense: Option<Py<DenseOutput>>,
 }
 
-/// A configuration of one body or of several, as Python sees it.
-pub(crate) trait Seen: Poses {
-    /// The state as an object: a `State`, or a list of them.
-    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>>
-    where
-        Self: Configuration;
-    /// The states of the bodies.
-    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState>
-    where
-        Self: Configuration;
-    /// Curves for dense output.
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves;
-}
-
-/// Curves of an integration, to be evaluated from Python.
-pub(crate) struct DenseCurves(Curves);
-
-impl Seen for Pose {
-    fn to_python<'py>(py: Python<'py>, x: &RigidBodyState) -> PyResult<Bound<'py, PyAny>> {
-        Ok(Bound::new(py, State(*x))?.into_any())
-    }
-    fn split(x: &RigidBodyState) -> Vec<RigidBodyState> {
-        vec![*x]
-    }
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
-        DenseCurves(Curves::One(recorded))
-    }
-}
-
-impl Seen for Vec<Pose> {
-    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(crate::integrators::forces::states_list(py, x)?.into_any())
-    }
-    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
-        (0..x.configuration.len()).filter_map(|i| x.body(i)).collect()
-    }
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
-        DenseCurves(Curves::Several(recorded))
-    }
-}
-
-/// Curves of states with variables beside them, read without these.
-struct WithoutVariables<Q: Configuration> {
-    curve: Box<dyn Interpolant<Augmented<Q>>>,
-    /// How many variables there are.
-    count: usize,
-}
-
-impl<Q: Configuration> Interpolant<Q> for WithoutVariables<Q> {
-    fn evaluate(&self, t: f64, out: &mut StateOf<Q>) {
-        let mut whole = StateOf::augmented(out.clone(), vec![Vector3::zeros(); self.count]);
-        self.curve.evaluate(t, &mut whole);
-        *out = whole.base();
-    }
-}
-
-impl<Q: Seen> Seen for Augmented<Q> {
-    fn to_python<'py>(py: Python<'py>, x: &StateOf<Self>) -> PyResult<Bound<'py, PyAny>> {
-        Q::to_python(py, &x.base())
-    }
-    fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
-        Q::split(&x.base())
-    }
-    fn curves(recorded: solution::Solution<Self>) -> DenseCurves {
-        let solution::Solution { times, states, segments } = recorded;
-        let count = states.first().map_or(0, |state| state.variables().len());
-        let bare = |(end, curve)| {
-            let curve: Box<dyn Interpolant<Q>> = Box::new(WithoutVariables { curve, count });
-            (end, curve)
-        };
-        Q::curves(solution::Solution {
-            times,
-            states: states.iter().map(|state| state.base()).collect(),
-            segments: segments.into_iter().map(bare).collect(),
-        })
-    }
-}
-
 impl Solution {
     /// What a recorder leaves, as a Python object.
     pub(crate) fn create<Q: Seen>(
@@ -509,8 +404,8 @@ impl Solution {
             // The curves know their ends; of the states only a first is needed, to be written into.
             recorded.times = times.first().copied().into_iter().collect();
             recorded.states.truncate(1);
-            let DenseCurves(curves) = Q::curves(recorded);
-            Some(Py::new(py, DenseOutput { cast: cast.clone(), curves: Arc::new(curves) })?)
+            let curves = Arc::new(Q::curves(recorded));
+            Some(Py::new(py, DenseOutput { cast: cast.clone(), curves })?)
         } else {
             None
         };
@@ -519,66 +414,39 @@ impl Solution {
     }
 }
 
+value! {
+    impl Solution {
+        /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
+        /// interrupted, -2 if it failed.
+        status: i32 = |own| own.report.status;
+        /// str: The same in words.
+        message: &str = |own| &own.report.message;
+        /// bool: Whether the run ended as asked, by its interval or its observer.
+        success: bool = |own| own.report.status >= 0;
+        /// int: How often the equations of motion were evaluated, for all bodies at once.
+        ///
+        /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
+        /// without forces the nominal number, steps tried times evaluations of the method.
+        nfev: u64 = |own| own.report.nfev;
+        /// int: Steps made.
+        n_steps: u64 = |own| own.report.n_steps;
+        /// int: Steps tried and rejected by the step size control.
+        n_rejected: u64 = |own| own.report.n_rejected;
+        /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
+        events: Py<PyTuple> = |own, py| own.log.events.clone_ref(py);
+        /// int: Number of events located, kept or not.
+        n_events: u64 = |own| own.log.count;
+        /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
+        n_trials: u64 = |own| own.log.trials;
+        /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
+        n_substeps: u64 = |own| own.log.substeps;
+        /// DenseOutput or None: The state at any time, where dense output was asked for.
+        sol: Option<Py<DenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
+    }
+}
+
 #[pymethods]
 impl Solution {
-    /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
-    /// interrupted, -2 if it failed.
-    #[getter]
-    fn status(&self) -> i32 {
-        self.report.status
-    }
-
-    /// str: The same in words.
-    #[getter]
-    fn message(&self) -> &str {
-        &self.report.message
-    }
-
-    /// bool: Whether the run ended as asked, by its interval or its observer.
-    #[getter]
-    fn success(&self) -> bool {
-        self.report.status >= 0
-    }
-
-    /// int: How often the equations of motion were evaluated, for all bodies at once.
-    ///
-    /// Under forces a count: start-up, rejected steps, iterations and dense output are in it. For one body
-    /// without forces the nominal number, steps tried times evaluations of the method.
-    #[getter]
-    fn nfev(&self) -> u64 {
-        self.report.nfev
-    }
-
-    /// int: Steps made.
-    #[getter]
-    fn n_steps(&self) -> u64 {
-        self.report.n_steps
-    }
-
-    /// int: Steps tried and rejected by the step size control.
-    #[getter]
-    fn n_rejected(&self) -> u64 {
-        self.report.n_rejected
-    }
-
-    /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
-    #[getter]
-    fn events(&self, py: Python<'_>) -> Py<PyTuple> {
-        self.log.events.clone_ref(py)
-    }
-
-    /// int: Number of events located, kept or not.
-    #[getter]
-    fn n_events(&self) -> u64 {
-        self.log.count
-    }
-
-    /// int: Steps tried to locate events and to prove steps clear of them, in addition to those made.
-    #[getter]
-    fn n_trials(&self) -> u64 {
-        self.log.trials
-    }
-
     /// ndarray, shape (contacts, 3): The stretch of the friction of each contact in the last state, m, world frame,
     /// zero where it has none: what a run that goes on from there takes as `stretches`.
     #[getter]
@@ -588,18 +456,6 @@ impl Solution {
         Ok(array(py, values, &[stretches.len(), 3])?.into_any())
     }
 
-    /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
-    #[getter]
-    fn n_substeps(&self) -> u64 {
-        self.log.substeps
-    }
-
-    /// DenseOutput or None: The state at any time, where dense output was asked for.
-    #[getter]
-    fn sol(&self, py: Python<'_>) -> Option<Py<DenseOutput>> {
-        self.dense.as_ref().map(|dense| dense.clone_ref(py))
-    }
-
     fn __repr__(slf: &Bound<'_, Self>) -> String {
         let own = slf.get();
         let base = slf.as_super().get().__repr__();
@@ -607,15 +463,14 @@ impl Solution {
         format!("<Solution: {base}; {} ({} steps)>", own.report.message, own.report.n_steps)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let py = slf.py();
         let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
         let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
         let Log { events, count, trials, substeps, stretches } = &slf.get().log;
         let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
         let log = (events, *count, *trials, *substeps, stretches);
-        let arguments = (base, (status, message, nfev, n_steps, n_rejected), log).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log))
     }
 
     /// A pickled solution; the dense output is not part of it.

@@ -3,7 +3,7 @@
 use crate::core::error::Error;
 use somersault::motion::recording::{Axis, Convention, LengthUnit};
 
-fn axis(argument: &str, name: &str) -> Result<Axis, Error> {
+pub(super) fn axis(argument: &str, name: &str) -> Result<Axis, Error> {
     Ok(match name {
         "x" | "+x" => Axis::PlusX,
         "-x" => Axis::MinusX,
@@ -19,11 +19,12 @@ fn axis(argument: &str, name: &str) -> Result<Axis, Error> {
     })
 }
 
+pub(super) fn length_unit(name: &str) -> Result<LengthUnit, Error> {
+    LengthUnit::from_name(name)
+        .ok_or_else(|| Error::input(format!("`unit` must be one of {}, found '{name}'", LengthUnit::NAMES)))
+}
+
 /// What the numbers of a file mean.
 pub(super) fn convention(unit: &str, up: &str, forward: &str) -> Result<Convention, Error> {
-    let known = LengthUnit::from_name(unit);
-    let unit = known.ok_or_else(|| {
-        Error::input(format!("`unit` must be one of {}, found '{unit}'", LengthUnit::NAMES))
-    })?;
-    Ok(Convention::try_new(unit, axis("up", up)?, axis("forward", forward)?)?)
+    Ok(Convention::try_new(length_unit(unit)?, axis("up", up)?, axis("forward", forward)?)?)
 }

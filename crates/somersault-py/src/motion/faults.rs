@@ -3,9 +3,10 @@
 use super::matrix::matrix;
 use crate::core::convert::real_numbers;
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::motion::analysis;
 use somersault::motion::synthetic;
 
@@ -32,6 +33,21 @@ use somersault::motion::synthetic;
 #[derive(Clone, Copy)]
 pub(crate) struct DiveFaults {
     pub(super) faults: analysis::DiveFaults,
+}
+
+value! {
+    impl DiveFaults(entry_angle, hip_opening, exit_fraction, asymmetry, roughness) {
+        /// float: Angle of the long axis to the vertical at the entry, rad.
+        entry_angle: f64 = |own| own.faults.entry_angle;
+        /// float: Least angle between trunk and thigh, rad.
+        hip_opening: f64 = |own| own.faults.hip_opening;
+        /// float: Share of the duration after which the hip stays more than half open.
+        exit_fraction: f64 = |own| own.faults.exit_fraction;
+        /// float: Root mean square difference between left and right joints, rad.
+        asymmetry: f64 = |own| own.faults.asymmetry;
+        /// float: Log dimensionless jerk of the hip.
+        roughness: f64 = |own| own.faults.roughness;
+    }
 }
 
 #[pymethods]
@@ -70,41 +86,6 @@ impl DiveFaults {
     ) -> Result<Self, Error> {
         let (model, times) = (&model.get().model, real_numbers("times", times)?);
         Ok(Self { faults: analysis::DiveFaults::of(model, &times, &configurations(model, q)?)? })
-    }
-
-    /// float: Angle of the long axis to the vertical at the entry, rad.
-    #[getter]
-    fn entry_angle(&self) -> f64 {
-        self.faults.entry_angle
-    }
-
-    /// float: Least angle between trunk and thigh, rad.
-    #[getter]
-    fn hip_opening(&self) -> f64 {
-        self.faults.hip_opening
-    }
-
-    /// float: Share of the duration after which the hip stays more than half open.
-    #[getter]
-    fn exit_fraction(&self) -> f64 {
-        self.faults.exit_fraction
-    }
-
-    /// float: Root mean square difference between left and right joints, rad.
-    #[getter]
-    fn asymmetry(&self) -> f64 {
-        self.faults.asymmetry
-    }
-
-    /// float: Log dimensionless jerk of the hip.
-    #[getter]
-    fn roughness(&self) -> f64 {
-        self.faults.roughness
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64, f64, f64, f64)) {
-        let f = &slf.get().faults;
-        (slf.get_type(), (f.entry_angle, f.hip_opening, f.exit_fraction, f.asymmetry, f.roughness))
     }
 
     fn __repr__(&self) -> String {
@@ -160,6 +141,19 @@ pub(crate) struct SyntheticJudge {
     pub(super) judge: synthetic::SyntheticJudge,
 }
 
+value! {
+    impl SyntheticJudge {
+        /// DiveFaults: Faults that are taken for none.
+        reference: DiveFaults = |own| DiveFaults { faults: own.judge.reference };
+        /// dict of str to float: What a unit of each fault costs, points.
+        deductions: std::collections::BTreeMap<&'static str, f64> = |own| own.prices().into();
+        /// float: Standard deviation of the noise, points.
+        noise: f64 = |own| own.judge.noise;
+        /// bool: Whether he gives half points only.
+        half_points: bool = |own| own.judge.half_points;
+    }
+}
+
 #[pymethods]
 impl SyntheticJudge {
     #[new]
@@ -192,30 +186,6 @@ impl SyntheticJudge {
         Ok(Self { judge })
     }
 
-    /// DiveFaults: Faults that are taken for none.
-    #[getter]
-    fn reference(&self) -> DiveFaults {
-        DiveFaults { faults: self.judge.reference }
-    }
-
-    /// dict of str to float: What a unit of each fault costs, points.
-    #[getter]
-    fn deductions(&self) -> std::collections::BTreeMap<&'static str, f64> {
-        self.prices().into()
-    }
-
-    /// float: Standard deviation of the noise, points.
-    #[getter]
-    fn noise(&self) -> f64 {
-        self.judge.noise
-    }
-
-    /// bool: Whether he gives half points only.
-    #[getter]
-    fn half_points(&self) -> bool {
-        self.judge.half_points
-    }
-
     /// The score without noise and rounding.
     ///
     /// Parameters
@@ -229,12 +199,11 @@ impl SyntheticJudge {
         Ok(self.judge.intended(&faults.get().faults)?)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let [a, b, c, d, e] = own.prices().map(|(_, points)| points);
         let numbers = [a, b, c, d, e, own.judge.noise];
-        let arguments = (own.reference(), numbers, own.judge.half_points).into_pyobject(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.reference(), numbers, own.judge.half_points))
     }
 
     /// A pickled judge.

@@ -1,13 +1,11 @@
 //! Models fitted to markers.
 
-use super::markers::MarkerRecording;
 use super::matrix::{count, numbers_array};
-use super::motion_fit::MotionFit;
 use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector};
 use crate::core::error::Error;
-use crate::core::waiting::leave_on_signal;
+use crate::core::value::{Pickled, by_class, by_restore};
 use crate::multibody::model::{Model, Which};
-use crate::ocp::EigenpostureBase;
+use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, Shape};
@@ -126,14 +124,14 @@ impl MarkerSet {
         self.markers.markers().len()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let (places, weights) = (PyDict::new(py), PyDict::new(py));
         for marker in own.markers.markers() {
             places.set_item(&marker.name, (marker.body, <[f64; 3]>::from(marker.point)))?;
             weights.set_item(&marker.name, marker.weight)?;
         }
-        Ok((slf.get_type().into_any(), (own.model(py), places, weights).into_pyobject(py)?))
+        by_class(slf, (own.model(py), places, weights))
     }
 
     fn __repr__(&self) -> String {
@@ -289,35 +287,7 @@ impl MarkerFit {
         self.markers.get().model(py)
     }
 
-    /// Fits all frames of a recording.
-    ///
-    /// Markers of the recording that the model has not are ignored, those that the recording has not are missing.
-    /// Other Python threads run meanwhile. Ctrl-C raises at once and stops the fit.
-    ///
-    /// Parameters
-    /// ----------
-    /// recording : MarkerRecording
-    ///
-    /// Returns
-    /// -------
-    /// MotionFit
-    ///     The best estimate of each frame, whatever its status.
-    ///
-    /// Raises
-    /// ------
-    /// InputError
-    ///     If the recording has none of the markers.
-    fn fit(
-        slf: &Bound<'_, Self>,
-        py: Python<'_>,
-        recording: &Bound<'_, MarkerRecording>,
-    ) -> Result<MotionFit, Error> {
-        let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
-        let motion = leave_on_signal(py, move |token| fit.fit_cancellable(&recording, token))?;
-        Ok(MotionFit { fit: slf.clone().unbind(), motion })
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let options = own.fit.options();
         let base = match &options.shape {
@@ -336,8 +306,7 @@ impl MarkerFit {
         };
         let numbers = (options.max_iterations, options.step_tol, options.noise);
         let starts = options.starts.clone();
-        let arguments = (own.markers(py), base, scale, common, loss, starts, numbers).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.markers(py), base, scale, common, loss, starts, numbers))
     }
 
     /// A pickled fit; `common` says whether the scale is, and is missing where it is fixed.

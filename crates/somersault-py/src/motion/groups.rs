@@ -4,6 +4,7 @@ use super::matrix::{count, matrices, matrix, matrix_array, numbers_array, same_l
 use super::motion_fit::MotionFit;
 use crate::core::convert::{a_type, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -24,6 +25,16 @@ pub(crate) struct Band {
     band: analysis::Band,
 }
 
+value! {
+    impl Band {
+        /// ndarray, shape (n_frames,): Mean over the motions.
+        mean: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.band.mean);
+        /// ndarray, shape (n_frames,): Standard deviation over the motions, with n − 1 in the denominator; zero for a single
+        /// motion.
+        deviation: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.band.deviation);
+    }
+}
+
 #[pymethods]
 impl Band {
     #[new]
@@ -31,23 +42,9 @@ impl Band {
         Ok(Self { band: analysis::Band::of(&matrix("series", series)?)? })
     }
 
-    /// ndarray, shape (n_frames,): Mean over the motions.
-    #[getter]
-    fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.band.mean)
-    }
-
-    /// ndarray, shape (n_frames,): Standard deviation over the motions, with n − 1 in the denominator; zero for a single
-    /// motion.
-    #[getter]
-    fn deviation<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.band.deviation)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.mean(py), own.deviation(py)).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.mean(py), own.deviation(py)))
     }
 
     /// A pickled band.
@@ -196,7 +193,7 @@ impl GroupComparison {
         Ok(found)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let groups = 0..own.names.len();
         let series: Vec<_> =
@@ -205,8 +202,7 @@ impl GroupComparison {
             Panel::Eigenweight(weight) => weight,
             _ => 0,
         };
-        let arguments = (own.names(py)?, own.panel(), weight, series).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.names(py)?, own.panel(), weight, series))
     }
 
     /// A pickled comparison.

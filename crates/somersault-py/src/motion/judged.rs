@@ -7,6 +7,7 @@ use super::readers::warn;
 use super::scoring::Performance;
 use crate::core::convert::with_shape;
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use crate::multibody::models::Diver;
 use pyo3::exceptions::PyOSError;
@@ -49,20 +50,23 @@ fn raised(error: JudgedError) -> Error {
         .map_or_else(Error::Raised, |()| Error::Raised(raised))
 }
 
+value! {
+    impl JudgedSet {
+        /// tuple of str: Files of the motions, relative to the list.
+        files: PyResult<Bound<'py, PyTuple>> =
+            |own, py| PyTuple::new(py, own.set.list.motions.iter().map(|motion| motion.file.as_str()));
+        /// ndarray, shape (n_motions,): Scores.
+        scores: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.set.scores());
+        /// list of bool: Whether motion or score are synthetic.
+        synthetic: Vec<bool> = |own| own.set.list.motions.iter().map(|motion| motion.synthetic).collect();
+        /// list of MarkerRecording: The motions.
+        recordings: Vec<MarkerRecording> =
+            |own| own.set.recordings.iter().cloned().map(|recording| MarkerRecording { recording }).collect();
+    }
+}
+
 #[pymethods]
 impl JudgedSet {
-    /// tuple of str: Files of the motions, relative to the list.
-    #[getter]
-    fn files<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.set.list.motions.iter().map(|motion| motion.file.as_str()))
-    }
-
-    /// ndarray, shape (n_motions,): Scores.
-    #[getter]
-    fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.set.scores())
-    }
-
     /// dict of str to ndarray: Single features, for baselines.
     #[getter]
     fn features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -71,18 +75,6 @@ impl JudgedSet {
             found.set_item(name, numbers_array(py, &values))?;
         }
         Ok(found)
-    }
-
-    /// list of bool: Whether motion or score are synthetic.
-    #[getter]
-    fn synthetic(&self) -> Vec<bool> {
-        self.set.list.motions.iter().map(|motion| motion.synthetic).collect()
-    }
-
-    /// list of MarkerRecording: The motions.
-    #[getter]
-    fn recordings(&self) -> Vec<MarkerRecording> {
-        self.set.recordings.iter().cloned().map(|recording| MarkerRecording { recording }).collect()
     }
 
     /// The motions to be scored, synthetic ones labelled so.
@@ -117,12 +109,11 @@ impl JudgedSet {
         self.set.recordings.len()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let lines: Vec<usize> = own.set.list.motions.iter().map(|motion| motion.line).collect();
         let (features, recordings) = (own.features(py)?, own.recordings());
-        let arguments = (own.files(py)?, own.scores(py), own.synthetic(), lines, features, recordings);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (own.files(py)?, own.scores(py), own.synthetic(), lines, features, recordings))
     }
 
     /// A pickled set.

@@ -3,6 +3,7 @@
 use super::matrix::{count, mask, numbers_array};
 use crate::core::convert::{array, entries, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::value;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use somersault::motion::nalgebra::Vector3;
@@ -40,6 +41,23 @@ pub(crate) struct MarkerRecording {
     pub(crate) recording: recording::MarkerRecording,
 }
 
+value! {
+    impl MarkerRecording(names, times, points, present) {
+        /// tuple of str: Names of the markers.
+        names: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, own.recording.names());
+        /// ndarray, shape (n_frames,): Times of the frames, s.
+        times: Bound<'py, PyAny> = |own, py| numbers_array(py, own.recording.times());
+        /// int: Number of markers.
+        n_markers: usize = |own| own.recording.n_markers();
+        /// int: Number of frames.
+        n_frames: usize = |own| own.recording.n_frames();
+        /// int: Positions that are missing, over all markers and frames.
+        n_missing: usize = |own| own.recording.n_missing();
+        /// float: From the first to the last frame, s.
+        duration: f64 = |own| duration(own.recording.times());
+    }
+}
+
 #[pymethods]
 impl MarkerRecording {
     #[new]
@@ -65,18 +83,6 @@ impl MarkerRecording {
         Ok(Self { recording: recording::MarkerRecording::try_new(names, times, points)? })
     }
 
-    /// tuple of str: Names of the markers.
-    #[getter]
-    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.recording.names())
-    }
-
-    /// ndarray, shape (n_frames,): Times of the frames, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, self.recording.times())
-    }
-
     /// ndarray, shape (n_frames, n_markers, 3): Positions, m; NaN where a marker is missing.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -91,30 +97,6 @@ impl MarkerRecording {
         let values: Vec<bool> = self.recording.frames().flatten().map(Option::is_some).collect();
         let shape = (self.recording.n_frames(), self.recording.n_markers());
         numpy::PyArray1::from_vec(py, values).call_method1("reshape", (shape,))
-    }
-
-    /// int: Number of markers.
-    #[getter]
-    fn n_markers(&self) -> usize {
-        self.recording.n_markers()
-    }
-
-    /// int: Number of frames.
-    #[getter]
-    fn n_frames(&self) -> usize {
-        self.recording.n_frames()
-    }
-
-    /// int: Positions that are missing, over all markers and frames.
-    #[getter]
-    fn n_missing(&self) -> usize {
-        self.recording.n_missing()
-    }
-
-    /// float: From the first to the last frame, s.
-    #[getter]
-    fn duration(&self) -> f64 {
-        duration(self.recording.times())
     }
 
     /// One marker over all frames.
@@ -200,12 +182,6 @@ impl MarkerRecording {
             self.duration(),
             r.n_missing()
         )
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, r) = (slf.py(), slf.get());
-        let arguments = (r.names(py)?, r.times(py), r.points(py)?, r.present(py)?).into_pyobject(py)?;
-        Ok((slf.get_type().into_any(), arguments))
     }
 }
 

@@ -16,16 +16,33 @@ mod synthetic;
 mod validation;
 mod writers;
 
-pub(crate) use faults::{DiveFaults, SyntheticJudge};
-pub(crate) use fit::{MarkerFit, MarkerSet};
-pub(crate) use groups::{Band, GroupComparison, normalize_frames, turns_about};
-pub(crate) use judged::{JudgedSet, read_judged};
-pub(crate) use markers::MarkerRecording;
-pub(crate) use motion_fit::MotionFit;
-pub(crate) use pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
-pub(crate) use readers::{read_bvh, read_c3d, read_csv, read_joint_motion, read_trc};
-pub(crate) use scoring::{Performance, Score, ScoringModel, ScoringOptions};
-pub(crate) use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
-pub(crate) use synthetic::{Perturbation, SyntheticDive, SyntheticFlight, SyntheticSet};
-pub(crate) use validation::{Baseline, Correlation, Validation, pearson, spearman, validate};
-pub(crate) use writers::{write_bvh, write_c3d, write_csv, write_joint_motion, write_trc};
+/// Recorded motions: read, fitted by a model, analysed and scored.
+#[pyo3::pymodule(name = "motion", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    #[pymodule_export]
+    use crate::motion::faults::{DiveFaults, SyntheticJudge};
+    #[pymodule_export]
+    use crate::motion::fit::{MarkerFit, MarkerSet};
+    #[pymodule_export]
+    use crate::motion::groups::{Band, GroupComparison, normalize_frames, turns_about};
+    #[pymodule_export]
+    use crate::motion::judged::{JudgedSet, read_judged};
+    #[pymodule_export]
+    use crate::motion::markers::MarkerRecording;
+    #[pymodule_export]
+    use crate::motion::motion_fit::MotionFit;
+    #[pymodule_export]
+    use crate::motion::pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
+    #[pymodule_export]
+    use crate::motion::readers::{read_bvh, read_c3d, read_csv, read_file, read_joint_motion, read_trc};
+    #[pymodule_export]
+    use crate::motion::scoring::{Performance, Score, ScoringModel, ScoringOptions};
+    #[pymodule_export]
+    use crate::motion::skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
+    #[pymodule_export]
+    use crate::motion::synthetic::{Perturbation, SyntheticDive, SyntheticFlight, SyntheticSet};
+    #[pymodule_export]
+    use crate::motion::validation::{Baseline, Correlation, Validation, pearson, spearman, validate};
+    #[pymodule_export]
+    use crate::motion::writers::{write_bvh, write_c3d, write_csv, write_joint_motion, write_trc};
+}

@@ -1,15 +1,49 @@
-//! What a fit found.
+//! Fits, and what they found.
 
 use super::fit::MarkerFit;
+use super::markers::MarkerRecording;
 use super::matrix::{matrix, matrix_array, numbers_array};
 use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::leave_on_signal;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::{self, Estimate, FitStatus, FrameFit, Shape, UnknownStatus};
 use somersault::motion::nalgebra::DMatrix;
 use somersault::multibody::Link;
+
+#[pymethods]
+impl MarkerFit {
+    /// Fits all frames of a recording.
+    ///
+    /// Markers of the recording that the model has not are ignored, those that the recording has not are missing.
+    /// Other Python threads run meanwhile. Ctrl-C raises at once and stops the fit.
+    ///
+    /// Parameters
+    /// ----------
+    /// recording : MarkerRecording
+    ///
+    /// Returns
+    /// -------
+    /// MotionFit
+    ///     The best estimate of each frame, whatever its status.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If the recording has none of the markers.
+    fn fit(
+        slf: &Bound<'_, Self>,
+        py: Python<'_>,
+        recording: &Bound<'_, MarkerRecording>,
+    ) -> Result<MotionFit, Error> {
+        let (fit, recording) = (slf.get().fit.clone(), recording.get().recording.clone());
+        let motion = leave_on_signal(py, move |token| fit.fit_cancellable(&recording, token))?;
+        Ok(MotionFit { fit: slf.clone().unbind(), motion })
+    }
+}
 
 /// A fitted motion. Arrays have a row for each frame.
 #[pyclass(frozen, module = "somersault.motion")]
@@ -55,38 +89,42 @@ impl MotionFit {
     }
 }
 
+value! {
+    impl MotionFit {
+        /// MarkerFit: What was fitted.
+        fit: Py<MarkerFit> = |own, py| own.fit.clone_ref(py);
+        /// Model: The model.
+        model: Py<Model> = |own, py| own.fit.get().model(py);
+        /// ndarray, shape (n_frames,): Times, s.
+        times: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.motion.times);
+        /// ndarray, shape (n_frames,): Size over that of the model.
+        scale: Bound<'py, PyAny> = |own, py| own.numbers(py, |frame| frame.estimate.scale);
+        /// ndarray, shape (n_frames, n_positions): Configurations of the model; places of its root are in m and not scaled.
+        q: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.rows(py, own.fit.get().fit.model().n_positions(), |frame| frame.estimate.q.clone());
+        /// ndarray, shape (n_frames,): Root mean square of the residuals of each frame, m; NaN without markers.
+        frame_rms: Bound<'py, PyAny> = |own, py| own.numbers(py, |frame| frame.rms.unwrap_or(f64::NAN));
+        /// float: Root mean square of all residuals, m; NaN without markers.
+        rms: f64 = |own| own.motion.rms().unwrap_or(f64::NAN);
+        /// ndarray, shape (n_frames,): The minimum of ½ Σ c ρ in each frame.
+        cost: Bound<'py, PyAny> = |own, py| own.numbers(py, |frame| frame.cost);
+        /// list of int: Iterations made in each frame.
+        iterations: Vec<usize> = |own| own.motion.frames.iter().map(|frame| frame.iterations).collect();
+        /// list of str: How the fit of each frame ended: ``'converged'``, ``'iteration_limit'``, ``'no_progress'`` where no
+        /// step makes the distances smaller, ``'no_markers'`` where the estimate is that of the frame before, ``'mirrored'`` where the
+        /// mirror image of the markers is fitted with less than half of the residual, ``'misfit'`` where residuals are larger than the noise allows.
+        status: Vec<&'static str> =
+            |own| own.motion.frames.iter().map(|frame| name_of(&FitStatus::ALL, &frame.status)).collect();
+        /// bool: Whether the search of every frame that has markers came to a minimum, at least one did, and a common scale too.
+        converged: bool = |own| own.motion.converged();
+        /// bool: Whether every frame has markers, its search converged, the markers determine every unknown, and neither limits nor
+        /// mirrored axes nor the noise contradict them. Where it is False, `status` and `unknown_status` say why.
+        success: bool = |own| own.motion.success();
+    }
+}
+
 #[pymethods]
 impl MotionFit {
-    /// MarkerFit: What was fitted.
-    #[getter]
-    fn fit(&self, py: Python<'_>) -> Py<MarkerFit> {
-        self.fit.clone_ref(py)
-    }
-
-    /// Model: The model.
-    #[getter]
-    fn model(&self, py: Python<'_>) -> Py<Model> {
-        self.fit.get().model(py)
-    }
-
-    /// ndarray, shape (n_frames,): Times, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.motion.times)
-    }
-
-    /// ndarray, shape (n_frames,): Size over that of the model.
-    #[getter]
-    fn scale<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, |frame| frame.estimate.scale)
-    }
-
-    /// ndarray, shape (n_frames, n_positions): Configurations of the model; places of its root are in m and not scaled.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, self.fit.get().fit.model().n_positions(), |frame| frame.estimate.q.clone())
-    }
-
     /// ndarray, shape (n_frames, n_weights): Weights of the eigenpostures; none where joints were fitted.
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -102,12 +140,6 @@ impl MotionFit {
         self.rows(py, width, of)
     }
 
-    /// ndarray, shape (n_frames,): Root mean square of the residuals of each frame, m; NaN without markers.
-    #[getter]
-    fn frame_rms<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, |frame| frame.rms.unwrap_or(f64::NAN))
-    }
-
     /// dict of str to float: Root mean square of the residuals of each marker, m; NaN for one never seen.
     #[getter]
     fn marker_rms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -117,32 +149,6 @@ impl MotionFit {
             found.set_item(&marker.name, rms.unwrap_or(f64::NAN))?;
         }
         Ok(found)
-    }
-
-    /// float: Root mean square of all residuals, m; NaN without markers.
-    #[getter]
-    fn rms(&self) -> f64 {
-        self.motion.rms().unwrap_or(f64::NAN)
-    }
-
-    /// ndarray, shape (n_frames,): The minimum of ½ Σ c ρ in each frame.
-    #[getter]
-    fn cost<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, |frame| frame.cost)
-    }
-
-    /// list of int: Iterations made in each frame.
-    #[getter]
-    fn iterations(&self) -> Vec<usize> {
-        self.motion.frames.iter().map(|frame| frame.iterations).collect()
-    }
-
-    /// list of str: How the fit of each frame ended: ``'converged'``, ``'iteration_limit'``, ``'no_progress'`` where no
-    /// step makes the distances smaller, ``'no_markers'`` where the estimate is that of the frame before, ``'mirrored'`` where the
-    /// mirror image of the markers is fitted with less than half of the residual, ``'misfit'`` where residuals are larger than the noise allows.
-    #[getter]
-    fn status(&self) -> Vec<&'static str> {
-        self.motion.frames.iter().map(|frame| name_of(&FitStatus::ALL, &frame.status)).collect()
     }
 
     /// tuple of str: Names of the unknowns of a frame, in the order of statuses and covariances: ``'scale'``, the degrees of
@@ -177,19 +183,6 @@ impl MotionFit {
         self.motion.frames.iter().map(names).collect()
     }
 
-    /// bool: Whether the search of every frame that has markers came to a minimum, at least one did, and a common scale too.
-    #[getter]
-    fn converged(&self) -> bool {
-        self.motion.converged()
-    }
-
-    /// bool: Whether every frame has markers, its search converged, the markers determine every unknown, and neither limits nor
-    /// mirrored axes nor the noise contradict them. Where it is False, `status` and `unknown_status` say why.
-    #[getter]
-    fn success(&self) -> bool {
-        self.motion.success()
-    }
-
     /// Covariance of the unknowns of a frame by linearisation.
     ///
     /// Parameters
@@ -211,7 +204,7 @@ impl MotionFit {
         Ok(found.covariance.as_ref().map(|m| matrix_array(py, m)).transpose()?)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let covariances: Vec<Option<Bound<'py, PyAny>>> = (own.motion.frames.iter())
             .map(|frame| frame.covariance.as_ref().map(|m| matrix_array(py, m)).transpose())
@@ -219,8 +212,7 @@ impl MotionFit {
         let estimates = (own.scale(py), own.q(py)?, own.weights(py)?, own.residuals(py)?, own.cost(py));
         let statuses = (own.status(), own.unknown_status(py)?);
         let searches = (statuses, own.iterations(), own.motion.scale_converged);
-        let arguments = (own.fit(py), own.times(py), estimates, searches, covariances).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.fit(py), own.times(py), estimates, searches, covariances))
     }
 
     /// A pickled fit.

@@ -3,10 +3,11 @@
 use super::matrix::{count, matrices, matrix, matrix_array, numbers_array};
 use crate::core::convert::{real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
-use crate::ocp::EigenpostureBase;
+use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::motion::analysis::{self, WeightBounds, eigenpostures};
 use somersault::motion::nalgebra::DMatrix;
 
@@ -38,6 +39,27 @@ pub(crate) struct Pca {
     pub(super) pca: analysis::Pca,
 }
 
+value! {
+    impl Pca {
+        /// ndarray, shape (n_features,): Mean of the samples.
+        mean: Bound<'py, PyAny> = |own, py| numbers_array(py, own.pca.mean().as_slice());
+        /// ndarray, shape (n_components, n_features): The components, of unit length, that of the largest variance first.
+        components: PyResult<Bound<'py, PyAny>> =
+            |own, py| matrix_array(py, &own.pca.components().transpose());
+        /// int: Number of components.
+        n_components: usize = |own| own.pca.n_components();
+        /// int: Number of samples it is of.
+        n_samples: usize = |own| own.pca.n_samples();
+        /// ndarray, shape (n_components,): Variance of the scores of each component, with n − 1 in the denominator.
+        explained_variance: Bound<'py, PyAny> = |own, py| numbers_array(py, own.pca.explained_variance());
+        /// ndarray, shape (n_components,): Share of each component in the variance of the samples.
+        explained_variance_ratio: Bound<'py, PyAny> =
+            |own, py| numbers_array(py, &own.pca.explained_variance_ratio());
+        /// float: Variance of the samples in all directions.
+        total_variance: f64 = |own| own.pca.total_variance();
+    }
+}
+
 #[pymethods]
 impl Pca {
     #[new]
@@ -47,48 +69,6 @@ impl Pca {
         let most = samples.nrows().saturating_sub(1).min(samples.ncols());
         let n = n_components.map_or(Ok(most), |n| count("n_components", n))?;
         Ok(Self { pca: leave_on_signal(py, move |_| analysis::Pca::fit(&samples, n))? })
-    }
-
-    /// ndarray, shape (n_features,): Mean of the samples.
-    #[getter]
-    fn mean<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, self.pca.mean().as_slice())
-    }
-
-    /// ndarray, shape (n_components, n_features): The components, of unit length, that of the largest variance first.
-    #[getter]
-    fn components<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.pca.components().transpose())
-    }
-
-    /// int: Number of components.
-    #[getter]
-    fn n_components(&self) -> usize {
-        self.pca.n_components()
-    }
-
-    /// int: Number of samples it is of.
-    #[getter]
-    fn n_samples(&self) -> usize {
-        self.pca.n_samples()
-    }
-
-    /// ndarray, shape (n_components,): Variance of the scores of each component, with n − 1 in the denominator.
-    #[getter]
-    fn explained_variance<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, self.pca.explained_variance())
-    }
-
-    /// ndarray, shape (n_components,): Share of each component in the variance of the samples.
-    #[getter]
-    fn explained_variance_ratio<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.pca.explained_variance_ratio())
-    }
-
-    /// float: Variance of the samples in all directions.
-    #[getter]
-    fn total_variance(&self) -> f64 {
-        self.pca.total_variance()
     }
 
     /// What samples are in the components: (x − x̄)·v for each.
@@ -121,11 +101,10 @@ impl Pca {
         Ok(matrix_array(py, &self.pca.reconstruct(&matrix("scores", scores)?)?)?)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let variance = (own.explained_variance(py), own.total_variance(), own.n_samples());
-        let arguments = (own.mean(py), own.components(py)?, variance).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.mean(py), own.components(py)?, variance))
     }
 
     /// Pickled components, checked.
@@ -206,24 +185,20 @@ pub(crate) struct Projection {
     distances: Vec<f64>,
 }
 
+value! {
+    impl Projection {
+        /// ndarray, shape (n_frames, n_weights): Weights.
+        weights: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, &own.weights);
+        /// ndarray, shape (n_frames,): Distance of each frame to the nearest posture of the base, in the norm of its coordinates.
+        distances: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.distances);
+    }
+}
+
 #[pymethods]
 impl Projection {
-    /// ndarray, shape (n_frames, n_weights): Weights.
-    #[getter]
-    fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.weights)
-    }
-
-    /// ndarray, shape (n_frames,): Distance of each frame to the nearest posture of the base, in the norm of its coordinates.
-    #[getter]
-    fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.distances)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.weights(py)?, own.distances(py)).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.weights(py)?, own.distances(py)))
     }
 
     /// A pickled projection.

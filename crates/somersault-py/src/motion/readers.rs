@@ -1,6 +1,6 @@
 //! Files with recorded motions.
 
-use super::convention::convention;
+use super::convention::{axis, convention, length_unit};
 use super::markers::MarkerRecording;
 use super::matrix;
 use super::skeleton::SkeletonRecording;
@@ -9,7 +9,9 @@ use crate::core::error::Error;
 use crate::core::waiting::leave_on_signal;
 use crate::multibody::models::Diver;
 use pyo3::prelude::*;
-use somersault::motion::readers::{self, MarkerOptions, Place, ReadError, bvh, c3d, joint_motion, trc};
+use somersault::motion::readers::{
+    self, MarkerOptions, Place, ReadError, ReadOptions, Recording, bvh, c3d, joint_motion, trc,
+};
 use somersault::multibody::models;
 
 /// The bytes of a file, and its name for messages. A path is opened by Python, whose exceptions say why one cannot be.
@@ -38,6 +40,9 @@ struct Failed {
 
 impl From<Failed> for Error {
     fn from(Failed { error, name }: Failed) -> Self {
+        if let ReadError::NoUnit { .. } | ReadError::Axes(_) = error {
+            return Self::input(error.to_string());
+        }
         let prefix = name.map_or(String::new(), |name| format!("{name}: "));
         let place = error.place();
         let raised: PyErr = Self::read(format!("{prefix}{error}")).into();
@@ -54,12 +59,94 @@ impl From<Failed> for Error {
 }
 
 /// Reads without the interpreter.
-fn read<T: Send + 'static>(
+fn read_with<T: Send + 'static>(
     source: &Bound<'_, PyAny>,
     reader: impl FnOnce(&[u8]) -> Result<T, ReadError> + Send + 'static,
 ) -> Result<T, Error> {
     let (bytes, name) = bytes_of(source)?;
     leave_on_signal(source.py(), move |_| reader(&bytes).map_err(|error| Failed { error, name }))
+}
+
+/// Reads a recording: the ending of its name says of which format it is.
+///
+/// A file of CSV, TRC or C3D has markers, one of BVH or of DeepMimic (``.json``, ``.txt``) a skeleton. What the file does
+/// not say itself is taken from the arguments, or from the format where these are not given. Readers of single formats,
+/// such as `read_c3d`, say what that is.
+///
+/// Parameters
+/// ----------
+/// source : path, or file opened for reading
+/// format : str, optional
+///     The ending of such files, ``'c3d'`` for example; that of the path unless given. A file that is open needs it.
+/// unit : str, optional
+///     Unit of length, ``'m'``, ``'cm'``, ``'in'``, …; BVH needs it.
+/// up, forward : str, optional
+///     Axes of the file that point up and forward, such as ``'y'`` or ``'-x'``.
+/// nan_is_gap : bool, optional
+///     Whether a marker with three times NaN is missing rather than an error.
+/// diver : Diver, optional
+///     Whose size motions without lengths take; the spatial diver's of 1.70 m unless given.
+///
+/// Returns
+/// -------
+/// MarkerRecording or SkeletonRecording
+///
+/// Raises
+/// ------
+/// ReadError
+///     If the file is not of its format; the message and the attribute ``line`` or ``byte`` say where.
+/// OSError
+///     If the file cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import io
+/// >>> from somersault import motion
+/// >>> text = io.StringIO("time,hip_x,hip_y,hip_z\n0.00,0,0,900\n")
+/// >>> motion.read_file(text, format="csv", unit="mm").points.tolist()
+/// [[[0.0, 0.0, 0.9]]]
+#[pyfunction]
+#[pyo3(signature = (source, *, format=None, unit=None, up=None, forward=None, nan_is_gap=false, diver=None))]
+pub(crate) fn read_file<'py>(
+    source: &Bound<'py, PyAny>,
+    format: Option<&str>,
+    unit: Option<&str>,
+    up: Option<&str>,
+    forward: Option<&str>,
+    nan_is_gap: bool,
+    diver: Option<&Bound<'_, Diver>>,
+) -> Result<Bound<'py, PyAny>, Error> {
+    let py = source.py();
+    let format = match format {
+        Some(ending) => readers::format_of(ending).ok_or_else(|| not_an_ending("format", ending)),
+        None if source.hasattr("read")? => {
+            Err(Error::input("`format` must be given where `source` is a file, not a path"))
+        }
+        None => {
+            let ending: String = matrix::path("source", source)?.getattr("suffix")?.extract()?;
+            let known = readers::format_of(ending.trim_start_matches('.'));
+            known.ok_or_else(|| not_an_ending("source", &ending))
+        }
+    }?;
+    let options = ReadOptions {
+        unit: unit.map(length_unit).transpose()?,
+        up: up.map(|name| axis("up", name)).transpose()?,
+        forward: forward.map(|name| axis("forward", name)).transpose()?,
+        nan_is_gap,
+        diver: diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver),
+    };
+    let found = read_with(source, move |bytes| format.read(bytes, &options))?;
+    for contradiction in found.contradictions {
+        warn(py, &contradiction.to_string())?;
+    }
+    Ok(match found.recording {
+        Recording::Markers(recording) => MarkerRecording { recording }.into_pyobject(py)?.into_any(),
+        Recording::Skeleton(recording) => SkeletonRecording { recording }.into_pyobject(py)?.into_any(),
+    })
+}
+
+fn not_an_ending(argument: &str, found: &str) -> Error {
+    Error::input(format!("`{argument}` must end in {}, found '{found}'", readers::endings()))
 }
 
 /// Reads a BVH file: a tree of joints and how they turned.
@@ -94,7 +181,7 @@ pub(crate) fn read_bvh(
     forward: &str,
 ) -> Result<SkeletonRecording, Error> {
     let convention = convention(unit, up, forward)?;
-    let recording = read(source, move |bytes| bvh::read(readers::text(bytes)?, &convention))?;
+    let recording = read_with(source, move |bytes| bvh::read(readers::text(bytes)?, &convention))?;
     Ok(SkeletonRecording { recording })
 }
 
@@ -135,7 +222,7 @@ pub(crate) fn read_c3d(
 ) -> Result<MarkerRecording, Error> {
     let options = c3d::C3dOptions { convention: convention(unit, up, forward)?, nan_is_gap };
     let (recording, contradictions) =
-        read(source, move |bytes| Ok((c3d::read(bytes, &options)?, c3d::contradictions(bytes)?)))?;
+        read_with(source, move |bytes| Ok((c3d::read(bytes, &options)?, c3d::contradictions(bytes)?)))?;
     for contradiction in contradictions {
         warn(source.py(), &contradiction.to_string())?;
     }
@@ -178,7 +265,7 @@ pub(crate) fn read_trc(
     nan_is_gap: bool,
 ) -> Result<MarkerRecording, Error> {
     let options = MarkerOptions { convention: convention("m", up, forward)?, nan_is_gap };
-    let recording = read(source, move |bytes| trc::read(readers::text(bytes)?, &options))?;
+    let recording = read_with(source, move |bytes| trc::read(readers::text(bytes)?, &options))?;
     Ok(MarkerRecording { recording })
 }
 
@@ -225,7 +312,7 @@ pub(crate) fn read_csv(
     nan_is_gap: bool,
 ) -> Result<MarkerRecording, Error> {
     let options = MarkerOptions { convention: convention(unit, up, forward)?, nan_is_gap };
-    let recording = read(source, move |bytes| readers::csv::read(readers::text(bytes)?, &options))?;
+    let recording = read_with(source, move |bytes| readers::csv::read(readers::text(bytes)?, &options))?;
     Ok(MarkerRecording { recording })
 }
 
@@ -256,6 +343,6 @@ pub(crate) fn read_joint_motion(
     diver: Option<&Bound<'_, Diver>>,
 ) -> Result<SkeletonRecording, Error> {
     let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
-    let recording = read(source, move |bytes| joint_motion::read(readers::text(bytes)?, &diver))?;
+    let recording = read_with(source, move |bytes| joint_motion::read(readers::text(bytes)?, &diver))?;
     Ok(SkeletonRecording { recording })
 }

@@ -5,6 +5,7 @@ use super::matrix::{self, count, matrix, matrix_array, numbers_array, same_lengt
 use super::pca::Pca;
 use crate::core::convert::{entries, real_numbers};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
@@ -32,6 +33,21 @@ use somersault::motion::scoring::{self, FeatureKind, VectorOptions};
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Performance {
     pub(super) performance: scoring::Performance,
+}
+
+value! {
+    impl Performance {
+        /// float: From the first to the last frame, s.
+        duration: f64 = |own| own.performance.duration();
+        /// int: Numbers in a posture.
+        n_features: usize = |own| own.performance.n_features();
+        /// tuple of str: Names of the markers or coordinates.
+        names: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, &own.performance.features().names);
+        /// str: ``'markers'``, three numbers for each name, or ``'coordinates'``, one.
+        kind: String = |own| own.performance.features().kind.to_string();
+        /// bool: Whether it is labelled as synthetic.
+        synthetic: bool = |own| own.performance.is_synthetic();
+    }
 }
 
 #[pymethods]
@@ -68,36 +84,6 @@ impl Performance {
         Ok(Self { performance: scoring::Performance::from_markers(&recording.get().recording)? })
     }
 
-    /// float: From the first to the last frame, s.
-    #[getter]
-    fn duration(&self) -> f64 {
-        self.performance.duration()
-    }
-
-    /// int: Numbers in a posture.
-    #[getter]
-    fn n_features(&self) -> usize {
-        self.performance.n_features()
-    }
-
-    /// tuple of str: Names of the markers or coordinates.
-    #[getter]
-    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.performance.features().names)
-    }
-
-    /// str: ``'markers'``, three numbers for each name, or ``'coordinates'``, one.
-    #[getter]
-    fn kind(&self) -> String {
-        self.performance.features().kind.to_string()
-    }
-
-    /// bool: Whether it is labelled as synthetic.
-    #[getter]
-    fn synthetic(&self) -> bool {
-        self.performance.is_synthetic()
-    }
-
     /// The same, labelled as synthetic; models and validations that use it carry the label on.
     ///
     /// Returns
@@ -107,12 +93,11 @@ impl Performance {
         Self { performance: self.performance.clone().labelled_synthetic() }
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), &slf.get().performance);
         let (values, path) = (matrix_array(py, own.values())?, matrix_array(py, own.path())?);
         let features = (slf.get().kind(), slf.get().names(py)?);
-        let arguments = (numbers_array(py, own.times()), features, values, path, own.is_synthetic());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (numbers_array(py, own.times()), features, values, path, own.is_synthetic()))
     }
 
     /// A pickled motion with its label; markers are in the world.
@@ -184,6 +169,25 @@ impl ScoringOptions {
     }
 }
 
+value! {
+    impl ScoringOptions {
+        /// int: Frames each motion is brought to.
+        n_frames: usize = |own| own.options.vector.n_frames;
+        /// int: Eigenweights of each frame.
+        n_eigenweights: usize = |own| own.options.vector.n_eigenweights;
+        /// bool: Whether the path of the body is part of a motion's vector.
+        path: bool = |own| own.options.vector.path;
+        /// bool: Whether the duration is.
+        duration: bool = |own| own.options.vector.duration;
+        /// int or None: Components of the second PCA.
+        n_components: Option<usize> = |own| own.options.n_components;
+        /// int: The most that cross-validation may choose.
+        max_components: usize = |own| own.options.max_components;
+        /// tuple of float: Least and greatest score there is.
+        scale: (f64, f64) = |own| own.options.scale.into();
+    }
+}
+
 #[pymethods]
 impl ScoringOptions {
     #[new]
@@ -210,54 +214,12 @@ impl ScoringOptions {
         Ok(Self { options })
     }
 
-    /// int: Frames each motion is brought to.
-    #[getter]
-    fn n_frames(&self) -> usize {
-        self.options.vector.n_frames
-    }
-
-    /// int: Eigenweights of each frame.
-    #[getter]
-    fn n_eigenweights(&self) -> usize {
-        self.options.vector.n_eigenweights
-    }
-
-    /// bool: Whether the path of the body is part of a motion's vector.
-    #[getter]
-    fn path(&self) -> bool {
-        self.options.vector.path
-    }
-
-    /// bool: Whether the duration is.
-    #[getter]
-    fn duration(&self) -> bool {
-        self.options.vector.duration
-    }
-
-    /// int or None: Components of the second PCA.
-    #[getter]
-    fn n_components(&self) -> Option<usize> {
-        self.options.n_components
-    }
-
-    /// int: The most that cross-validation may choose.
-    #[getter]
-    fn max_components(&self) -> usize {
-        self.options.max_components
-    }
-
-    /// tuple of float: Least and greatest score there is.
-    #[getter]
-    fn scale(&self) -> (f64, f64) {
-        self.options.scale.into()
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let scoring::ScoringOptions { vector, n_components, max_components, scale } = slf.get().options;
         let VectorOptions { n_frames, n_eigenweights, path, duration } = vector;
         let arguments =
             (n_frames, n_eigenweights, path, duration, n_components, max_components, (scale[0], scale[1]));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, arguments)
     }
 
     /// Pickled choices.
@@ -299,30 +261,23 @@ pub(crate) struct Score {
     score: scoring::Score,
 }
 
+value! {
+    impl Score {
+        /// float: The score. It may be beyond the scale, since the regression is a straight line.
+        value: f64 = |own| own.score.value;
+        /// float: Distance to the nearest motion learnt, over the greatest such distance among those learnt, each left out in
+        /// turn. A motion like those n is beyond 1 with a chance of about 1/(n + 1).
+        distance: f64 = |own| own.score.distance;
+        /// bool: Whether the distance is at most 1. Else the model says nothing about the motion, whatever the value: units, axes or names
+        /// may be mistaken, or it is another kind of motion.
+        inside: bool = |own| own.score.is_inside();
+    }
+}
+
 #[pymethods]
 impl Score {
-    /// float: The score. It may be beyond the scale, since the regression is a straight line.
-    #[getter]
-    fn value(&self) -> f64 {
-        self.score.value
-    }
-
-    /// float: Distance to the nearest motion learnt, over the greatest such distance among those learnt, each left out in
-    /// turn. A motion like those n is beyond 1 with a chance of about 1/(n + 1).
-    #[getter]
-    fn distance(&self) -> f64 {
-        self.score.distance
-    }
-
-    /// bool: Whether the distance is at most 1. Else the model says nothing about the motion, whatever the value: units, axes or names
-    /// may be mistaken, or it is another kind of motion.
-    #[getter]
-    fn inside(&self) -> bool {
-        self.score.is_inside()
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (f64, f64))> {
-        Ok((slf.get_type().getattr("_restore")?, (slf.get().value(), slf.get().distance())))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, (slf.get().value(), slf.get().distance()))
     }
 
     /// A pickled score.
@@ -361,6 +316,29 @@ pub(crate) struct ScoringModel {
     model: scoring::ScoringModel,
 }
 
+value! {
+    impl ScoringModel {
+        /// tuple of str: Names of the markers or coordinates it has learnt.
+        names: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, &own.model.features().names);
+        /// str: ``'markers'`` or ``'coordinates'``.
+        kind: String = |own| own.model.features().kind.to_string();
+        /// ndarray, shape (n_motions,): The scores it has learnt from.
+        scores: Bound<'py, PyAny> = |own, py| numbers_array(py, own.model.scores());
+        /// tuple of float: Least and greatest score there is.
+        scale: (f64, f64) = |own| own.model.scale().into();
+        /// Pca: The basis of postures.
+        eigenpostures: Pca = |own| Pca { pca: own.model.eigenpostures().clone() };
+        /// Pca: The basis of motions, the thesis' Eigendives.
+        eigenmotions: Pca = |own| Pca { pca: own.model.eigenmotions().clone() };
+        /// ndarray, shape (n_components,): What a unit of each Eigendive's weight adds to the score.
+        coefficients: Bound<'py, PyAny> = |own, py| numbers_array(py, own.model.coefficients());
+        /// float: The score of the mean motion.
+        intercept: f64 = |own| own.model.intercept();
+        /// bool: Whether it has learnt from synthetic motions: then its scores say nothing about real ones.
+        synthetic: bool = |own| own.model.is_synthetic();
+    }
+}
+
 #[pymethods]
 impl ScoringModel {
     #[new]
@@ -395,60 +373,6 @@ impl ScoringModel {
     ///     another.
     fn score(&self, motion: &Bound<'_, Performance>) -> Result<Score, Error> {
         Ok(Score { score: self.model.score(&motion.get().performance)? })
-    }
-
-    /// tuple of str: Names of the markers or coordinates it has learnt.
-    #[getter]
-    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.model.features().names)
-    }
-
-    /// str: ``'markers'`` or ``'coordinates'``.
-    #[getter]
-    fn kind(&self) -> String {
-        self.model.features().kind.to_string()
-    }
-
-    /// ndarray, shape (n_motions,): The scores it has learnt from.
-    #[getter]
-    fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, self.model.scores())
-    }
-
-    /// tuple of float: Least and greatest score there is.
-    #[getter]
-    fn scale(&self) -> (f64, f64) {
-        self.model.scale().into()
-    }
-
-    /// Pca: The basis of postures.
-    #[getter]
-    fn eigenpostures(&self) -> Pca {
-        Pca { pca: self.model.eigenpostures().clone() }
-    }
-
-    /// Pca: The basis of motions, the thesis' Eigendives.
-    #[getter]
-    fn eigenmotions(&self) -> Pca {
-        Pca { pca: self.model.eigenmotions().clone() }
-    }
-
-    /// ndarray, shape (n_components,): What a unit of each Eigendive's weight adds to the score.
-    #[getter]
-    fn coefficients<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, self.model.coefficients())
-    }
-
-    /// float: The score of the mean motion.
-    #[getter]
-    fn intercept(&self) -> f64 {
-        self.model.intercept()
-    }
-
-    /// bool: Whether it has learnt from synthetic motions: then its scores say nothing about real ones.
-    #[getter]
-    fn synthetic(&self) -> bool {
-        self.model.is_synthetic()
     }
 
     /// Writes the model to a file of JSON, with all digits.
@@ -494,9 +418,8 @@ impl ScoringModel {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, Bound<'py, PyTuple>), Error> {
-        let arguments = (slf.get().model.to_json()?,).into_pyobject(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, (slf.get().model.to_json().map_err(Error::from)?,))
     }
 
     /// A pickled model.

@@ -6,6 +6,7 @@ use crate::core::convert::{
     array, components, quaternions, real_numbers, vector_array, vector_or, with_shape,
 };
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_class, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple, PyType};
@@ -30,6 +31,21 @@ pub(crate) struct SkeletonJoint {
     joint: recording::SkeletonJoint,
 }
 
+value! {
+    impl SkeletonJoint {
+        /// str: Its name.
+        name: &str = |own| &own.joint.name;
+        /// int or None: Number of the parent.
+        parent: Option<usize> = |own| own.joint.parent;
+        /// ndarray, shape (3,): Place in the axes of the parent, m.
+        offset: Bound<'py, PyAny> = |own, py| vector_array(py, &own.joint.offset);
+        /// bool: Whether it turns.
+        turns: bool = |own| own.joint.turns;
+        /// bool: Whether it moves in its parent.
+        moves: bool = |own| own.joint.moves;
+    }
+}
+
 #[pymethods]
 impl SkeletonJoint {
     #[new]
@@ -46,44 +62,13 @@ impl SkeletonJoint {
         Ok(Self { joint: recording::SkeletonJoint { name, parent, offset, turns, moves } })
     }
 
-    /// str: Its name.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.joint.name
-    }
-
-    /// int or None: Number of the parent.
-    #[getter]
-    fn parent(&self) -> Option<usize> {
-        self.joint.parent
-    }
-
-    /// ndarray, shape (3,): Place in the axes of the parent, m.
-    #[getter]
-    fn offset<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.joint.offset)
-    }
-
-    /// bool: Whether it turns.
-    #[getter]
-    fn turns(&self) -> bool {
-        self.joint.turns
-    }
-
-    /// bool: Whether it moves in its parent.
-    #[getter]
-    fn moves(&self) -> bool {
-        self.joint.moves
-    }
-
     fn __repr__(&self) -> String {
         format!("<SkeletonJoint: {}>", self.joint.name)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let joint = slf.get();
-        let arguments = (joint.name(), joint.parent(), joint.offset(slf.py()), joint.turns(), joint.moves());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (joint.name(), joint.parent(), joint.offset(slf.py()), joint.turns(), joint.moves()))
     }
 
     /// A pickled joint.
@@ -117,6 +102,17 @@ pub(crate) struct Skeleton {
     pub(super) skeleton: recording::Skeleton,
 }
 
+value! {
+    impl Skeleton {
+        /// tuple of str: Names of the joints.
+        names: PyResult<Bound<'py, PyTuple>> = |own, py| own.named(py, |_| true);
+        /// tuple of str: Names of the joints that turn, each with a rotation in every frame.
+        turning: PyResult<Bound<'py, PyTuple>> = |own, py| own.named(py, |joint| joint.turns);
+        /// tuple of str: Names of the joints that move in their parent, each with a place in every frame.
+        moving: PyResult<Bound<'py, PyTuple>> = |own, py| own.named(py, |joint| joint.moves);
+    }
+}
+
 #[pymethods]
 impl Skeleton {
     #[new]
@@ -129,24 +125,6 @@ impl Skeleton {
     #[getter]
     fn joints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         PyList::new(py, self.skeleton.joints().iter().cloned().map(|joint| SkeletonJoint { joint }))
-    }
-
-    /// tuple of str: Names of the joints.
-    #[getter]
-    fn names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        self.named(py, |_| true)
-    }
-
-    /// tuple of str: Names of the joints that turn, each with a rotation in every frame.
-    #[getter]
-    fn turning<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        self.named(py, |joint| joint.turns)
-    }
-
-    /// tuple of str: Names of the joints that move in their parent, each with a place in every frame.
-    #[getter]
-    fn moving<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        self.named(py, |joint| joint.moves)
     }
 
     /// The same tree for dynamics and for pictures: the root floats, joints that turn are spherical.
@@ -175,9 +153,8 @@ impl Skeleton {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let arguments = (slf.get().joints(slf.py())?,).into_pyobject(slf.py())?;
-        Ok((slf.get_type().into_any(), arguments))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_class(slf, (slf.get().joints(slf.py())?,))
     }
 }
 
@@ -214,6 +191,19 @@ pub(crate) struct SkeletonRecording {
     pub(crate) recording: recording::SkeletonRecording,
 }
 
+value! {
+    impl SkeletonRecording(skeleton, times, rotations, places) {
+        /// Skeleton: The skeleton.
+        skeleton: Skeleton = |own| Skeleton { skeleton: own.recording.skeleton().clone() };
+        /// ndarray, shape (n_frames,): Times of the frames, s.
+        times: Bound<'py, PyAny> = |own, py| numbers_array(py, own.recording.times());
+        /// int: Number of frames.
+        n_frames: usize = |own| own.recording.n_frames();
+        /// float: From the first to the last frame, s.
+        duration: f64 = |own| duration(own.recording.times());
+    }
+}
+
 #[pymethods]
 impl SkeletonRecording {
     #[new]
@@ -229,18 +219,6 @@ impl SkeletonRecording {
         let places = with_shape("places", &[times.len(), skeleton.n_moving(), 3], places)?;
         let places = places.chunks_exact(3).map(Vector3::from_column_slice).collect();
         Ok(Self { recording: recording::SkeletonRecording::try_new(skeleton, times, rotations, places)? })
-    }
-
-    /// Skeleton: The skeleton.
-    #[getter]
-    fn skeleton(&self) -> Skeleton {
-        Skeleton { skeleton: self.recording.skeleton().clone() }
-    }
-
-    /// ndarray, shape (n_frames,): Times of the frames, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, self.recording.times())
     }
 
     /// ndarray, shape (n_frames, n_turning, 4): Rotations of the joints that turn against their parents, as quaternions
@@ -277,18 +255,6 @@ impl SkeletonRecording {
         let values: Vec<f64> = (0..n).flat_map(|i| self.recording.configuration(i)).collect();
         let width = values.len() / n;
         Ok(array(py, values, &[n, width])?.into_any())
-    }
-
-    /// int: Number of frames.
-    #[getter]
-    fn n_frames(&self) -> usize {
-        self.recording.n_frames()
-    }
-
-    /// float: From the first to the last frame, s.
-    #[getter]
-    fn duration(&self) -> f64 {
-        duration(self.recording.times())
     }
 
     /// Where all joints were, by forward kinematics.
@@ -330,11 +296,5 @@ impl SkeletonRecording {
             self.recording.n_frames(),
             self.duration()
         )
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, r) = (slf.py(), slf.get());
-        let arguments = (r.skeleton(), r.times(py), r.rotations(py)?, r.places(py)?).into_pyobject(py)?;
-        Ok((slf.get_type().into_any(), arguments))
     }
 }

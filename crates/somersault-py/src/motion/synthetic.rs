@@ -8,10 +8,11 @@ use super::matrix::{self, count, numbers_array};
 use super::scoring::Performance;
 use crate::core::convert::{array, real_numbers, vector, vector_array};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_class, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::motion::analysis;
 use somersault::motion::synthetic::{self, SyntheticOptions};
 
@@ -40,6 +41,27 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 #[derive(Clone, Copy)]
 pub(crate) struct Perturbation {
     perturbation: synthetic::Perturbation,
+}
+
+value! {
+    impl Perturbation {
+        /// float: How much later the fold opens, s.
+        exit_delay: f64 = |own| own.perturbation.exit_delay;
+        /// float: Share by which the fold is smaller.
+        looseness: f64 = |own| own.perturbation.looseness;
+        /// float: How much farther the body turns till the entry, rad.
+        over_rotation: f64 = |own| own.perturbation.over_rotation;
+        /// float: Amplitude of the wobble as a fraction of the fold.
+        wobble: f64 = |own| own.perturbation.wobble;
+        /// float: Frequency of the wobble, Hz.
+        wobble_frequency: f64 = |own| own.perturbation.wobble_frequency;
+        /// float: Phase of the wobble, rad.
+        wobble_phase: f64 = |own| own.perturbation.wobble_phase;
+        /// float: Share by which joints on the right fold more and those on the left less.
+        asymmetry: f64 = |own| own.perturbation.asymmetry;
+        /// float: Share by which the flight lasts longer.
+        duration: f64 = |own| own.perturbation.duration;
+    }
 }
 
 #[pymethods]
@@ -73,56 +95,8 @@ impl Perturbation {
         Ok(Self { perturbation })
     }
 
-    /// float: How much later the fold opens, s.
-    #[getter]
-    fn exit_delay(&self) -> f64 {
-        self.perturbation.exit_delay
-    }
-
-    /// float: Share by which the fold is smaller.
-    #[getter]
-    fn looseness(&self) -> f64 {
-        self.perturbation.looseness
-    }
-
-    /// float: How much farther the body turns till the entry, rad.
-    #[getter]
-    fn over_rotation(&self) -> f64 {
-        self.perturbation.over_rotation
-    }
-
-    /// float: Amplitude of the wobble as a fraction of the fold.
-    #[getter]
-    fn wobble(&self) -> f64 {
-        self.perturbation.wobble
-    }
-
-    /// float: Frequency of the wobble, Hz.
-    #[getter]
-    fn wobble_frequency(&self) -> f64 {
-        self.perturbation.wobble_frequency
-    }
-
-    /// float: Phase of the wobble, rad.
-    #[getter]
-    fn wobble_phase(&self) -> f64 {
-        self.perturbation.wobble_phase
-    }
-
-    /// float: Share by which joints on the right fold more and those on the left less.
-    #[getter]
-    fn asymmetry(&self) -> f64 {
-        self.perturbation.asymmetry
-    }
-
-    /// float: Share by which the flight lasts longer.
-    #[getter]
-    fn duration(&self) -> f64 {
-        self.perturbation.duration
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, ([f64; 8],))> {
-        Ok((slf.get_type().getattr("_restore")?, (slf.get().numbers().map(|(_, number)| number),)))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, (slf.get().numbers().map(|(_, number)| number),))
     }
 
     /// A pickled perturbation.
@@ -182,6 +156,15 @@ pub(crate) struct SyntheticFlight {
     positions: Vec<f64>,
 }
 
+value! {
+    impl SyntheticFlight {
+        /// Model: The model.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
+        /// DiveFaults: The faults of the flight itself.
+        faults: DiveFaults = |own| DiveFaults { faults: own.faults };
+    }
+}
+
 #[pymethods]
 impl SyntheticFlight {
     #[new]
@@ -191,18 +174,6 @@ impl SyntheticFlight {
         let flight = synthetic::SyntheticFlight::try_new(tree, &times, &positions)?;
         let faults = analysis::DiveFaults::of(tree, &times, &positions)?;
         Ok(Self { flight, model: model.clone().unbind(), faults, times, positions })
-    }
-
-    /// Model: The model.
-    #[getter]
-    fn model(&self, py: Python<'_>) -> Py<Model> {
-        self.model.clone_ref(py)
-    }
-
-    /// DiveFaults: The faults of the flight itself.
-    #[getter]
-    fn faults(&self) -> DiveFaults {
-        DiveFaults { faults: self.faults }
     }
 
     /// Flies the flight anew with a perturbation.
@@ -223,11 +194,10 @@ impl SyntheticFlight {
         Ok(SyntheticDive { dive: leave_on_signal(py, move |_| flight.perturb(&perturbation))? })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let q = frames_array(py, &own.positions, own.times.len())?;
-        let arguments = (own.model(py), numbers_array(py, &own.times), q).into_pyobject(py)?;
-        Ok((slf.get_type().into_any(), arguments))
+        by_class(slf, (own.model(py), numbers_array(py, &own.times), q))
     }
 
     fn __repr__(&self) -> String {
@@ -248,36 +218,25 @@ pub(crate) struct SyntheticDive {
     dive: synthetic::SyntheticDive,
 }
 
+value! {
+    impl SyntheticDive {
+        /// ndarray, shape (n,): Times, s.
+        times: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.dive.times);
+        /// ndarray, shape (n, n_positions): Configurations.
+        q: PyResult<Bound<'py, PyAny>> =
+            |own, py| frames_array(py, &own.dive.positions, own.dive.times.len());
+        /// Perturbation: What made it.
+        perturbation: Perturbation = |own| Perturbation { perturbation: own.dive.perturbation };
+        /// ndarray, shape (3,): Angular momentum about the centre of mass, world axes, kg m²/s.
+        angular_momentum: Bound<'py, PyAny> = |own, py| vector_array(py, &own.dive.angular_momentum);
+    }
+}
+
 #[pymethods]
 impl SyntheticDive {
-    /// ndarray, shape (n,): Times, s.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.dive.times)
-    }
-
-    /// ndarray, shape (n, n_positions): Configurations.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        frames_array(py, &self.dive.positions, self.dive.times.len())
-    }
-
-    /// Perturbation: What made it.
-    #[getter]
-    fn perturbation(&self) -> Perturbation {
-        Perturbation { perturbation: self.dive.perturbation }
-    }
-
-    /// ndarray, shape (3,): Angular momentum about the centre of mass, world axes, kg m²/s.
-    #[getter]
-    fn angular_momentum<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.dive.angular_momentum)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.times(py), own.q(py)?, own.perturbation(), own.angular_momentum(py));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (own.times(py), own.q(py)?, own.perturbation(), own.angular_momentum(py)))
     }
 
     /// A pickled dive.
@@ -332,6 +291,26 @@ pub(crate) struct SyntheticSet {
     judge: synthetic::SyntheticJudge,
 }
 
+value! {
+    impl SyntheticSet {
+        /// SyntheticJudge: Who gave the scores.
+        judge: SyntheticJudge = |own| SyntheticJudge { judge: own.judge };
+        /// list of SyntheticDive: The dives.
+        dives: Vec<SyntheticDive> =
+            |own| own.set.dives.iter().cloned().map(|dive| SyntheticDive { dive }).collect();
+        /// list of DiveFaults: The faults of each.
+        faults: Vec<DiveFaults> =
+            |own| own.set.faults.iter().map(|faults| DiveFaults { faults: *faults }).collect();
+        /// list of MarkerRecording: The markers of each, with noise.
+        markers: Vec<MarkerRecording> =
+            |own| own.set.markers.iter().cloned().map(|recording| MarkerRecording { recording }).collect();
+        /// ndarray, shape (n_dives,): What the judge means to give, without noise.
+        intended: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.set.intended);
+        /// ndarray, shape (n_dives,): What he gives.
+        scores: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.set.scores);
+    }
+}
+
 #[pymethods]
 impl SyntheticSet {
     #[new]
@@ -366,42 +345,6 @@ impl SyntheticSet {
         Ok(Self { set, judge })
     }
 
-    /// SyntheticJudge: Who gave the scores.
-    #[getter]
-    fn judge(&self) -> SyntheticJudge {
-        SyntheticJudge { judge: self.judge }
-    }
-
-    /// list of SyntheticDive: The dives.
-    #[getter]
-    fn dives(&self) -> Vec<SyntheticDive> {
-        self.set.dives.iter().cloned().map(|dive| SyntheticDive { dive }).collect()
-    }
-
-    /// list of DiveFaults: The faults of each.
-    #[getter]
-    fn faults(&self) -> Vec<DiveFaults> {
-        self.set.faults.iter().map(|faults| DiveFaults { faults: *faults }).collect()
-    }
-
-    /// list of MarkerRecording: The markers of each, with noise.
-    #[getter]
-    fn markers(&self) -> Vec<MarkerRecording> {
-        self.set.markers.iter().cloned().map(|recording| MarkerRecording { recording }).collect()
-    }
-
-    /// ndarray, shape (n_dives,): What the judge means to give, without noise.
-    #[getter]
-    fn intended<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.set.intended)
-    }
-
-    /// ndarray, shape (n_dives,): What he gives.
-    #[getter]
-    fn scores<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.set.scores)
-    }
-
     /// The dives as motions to be scored, by their markers, labelled synthetic.
     ///
     /// Returns
@@ -425,11 +368,11 @@ impl SyntheticSet {
         self.set.dives.len()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let arguments =
             (own.judge(), own.dives(), own.faults(), own.markers(), own.intended(py), own.scores(py));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled set.

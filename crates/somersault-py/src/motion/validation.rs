@@ -4,9 +4,10 @@ use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
 use crate::core::convert::{a_type, entries, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyDict, PyType};
 use somersault::motion::scoring::{self, ValidationOptions};
 
 /// A coefficient of correlation, how sure it is and what chance would make of it.
@@ -16,30 +17,22 @@ pub(crate) struct Correlation {
     correlation: scoring::Correlation,
 }
 
+value! {
+    impl Correlation {
+        /// float: The coefficient.
+        value: f64 = |own| own.correlation.value;
+        /// tuple of float: Lower and upper end of the percentile interval over resamples of the motions.
+        interval: (f64, f64) = |own| own.correlation.interval.into();
+        /// float: Share of shuffles of the scores, the order given among them, with at least this coefficient.
+        p_value: f64 = |own| own.correlation.p_value;
+    }
+}
+
 #[pymethods]
 impl Correlation {
-    /// float: The coefficient.
-    #[getter]
-    fn value(&self) -> f64 {
-        self.correlation.value
-    }
-
-    /// tuple of float: Lower and upper end of the percentile interval over resamples of the motions.
-    #[getter]
-    fn interval(&self) -> (f64, f64) {
-        self.correlation.interval.into()
-    }
-
-    /// float: Share of shuffles of the scores, the order given among them, with at least this coefficient.
-    #[getter]
-    fn p_value(&self) -> f64 {
-        self.correlation.p_value
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        let arguments = (own.value(), own.interval(), own.p_value()).into_pyobject(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.value(), own.interval(), own.p_value()))
     }
 
     /// A pickled coefficient.
@@ -62,30 +55,22 @@ pub(crate) struct Baseline {
     baseline: scoring::Baseline,
 }
 
+value! {
+    impl Baseline {
+        /// str: ``'mean'``, ``'duration'``, or the name of a feature.
+        name: &str = |own| &own.baseline.name;
+        /// ndarray, shape (n_motions,): Predictions, each from all other motions.
+        predictions: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.baseline.predictions);
+        /// float: Root mean square of their errors.
+        rms_error: f64 = |own| own.baseline.rms_error;
+    }
+}
+
 #[pymethods]
 impl Baseline {
-    /// str: ``'mean'``, ``'duration'``, or the name of a feature.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.baseline.name
-    }
-
-    /// ndarray, shape (n_motions,): Predictions, each from all other motions.
-    #[getter]
-    fn predictions<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.baseline.predictions)
-    }
-
-    /// float: Root mean square of their errors.
-    #[getter]
-    fn rms_error(&self) -> f64 {
-        self.baseline.rms_error
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments = (own.name(), own.predictions(py), own.rms_error()).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.name(), own.predictions(py), own.rms_error()))
     }
 
     /// A pickled predictor.
@@ -111,62 +96,35 @@ pub(crate) struct Validation {
     validation: scoring::Validation,
 }
 
+value! {
+    impl Validation {
+        /// ndarray, shape (n_motions,): The score of each motion by a model of all others.
+        predictions: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.validation.predictions);
+        /// ndarray, shape (n_motions,): Distance of each motion to the others, over the greatest that one of the others has. The farthest
+        /// of all is always beyond 1; far beyond, it is unlike the others.
+        distances: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.validation.distances);
+        /// list of int: Components of that model.
+        n_components: Vec<usize> = |own| own.validation.n_components.clone();
+        /// float: Root mean square of the errors.
+        rms_error: f64 = |own| own.validation.rms_error;
+        /// Correlation: Pearson's, of scores with predictions less the mean of the other scores.
+        pearson: Correlation = |own| Correlation { correlation: own.validation.pearson };
+        /// Correlation: Spearman's, of the same.
+        spearman: Correlation = |own| Correlation { correlation: own.validation.spearman };
+        /// list of Baseline: The mean of the others; a straight line over the duration, and over each feature.
+        baselines: Vec<Baseline> =
+            |own| own.validation.baselines.iter().cloned().map(|baseline| Baseline { baseline }).collect();
+        /// bool: Whether some of the motions are synthetic.
+        synthetic: bool = |own| own.validation.synthetic;
+    }
+}
+
 #[pymethods]
 impl Validation {
-    /// ndarray, shape (n_motions,): The score of each motion by a model of all others.
-    #[getter]
-    fn predictions<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.validation.predictions)
-    }
-
-    /// ndarray, shape (n_motions,): Distance of each motion to the others, over the greatest that one of the others has. The farthest
-    /// of all is always beyond 1; far beyond, it is unlike the others.
-    #[getter]
-    fn distances<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numbers_array(py, &self.validation.distances)
-    }
-
-    /// list of int: Components of that model.
-    #[getter]
-    fn n_components(&self) -> Vec<usize> {
-        self.validation.n_components.clone()
-    }
-
-    /// float: Root mean square of the errors.
-    #[getter]
-    fn rms_error(&self) -> f64 {
-        self.validation.rms_error
-    }
-
-    /// Correlation: Pearson's, of scores with predictions less the mean of the other scores.
-    #[getter]
-    fn pearson(&self) -> Correlation {
-        Correlation { correlation: self.validation.pearson }
-    }
-
-    /// Correlation: Spearman's, of the same.
-    #[getter]
-    fn spearman(&self) -> Correlation {
-        Correlation { correlation: self.validation.spearman }
-    }
-
-    /// list of Baseline: The mean of the others; a straight line over the duration, and over each feature.
-    #[getter]
-    fn baselines(&self) -> Vec<Baseline> {
-        self.validation.baselines.iter().cloned().map(|baseline| Baseline { baseline }).collect()
-    }
-
-    /// bool: Whether some of the motions are synthetic.
-    #[getter]
-    fn synthetic(&self) -> bool {
-        self.validation.synthetic
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let predicted = (own.predictions(py), own.distances(py), own.n_components(), own.rms_error());
-        let arguments = (predicted, own.pearson(), own.spearman(), own.baselines(), own.synthetic());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (predicted, own.pearson(), own.spearman(), own.baselines(), own.synthetic()))
     }
 
     /// A pickled validation.

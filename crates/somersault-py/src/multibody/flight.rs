@@ -1,14 +1,15 @@
 //! Momentum-reduced flight of trees.
 
+use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
-use crate::integrators::forces::{Failure, call, callable_name};
+use crate::core::waiting::returns_interrupted;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
-use crate::multibody::motion::{TreeSolution, finite, solve};
+use crate::multibody::motion::{TreeSolution, finite};
 use pyo3::prelude::*;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::system::System;
@@ -93,7 +94,7 @@ impl ShapeMotion for Shape {
     model, q, v, shape, interval, *, dt=None, method=None, rtol=None, atol=None, max_step=None,
     first_step=None, max_steps=None, start_up="one_step", every=1, on_interrupt="raise", progress=false
 ))]
-pub(crate) fn integrate_flight<'py>(
+pub(crate) fn fly<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
     q: &Bound<'py, PyAny>,
@@ -121,18 +122,17 @@ pub(crate) fn integrate_flight<'py>(
     let mut q = finite("q", with_shape("q", &[tree.n_positions()], q)?)?;
     let v = finite("v", with_shape("v", &[tree.n_velocities()], v)?)?;
     tree.normalize(&mut q)?;
-    plan::check_callable("shape", "f(t) -> (q, v)", shape)?;
+    check_callable("shape", "f(t) -> (q, v)", shape)?;
     let failure = Failure::default();
     let motion = Shape::new(shape, &failure);
     let plan = Plan {
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
-        start: interval.0,
         every: plan::every_of(every)?,
         dense: false,
         calls_python: true,
-        return_interrupted: plan::returns_interrupted(on_interrupt)?,
+        return_interrupted: returns_interrupted(on_interrupt)?,
     };
     let flight = Flight::from_state(tree, interval.0, &q, &v)?;
     let system = FlightSystem::new(flight, &motion);
@@ -140,7 +140,8 @@ pub(crate) fn integrate_flight<'py>(
     let initial = system.state(&q[orientation])?;
     let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
     let mut monitor = Monitor::try_new(&plan, &initial, 8, None, bar, failure)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| solve(&plan, &system, &initial, monitor))?;
+    let outcome =
+        monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
     let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
     let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);

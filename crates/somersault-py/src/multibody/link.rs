@@ -5,9 +5,10 @@ use crate::core::convert::{
     vector_array,
 };
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::RigidBody;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::integrators::nalgebra::{Matrix3, Vector3};
 use somersault::multibody::{self, Joint, MassProperties, ModelBuilder};
 
@@ -73,6 +74,31 @@ const KINDS: &str = "'fixed', 'revolute', 'prismatic', 'spherical', 'planar' or 
 #[derive(Clone, PartialEq)]
 pub(crate) struct Link(pub(crate) multibody::Link);
 
+value! {
+    impl Link {
+        /// str: Name of the body.
+        name: &str = |own| own.0.name();
+        /// str: Kind of the joint.
+        joint: &'static str = |own| own.0.joint().kind().name;
+        /// str or None: Name of the body that carries it; None for the root.
+        parent: Option<&str> = |own| own.0.parent();
+        /// ndarray, shape (3,), or None: Axis of a revolute or prismatic joint.
+        axis: Option<Bound<'py, PyAny>> = |own, py| own.0.joint().axis().map(|axis| vector_array(py, axis));
+        /// float: Mass, kg.
+        mass: f64 = |own| own.0.mass_properties().mass;
+        /// ndarray, shape (3,): Centre of mass, m.
+        center: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.mass_properties().center);
+        /// ndarray, shape (3, 3): Inertia tensor about the centre of mass, kg m².
+        inertia: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, &own.0.mass_properties().inertia);
+        /// ndarray, shape (3,): Where the joint is in the parent, m.
+        origin: Bound<'py, PyAny> = |own, py| vector_array(py, own.0.origin());
+        /// float: Viscous friction in each degree of freedom, N s/m or N m s.
+        damping: f64 = |own| own.0.damping();
+        /// tuple of float or None: Range of a revolute or prismatic joint, rad or m.
+        limits: Option<(f64, f64)> = |own| own.0.limits().map(|[lower, upper]| (lower, upper));
+    }
+}
+
 #[pymethods]
 impl Link {
     #[new]
@@ -131,70 +157,10 @@ impl Link {
         }))
     }
 
-    /// str: Name of the body.
-    #[getter]
-    fn name(&self) -> &str {
-        self.0.name()
-    }
-
-    /// str: Kind of the joint.
-    #[getter]
-    fn joint(&self) -> &'static str {
-        self.0.joint().kind().name
-    }
-
-    /// str or None: Name of the body that carries it; None for the root.
-    #[getter]
-    fn parent(&self) -> Option<&str> {
-        self.0.parent()
-    }
-
-    /// ndarray, shape (3,), or None: Axis of a revolute or prismatic joint.
-    #[getter]
-    fn axis<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
-        self.0.joint().axis().map(|axis| vector_array(py, axis))
-    }
-
-    /// float: Mass, kg.
-    #[getter]
-    fn mass(&self) -> f64 {
-        self.0.mass_properties().mass
-    }
-
-    /// ndarray, shape (3,): Centre of mass, m.
-    #[getter]
-    fn center<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.mass_properties().center)
-    }
-
-    /// ndarray, shape (3, 3): Inertia tensor about the centre of mass, kg m².
-    #[getter]
-    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        matrix_array(py, &self.0.mass_properties().inertia)
-    }
-
-    /// ndarray, shape (3,): Where the joint is in the parent, m.
-    #[getter]
-    fn origin<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, self.0.origin())
-    }
-
     /// scipy.spatial.transform.Rotation: Rotation from the joint frame to the parent.
     #[getter(orientation)]
     fn turn<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         rotation(numpy::PyArray1::from_slice(py, &components(self.0.orientation())).as_any())
-    }
-
-    /// float: Viscous friction in each degree of freedom, N s/m or N m s.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.0.damping()
-    }
-
-    /// tuple of float or None: Range of a revolute or prismatic joint, rad or m.
-    #[getter]
-    fn limits(&self) -> Option<(f64, f64)> {
-        self.0.limits().map(|[lower, upper]| (lower, upper))
     }
 
     fn __repr__(&self) -> String {
@@ -208,14 +174,14 @@ impl Link {
         text + &format!(", mass={:?})", self.mass())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, link) = (slf.py(), slf.get());
         let quaternion = numpy::PyArray1::from_slice(py, &components(link.0.orientation()));
         let arguments = (
             (link.name(), link.joint(), link.parent(), link.axis(py), link.mass(), link.center(py)),
             (link.inertia(py)?, link.origin(py), quaternion, link.damping(), link.limits()),
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled link.

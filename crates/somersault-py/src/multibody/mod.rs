@@ -9,3 +9,25 @@ pub(crate) mod models;
 pub(crate) mod motion;
 pub(crate) mod partials;
 pub(crate) mod urdf;
+
+/// Articulated bodies and their dynamics.
+#[pyo3::pymodule(name = "multibody", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::multibody::flight::fly;
+    #[pymodule_export]
+    use crate::multibody::link::Link;
+    #[pymodule_export]
+    use crate::multibody::model::Model;
+    #[pymodule_export]
+    use crate::multibody::models::Diver;
+    #[pymodule_export]
+    use crate::multibody::motion::{TreeDenseOutput, TreeSolution, integrate_tree};
+
+    #[pymodule_init]
+    fn add_models(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::multibody::models::add_functions(module)
+    }
+}

@@ -1,12 +1,12 @@
 //! Trees of bodies and their dynamics, at one configuration or at many.
 
-use crate::core::convert::{a_type, did_you_mean, vector_array, vector_or};
-use crate::core::error::Error;
+use crate::core::convert::{a_type, sequence, vector_array, vector_or};
+use crate::core::error::{Error, did_you_mean};
 use crate::core::rows::{self, Results, Rows, Workspaces};
-use crate::integrators::forces::sequence;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::link::Link;
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PySlice, PyTuple, PyType};
+use pyo3::types::{PyList, PySlice, PyType};
 use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, JointKind, Turning};
 use std::f64::consts::PI;
@@ -160,6 +160,26 @@ fn slice(py: Python<'_>, range: Range<usize>) -> Bound<'_, PySlice> {
     PySlice::new(py, range.start as isize, range.end as isize, 1)
 }
 
+value! {
+    impl Model {
+        /// list of Link: The bodies with their joints, in their order.
+        links: PyResult<Bound<'py, PyList>> =
+            |own, py| PyList::new(py, own.model.links().iter().cloned().map(Link));
+        /// list of str: Names of the bodies.
+        names: Vec<&str> = |own| own.model.links().iter().map(multibody::Link::name).collect();
+        /// int: Number of bodies.
+        n_bodies: usize = |own| own.model.n_bodies();
+        /// int: Numbers in q.
+        n_positions: usize = |own| own.model.n_positions();
+        /// int: Degrees of freedom: numbers in v, in accelerations and in joint forces.
+        n_velocities: usize = |own| own.model.n_velocities();
+        /// ndarray, shape (3,): Gravitational acceleration, m/s².
+        gravity: Bound<'py, PyAny> = |own, py| vector_array(py, own.model.gravity());
+        /// float: Mass of all bodies, kg.
+        mass: f64 = |own| own.model.mass();
+    }
+}
+
 #[pymethods]
 impl Model {
     #[new]
@@ -176,48 +196,6 @@ impl Model {
         }
         let gravity = vector_or("gravity", gravity, Vector3::new(0.0, 0.0, -9.81))?;
         Ok(Self::of(builder.with_gravity(gravity).build()?))
-    }
-
-    /// list of Link: The bodies with their joints, in their order.
-    #[getter]
-    fn links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        PyList::new(py, self.model.links().iter().cloned().map(Link))
-    }
-
-    /// list of str: Names of the bodies.
-    #[getter]
-    fn names(&self) -> Vec<&str> {
-        self.model.links().iter().map(multibody::Link::name).collect()
-    }
-
-    /// int: Number of bodies.
-    #[getter]
-    fn n_bodies(&self) -> usize {
-        self.model.n_bodies()
-    }
-
-    /// int: Numbers in q.
-    #[getter]
-    fn n_positions(&self) -> usize {
-        self.model.n_positions()
-    }
-
-    /// int: Degrees of freedom: numbers in v, in accelerations and in joint forces.
-    #[getter]
-    fn n_velocities(&self) -> usize {
-        self.model.n_velocities()
-    }
-
-    /// ndarray, shape (3,): Gravitational acceleration, m/s².
-    #[getter]
-    fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, self.model.gravity())
-    }
-
-    /// float: Mass of all bodies, kg.
-    #[getter]
-    fn mass(&self) -> f64 {
-        self.model.mass()
     }
 
     /// Number of a body.
@@ -394,10 +372,9 @@ impl Model {
         format!("<Model: {bodies} bodies from '{root}', {n} degrees of freedom, {} kg>", self.model.mass())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, model) = (slf.py(), slf.get());
-        let arguments = (model.links(py)?, model.gravity(py)).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (model.links(py)?, model.gravity(py)))
     }
 
     /// A pickled model.

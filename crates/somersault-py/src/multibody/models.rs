@@ -1,10 +1,19 @@
 //! Trees with a name in the literature.
 
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::multibody::models::{self, CartPendulum, Dimension, Posture, TwoLinkArm};
+
+/// Adds the functions that make them to the module of Python.
+pub(crate) fn add_functions(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(cart_pendulum, module)?)?;
+    module.add_function(wrap_pyfunction!(diver_planar, module)?)?;
+    module.add_function(wrap_pyfunction!(diver_spatial, module)?)?;
+    module.add_function(wrap_pyfunction!(two_link_arm, module)?)
+}
 
 /// The pendulum on a cart (thesis appendix A).
 ///
@@ -76,32 +85,21 @@ impl Diver {
     }
 }
 
+value! {
+    impl Diver {
+        /// Model: The tree.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
+        /// float: Mass, kg.
+        mass: f64 = |own| own.diver.mass;
+        /// float: Stature, m.
+        height: f64 = |own| own.diver.height;
+        /// tuple of str: Names of the degrees of freedom, in the order of v.
+        dof_names: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, own.diver.dof_names());
+    }
+}
+
 #[pymethods]
 impl Diver {
-    /// Model: The tree.
-    #[getter]
-    fn model(&self, py: Python<'_>) -> Py<Model> {
-        self.model.clone_ref(py)
-    }
-
-    /// float: Mass, kg.
-    #[getter]
-    fn mass(&self) -> f64 {
-        self.diver.mass
-    }
-
-    /// float: Stature, m.
-    #[getter]
-    fn height(&self) -> f64 {
-        self.diver.height
-    }
-
-    /// tuple of str: Names of the degrees of freedom, in the order of v.
-    #[getter]
-    fn dof_names<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.diver.dof_names())
-    }
-
     /// tuple of str: The postures that this diver has, of thesis Figure 2.2.
     #[getter]
     fn postures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
@@ -141,11 +139,10 @@ impl Diver {
         format!("<Diver: {kind}, {} kg, {} m>", self.diver.mass, self.diver.height)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let diver = &slf.get().diver;
         let planar = diver.dimension == Dimension::Planar;
-        let arguments = (planar, diver.mass, diver.height, diver.gravity).into_pyobject(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (planar, diver.mass, diver.height, diver.gravity))
     }
 
     /// A pickled diver.

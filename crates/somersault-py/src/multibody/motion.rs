@@ -1,23 +1,22 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
+use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{array, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
-use crate::integrators::forces::{Failure, call, callable_name};
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::returns_interrupted;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
-use crate::integrators::plan::{self, Plan, StepArguments, Steps, start_up_of};
+use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
-use somersault::integrators::driver::Outcome;
+use pyo3::types::PyType;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::solution;
-use somersault::multibody::motion::{
-    Coordinates, MotionError, TreeForces, TreeMotion, TreeState, TreeSystem,
-};
+use somersault::multibody::motion::{Coordinates, TreeForces, TreeState, TreeSystem};
 use somersault::multibody::{self, Split};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -117,20 +116,17 @@ pub(crate) struct TreeDenseOutput {
     curves: solution::Solution<Coordinates>,
 }
 
+value! {
+    impl TreeDenseOutput {
+        /// float: First time.
+        t_min: f64 = |own| own.curves.times.first().copied().unwrap_or(f64::NAN);
+        /// float: Last time.
+        t_max: f64 = |own| own.curves.segments.last().map_or_else(|| own.t_min(), |(end, _)| *end);
+    }
+}
+
 #[pymethods]
 impl TreeDenseOutput {
-    /// float: First time.
-    #[getter]
-    fn t_min(&self) -> f64 {
-        self.curves.times.first().copied().unwrap_or(f64::NAN)
-    }
-
-    /// float: Last time.
-    #[getter]
-    fn t_max(&self) -> f64 {
-        self.curves.segments.last().map_or_else(|| self.t_min(), |(end, _)| *end)
-    }
-
     #[pyo3(signature = (t, /))]
     fn __call__<'py>(
         &self,
@@ -196,75 +192,36 @@ impl TreeSolution {
     }
 }
 
+value! {
+    impl TreeSolution {
+        /// Model: The tree.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
+        /// ndarray, shape (n,): Times, s.
+        t: Py<PyAny> = |own, py| own.t.clone_ref(py);
+        /// ndarray, shape (n, n_positions): Configurations.
+        q: Py<PyAny> = |own, py| own.q.clone_ref(py);
+        /// ndarray, shape (n, n_velocities): Velocities.
+        v: Py<PyAny> = |own, py| own.v.clone_ref(py);
+        /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
+        /// interrupted, -2 if it failed.
+        status: i32 = |own| own.report.status;
+        /// str: The same in words.
+        message: &str = |own| &own.report.message;
+        /// bool: Whether the run ended as asked, by its interval or its observer.
+        success: bool = |own| own.report.status >= 0;
+        /// int: How often the equations of motion were evaluated.
+        nfev: u64 = |own| own.report.nfev;
+        /// int: Steps made.
+        n_steps: u64 = |own| own.report.n_steps;
+        /// int: Steps tried and rejected by the step size control.
+        n_rejected: u64 = |own| own.report.n_rejected;
+        /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was asked for.
+        sol: Option<Py<TreeDenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
+    }
+}
+
 #[pymethods]
 impl TreeSolution {
-    /// Model: The tree.
-    #[getter]
-    fn model(&self, py: Python<'_>) -> Py<Model> {
-        self.model.clone_ref(py)
-    }
-
-    /// ndarray, shape (n,): Times, s.
-    #[getter]
-    fn t(&self, py: Python<'_>) -> Py<PyAny> {
-        self.t.clone_ref(py)
-    }
-
-    /// ndarray, shape (n, n_positions): Configurations.
-    #[getter]
-    fn q(&self, py: Python<'_>) -> Py<PyAny> {
-        self.q.clone_ref(py)
-    }
-
-    /// ndarray, shape (n, n_velocities): Velocities.
-    #[getter]
-    fn v(&self, py: Python<'_>) -> Py<PyAny> {
-        self.v.clone_ref(py)
-    }
-
-    /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
-    /// interrupted, -2 if it failed.
-    #[getter]
-    fn status(&self) -> i32 {
-        self.report.status
-    }
-
-    /// str: The same in words.
-    #[getter]
-    fn message(&self) -> &str {
-        &self.report.message
-    }
-
-    /// bool: Whether the run ended as asked, by its interval or its observer.
-    #[getter]
-    fn success(&self) -> bool {
-        self.report.status >= 0
-    }
-
-    /// int: How often the equations of motion were evaluated.
-    #[getter]
-    fn nfev(&self) -> u64 {
-        self.report.nfev
-    }
-
-    /// int: Steps made.
-    #[getter]
-    fn n_steps(&self) -> u64 {
-        self.report.n_steps
-    }
-
-    /// int: Steps tried and rejected by the step size control.
-    #[getter]
-    fn n_rejected(&self) -> u64 {
-        self.report.n_rejected
-    }
-
-    /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was asked for.
-    #[getter]
-    fn sol(&self, py: Python<'_>) -> Option<Py<TreeDenseOutput>> {
-        self.dense.as_ref().map(|dense| dense.clone_ref(py))
-    }
-
     fn __len__(&self, py: Python<'_>) -> PyResult<usize> {
         self.t.bind(py).len()
     }
@@ -274,12 +231,11 @@ impl TreeSolution {
         Ok(format!("<TreeSolution: {n} states; {} ({} steps)>", report.message, report.n_steps))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let Report { status, message, nfev, n_steps, n_rejected } = own.report.clone();
         let arrays = (own.model(py), own.t(py), own.q(py), own.v(py));
-        let arguments = (arrays, (status, message, nfev, n_steps, n_rejected)).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (arrays, (status, message, nfev, n_steps, n_rejected)))
     }
 
     /// A pickled solution; the dense output is not part of it.
@@ -292,21 +248,6 @@ impl TreeSolution {
         let (model, t, q, v) = arrays;
         let (status, message, nfev, n_steps, n_rejected) = report;
         Self { model, t, q, v, report: Report { status, message, nfev, n_steps, n_rejected }, dense: None }
-    }
-}
-
-/// Integrates as planned.
-pub(crate) fn solve(
-    plan: &Plan,
-    system: &impl TreeMotion,
-    initial: &TreeState,
-    monitor: &mut Monitor<Coordinates>,
-) -> Result<Outcome<Coordinates>, MotionError> {
-    match &plan.steps {
-        Steps::Fixed(grid) => system.integrate(plan.method, plan.options, initial, grid, monitor),
-        Steps::Adapted(interval, control) => {
-            system.integrate_adaptive(plan.method, plan.options, initial, *interval, control, monitor)
-        }
     }
 }
 
@@ -411,17 +352,16 @@ pub(crate) fn integrate_tree<'py>(
     let torque = Given::extract("torque", n, torque, &failure)?;
     let acceleration = Given::extract("acceleration", n, acceleration, &failure)?;
     if let Some(observer) = &observer {
-        plan::check_callable("observer", "f(t, q, v)", observer)?;
+        check_callable("observer", "f(t, q, v)", observer)?;
     }
     let plan = Plan {
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
-        start: interval.0,
         every: plan::every_of(every)?,
         dense: dense_output,
         calls_python: observer.is_some() || torque.is_callable() || acceleration.is_callable(),
-        return_interrupted: plan::returns_interrupted(on_interrupt)?,
+        return_interrupted: returns_interrupted(on_interrupt)?,
     };
     let watch = observer.map(|observer| -> Watch<Coordinates> {
         let (observer, model) = (observer.unbind(), model.clone().unbind());
@@ -437,7 +377,8 @@ pub(crate) fn integrate_tree<'py>(
         acceleration.apply(t, q, v, out, |out, x| *out = x);
     };
     let system = TreeSystem::new(tree, &torque).driven(split, drive)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| solve(&plan, &system, &initial, monitor))?;
+    let outcome =
+        monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
     let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
     let Finish { mut recorded, steps, status, message, failed } = monitor.finish(py, status);

@@ -1,7 +1,6 @@
 //! Arguments as Python gives them, refused by their names.
 
-use crate::core::convert::a_type;
-pub(crate) use crate::core::convert::{integer, integer_or_none};
+use crate::core::convert::{a_type, integer};
 use crate::core::error::Error;
 use pyo3::prelude::*;
 
@@ -97,26 +96,5 @@ pub(crate) fn finite_all(argument: &str, values: Vec<f64>) -> Result<Vec<f64>, E
     match values.iter().find(|x| !x.is_finite()) {
         None => Ok(values),
         Some(found) => Err(Error::input(format!("`{argument}` must be finite, found {found}"))),
-    }
-}
-
-impl Error {
-    /// The same error by the names that Python has for arguments of the library: pairs of that one and this.
-    pub(crate) fn with_names(self, names: &[(&str, &str)]) -> Self {
-        let Self::Own { class, mut message } = self else { return self };
-        for (theirs, ours) in names {
-            message = message.replace(&format!("`{theirs}`"), &format!("`{ours}`"));
-        }
-        Self::Own { class, message }
-    }
-
-    /// The same error of something in an argument, which its message names.
-    pub(crate) fn within(self, argument: &str) -> Self {
-        match self {
-            Self::Own { class, message } if !message.contains(&format!("`{argument}`")) => {
-                Self::Own { class, message: format!("`{argument}`: {message}") }
-            }
-            named => named,
-        }
     }
 }

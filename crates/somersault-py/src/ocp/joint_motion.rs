@@ -1,11 +1,12 @@
 //! Eigenpostures, and joint motions made of splines.
 
-use super::arguments::{count, finite_all, index, integer};
-use crate::core::convert::{a_type, array, entries, real_numbers, times, with_shape};
+use super::arguments::{count, finite_all, index};
+use crate::core::convert::{a_type, array, entries, integer, real_numbers, times, with_shape};
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::core::spline::UniformBasis;
 use somersault::multibody::joint_motion::{self, Condition, End};
 
@@ -35,23 +36,20 @@ pub(crate) struct EigenpostureBase {
     pub(crate) base: joint_motion::EigenpostureBase,
 }
 
+value! {
+    impl EigenpostureBase {
+        /// int: Number of joints.
+        n_joints: usize = |own| own.base.n_joints();
+        /// int: Number of weights.
+        n_weights: usize = |own| own.base.n_weights();
+    }
+}
+
 #[pymethods]
 impl EigenpostureBase {
     #[new]
     fn new(#[pyo3(from_py_with = entries)] postures: Vec<Vec<f64>>) -> Result<Self, Error> {
         Ok(Self { base: joint_motion::EigenpostureBase::try_new(&postures)? })
-    }
-
-    /// int: Number of joints.
-    #[getter]
-    fn n_joints(&self) -> usize {
-        self.base.n_joints()
-    }
-
-    /// int: Number of weights.
-    #[getter]
-    fn n_weights(&self) -> usize {
-        self.base.n_weights()
     }
 
     /// Joint positions for weights.
@@ -96,12 +94,11 @@ impl EigenpostureBase {
         Ok((numpy::PyArray1::from_slice(py, weights.as_slice()).into_any(), distance))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let base = &slf.get().base;
         let directions: Vec<Vec<f64>> =
             base.directions().column_iter().map(|d| d.iter().copied().collect()).collect();
-        let arguments = (base.fundamental().to_vec(), directions).into_pyobject(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (base.fundamental().to_vec(), directions))
     }
 
     /// A pickled base: directions are kept, not postures, of which rounding would take a part.
@@ -194,6 +191,15 @@ fn conditions_of(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Condition>, Err
     Ok(conditions)
 }
 
+value! {
+    impl SplineMotion {
+        /// int: Number of free parameters.
+        n_parameters: usize = |own| own.motion.n_parameters();
+        /// int: Number of channels.
+        n_channels: usize = |own| own.motion.n_channels();
+    }
+}
+
 #[pymethods]
 impl SplineMotion {
     #[new]
@@ -215,7 +221,7 @@ impl SplineMotion {
         })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let named = |condition: &Condition| {
             let end = if condition.end == End::Start { "start" } else { "finish" };
@@ -227,8 +233,7 @@ impl SplineMotion {
         };
         let conditions: Vec<_> = own.conditions.iter().map(named).collect();
         let basis = own.motion.basis();
-        let arguments = (base, basis.n_coefficients(), conditions, basis.degree()).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (base, basis.n_coefficients(), conditions, basis.degree()))
     }
 
     /// A pickled motion.
@@ -241,18 +246,6 @@ impl SplineMotion {
         degree: i64,
     ) -> Result<Self, Error> {
         Self::new(base, n_coefficients, Some(conditions), degree)
-    }
-
-    /// int: Number of free parameters.
-    #[getter]
-    fn n_parameters(&self) -> usize {
-        self.motion.n_parameters()
-    }
-
-    /// int: Number of channels.
-    #[getter]
-    fn n_channels(&self) -> usize {
-        self.motion.n_channels()
     }
 
     /// Coefficients of the splines.

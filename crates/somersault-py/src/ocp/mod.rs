@@ -3,7 +3,7 @@
 mod arguments;
 mod collocation;
 mod dive;
-mod joint_motion;
+pub(crate) mod joint_motion;
 mod problem;
 mod search;
 mod solver;
@@ -11,16 +11,34 @@ mod swing_up;
 mod term;
 mod verification;
 
-pub(crate) use collocation::{
-    CollocationOutcome, CollocationProblem, CollocationResult, MultiphaseProblem, MultiphaseResult,
-};
-pub(crate) use dive::{Dive, DiveSolution, DiveVerification, LiteralDive, dive_107b, dive_5174d};
-pub(crate) use joint_motion::{EigenpostureBase, SplineMotion};
-pub(crate) use problem::{Constraint, Cost, Motion, MotionProblem, Phase};
-pub(crate) use search::SearchResult;
-pub(crate) use solver::Report;
-pub(crate) use swing_up::CartPendulumProblem;
-pub(crate) use term::{
-    Term, axis_direction, body_orientation, displacement, entries, function, momentum, point_position,
-};
-pub(crate) use verification::{SwingUpVerification, Verification};
+/// Optimal motions: splines, eigenpostures, shooting, collocation and dives.
+#[pyo3::pymodule(name = "ocp", module = "somersault._somersault", submodule)]
+pub(crate) mod module {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::ocp::collocation::{
+        CollocationOutcome, CollocationProblem, CollocationResult, MultiphaseProblem, MultiphaseResult,
+    };
+    #[pymodule_export]
+    use crate::ocp::dive::{Dive, DiveSolution, DiveVerification, LiteralDive, dive_107b, dive_5174d};
+    #[pymodule_export]
+    use crate::ocp::joint_motion::{EigenpostureBase, SplineMotion};
+    #[pymodule_export]
+    use crate::ocp::problem::{Constraint, Cost, Motion, MotionProblem, Phase};
+    #[pymodule_export]
+    use crate::ocp::search::SearchResult;
+    #[pymodule_export]
+    use crate::ocp::solver::Report;
+    #[pymodule_export]
+    use crate::ocp::swing_up::CartPendulumProblem;
+    #[pymodule_export]
+    use crate::ocp::term::Term;
+    #[pymodule_export]
+    use crate::ocp::verification::{SwingUpVerification, Verification};
+
+    #[pymodule_init]
+    fn add_terms(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::ocp::term::add_functions(module)
+    }
+}

@@ -4,9 +4,10 @@ use super::arguments::tolerance;
 use super::solver::Report;
 use super::verification::Verifier;
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::{Cancellation, attend, deliver};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::nlp::{
     self, FailureCause, MultiStart, MultiStartReport, Nlp, NlpSolver, SolverError, Start, Status,
 };
@@ -115,34 +116,25 @@ fn all(py: Python<'_>, reports: &[Py<Report>]) -> Vec<Py<Report>> {
     reports.iter().map(|report| report.clone_ref(py)).collect()
 }
 
+value! {
+    impl SearchResult {
+        /// str: ``'converged'`` where all starts have ended and at least one in a minimum, ``'no_minimum'`` where none did,
+        /// ``'interrupted'`` or ``'time_limit'`` where not all of them could end.
+        status: &str = |own| &own.status;
+        /// bool: Whether there is a minimum.
+        success: bool = |own| !own.minima.is_empty();
+        /// list of Report: Distinct minima, that of least cost first.
+        minima: Vec<Py<Report>> = |own, py| all(py, &own.minima);
+        /// list of Report: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then
+        /// others by their violations.
+        unfinished: Vec<Py<Report>> = |own, py| all(py, &own.unfinished);
+        /// list of tuple: Number of each start that led to no minimum, and why.
+        failures: Vec<(usize, String)> = |own| own.failures.clone();
+    }
+}
+
 #[pymethods]
 impl SearchResult {
-    /// str: ``'converged'`` where all starts have ended and at least one in a minimum, ``'no_minimum'`` where none did,
-    /// ``'interrupted'`` or ``'time_limit'`` where not all of them could end.
-    #[getter]
-    fn status(&self) -> &str {
-        &self.status
-    }
-
-    /// bool: Whether there is a minimum.
-    #[getter]
-    fn success(&self) -> bool {
-        !self.minima.is_empty()
-    }
-
-    /// list of Report: Distinct minima, that of least cost first.
-    #[getter]
-    fn minima(&self, py: Python<'_>) -> Vec<Py<Report>> {
-        all(py, &self.minima)
-    }
-
-    /// list of Report: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then
-    /// others by their violations.
-    #[getter]
-    fn unfinished(&self, py: Python<'_>) -> Vec<Py<Report>> {
-        all(py, &self.unfinished)
-    }
-
     /// Report: The minimum of least cost; where there is none, the best iterate of all starts.
     #[getter]
     fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
@@ -150,12 +142,6 @@ impl SearchResult {
             Some(report) => Ok(report.clone_ref(py)),
             None => Err(Error::evaluation("no start led to an iterate; see `failures`")),
         }
-    }
-
-    /// list of tuple: Number of each start that led to no minimum, and why.
-    #[getter]
-    fn failures(&self) -> Vec<(usize, String)> {
-        self.failures.clone()
     }
 
     fn __repr__(&self) -> String {
@@ -168,7 +154,7 @@ impl SearchResult {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, search) = (slf.py(), slf.get());
         let arguments = (
             all(py, &search.minima),
@@ -177,7 +163,7 @@ impl SearchResult {
             search.failures.clone(),
             search.status.clone(),
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled search.

@@ -2,12 +2,13 @@
 
 use super::arguments::{limit, tolerance};
 use super::verification::{Verifier, judgement};
+use crate::core::callable::check_callable;
 use crate::core::error::Error;
-use crate::core::waiting::{SignalTimer, deliver, with_solution};
-use crate::integrators::plan::{check_callable, returns_interrupted};
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::{SignalTimer, deliver, returns_interrupted, with_solution};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::nlp::{
     self, Flow, Globalisation, GradientDescent, HessianSource, Iteration, Lbfgs, Limits, Nlp, NlpSolver,
     SolverError, Sqp, Start, Status,
@@ -26,15 +27,47 @@ pub(crate) struct Report {
     pub(crate) verifier: Option<Arc<Verifier>>,
 }
 
+value! {
+    impl Report {
+        /// str: How the solve ended: ``'converged'``, ``'stalled'``, ``'iteration_limit'``, ``'time_limit'``,
+        /// ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'``, ``'interrupted'`` or ``'failed'``.
+        status: &'static str = |own| status_name(own.report.status);
+        /// bool: Whether all residuals are within their tolerances: the program is solved, whatever it is worth; see `confirmed`.
+        success: bool = |own| own.report.status.is_converged();
+        /// Verification, SwingUpVerification or DiveVerification: The motion integrated anew; None for programs that are no motion of
+        /// their own, as those of a mesh of `CollocationResult`, which has it itself.
+        verification: Result<Option<Py<PyAny>>, Error> =
+            |own, py| own.verifier.as_ref().map(|verifier| verifier.get(py)).transpose();
+        /// bool or None: Whether the integration agrees with the motion; None where there is no verification.
+        confirmed: PyResult<Option<bool>> =
+            |own, py| own.verifier.as_ref().map(|verifier| Ok(verifier.judge(py)?.0)).transpose();
+        /// ndarray, shape (n,): Decision vector.
+        z: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.report.z).into_any();
+        /// float: Cost at z.
+        cost: f64 = |own| own.report.cost;
+        /// ndarray, shape (m,): Multipliers of the constraints, positive at upper bounds.
+        constraint_multipliers: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &own.report.constraint_multipliers).into_any();
+        /// ndarray, shape (n,): Multipliers of the bounds on z.
+        bound_multipliers: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &own.report.bound_multipliers).into_any();
+        /// float: Residual of the gradient of the Lagrangian, scaled.
+        stationarity: f64 = |own| own.report.residuals.stationarity;
+        /// float: Largest violation of a constraint or bound, relative to the bound where that is above 1.
+        feasibility: f64 = |own| own.report.residuals.feasibility;
+        /// float: Largest product of a multiplier and the distance to its bound, scaled.
+        complementarity: f64 = |own| own.report.residuals.complementarity;
+        /// int: Steps taken.
+        nit: usize = |own| own.report.iterations;
+        /// int: Evaluations of cost and constraints.
+        nfev: usize = |own| own.report.counts.evaluations;
+        /// int: Evaluations of first derivatives.
+        njev: usize = |own| own.report.counts.gradients;
+    }
+}
+
 #[pymethods]
 impl Report {
-    /// str: How the solve ended: ``'converged'``, ``'stalled'``, ``'iteration_limit'``, ``'time_limit'``,
-    /// ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'``, ``'interrupted'`` or ``'failed'``.
-    #[getter]
-    fn status(&self) -> &'static str {
-        status_name(self.report.status)
-    }
-
     /// str: The status in a sentence, and another about the verification.
     #[getter]
     fn message(&self, py: Python<'_>) -> PyResult<String> {
@@ -43,85 +76,6 @@ impl Report {
             Some(verifier) => format!("{status}. {}", verifier.judge(py)?.1),
             None => status.to_owned(),
         })
-    }
-
-    /// bool: Whether all residuals are within their tolerances: the program is solved, whatever it is worth; see `confirmed`.
-    #[getter]
-    fn success(&self) -> bool {
-        self.report.status.is_converged()
-    }
-
-    /// Verification, SwingUpVerification or DiveVerification: The motion integrated anew; None for programs that are no motion of
-    /// their own, as those of a mesh of `CollocationResult`, which has it itself.
-    #[getter]
-    fn verification(&self, py: Python<'_>) -> Result<Option<Py<PyAny>>, Error> {
-        self.verifier.as_ref().map(|verifier| verifier.get(py)).transpose()
-    }
-
-    /// bool or None: Whether the integration agrees with the motion; None where there is no verification.
-    #[getter]
-    fn confirmed(&self, py: Python<'_>) -> PyResult<Option<bool>> {
-        self.verifier.as_ref().map(|verifier| Ok(verifier.judge(py)?.0)).transpose()
-    }
-
-    /// ndarray, shape (n,): Decision vector.
-    #[getter]
-    fn z<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.report.z).into_any()
-    }
-
-    /// float: Cost at z.
-    #[getter]
-    fn cost(&self) -> f64 {
-        self.report.cost
-    }
-
-    /// ndarray, shape (m,): Multipliers of the constraints, positive at upper bounds.
-    #[getter]
-    fn constraint_multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.report.constraint_multipliers).into_any()
-    }
-
-    /// ndarray, shape (n,): Multipliers of the bounds on z.
-    #[getter]
-    fn bound_multipliers<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.report.bound_multipliers).into_any()
-    }
-
-    /// float: Residual of the gradient of the Lagrangian, scaled.
-    #[getter]
-    fn stationarity(&self) -> f64 {
-        self.report.residuals.stationarity
-    }
-
-    /// float: Largest violation of a constraint or bound, relative to the bound where that is above 1.
-    #[getter]
-    fn feasibility(&self) -> f64 {
-        self.report.residuals.feasibility
-    }
-
-    /// float: Largest product of a multiplier and the distance to its bound, scaled.
-    #[getter]
-    fn complementarity(&self) -> f64 {
-        self.report.residuals.complementarity
-    }
-
-    /// int: Steps taken.
-    #[getter]
-    fn nit(&self) -> usize {
-        self.report.iterations
-    }
-
-    /// int: Evaluations of cost and constraints.
-    #[getter]
-    fn nfev(&self) -> usize {
-        self.report.counts.evaluations
-    }
-
-    /// int: Evaluations of first derivatives.
-    #[getter]
-    fn njev(&self) -> usize {
-        self.report.counts.gradients
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -137,7 +91,7 @@ impl Report {
         ))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<(Bound<'py, PyAny>, Bound<'py, PyTuple>), Error> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, report) = (slf.py(), &slf.get().report);
         let numbers = |values: &[f64]| numpy::PyArray1::from_slice(py, values);
         let residuals =
@@ -161,7 +115,7 @@ impl Report {
             report.hessian.as_deref().map(numbers),
             verification,
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled report.

@@ -1,17 +1,19 @@
 //! The pendulum on a cart, brought from one state to another.
 
-use super::arguments::{count, integer, integer_or_none, seed_of, starts_or_none};
+use super::arguments::{count, seed_of, starts_or_none};
 use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
 use super::solver::{Report, SolverArguments};
 use super::verification::{SwingUpVerification, VerificationFailure, Verifier};
-use crate::core::convert::{array, entries_or_none, finite, numbers_or_one, with_shape};
+use crate::core::convert::{
+    array, entries_or_none, finite, integer, integer_or_none, numbers_or_one, with_shape,
+};
 use crate::core::error::Error;
-use crate::core::waiting::cancel_on_signal;
-use crate::integrators::plan::returns_interrupted;
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::{cancel_on_signal, returns_interrupted};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::multibody::models::CartPendulum;
 use somersault::nlp::{self, Iteration, Nlp, Sqp, Start};
 use somersault::ocp::shooting::Scheme;
@@ -157,6 +159,15 @@ fn of_cart(mut report: nlp::Report, n_variables: usize) -> nlp::Report {
     report
 }
 
+value! {
+    impl CartPendulumProblem {
+        /// int: Length of z.
+        n_variables: usize = |own| own.lifted.n_parameters();
+        /// Model: The tree, q = (r, θ).
+        model: Result<Model, Error> = |own| Ok(Model::of(own.problem.system.model()?));
+    }
+}
+
 #[pymethods]
 impl CartPendulumProblem {
     #[new]
@@ -221,18 +232,6 @@ impl CartPendulumProblem {
             }
         };
         Self::of(swing_up::CartPendulumProblem::with_parameters(p))
-    }
-
-    /// int: Length of z.
-    #[getter]
-    fn n_variables(&self) -> usize {
-        self.lifted.n_parameters()
-    }
-
-    /// Model: The tree, q = (r, θ).
-    #[getter]
-    fn model(&self) -> Result<Model, Error> {
-        Ok(Model::of(self.problem.system.model()?))
     }
 
     /// The cost.
@@ -462,8 +461,8 @@ impl CartPendulumProblem {
         Ok(SwingUpVerification::of(py, found, cost)?)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, problem) = (slf.py(), &slf.get().problem);
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let problem = &slf.get().problem;
         let CartPendulum { cart_mass, mass, length, gravity } = problem.system;
         let scheme = if problem.scheme == Scheme::ExplicitEuler { "euler" } else { "rk4" };
         let arguments = (
@@ -474,7 +473,7 @@ impl CartPendulumProblem {
             (problem.terminal_weights, problem.force_weight, problem.running_weights),
             (cart_mass, mass, length, gravity),
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled problem.

@@ -1,6 +1,7 @@
 //! What accurate integrations make of results.
 
 use crate::core::error::{Class, Error};
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
@@ -112,54 +113,31 @@ impl Verification {
 /// Defects, terminal error, momentum drift, what is allowed, whether it is kept to, and a sentence.
 pub(crate) type Parts = (Vec<f64>, f64, f64, f64, bool, String);
 
+value! {
+    impl Verification {
+        /// bool: Whether the integration agrees with the motion to `allowed`: of a motion by shooting the defects add up to no
+        /// more, of collocation none is larger. The terminal error is no part of it, since it grows along hyper-sensitive
+        /// motions however good they are.
+        confirmed: bool = |own| own.confirmed;
+        /// float: What `confirmed` allows: 10⁻⁴, or the tolerance of the collocation.
+        allowed: f64 = |own| own.allowed;
+        /// str: What the motion is worth, in a sentence.
+        message: &str = |own| &own.message;
+        /// ndarray, shape (n_steps + n_phases − 1,): For each step, integrated accurately from the node where it begins, the
+        /// distance at its end; between two phases, the distance of the start of the later one from the end of the earlier one.
+        /// Of collocation, one for each interval.
+        defects: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.found.defects).into_any();
+        /// float: The largest defect.
+        max_defect: f64 = |own| own.found.largest_defect();
+        /// float: The distance at the end, integrated from the start in one piece.
+        terminal_error: f64 = |own| own.found.terminal_error;
+        /// float: Largest change of the angular momentum about the centre of mass over the nodes, kg m²/s; meant for flight.
+        momentum_drift: f64 = |own| own.found.momentum_drift;
+    }
+}
+
 #[pymethods]
 impl Verification {
-    /// bool: Whether the integration agrees with the motion to `allowed`: of a motion by shooting the defects add up to no
-    /// more, of collocation none is larger. The terminal error is no part of it, since it grows along hyper-sensitive
-    /// motions however good they are.
-    #[getter]
-    fn confirmed(&self) -> bool {
-        self.confirmed
-    }
-
-    /// float: What `confirmed` allows: 10⁻⁴, or the tolerance of the collocation.
-    #[getter]
-    fn allowed(&self) -> f64 {
-        self.allowed
-    }
-
-    /// str: What the motion is worth, in a sentence.
-    #[getter]
-    fn message(&self) -> &str {
-        &self.message
-    }
-
-    /// ndarray, shape (n_steps + n_phases − 1,): For each step, integrated accurately from the node where it begins, the
-    /// distance at its end; between two phases, the distance of the start of the later one from the end of the earlier one.
-    /// Of collocation, one for each interval.
-    #[getter]
-    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.found.defects).into_any()
-    }
-
-    /// float: The largest defect.
-    #[getter]
-    fn max_defect(&self) -> f64 {
-        self.found.largest_defect()
-    }
-
-    /// float: The distance at the end, integrated from the start in one piece.
-    #[getter]
-    fn terminal_error(&self) -> f64 {
-        self.found.terminal_error
-    }
-
-    /// float: Largest change of the angular momentum about the centre of mass over the nodes, kg m²/s; meant for flight.
-    #[getter]
-    fn momentum_drift(&self) -> f64 {
-        self.found.momentum_drift
-    }
-
     /// What the motion is worth where its use allows another distance, in a sentence.
     ///
     /// Parameters
@@ -181,9 +159,8 @@ impl Verification {
         format!("<Verification: {confirmed}, terminal error {end:.1e}, largest defect {defect:.1e}>")
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let restore = slf.py().get_type::<Self>().getattr("_restore")?;
-        Ok((restore, (slf.get().parts(slf.py())?,).into_pyobject(slf.py())?))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, (slf.get().parts(slf.py())?,))
     }
 
     /// A pickled verification.
@@ -229,10 +206,9 @@ impl SwingUpVerification {
         )
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let restore = slf.get_type().getattr("_restore")?;
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let parts = slf.as_super().get().parts(slf.py())?;
-        Ok((restore, (parts, slf.get().cost, slf.get().cost_error).into_pyobject(slf.py())?))
+        by_restore(slf, (parts, slf.get().cost, slf.get().cost_error))
     }
 
     /// A pickled verification.

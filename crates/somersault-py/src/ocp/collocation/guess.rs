@@ -1,20 +1,23 @@
 //! Where a search starts.
 
 use super::arguments::rows_of;
-use super::{CollocationProblem, CollocationResult};
+use super::result::CollocationResult;
 use crate::core::convert::{a_type, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::ocp::arguments::finite_all;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use somersault::ocp::collocation::Guess;
+use somersault::ocp::collocation::{Guess, Interval};
 
-/// `solve` takes its guess as times, states and controls, as states alone, or from an earlier result.
-pub(super) fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -> Result<Guess, Error> {
+/// `solve` takes its guess as times, states and controls, as states alone over the whole duration, or from an earlier result.
+pub(super) fn guess_of(
+    [n_states, n_controls]: [usize; 2],
+    duration: Interval,
+    value: &Bound<'_, PyAny>,
+) -> Result<Guess, Error> {
     if let Ok(result) = value.cast::<CollocationResult>() {
         return Ok(result.get().phase().to_guess());
     }
-    let (n_states, n_controls) = (problem.states.len(), problem.controls.len());
     let at_rest = |n: usize| vec![vec![0.0; n_controls]; n];
     let states = |n: usize, value: &Bound<'_, PyAny>| -> Result<Vec<Vec<f64>>, Error> {
         let states = with_shape("states of the guess", &[n, n_states], value)
@@ -52,8 +55,7 @@ pub(super) fn guess_of(problem: &CollocationProblem, value: &Bound<'_, PyAny>) -
     if n < 2 {
         return Err(Error::input(format!("`guess` must have at least 2 rows, found {n}")));
     }
-    let end =
-        if problem.duration.upper.is_finite() { problem.duration.upper } else { problem.duration.lower };
+    let end = if duration.upper.is_finite() { duration.upper } else { duration.lower };
     Ok(Guess {
         times: (0..n).map(|k| end * k as f64 / (n.max(2) - 1) as f64).collect(),
         states: states(n, value)?,

@@ -1,14 +1,13 @@
 //! Motions of several phases by direct collocation.
 
 use super::arguments::{ends, pairs};
-use super::guess::guess_of;
 use super::search::SearchOptions;
 use super::{CollocationProblem, MultiphaseResult};
-use crate::core::convert::a_type;
+use crate::core::convert::{a_type, integer, integer_or_none};
 use crate::core::error::Error;
-use crate::ocp::arguments::{integer, integer_or_none};
+use crate::core::value::{Pickled, by_class};
 use pyo3::prelude::*;
-use pyo3::types::{PyString, PyTuple};
+use pyo3::types::PyString;
 use somersault::ocp::collocation::{End, Guess, Interval, Linkage, Place, Problem, Quantity};
 
 /// A motion of several phases by direct collocation, one after the other in time.
@@ -167,7 +166,7 @@ impl MultiphaseProblem {
         for (k, (phase, value)) in self.phases.iter().zip(&given).enumerate() {
             let argument = format!("guess[{k}]");
             let mut guess =
-                guess_of(phase.get(), value).map_err(|error| error.with_names(&[("guess", &argument)]))?;
+                phase.get().guess(value).map_err(|error| error.with_names(&[("guess", &argument)]))?;
             let shift = began - guess.times.first().copied().unwrap_or(began);
             guess.times.iter_mut().for_each(|t| *t += shift);
             began = guess.times.last().copied().unwrap_or(began);
@@ -256,10 +255,10 @@ impl MultiphaseProblem {
         options.run(py, self.phases.len(), problem, found)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let links: Vec<_> = own.links.iter().map(|jumps| pairs(jumps)).collect();
-        Ok((slf.get_type().into_any(), (own.phases(py), links).into_pyobject(py)?))
+        by_class(slf, (own.phases(py), links))
     }
 
     fn __repr__(&self) -> String {

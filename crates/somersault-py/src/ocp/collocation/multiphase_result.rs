@@ -2,8 +2,9 @@
 
 use super::{CollocationOutcome, CollocationProblem, CollocationResult};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ocp::collocation::{CollocationReport, Confirmation, MeshRecord};
 use std::sync::Arc;
 
@@ -73,10 +74,9 @@ impl MultiphaseResult {
         format!("<MultiphaseResult: {n} phases, {}>", outcome.summary())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, report) = (slf.py(), &slf.as_super().get().report);
-        let arguments = (slf.get().phases(py), report.cost, report.confirmation.cost);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (slf.get().phases(py), report.cost, report.confirmation.cost))
     }
 
     /// A pickled result.

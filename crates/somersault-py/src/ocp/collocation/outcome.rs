@@ -1,6 +1,7 @@
 //! What a search found as a whole, of one phase or several.
 
 use crate::core::error::Error;
+use crate::core::value::value;
 use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verification, Verifier};
 use pyo3::prelude::*;
@@ -46,6 +47,32 @@ impl CollocationOutcome {
         let (status, defect) = (self.status(), self.max_defect());
         let confirmed = if self.confirmed() { "confirmed" } else { "NOT confirmed by integration" };
         format!("{status}, {confirmed}, cost {cost:.8}, {meshes} meshes, largest defect {defect:.1e}")
+    }
+}
+
+value! {
+    impl CollocationOutcome {
+        /// bool: Whether the status is ``'converged'``.
+        success: bool = |own| own.report.status == CollocationStatus::Converged;
+        /// bool: Whether each interval, integrated anew, ends within the tolerance of where it should.
+        confirmed: bool = |own| own.report.confirmation.is_confirmed(own.tol);
+        /// Verification: The motion integrated anew, interval by interval, phase after phase.
+        verification: Result<Py<PyAny>, Error> = |own, py| own.verifier.get(py);
+        /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases both are
+        /// accurate.
+        cost: f64 = |own| own.report.cost;
+        /// float: Cost with the running cost integrated accurately along the motion.
+        verified_cost: f64 = |own| own.report.confirmation.cost;
+        /// float: The largest relative error at the end of an interval of a mesh, integrated accurately from its start.
+        max_defect: f64 = |own| own.report.confirmation.max_defect();
+        /// float: Largest violation of a bound or path constraint, between the points and at the ends too.
+        violation: f64 = |own| own.report.confirmation.max_violation();
+        /// float: Estimated error of the cost, relative to one and the cost, from the residuals of states, costates and controls and
+        /// from bounds exceeded between the points.
+        cost_error: f64 = |own| own.report.accuracy().cost;
+        /// Report: Of the last program.
+        report: Report =
+            |own| Report { report: own.report.program.clone(), verifier: Some(own.verifier.clone()) };
     }
 }
 
@@ -104,61 +131,5 @@ impl CollocationOutcome {
             Some(violation) => format!("{said}. {violation}"),
             None => said,
         }
-    }
-
-    /// bool: Whether the status is ``'converged'``.
-    #[getter]
-    fn success(&self) -> bool {
-        self.report.status == CollocationStatus::Converged
-    }
-
-    /// bool: Whether each interval, integrated anew, ends within the tolerance of where it should.
-    #[getter]
-    fn confirmed(&self) -> bool {
-        self.report.confirmation.is_confirmed(self.tol)
-    }
-
-    /// Verification: The motion integrated anew, interval by interval, phase after phase.
-    #[getter]
-    fn verification(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
-        self.verifier.get(py)
-    }
-
-    /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases both are
-    /// accurate.
-    #[getter]
-    fn cost(&self) -> f64 {
-        self.report.cost
-    }
-
-    /// float: Cost with the running cost integrated accurately along the motion.
-    #[getter]
-    fn verified_cost(&self) -> f64 {
-        self.report.confirmation.cost
-    }
-
-    /// float: The largest relative error at the end of an interval of a mesh, integrated accurately from its start.
-    #[getter]
-    fn max_defect(&self) -> f64 {
-        self.report.confirmation.max_defect()
-    }
-
-    /// float: Largest violation of a bound or path constraint, between the points and at the ends too.
-    #[getter]
-    fn violation(&self) -> f64 {
-        self.report.confirmation.max_violation()
-    }
-
-    /// float: Estimated error of the cost, relative to one and the cost, from the residuals of states, costates and controls and
-    /// from bounds exceeded between the points.
-    #[getter]
-    fn cost_error(&self) -> f64 {
-        self.report.accuracy().cost
-    }
-
-    /// Report: Of the last program.
-    #[getter]
-    fn report(&self) -> Report {
-        Report { report: self.report.program.clone(), verifier: Some(self.verifier.clone()) }
     }
 }

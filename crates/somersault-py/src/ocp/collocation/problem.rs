@@ -5,12 +5,13 @@ use super::guess::guess_of;
 use super::search::SearchOptions;
 use super::terms::Quadratic;
 use super::{CollocationResult, NAMES};
-use crate::core::convert::{a_type, with_shape};
+use crate::core::convert::{a_type, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
-use crate::ocp::arguments::{finite_all, integer, integer_or_none, number_or_range};
+use crate::ocp::arguments::{finite_all, number_or_range};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::multibody;
 use somersault::ocp::collocation::{Guess, Interval, Phase, Problem, TreeDynamics};
 
@@ -70,7 +71,7 @@ pub(crate) struct CollocationProblem {
     pub(super) initial_state: Vec<Interval>,
     pub(super) final_state: Vec<Interval>,
     pub(super) duration: Interval,
-    pub(super) controls: Vec<Interval>,
+    controls: Vec<Interval>,
     pub(super) states: Vec<Interval>,
     path: Vec<Interval>,
 }
@@ -122,12 +123,28 @@ impl CollocationProblem {
         Ok(())
     }
 
+    /// The guess that an argument stands for.
+    pub(super) fn guess(&self, value: &Bound<'_, PyAny>) -> Result<Guess, Error> {
+        guess_of([self.states.len(), self.controls.len()], self.duration, value)
+    }
+
     pub(super) fn state_names(&self) -> Result<Vec<String>, Error> {
         Ok(TreeDynamics::try_new(&self.model, &self.actuated)?.state_names())
     }
 
     fn problem(&self, guess: Option<Guess>) -> Result<Problem, Error> {
         Problem::try_new(self.phase(guess)?).map_err(|error| Error::from(error).with_names(&NAMES))
+    }
+}
+
+value! {
+    impl CollocationProblem {
+        /// Model: The tree.
+        model: Model = |own| Model::of(own.model.clone());
+        /// int: Length of x.
+        n_states: usize = |own| own.states.len();
+        /// int: Length of u.
+        n_controls: usize = |own| own.controls.len();
     }
 }
 
@@ -224,24 +241,6 @@ impl CollocationProblem {
         Ok(posed)
     }
 
-    /// Model: The tree.
-    #[getter]
-    fn model(&self) -> Model {
-        Model::of(self.model.clone())
-    }
-
-    /// int: Length of x.
-    #[getter]
-    fn n_states(&self) -> usize {
-        self.states.len()
-    }
-
-    /// int: Length of u.
-    #[getter]
-    fn n_controls(&self) -> usize {
-        self.controls.len()
-    }
-
     /// Solves, refines the mesh to the tolerance, and integrates what was found anew.
     ///
     /// Parameters
@@ -289,11 +288,11 @@ impl CollocationProblem {
         let sizes = (n_intervals, n_points);
         let options =
             SearchOptions { tol, sizes, max_meshes, max_iterations, max_time, callback, on_interrupt };
-        let problem = || self.problem(guess.map(|guess| guess_of(self, guess)).transpose()?);
+        let problem = || self.problem(guess.map(|guess| self.guess(guess)).transpose()?);
         options.run(py, 1, problem, |report| Ok(CollocationResult::of(py, report, &self.model, tol)?))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
         let terms = &own.terms;
         let weights = (
@@ -311,8 +310,7 @@ impl CollocationProblem {
             pairs(&own.states),
             pairs(&own.path),
         );
-        let arguments = (own.model(), own.actuated.clone(), weights, bounds, terms.path.clone());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(slf.py())?))
+        by_restore(slf, (own.model(), own.actuated.clone(), weights, bounds, terms.path.clone()))
     }
 
     /// A pickled problem.

@@ -3,10 +3,11 @@
 use super::CollocationOutcome;
 use crate::core::convert::{array, times};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use crate::ocp::solver::{Report, status_name, status_of};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyDict, PyType};
 use somersault::multibody;
 use somersault::ocp::collocation::{
     Accuracy, CollocationReport, CollocationStatus, Confirmation, Mesh, MeshRecord, PhaseConfirmation,
@@ -73,44 +74,33 @@ impl CollocationResult {
     }
 }
 
+value! {
+    impl CollocationResult {
+        /// ndarray, shape (n + 1,): Times, s.
+        t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.phase().times).into_any();
+        /// ndarray, shape (n + 1, n_states): States.
+        x: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().states);
+        /// ndarray, shape (n, n_controls): Controls.
+        u: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().controls);
+        /// ndarray, shape (n + 1, n_states): Costates λ, the change of the least cost from there on with the state.
+        costates: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().costates);
+        /// ndarray, shape (n,): Hamiltonian L + λᵀ ẋ.
+        hamiltonian: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &own.phase().hamiltonian).into_any();
+        /// float: Largest minus smallest Hamiltonian; zero for the optimum.
+        hamiltonian_spread: f64 = |own| own.phase().hamiltonian_spread();
+        /// ndarray, shape (n_intervals,): Relative error at the end of each interval of the mesh, integrated accurately from
+        /// its start; infinite where that broke off.
+        defects: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &own.report.confirmation.phases[0].defects).into_any();
+        /// float: Relative error at the end of the motion, integrated from its start in one piece. It grows where the motion
+        /// is hyper-sensitive, however good the solution is.
+        terminal_error: f64 = |own| own.report.confirmation.end_to_end_error();
+    }
+}
+
 #[pymethods]
 impl CollocationResult {
-    /// ndarray, shape (n + 1,): Times, s.
-    #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.phase().times).into_any()
-    }
-
-    /// ndarray, shape (n + 1, n_states): States.
-    #[getter]
-    fn x<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        table(py, &self.phase().states)
-    }
-
-    /// ndarray, shape (n, n_controls): Controls.
-    #[getter]
-    fn u<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        table(py, &self.phase().controls)
-    }
-
-    /// ndarray, shape (n + 1, n_states): Costates λ, the change of the least cost from there on with the state.
-    #[getter]
-    fn costates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        table(py, &self.phase().costates)
-    }
-
-    /// ndarray, shape (n,): Hamiltonian L + λᵀ ẋ.
-    #[getter]
-    fn hamiltonian<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.phase().hamiltonian).into_any()
-    }
-
-    /// float: Largest minus smallest Hamiltonian; zero for the optimum.
-    #[getter]
-    fn hamiltonian_spread(&self) -> f64 {
-        self.phase().hamiltonian_spread()
-    }
-
     /// States at times, by the polynomials of collocation.
     ///
     /// Parameters
@@ -151,20 +141,6 @@ impl CollocationResult {
         self.at(py, t, PhaseSolution::costate)
     }
 
-    /// ndarray, shape (n_intervals,): Relative error at the end of each interval of the mesh, integrated accurately from
-    /// its start; infinite where that broke off.
-    #[getter]
-    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.report.confirmation.phases[0].defects).into_any()
-    }
-
-    /// float: Relative error at the end of the motion, integrated from its start in one piece. It grows where the motion
-    /// is hyper-sensitive, however good the solution is.
-    #[getter]
-    fn terminal_error(&self) -> f64 {
-        self.report.confirmation.end_to_end_error()
-    }
-
     /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
@@ -193,8 +169,8 @@ impl CollocationResult {
         format!("<CollocationResult: {}>", slf.as_super().get().summary())
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let (py, own, outcome) = (slf.py(), slf.get(), slf.as_super().get());
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let (own, outcome) = (slf.get(), slf.as_super().get());
         let (report, phase) = (&own.report, own.phase());
         let confirmed = &report.confirmation.phases[0];
         let tables = [&phase.states, &phase.controls, &phase.costates, &phase.path_multipliers];
@@ -227,7 +203,7 @@ impl CollocationResult {
             report.history.iter().map(tried).collect::<Vec<_>>(),
             Report { report: report.program.clone(), verifier: None },
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled result.

@@ -2,8 +2,7 @@
 
 use super::NAMES;
 use crate::core::error::Error;
-use crate::core::waiting::{attend_or_leave, deliver};
-use crate::integrators::plan::returns_interrupted;
+use crate::core::waiting::{attend_or_leave, deliver, returns_interrupted};
 use crate::ocp::arguments::{count, limit, tolerance};
 use crate::ocp::solver::{Watcher, duration};
 use pyo3::PyClass;

@@ -2,18 +2,18 @@
 
 use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::waiting::{Cancellation, attend, deliver, together};
-use crate::integrators::plan::returns_interrupted;
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted, together};
 use crate::ocp::solver::{Report, Watcher};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
+use somersault::dives::{self, DiveProgram};
 use somersault::nlp::{self, Flow, Iteration};
-use somersault::ocp::dive::{self, DiveProgram};
 use std::f64::consts::TAU;
 
 /// A planar dive as thesis 3.1 poses it, stepped by explicit Euler. The centre of mass starts at the origin.
 #[pyclass(frozen, module = "somersault.ocp")]
-pub(crate) struct LiteralDive(dive::LiteralDive);
+pub(crate) struct LiteralDive(dives::LiteralDive);
 
 impl LiteralDive {
     pub(super) fn of(
@@ -38,7 +38,7 @@ impl LiteralDive {
         watcher.hears(cancellation.raised().map(|raised| raised.clone_ref(py)));
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: nlp::Report| if interrupted { report.interrupted() } else { report };
-        let found = dive::LiteralDive { report: found.report.map(reported), ..found };
+        let found = dives::LiteralDive { report: found.report.map(reported), ..found };
         deliver(py, watcher.into_raised(), returned, Self(found))
     }
 
@@ -48,32 +48,28 @@ impl LiteralDive {
     }
 }
 
+value! {
+    impl LiteralDive {
+        /// ndarray, shape (n_steps + 1,): Times, s.
+        t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.0.times).into_any();
+        /// ndarray, shape (n_steps + 1, n_positions): Configurations.
+        q: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.0.positions);
+        /// ndarray, shape (n_steps + 1, n_velocities): Velocities.
+        v: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.0.velocities);
+        /// ndarray, shape (n_steps + 1,): Angular momentum about the centre of mass, lateral axis, kg m²/s.
+        angular_momentum: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &own.0.angular_momentum).into_any();
+        /// float: Change of the angular momentum from take-off to entry over that at take-off: positive where it grows, forward or
+        /// backward. One of less than 10⁻³ m h²/(1 s) says nothing of its own size and counts as that, forward.
+        momentum_change: f64 = |own| own.0.momentum_change();
+        /// Report or None: What the solver says; None where a motion was only rolled out. It has no verification: how far explicit
+        /// Euler is from the physics is what `momentum_change` says.
+        report: Option<Report> = |own| own.0.report.clone().map(|report| Report { report, verifier: None });
+    }
+}
+
 #[pymethods]
 impl LiteralDive {
-    /// ndarray, shape (n_steps + 1,): Times, s.
-    #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.0.times).into_any()
-    }
-
-    /// ndarray, shape (n_steps + 1, n_positions): Configurations.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.0.positions)
-    }
-
-    /// ndarray, shape (n_steps + 1, n_velocities): Velocities.
-    #[getter]
-    fn v<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.0.velocities)
-    }
-
-    /// ndarray, shape (n_steps + 1,): Angular momentum about the centre of mass, lateral axis, kg m²/s.
-    #[getter]
-    fn angular_momentum<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.0.angular_momentum).into_any()
-    }
-
     /// ndarray, shape (n_steps + 1,): Somersaults, turns, counted from the upright as those of `DiveSolution`: the first is the
     /// lean at take-off.
     #[getter]
@@ -81,31 +77,16 @@ impl LiteralDive {
         numpy::PyArray1::from_vec(py, self.0.somersault.iter().map(|a| a / TAU).collect()).into_any()
     }
 
-    /// float: Change of the angular momentum from take-off to entry over that at take-off: positive where it grows, forward or
-    /// backward. One of less than 10⁻³ m h²/(1 s) says nothing of its own size and counts as that, forward.
-    #[getter]
-    fn momentum_change(&self) -> f64 {
-        self.0.momentum_change()
-    }
-
-    /// Report or None: What the solver says; None where a motion was only rolled out. It has no verification: how far explicit
-    /// Euler is from the physics is what `momentum_change` says.
-    #[getter]
-    fn report(&self) -> Option<Report> {
-        self.0.report.clone().map(|report| Report { report, verifier: None })
-    }
-
     fn __len__(&self) -> usize {
         self.0.times.len()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, dive) = (slf.py(), slf.get());
         let angles = numpy::PyArray1::from_slice(py, &dive.0.somersault);
         let rows = (dive.q(py)?, dive.v(py)?);
         let momentum = (dive.angular_momentum(py), dive.0.momentum_unit);
-        let arguments = (dive.t(py), rows, momentum, angles, dive.report());
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (dive.t(py), rows, momentum, angles, dive.report()))
     }
 
     /// A pickled dive.
@@ -127,7 +108,7 @@ impl LiteralDive {
             let (_, width): (usize, usize) = value.getattr("shape")?.extract()?;
             with_shape(name, &[n, width], value)
         };
-        Ok(Self(dive::LiteralDive {
+        Ok(Self(dives::LiteralDive {
             positions: table("q", &rows.0)?,
             velocities: table("v", &rows.1)?,
             angular_momentum: with_shape("angular_momentum", &[n], &momentum.0)?,

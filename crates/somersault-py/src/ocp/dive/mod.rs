@@ -10,20 +10,20 @@ pub(crate) use plan::{dive_107b, dive_5174d};
 pub(crate) use solution::DiveSolution;
 pub(crate) use verification::DiveVerification;
 
-use super::arguments::{count, finite_all, integer, integer_or_none, limit, seed_of, tolerance};
+use super::arguments::{count, finite_all, limit, seed_of, tolerance};
 use super::solver::{Watcher, deadline};
-use crate::core::convert::{entries_or_none, with_shape};
+use crate::core::convert::{entries_or_none, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
-use crate::core::waiting::{Cancellation, attend, deliver};
-use crate::integrators::plan::returns_interrupted;
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted};
 use crate::multibody::models::Diver;
 use plan::{Course, Plan};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
+use somersault::dives::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 use somersault::multibody::models::Dimension;
 use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
-use somersault::ocp::dive::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
@@ -102,6 +102,17 @@ pub(crate) struct Dive {
     plan: Plan,
 }
 
+value! {
+    impl Dive {
+        /// Diver: Who dives.
+        diver: Result<Diver, Error> = |own, py| Diver::of(py, own.plan.dive.diver);
+        /// tuple of str: Names of the postures, the fundamental one first; numbers where angles were given.
+        postures: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, &own.plan.names);
+        /// int: Length of the decision vector z.
+        n_variables: usize = |own| own.program.structure().variables.len();
+    }
+}
+
 #[pymethods]
 impl Dive {
     #[new]
@@ -111,7 +122,7 @@ impl Dive {
         postures: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Result<Self, Error> {
-        let dive = dive::Dive { diver: diver.get().diver, ..dive::Dive::forward_pike()? };
+        let dive = dives::Dive { diver: diver.get().diver, ..dives::Dive::forward_pike()? };
         let mut plan = Plan { own_postures: true, ..Plan::new(dive) };
         plan.set_postures(postures)?;
         plan.change(options)?;
@@ -152,18 +163,6 @@ impl Dive {
         self.plan.mirrored()?.build()
     }
 
-    /// Diver: Who dives.
-    #[getter]
-    fn diver(&self, py: Python<'_>) -> Result<Diver, Error> {
-        Diver::of(py, self.plan.dive.diver)
-    }
-
-    /// tuple of str: Names of the postures, the fundamental one first; numbers where angles were given.
-    #[getter]
-    fn postures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.plan.names)
-    }
-
     /// list of tuple, or None: The template, as fraction and posture.
     #[getter]
     fn template(&self) -> Option<Vec<(f64, String)>> {
@@ -200,12 +199,6 @@ impl Dive {
         options.set_item("n_steps", dive.n_steps)?;
         options.set_item("n_pieces", dive.n_pieces)?;
         Ok(options)
-    }
-
-    /// int: Length of the decision vector z.
-    #[getter]
-    fn n_variables(&self) -> usize {
-        self.program.structure().variables.len()
     }
 
     /// A start from a template: splines nearest to its course, with the momentum that turns the somersaults.
@@ -376,7 +369,7 @@ impl Dive {
         deliver(py, raised.map(|raised| raised.clone_ref(py)), returned, solutions)
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, dive) = (slf.py(), slf.get());
         let plan = &dive.plan;
         let options = dive.options(py)?;
@@ -396,7 +389,7 @@ impl Dive {
             plan.own_postures,
         );
         let arguments = arguments.into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, arguments)
     }
 
     /// A pickled dive.
@@ -414,7 +407,7 @@ impl Dive {
             let (n, found) = (postures.len(), names.len());
             return Err(Error::input(format!("`names` must have {n} entries, found {found}")));
         }
-        let dive = dive::Dive { diver: diver.get().diver, postures, ..dive::Dive::forward_pike()? };
+        let dive = dives::Dive { diver: diver.get().diver, postures, ..dives::Dive::forward_pike()? };
         let mut plan = Plan { names, course: Course::of(course)?, own_postures, ..Plan::new(dive) };
         plan.change(Some(options))?;
         plan.build()

@@ -1,20 +1,20 @@
 //! What a dive is made of.
 
 use super::Dive;
-use crate::core::convert::{a_type, did_you_mean, real_numbers};
-use crate::core::error::Error;
+use crate::core::convert::{a_type, integer, real_numbers};
+use crate::core::error::{Error, did_you_mean};
 use crate::multibody::models::Diver;
-use crate::ocp::arguments::{count, index, integer, number, number_or_range};
+use crate::ocp::arguments::{count, index, number, number_or_range};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use somersault::dives::{self, Channels, Clearance, KeyFrame, Range};
 use somersault::multibody::models::{Dimension, Posture};
-use somersault::ocp::dive::{self, Channels, Clearance, KeyFrame, Range};
 
 /// A dive in the making.
 #[derive(Clone)]
 pub(super) struct Plan {
-    pub(super) dive: dive::Dive,
+    pub(super) dive: dives::Dive,
     pub(super) names: Vec<String>,
     pub(super) clearance_times: usize,
     /// Given by the user.
@@ -70,7 +70,7 @@ pub(super) const NAMES: [(&str, &str); 8] = [
 
 impl Plan {
     /// Of a dive whose postures have no names yet.
-    pub(super) fn new(dive: dive::Dive) -> Self {
+    pub(super) fn new(dive: dives::Dive) -> Self {
         Self {
             dive,
             names: Vec::new(),
@@ -103,7 +103,7 @@ impl Plan {
                         None => (name.as_str(), false),
                     };
                     let angles = diver.configuration(letter.parse()?)?[n_root..].to_vec();
-                    let angles = if is_mirrored { dive::mirror_image(&diver, &angles)? } else { angles };
+                    let angles = if is_mirrored { dives::mirror_image(&diver, &angles)? } else { angles };
                     (name, angles)
                 }
                 Err(_) => (k.to_string(), real_numbers(&format!("postures[{k}]"), &posture)?),
@@ -118,8 +118,8 @@ impl Plan {
     pub(super) fn key_frames_or_own(&self) -> Option<Vec<KeyFrame>> {
         self.template.clone().or_else(|| match self.course {
             Course::Open => None,
-            Course::Pike => Some(dive::Dive::pike_template()),
-            Course::Twisting => Some(dive::Dive::twisting_template(self.dive.twists)),
+            Course::Pike => Some(dives::Dive::pike_template()),
+            Course::Twisting => Some(dives::Dive::twisting_template(self.dive.twists)),
         })
     }
 
@@ -177,8 +177,8 @@ impl Plan {
             self.set(&name, &value)?;
         }
         if self.course == Course::Twisting && !self.own_postures {
-            let dive::Dive { somersaults, twists, .. } = self.dive;
-            self.dive.postures = dive::Dive::twisting(somersaults, twists)?.postures;
+            let dives::Dive { somersaults, twists, .. } = self.dive;
+            self.dive.postures = dives::Dive::twisting(somersaults, twists)?.postures;
             let named = TWISTING.iter().zip(&self.dive.postures);
             self.names = named.map(|(letter, angles)| name_of(letter, angles)).collect();
         }
@@ -290,7 +290,7 @@ fn name_of(name: &str, angles: &[f64]) -> String {
 #[pyfunction]
 #[pyo3(signature = (**changes))]
 pub(crate) fn dive_107b(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Error> {
-    let dive = dive::Dive::forward_pike()?;
+    let dive = dives::Dive::forward_pike()?;
     let names = ["A", "H"].map(str::to_owned).to_vec();
     let mut plan = Plan { names, course: Course::Pike, ..Plan::new(dive) };
     plan.change(changes)?;
@@ -323,7 +323,7 @@ pub(crate) fn dive_107b(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Err
 #[pyfunction]
 #[pyo3(signature = (**changes))]
 pub(crate) fn dive_5174d(changes: Option<&Bound<'_, PyDict>>) -> Result<Dive, Error> {
-    let dive = dive::Dive::forward_twisting();
+    let dive = dives::Dive::forward_twisting();
     let clearance_times = dive.clearance.map_or(CLEARANCE_TIMES, |clearance| clearance.n_times);
     let names = TWISTING.map(str::to_owned).to_vec();
     let mut plan = Plan { names, clearance_times, course: Course::Twisting, ..Plan::new(dive) };

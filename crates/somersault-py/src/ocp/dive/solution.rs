@@ -1,16 +1,18 @@
 //! A dive that was found.
 
-use super::{Dive, DiveVerification, LiteralDive};
-use crate::core::convert::array;
+use super::verification::{DiveVerification, peaks};
+use super::{Dive, LiteralDive};
+use crate::core::convert::{array, integer};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::cancel_on_signal;
-use crate::ocp::arguments::{count, integer};
+use crate::ocp::arguments::count;
 use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verifier, judgement};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyDict, PyType};
+use somersault::dives::{Channels, DiveMotion, DiveReport};
 use somersault::nlp;
-use somersault::ocp::dive::{Channels, DiveMotion, DiveReport, PeakTorque};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -84,28 +86,68 @@ impl DiveSolution {
     }
 }
 
-pub(super) fn peaks<'py>(py: Python<'py>, peaks: &[PeakTorque]) -> PyResult<Bound<'py, PyDict>> {
-    let found = PyDict::new(py);
-    for PeakTorque { joint, torque, time } in peaks {
-        found.set_item(joint, (torque, time))?;
+value! {
+    impl DiveSolution {
+        /// Dive: What was searched for.
+        dive: Py<Dive> = |own, py| own.dive.clone_ref(py);
+        /// Report: What the solver says of the program, in its last stage; the dive itself has its own `status` and `success`.
+        report: Report = |own| Report { report: own.report.clone(), verifier: Some(own.verifier.clone()) };
+        /// bool: Whether integrations that know nothing of how the dive was found agree with it: its flight, the counts at the entry
+        /// and the distances of limbs.
+        confirmed: PyResult<bool> = |own, py| Ok(own.verifier.judge(py)?.0);
+        /// DiveVerification: The dive integrated anew, when first asked for.
+        verification: Result<Py<PyAny>, Error> = |own, py| own.verifier.get(py);
+        /// ndarray, shape (n,): Decision vector.
+        z: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.report.z).into_any();
+        /// float: Angular momentum about the lateral axis, forward, kg m²/s.
+        momentum: f64 = |own| own.momentum;
+        /// float: Duration of the flight, s.
+        duration: f64 = |own| own.duration;
+        /// float: Forward lean at take-off, rad.
+        lean: f64 = |own| own.lean;
+        /// ndarray, shape (n,): Times, s.
+        t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.motion.times).into_any();
+        /// ndarray, shape (n, n_positions): Configurations.
+        q: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.motion.positions, own.n_positions);
+        /// ndarray, shape (n, n_velocities): Velocities.
+        v: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.motion.velocities, own.n_velocities);
+        /// ndarray, shape (n, n_velocities): Accelerations.
+        a: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.motion.accelerations, own.n_velocities);
+        /// ndarray, shape (n, n_velocities): Joint forces that the motion takes, by hybrid dynamics, N m; zero for the root,
+        /// which nothing pushes in flight.
+        torques: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.motion.torques, own.n_velocities);
+        /// dict of str to (float, float): For each joint the largest force at the times of the motion, with its sign, N m, and
+        /// when it acts, s.
+        peak_torques: PyResult<Bound<'py, PyDict>> =
+            |own, py| peaks(py, &own.motion.peak_torques(own.dive.get().program.path().model()));
+        /// ndarray, shape (n, n_channels): Weights of the postures but the fundamental one, or joints where these are the
+        /// channels.
+        channels: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.motion.channels, own.n_channels);
+        /// ndarray, shape (n, n_channels): Rates of the channels, 1/s.
+        channel_rates: PyResult<Bound<'py, PyAny>> =
+            |own, py| own.rows(py, &own.motion.channel_rates, own.n_channels);
+        /// ndarray, shape (n,): Somersaults, turns, 0 for upright.
+        somersaults: Bound<'py, PyAny> =
+            |own, py| own.numbers(py, own.motion.angles.iter().map(|a| a.somersault / TAU));
+        /// ndarray, shape (n,): Twists, turns to the left.
+        twists: Bound<'py, PyAny> =
+            |own, py| own.numbers(py, own.motion.angles.iter().map(|a| a.twist / TAU));
+        /// ndarray, shape (n,): Tilt of the body's long axis out of the plane of the somersault, rad.
+        tilt: Bound<'py, PyAny> = |own, py| own.numbers(py, own.motion.angles.iter().map(|a| a.tilt));
+        /// ndarray, shape (n,): Rate of the somersault ψ, rad/s.
+        somersault_rate: Bound<'py, PyAny> =
+            |own, py| own.numbers(py, own.motion.angle_rates.iter().map(|a| a.somersault));
+        /// ndarray, shape (n,): Rate of the tilt τ, rad/s.
+        tilt_rate: Bound<'py, PyAny> =
+            |own, py| own.numbers(py, own.motion.angle_rates.iter().map(|a| a.tilt));
+        /// ndarray, shape (n,): Rate of the twist φ, rad/s.
+        twist_rate: Bound<'py, PyAny> =
+            |own, py| own.numbers(py, own.motion.angle_rates.iter().map(|a| a.twist));
     }
-    Ok(found)
 }
 
 #[pymethods]
 impl DiveSolution {
-    /// Dive: What was searched for.
-    #[getter]
-    fn dive(&self, py: Python<'_>) -> Py<Dive> {
-        self.dive.clone_ref(py)
-    }
-
-    /// Report: What the solver says of the program, in its last stage; the dive itself has its own `status` and `success`.
-    #[getter]
-    fn report(&self) -> Report {
-        Report { report: self.report.clone(), verifier: Some(self.verifier.clone()) }
-    }
-
     /// str: How the search ended: as in `Report`, or ``'false_convergence'`` where the program is solved and its motion is not
     /// the dive requested, by its `verification`.
     #[getter]
@@ -133,130 +175,6 @@ impl DiveSolution {
     #[getter]
     pub(super) fn success(&self, py: Python<'_>) -> PyResult<bool> {
         Ok(self.report.status.is_converged() && self.confirmed(py)?)
-    }
-
-    /// bool: Whether integrations that know nothing of how the dive was found agree with it: its flight, the counts at the entry
-    /// and the distances of limbs.
-    #[getter]
-    fn confirmed(&self, py: Python<'_>) -> PyResult<bool> {
-        Ok(self.verifier.judge(py)?.0)
-    }
-
-    /// DiveVerification: The dive integrated anew, when first asked for.
-    #[getter]
-    fn verification(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
-        self.verifier.get(py)
-    }
-
-    /// ndarray, shape (n,): Decision vector.
-    #[getter]
-    fn z<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.report.z).into_any()
-    }
-
-    /// float: Angular momentum about the lateral axis, forward, kg m²/s.
-    #[getter]
-    fn momentum(&self) -> f64 {
-        self.momentum
-    }
-
-    /// float: Duration of the flight, s.
-    #[getter]
-    fn duration(&self) -> f64 {
-        self.duration
-    }
-
-    /// float: Forward lean at take-off, rad.
-    #[getter]
-    fn lean(&self) -> f64 {
-        self.lean
-    }
-
-    /// ndarray, shape (n,): Times, s.
-    #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.motion.times).into_any()
-    }
-
-    /// ndarray, shape (n, n_positions): Configurations.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.motion.positions, self.n_positions)
-    }
-
-    /// ndarray, shape (n, n_velocities): Velocities.
-    #[getter]
-    fn v<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.motion.velocities, self.n_velocities)
-    }
-
-    /// ndarray, shape (n, n_velocities): Accelerations.
-    #[getter]
-    fn a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.motion.accelerations, self.n_velocities)
-    }
-
-    /// ndarray, shape (n, n_velocities): Joint forces that the motion takes, by hybrid dynamics, N m; zero for the root,
-    /// which nothing pushes in flight.
-    #[getter]
-    fn torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.motion.torques, self.n_velocities)
-    }
-
-    /// dict of str to (float, float): For each joint the largest force at the times of the motion, with its sign, N m, and
-    /// when it acts, s.
-    #[getter]
-    fn peak_torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        peaks(py, &self.motion.peak_torques(self.dive.get().program.path().model()))
-    }
-
-    /// ndarray, shape (n, n_channels): Weights of the postures but the fundamental one, or joints where these are the
-    /// channels.
-    #[getter]
-    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.motion.channels, self.n_channels)
-    }
-
-    /// ndarray, shape (n, n_channels): Rates of the channels, 1/s.
-    #[getter]
-    fn channel_rates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.rows(py, &self.motion.channel_rates, self.n_channels)
-    }
-
-    /// ndarray, shape (n,): Somersaults, turns, 0 for upright.
-    #[getter]
-    fn somersaults<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, self.motion.angles.iter().map(|a| a.somersault / TAU))
-    }
-
-    /// ndarray, shape (n,): Twists, turns to the left.
-    #[getter]
-    fn twists<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, self.motion.angles.iter().map(|a| a.twist / TAU))
-    }
-
-    /// ndarray, shape (n,): Tilt of the body's long axis out of the plane of the somersault, rad.
-    #[getter]
-    fn tilt<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, self.motion.angles.iter().map(|a| a.tilt))
-    }
-
-    /// ndarray, shape (n,): Rate of the somersault ψ, rad/s.
-    #[getter]
-    fn somersault_rate<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, self.motion.angle_rates.iter().map(|a| a.somersault))
-    }
-
-    /// ndarray, shape (n,): Rate of the tilt τ, rad/s.
-    #[getter]
-    fn tilt_rate<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, self.motion.angle_rates.iter().map(|a| a.tilt))
-    }
-
-    /// ndarray, shape (n,): Rate of the twist φ, rad/s.
-    #[getter]
-    fn twist_rate<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        self.numbers(py, self.motion.angle_rates.iter().map(|a| a.twist))
     }
 
     /// ndarray, shape (n, 3): Angular momentum of the motion about its centre of mass, world axes, kg m²/s.
@@ -396,9 +314,8 @@ impl DiveSolution {
         ))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let arguments = (slf.get().dive.clone_ref(slf.py()), slf.get().report()).into_pyobject(slf.py())?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, (slf.get().dive.clone_ref(slf.py()), slf.get().report()))
     }
 
     /// A pickled dive; its motion follows from z.

@@ -2,12 +2,22 @@
 
 use crate::core::convert::{any_vector, vector_array};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::ocp::dive::{ALLOWED, DiveReport, Nearest, PeakTorque};
+use pyo3::types::{PyDict, PyType};
+use somersault::dives::{ALLOWED, DiveReport, Nearest, PeakTorque};
 
 /// Least distance, limbs, time and clearance of a pickled verification.
 type NearestParts = (f64, [String; 2], f64, f64);
+
+/// The largest force of each joint, and when it acts.
+pub(super) fn peaks<'py>(py: Python<'py>, peaks: &[PeakTorque]) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for PeakTorque { joint, torque, time } in peaks {
+        found.set_item(joint, (torque, time))?;
+    }
+    Ok(found)
+}
 
 /// A dive as independent integrations have it.
 ///
@@ -17,100 +27,57 @@ type NearestParts = (f64, [String; 2], f64, f64);
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct DiveVerification(pub(super) DiveReport);
 
+value! {
+    impl DiveVerification {
+        /// bool: Whether it is the dive requested: both integrations agree with the motion that was found and with each other to
+        /// `allowed` rad at all its times, and the angular momentum is kept to this fraction of its scale; somersaults, twists and
+        /// tilt at the entry are those requested to `allowed` rad; limbs keep their clearance at all times.
+        confirmed: bool = |own| own.0.is_confirmed(ALLOWED);
+        /// str: What the dive is worth, in a sentence, or in one for each thing that is wrong.
+        message: String = |own| own.0.sentence(ALLOWED);
+        /// float: Somersaults to the entry, turns.
+        somersaults: f64 = |own| own.0.somersaults;
+        /// float: Twists to the entry, turns.
+        twists: f64 = |own| own.0.twists;
+        /// float: Tilt at the entry, rad.
+        tilt: f64 = |own| own.0.tilt;
+        /// float: Angle of the body's long axis to the vertical at the entry, rad.
+        entry_angle: f64 = |own| own.0.entry_angle;
+        /// float: Greatest difference of somersault, tilt and twist at the entry from those requested, whole turns counted, rad.
+        entry_defect: f64 = |own| own.0.entry_defect;
+        /// float: Greatest angle between the reduced flight and the motion that was found, at its times, rad.
+        defect: f64 = |own| own.0.defect;
+        /// ndarray, shape (n,): That angle at each of the times `DiveSolution.t`, rad.
+        defects: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.0.defects).into_any();
+        /// float: Change of the angular momentum in the full dynamics over its scale: its size |L|, or the largest that the
+        /// joints alone have at a time of `DiveSolution.t`, with the torso at rest, or 10⁻³ m h²/(1 s), whichever is largest.
+        momentum_drift: f64 = |own| own.0.momentum_drift;
+        /// float: Greatest angle between the orientations of both integrations at the times of `DiveSolution.t`, rad.
+        full_dynamics_defect: f64 = |own| own.0.full_dynamics_defect;
+        /// float: Least channel.
+        least_channel: f64 = |own| own.0.least_channel;
+        /// float: Greatest sum of channels.
+        greatest_sum: f64 = |own| own.0.greatest_sum;
+        /// float or None: Least distance of limbs over all times, m, where the dive has a clearance: none is smaller, one at most
+        /// 10 μm greater.
+        least_distance: Option<f64> = |own| own.0.nearest.as_ref().map(|nearest| nearest.distance);
+        /// float or None: When they do, s.
+        nearest_time: Option<f64> = |own| own.0.nearest.as_ref().map(|nearest| nearest.time);
+        /// dict of str to (float, float): For each joint the largest force, N m, and when, s.
+        peak_torques: PyResult<Bound<'py, PyDict>> = |own, py| peaks(py, &own.0.peak_torques);
+        /// ndarray, shape (3,): Centre of mass at take-off, m.
+        take_off: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.take_off);
+        /// ndarray, shape (3,): Its velocity, m/s.
+        take_off_velocity: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.take_off_velocity);
+    }
+}
+
 #[pymethods]
 impl DiveVerification {
-    /// bool: Whether it is the dive requested: both integrations agree with the motion that was found and with each other to
-    /// `allowed` rad at all its times, and the angular momentum is kept to this fraction of its scale; somersaults, twists and
-    /// tilt at the entry are those requested to `allowed` rad; limbs keep their clearance at all times.
-    #[getter]
-    fn confirmed(&self) -> bool {
-        self.0.is_confirmed(ALLOWED)
-    }
-
     /// float: What `confirmed` allows, 10⁻³.
     #[getter]
     fn allowed(&self) -> f64 {
         ALLOWED
-    }
-
-    /// str: What the dive is worth, in a sentence, or in one for each thing that is wrong.
-    #[getter]
-    fn message(&self) -> String {
-        self.0.sentence(ALLOWED)
-    }
-
-    /// float: Somersaults to the entry, turns.
-    #[getter]
-    fn somersaults(&self) -> f64 {
-        self.0.somersaults
-    }
-
-    /// float: Twists to the entry, turns.
-    #[getter]
-    fn twists(&self) -> f64 {
-        self.0.twists
-    }
-
-    /// float: Tilt at the entry, rad.
-    #[getter]
-    fn tilt(&self) -> f64 {
-        self.0.tilt
-    }
-
-    /// float: Angle of the body's long axis to the vertical at the entry, rad.
-    #[getter]
-    fn entry_angle(&self) -> f64 {
-        self.0.entry_angle
-    }
-
-    /// float: Greatest difference of somersault, tilt and twist at the entry from those requested, whole turns counted, rad.
-    #[getter]
-    fn entry_defect(&self) -> f64 {
-        self.0.entry_defect
-    }
-
-    /// float: Greatest angle between the reduced flight and the motion that was found, at its times, rad.
-    #[getter]
-    fn defect(&self) -> f64 {
-        self.0.defect
-    }
-
-    /// ndarray, shape (n,): That angle at each of the times `DiveSolution.t`, rad.
-    #[getter]
-    fn defects<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.0.defects).into_any()
-    }
-
-    /// float: Change of the angular momentum in the full dynamics over its scale: its size |L|, or the largest that the
-    /// joints alone have at a time of `DiveSolution.t`, with the torso at rest, or 10⁻³ m h²/(1 s), whichever is largest.
-    #[getter]
-    fn momentum_drift(&self) -> f64 {
-        self.0.momentum_drift
-    }
-
-    /// float: Greatest angle between the orientations of both integrations at the times of `DiveSolution.t`, rad.
-    #[getter]
-    fn full_dynamics_defect(&self) -> f64 {
-        self.0.full_dynamics_defect
-    }
-
-    /// float: Least channel.
-    #[getter]
-    fn least_channel(&self) -> f64 {
-        self.0.least_channel
-    }
-
-    /// float: Greatest sum of channels.
-    #[getter]
-    fn greatest_sum(&self) -> f64 {
-        self.0.greatest_sum
-    }
-
-    /// float or None: Least distance of limbs over all times, m, where the dive has a clearance: none is smaller, one at most
-    /// 10 μm greater.
-    #[getter]
-    fn least_distance(&self) -> Option<f64> {
-        self.0.nearest.as_ref().map(|nearest| nearest.distance)
     }
 
     /// tuple of str or None: The limbs that come nearest.
@@ -122,31 +89,7 @@ impl DiveVerification {
             .map(|Nearest { limbs: [first, second], .. }| (first.as_str(), second.as_str()))
     }
 
-    /// float or None: When they do, s.
-    #[getter]
-    fn nearest_time(&self) -> Option<f64> {
-        self.0.nearest.as_ref().map(|nearest| nearest.time)
-    }
-
-    /// dict of str to (float, float): For each joint the largest force, N m, and when, s.
-    #[getter]
-    fn peak_torques<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        super::solution::peaks(py, &self.0.peak_torques)
-    }
-
-    /// ndarray, shape (3,): Centre of mass at take-off, m.
-    #[getter]
-    fn take_off<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.take_off)
-    }
-
-    /// ndarray, shape (3,): Its velocity, m/s.
-    #[getter]
-    fn take_off_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        vector_array(py, &self.0.take_off_velocity)
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, found) = (slf.py(), &slf.get().0);
         let torques: Vec<_> =
             found.peak_torques.iter().map(|peak| (peak.joint.clone(), peak.torque, peak.time)).collect();
@@ -166,7 +109,7 @@ impl DiveVerification {
             torques,
             (vector_array(py, &found.take_off), vector_array(py, &found.take_off_velocity)),
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled verification.

@@ -1,12 +1,12 @@
 //! Constraints on terms.
 
 use super::place::Place;
-use crate::core::convert::real_numbers;
+use crate::core::convert::{integer_or_none, real_numbers};
 use crate::core::error::Error;
-use crate::ocp::arguments::integer_or_none;
+use crate::core::value::{Pickled, by_restore};
 use crate::ocp::term::Term;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ocp::problem::At;
 
 /// Bounds on the rows of a term.
@@ -49,12 +49,11 @@ impl Constraint {
         Ok(Self { term, lower, upper, nodes: place.nodes()?, place })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let Place { at, node, phase } = own.place.clone();
         let bounds = (own.lower.clone_ref(py), own.upper.clone_ref(py));
-        let arguments = (own.term.clone_ref(py), bounds.0, bounds.1, (at, node, phase));
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (own.term.clone_ref(py), bounds.0, bounds.1, (at, node, phase)))
     }
 
     /// A pickled constraint.

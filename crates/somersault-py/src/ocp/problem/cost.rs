@@ -1,12 +1,13 @@
 //! Parts of the cost.
 
 use super::place::Place;
-use crate::core::convert::{numbers_or_one, real_numbers};
+use crate::core::convert::{integer_or_none, numbers_or_one, real_numbers};
 use crate::core::error::Error;
-use crate::ocp::arguments::{finite_all, integer_or_none};
+use crate::core::value::{Pickled, by_restore};
+use crate::ocp::arguments::finite_all;
 use crate::ocp::term::Term;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ocp::problem::{At, Loss};
 
 /// Part of the cost: ½ Σ wᵢ (rᵢ − tᵢ)² of the rows r of a term, or Σ wᵢ rᵢ.
@@ -65,13 +66,12 @@ impl Cost {
         Ok(Self { term, weights, target, nodes: place.nodes()?, place, linear })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let copy = |value: &Option<Py<PyAny>>| value.as_ref().map(|value| value.clone_ref(py));
         let Place { at, node, phase } = own.place.clone();
         let place = (at, node, own.linear, phase);
-        let arguments = (own.term.clone_ref(py), copy(&own.weights), copy(&own.target), place);
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, (own.term.clone_ref(py), copy(&own.weights), copy(&own.target), place))
     }
 
     /// A pickled cost.

@@ -2,8 +2,9 @@
 
 use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ocp::transcription::Transcription;
 
 /// A motion at the nodes of a transcription, time first.
@@ -43,64 +44,37 @@ impl Motion {
     }
 }
 
+value! {
+    impl Motion {
+        /// ndarray, shape (n,): Times, s.
+        t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.times).into_any();
+        /// ndarray, shape (n, n_positions): Configurations.
+        q: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 0);
+        /// ndarray, shape (n, n_velocities): Velocities.
+        v: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 1);
+        /// ndarray, shape (n, n_velocities): Accelerations.
+        a: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 2);
+        /// ndarray, shape (n, n_velocities): Joint forces.
+        torque: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 3);
+        /// ndarray, shape (n, n_channels): Weights of eigenpostures, or driven joints.
+        channels: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 4);
+        /// ndarray, shape (n, n_channels): Rates of the channels, 1/s.
+        channel_rates: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 5);
+        /// ndarray, shape (n, n_channels): Second rates of the channels, 1/s².
+        channel_second_rates: PyResult<Bound<'py, PyAny>> = |own, py| own.part(py, 6);
+    }
+}
+
 #[pymethods]
 impl Motion {
-    /// ndarray, shape (n,): Times, s.
-    #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_slice(py, &self.times).into_any()
-    }
-
-    /// ndarray, shape (n, n_positions): Configurations.
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 0)
-    }
-
-    /// ndarray, shape (n, n_velocities): Velocities.
-    #[getter]
-    fn v<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 1)
-    }
-
-    /// ndarray, shape (n, n_velocities): Accelerations.
-    #[getter]
-    fn a<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 2)
-    }
-
-    /// ndarray, shape (n, n_velocities): Joint forces.
-    #[getter]
-    fn torque<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 3)
-    }
-
-    /// ndarray, shape (n, n_channels): Weights of eigenpostures, or driven joints.
-    #[getter]
-    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 4)
-    }
-
-    /// ndarray, shape (n, n_channels): Rates of the channels, 1/s.
-    #[getter]
-    fn channel_rates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 5)
-    }
-
-    /// ndarray, shape (n, n_channels): Second rates of the channels, 1/s².
-    #[getter]
-    fn channel_second_rates<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.part(py, 6)
-    }
-
     fn __len__(&self) -> usize {
         self.times.len()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, motion) = (slf.py(), slf.get());
         let parts = (0..motion.parts.len()).map(|k| motion.part(py, k)).collect::<PyResult<Vec<_>>>()?;
-        Ok((slf.get_type().getattr("_restore")?, (motion.t(py), parts).into_pyobject(py)?))
+        by_restore(slf, (motion.t(py), parts))
     }
 
     /// A pickled motion.

@@ -3,18 +3,19 @@
 use super::recipe::Recipe;
 use super::shared::Shared;
 use super::{Constraint, Cost, Motion, Phase};
-use crate::core::convert::{array, entries, entries_or_none, with_shape};
+use crate::core::convert::{array, entries, entries_or_none, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
-use crate::integrators::plan::returns_interrupted;
+use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::returns_interrupted;
 use crate::multibody::model::Model;
-use crate::ocp::arguments::{count, finite_all, integer, integer_or_none, seed_of, starts_or_none};
+use crate::ocp::arguments::{count, finite_all, seed_of, starts_or_none};
 use crate::ocp::search::{SearchArguments, SearchResult};
 use crate::ocp::solver::{Report, SolverArguments, deadline};
 use crate::ocp::swing_up::scheme_of;
 use crate::ocp::verification::Verification;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PySlice, PyTuple, PyType};
+use pyo3::types::{PyDict, PySlice, PyType};
 use somersault::nlp::{self, Nlp, samples};
 use somersault::ocp::shooting::{self, Start};
 use somersault::ocp::transcription::Transcription;
@@ -59,6 +60,16 @@ pub(crate) struct MotionProblem {
     pub(super) n_variables: usize,
     pub(super) n_constraints: usize,
     calls_python: bool,
+}
+
+value! {
+    impl MotionProblem {
+        /// int: Length of z.
+        n_variables: usize = |own| own.n_variables;
+        /// list of str: A name for each constraint.
+        constraint_names: Result<Vec<String>, Error> =
+            |own, py| Ok(own.shared.acquire(py)?.constraint_names());
+    }
 }
 
 #[pymethods]
@@ -134,18 +145,6 @@ impl MotionProblem {
             calls_python,
             recipe,
         })
-    }
-
-    /// int: Length of z.
-    #[getter]
-    fn n_variables(&self) -> usize {
-        self.n_variables
-    }
-
-    /// list of str: A name for each constraint.
-    #[getter]
-    fn constraint_names(&self, py: Python<'_>) -> Result<Vec<String>, Error> {
-        Ok(self.shared.acquire(py)?.constraint_names())
     }
 
     /// dict of str to slice or list of slice: Where z has its parts: ``'start'``, ``'parameters'`` of each phase,
@@ -385,7 +384,7 @@ impl MotionProblem {
         })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, recipe) = (slf.py(), &slf.get().recipe);
         let copy = |value: &Option<Py<PyAny>>| value.as_ref().map(|value| value.clone_ref(py));
         let Start { position, velocity, free_positions, free_velocities } = recipe.start.clone();
@@ -406,7 +405,7 @@ impl MotionProblem {
             (free_positions, free_velocities),
             (copy(&recipe.lower), copy(&recipe.upper)),
         );
-        Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
+        by_restore(slf, arguments)
     }
 
     /// A pickled problem.

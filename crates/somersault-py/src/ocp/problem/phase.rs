@@ -1,10 +1,12 @@
 //! A phase of a motion.
 
+use crate::core::convert::integer;
 use crate::core::error::Error;
-use crate::ocp::arguments::{count, integer, number_or_range};
+use crate::core::value::{Pickled, by_restore};
+use crate::ocp::arguments::{count, number_or_range};
 use crate::ocp::joint_motion::SplineMotion;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::PyType;
 use somersault::ocp::shooting::{self, Duration};
 
 /// A phase of a motion.
@@ -54,15 +56,14 @@ impl Phase {
         Ok(Self { phase, motion: motion.clone().unbind() })
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let shooting::Phase { n_steps, duration, n_segments, .. } = own.phase;
         let duration = match duration {
             Duration::Fixed(duration) => (duration, duration),
             Duration::Free { lower, upper } => (lower, upper),
         };
-        let arguments = (own.motion.clone_ref(py), duration, n_steps, n_segments).into_pyobject(py)?;
-        Ok((slf.get_type().getattr("_restore")?, arguments))
+        by_restore(slf, (own.motion.clone_ref(py), duration, n_steps, n_segments))
     }
 
     /// A pickled phase.

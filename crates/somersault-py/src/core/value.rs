@@ -1,0 +1,60 @@
+//! Classes that are values: their getters as a table, and what they are pickled as.
+
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+/// What `__reduce__` returns: what makes the object again, and its arguments.
+pub(crate) type Pickled<'py> = PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)>;
+
+/// An object that its class makes again from `arguments`.
+pub(crate) fn by_class<'py, A>(object: &Bound<'py, PyAny>, arguments: A) -> Pickled<'py>
+where
+    A: IntoPyObject<'py, Target = PyTuple, Output = Bound<'py, PyTuple>, Error: Into<PyErr>>,
+{
+    Ok((object.get_type().into_any(), arguments.into_pyobject(object.py()).map_err(Into::into)?))
+}
+
+/// An object that its class makes again from attributes of these names.
+pub(crate) fn by_attributes<'py>(object: &Bound<'py, PyAny>, names: &[&str]) -> Pickled<'py> {
+    let arguments = names.iter().map(|name| object.getattr(*name)).collect::<PyResult<Vec<_>>>()?;
+    by_class(object, PyTuple::new(object.py(), arguments)?)
+}
+
+/// An object that the class method `_restore` makes again from `arguments`, which are not those of the class.
+pub(crate) fn by_restore<'py, A>(object: &Bound<'py, PyAny>, arguments: A) -> Pickled<'py>
+where
+    A: IntoPyObject<'py, Target = PyTuple, Output = Bound<'py, PyTuple>, Error: Into<PyErr>>,
+{
+    let restore = object.get_type().getattr("_restore")?;
+    Ok((restore, arguments.into_pyobject(object.py()).map_err(Into::into)?))
+}
+
+/// The getters of a class, a row for each: its documentation, its name, its type, and what of the object it is. Names in
+/// brackets are those of the attributes by which the class makes an equal object, for pickles.
+macro_rules! value {
+    (
+        impl $class:ident $(($($attribute:ident),+))? {
+            $($(#[doc = $text:tt])+ $name:ident: $type:ty = |$own:ident $(, $py:ident)?| $value:expr;)*
+        }
+    ) => {
+        #[pymethods]
+        #[allow(clippy::extra_unused_lifetimes, reason = "rows that need no interpreter have no use for it")]
+        impl $class {
+            $(
+                $(#[doc = $text])+
+                #[getter]
+                fn $name<'py>(&self $(, $py: Python<'py>)?) -> $type {
+                    let $own = self;
+                    $value
+                }
+            )*
+
+            $(
+                fn __reduce__<'py>(slf: &Bound<'py, Self>) -> crate::core::value::Pickled<'py> {
+                    crate::core::value::by_attributes(slf, &[$(stringify!($attribute)),+])
+                }
+            )?
+        }
+    };
+}
+pub(crate) use value;

@@ -1,0 +1,40 @@
+//! Bodies to be integrated as planned, and how that ended.
+
+use crate::core::error::Error;
+use crate::integrators::event::Events;
+use crate::integrators::monitor::Monitor;
+use crate::integrators::plan::Plan;
+use crate::integrators::seen::Seen;
+use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::state::State;
+
+/// How a run ended and what it took.
+pub(crate) struct Ended<Q: Seen> {
+    pub(crate) status: Result<Status, Error>,
+    pub(crate) rejected: u64,
+    pub(crate) nfev: u64,
+    pub(crate) events: Events<Q>,
+}
+
+impl<Q: Seen> Ended<Q> {
+    /// Of a run that looks for no events.
+    pub(crate) fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
+        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
+        Self { status, rejected, nfev, events: Events::none() }
+    }
+}
+
+/// Bodies to be integrated, and a count of how often their equations are evaluated.
+pub(crate) trait Bodies: Sync {
+    /// What moves.
+    type Configuration: Seen;
+
+    /// Integrates as planned.
+    fn solve(
+        &self,
+        initial: &State<Self::Configuration>,
+        plan: &Plan,
+        observer: &mut Monitor<Self::Configuration>,
+    ) -> Ended<Self::Configuration>;
+}

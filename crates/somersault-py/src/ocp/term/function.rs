@@ -1,0 +1,193 @@
+//! Rows that a callable of Python computes.
+
+use super::part::{name_of, part_of};
+use super::{Description, Term};
+use crate::core::callable::check_callable;
+use crate::core::convert::{a_type, entries_or_none, integer, with_shape};
+use crate::core::error::Error;
+use crate::ocp::arguments::count;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use somersault::ocp::dynamics::Tree;
+use somersault::ocp::term::{self, Node, NodeGradient, Part, UserError};
+use somersault::ocp::transcription::NodeSizes;
+
+struct Function {
+    callable: Py<PyAny>,
+    gradient: Option<Py<PyAny>>,
+    n_rows: usize,
+    reads: Vec<Read>,
+}
+
+/// A part of a node that a function reads.
+#[derive(Clone, Copy, PartialEq)]
+enum Read {
+    Position,
+    Part(Part),
+}
+
+impl Description for Function {
+    fn made<'py>(&self, py: Python<'py>) -> PyResult<(&'static str, Bound<'py, PyTuple>)> {
+        let Self { callable, gradient, n_rows, reads } = self;
+        let names = reads.iter().map(|read| match read {
+            Read::Position => "position",
+            Read::Part(part) => name_of(*part),
+        });
+        let reads: Vec<_> = names.collect();
+        Ok(("function", (callable, *n_rows, gradient, reads).into_pyobject(py)?))
+    }
+
+    fn what(&self) -> &'static str {
+        "function"
+    }
+
+    fn build(&self, py: Python<'_>, dynamics: &Tree, _: &NodeSizes) -> Result<Box<dyn term::Term>, Error> {
+        let Self { callable, gradient, n_rows, reads } = self;
+        let rows = rows_of(callable.clone_ref(py), *n_rows);
+        if let Some(gradient) = gradient {
+            let pull_back = pull_back_of(gradient.clone_ref(py), *n_rows);
+            return Ok(Box::new(term::Function::new("function", *n_rows, rows, pull_back)));
+        }
+        let part = |read: &Read| match read {
+            Read::Position => None,
+            Read::Part(part) => Some(*part),
+        };
+        let parts: Vec<Part> = reads.iter().filter_map(part).collect();
+        let (by_position, tree) = (reads.contains(&Read::Position), dynamics.clone());
+        let made = term::Function::by_differences("function", *n_rows, tree, by_position, &parts, rows);
+        Ok(Box::new(made))
+    }
+
+    fn calls_python(&self) -> bool {
+        true
+    }
+}
+
+/// Rows that a callable computes, with a gradient that another one computes, or by central differences.
+///
+/// Parameters
+/// ----------
+/// f : callable
+///     ``f(node)`` that returns `n_rows` numbers. `node` has the arrays ``position``, ``velocity``, ``acceleration``,
+///     ``torque``, ``channel``, ``channel_rate``, ``channel_second_rate`` and the float ``time``. Numbers that are not
+///     finite make a solver step back; an exception ends the solve.
+/// n_rows : int, optional
+/// gradient : callable, optional
+///     ``gradient(node)`` that returns a dict from the names of parts to arrays of shape (n_rows, size of the part);
+///     parts that are missing count as zero. For ``'position'`` a column stands for a displacement of a degree of
+///     freedom.
+/// reads : sequence of str, optional
+///     The parts by which differences are taken where no gradient is given; ``('position', 'velocity')`` unless given.
+///
+/// Returns
+/// -------
+/// Term
+#[pyfunction]
+#[pyo3(signature = (f, n_rows=1, *, gradient=None, reads=None))]
+pub(crate) fn function(
+    f: &Bound<'_, PyAny>,
+    #[pyo3(from_py_with = integer)] n_rows: i64,
+    gradient: Option<&Bound<'_, PyAny>>,
+    #[pyo3(from_py_with = entries_or_none)] reads: Option<Vec<String>>,
+) -> Result<Term, Error> {
+    let n_rows = count("n_rows", n_rows, 1)?;
+    check_callable("f", "f(node)", f)?;
+    if let Some(gradient) = gradient {
+        check_callable("gradient", "gradient(node)", gradient)?;
+    }
+    let named = |name: String| match name.as_str() {
+        "position" => Ok(Read::Position),
+        other => Ok(Read::Part(part_of(other).map_err(|error| error.with_names(&[("part", "reads")]))?)),
+    };
+    let reads = match reads {
+        Some(reads) if reads.is_empty() && gradient.is_none() => {
+            return Err(Error::input("`reads` must have at least one part, found none"));
+        }
+        Some(reads) => reads.into_iter().map(named).collect::<Result<Vec<_>, Error>>()?,
+        None => vec![Read::Position, Read::Part(Part::Velocity)],
+    };
+    Ok(Term::of(Function {
+        callable: f.clone().unbind(),
+        gradient: gradient.map(|g| g.clone().unbind()),
+        n_rows,
+        reads,
+    }))
+}
+
+/// A node as Python sees it.
+fn seen<'py>(py: Python<'py>, node: &Node<'_>) -> PyResult<Bound<'py, PyAny>> {
+    let seen = PyDict::new(py);
+    seen.set_item("time", node.time)?;
+    let array = |values: &[f64]| numpy::PyArray1::from_slice(py, values);
+    seen.set_item("position", array(node.position))?;
+    seen.set_item("velocity", array(node.velocity))?;
+    seen.set_item("acceleration", array(node.acceleration))?;
+    seen.set_item("torque", array(node.torque))?;
+    seen.set_item("channel", array(node.channel))?;
+    seen.set_item("channel_rate", array(node.channel_rate))?;
+    seen.set_item("channel_second_rate", array(node.channel_second_rate))?;
+    py.import("types")?.getattr("SimpleNamespace")?.call((), Some(&seen))
+}
+
+fn rows_of(
+    callable: Py<PyAny>,
+    n_rows: usize,
+) -> impl FnMut(&Node<'_>, &mut [f64]) -> Result<(), UserError> + Send + 'static {
+    move |node, out| {
+        Python::attach(|py| {
+            let found = callable.call1(py, (seen(py, node)?,))?.into_bound(py);
+            if let Ok(number) = found.extract::<f64>()
+                && n_rows == 1
+            {
+                out[0] = number;
+                return Ok(());
+            }
+            let rows = with_shape("f(node)", &[n_rows], &found).map_err(PyErr::from)?;
+            out.copy_from_slice(&rows);
+            Ok(())
+        })
+        .map_err(|error: PyErr| Box::new(error) as UserError)
+    }
+}
+
+fn pull_back_of(
+    callable: Py<PyAny>,
+    n_rows: usize,
+) -> impl FnMut(&Node<'_>, &[f64], &mut NodeGradient) -> Result<(), UserError> + Send + 'static {
+    move |node, y, gradient| {
+        Python::attach(|py| {
+            let found = callable.call1(py, (seen(py, node)?,))?.into_bound(py);
+            let found = found.cast_into::<PyDict>().map_err(|error| {
+                let found = a_type(&error.into_inner());
+                PyErr::from(Error::input(format!("`gradient(node)` must return a dict, found {found}")))
+            })?;
+            for (name, matrix) in found.iter() {
+                let name: String = name.extract()?;
+                let out: &mut [f64] = match name.as_str() {
+                    "time" => std::slice::from_mut(&mut gradient.time),
+                    "position" => &mut gradient.position,
+                    "velocity" => &mut gradient.velocity,
+                    "acceleration" => &mut gradient.acceleration,
+                    "torque" => &mut gradient.torque,
+                    "channel" => &mut gradient.channel,
+                    "channel_rate" => &mut gradient.channel_rate,
+                    "channel_second_rate" => &mut gradient.channel_second_rate,
+                    other => {
+                        return Err(Error::input(format!(
+                            "`gradient(node)` must have names of parts as keys, found '{other}'"
+                        ))
+                        .into());
+                    }
+                };
+                let shape = [n_rows, out.len()];
+                let rows =
+                    with_shape(&format!("gradient(node)['{name}']"), &shape, &matrix).map_err(PyErr::from)?;
+                for (row, y) in rows.chunks_exact(out.len().max(1)).zip(y) {
+                    out.iter_mut().zip(row).for_each(|(out, x)| *out += x * y);
+                }
+            }
+            Ok(())
+        })
+        .map_err(|error: PyErr| Box::new(error) as UserError)
+    }
+}

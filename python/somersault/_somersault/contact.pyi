@@ -1,0 +1,352 @@
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, TypeAlias, final
+
+from numpy.typing import ArrayLike
+from typing_extensions import disjoint_base
+
+from somersault._somersault import _Floats
+from somersault._somersault.forces import Gravity, _AnyForce
+from somersault._somersault.integrators import RigidBody, State, _AnyMethod
+
+__all__ = [
+    "CompliantLaw",
+    "Contact",
+    "ContactSystem",
+    "CoulombFriction",
+    "CylindricalSurface",
+    "Event",
+    "HalfSpace",
+    "HuntCrossley",
+    "RegularisedFriction",
+    "Resistance",
+    "Sensitivities",
+    "SpherePair",
+    "SphericalSurface",
+    "Surface",
+    "SurfaceFunction",
+    "bouncing_ball",
+    "damping_ratio",
+    "differentiate",
+    "falling_box",
+    "restitution",
+    "rolling_disk",
+    "sliding_block",
+    "spinning_top",
+    "tippe_top",
+]
+
+_Law: TypeAlias = CompliantLaw | HuntCrossley
+_Friction: TypeAlias = CoulombFriction | RegularisedFriction
+_Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
+_Parameter: TypeAlias = (
+    Literal["mass", "inertia_scale"] | tuple[str, int] | tuple[Literal["acceleration"], ArrayLike]
+)
+_EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]
+
+@final
+class CompliantLaw:
+    def __new__(cls, stiffness: float, damping: float = 0.0) -> CompliantLaw: ...
+    @staticmethod
+    def from_frequency(mass: float, frequency: float, damping_ratio: float) -> CompliantLaw: ...
+    @staticmethod
+    def from_restitution(effective_mass: float, stiffness: float, restitution: float) -> CompliantLaw: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    def restitution(self, effective_mass: float) -> float: ...
+    def force(self, gap: float, rate: float) -> float: ...
+    def energy(self, gap: float) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@disjoint_base
+class Surface:
+    def signed_distance(self, point: ArrayLike) -> tuple[float, _Floats]: ...
+
+@final
+class HalfSpace(Surface):
+    def __new__(cls, point: ArrayLike | None = None, normal: ArrayLike | None = None) -> HalfSpace: ...
+    @property
+    def point(self) -> _Floats: ...
+    @property
+    def normal(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class SphericalSurface(Surface):
+    def __new__(
+        cls, center: ArrayLike, radius: float, solid: Literal["inside", "outside"] = "inside"
+    ) -> SphericalSurface: ...
+    @property
+    def center(self) -> _Floats: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def solid(self) -> Literal["inside", "outside"]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class CylindricalSurface(Surface):
+    def __new__(
+        cls,
+        center: ArrayLike,
+        axis: ArrayLike,
+        radius: float,
+        solid: Literal["inside", "outside"] = "inside",
+    ) -> CylindricalSurface: ...
+    @property
+    def center(self) -> _Floats: ...
+    @property
+    def axis(self) -> _Floats: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def solid(self) -> Literal["inside", "outside"]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class SurfaceFunction:
+    def __new__(
+        cls,
+        function: Callable[[_Floats], tuple[float, ArrayLike]],
+        *,
+        lipschitz: float = 1.0,
+        concavity: float = ...,
+    ) -> SurfaceFunction: ...
+    @property
+    def function(self) -> Callable[[_Floats], tuple[float, ArrayLike]]: ...
+    @property
+    def lipschitz(self) -> float: ...
+    @property
+    def concavity(self) -> float: ...
+    def __call__(self, point: _Floats) -> tuple[float, ArrayLike]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class HuntCrossley:
+    def __new__(cls, stiffness: float, damping: float = 0.0) -> HuntCrossley: ...
+    @staticmethod
+    def from_materials(
+        young_moduli: tuple[float, float] | Sequence[float],
+        poisson_ratios: tuple[float, float] | Sequence[float],
+        effective_radius: float,
+        damping: float = 0.0,
+    ) -> HuntCrossley: ...
+    @staticmethod
+    def from_restitution(stiffness: float, restitution: float, speed: float) -> HuntCrossley: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    def restitution(self, speed: float) -> float: ...
+    def force(self, gap: float, rate: float) -> float: ...
+    def energy(self, gap: float) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class RegularisedFriction:
+    def __new__(cls, coefficient: float, speed: float) -> RegularisedFriction: ...
+    @property
+    def coefficient(self) -> float: ...
+    @property
+    def speed(self) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class CoulombFriction:
+    def __new__(
+        cls, coefficient: float, stiffness: float, damping: float, static_coefficient: float | None = None
+    ) -> CoulombFriction: ...
+    @property
+    def coefficient(self) -> float: ...
+    @property
+    def stiffness(self) -> float: ...
+    @property
+    def damping(self) -> float: ...
+    @property
+    def static_coefficient(self) -> float: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Resistance:
+    def __new__(cls, rolling: float, spinning: float, speed: float) -> Resistance: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Contact:
+    def __new__(
+        cls,
+        point: ArrayLike,
+        surface: _Surface,
+        law: _Law,
+        *,
+        friction: _Friction | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
+    @staticmethod
+    def ball(
+        center: ArrayLike,
+        radius: float,
+        surface: _Surface,
+        law: _Law,
+        *,
+        friction: _Friction | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
+    @staticmethod
+    def rim(
+        center: ArrayLike,
+        axis: ArrayLike,
+        radius: float,
+        plane: HalfSpace,
+        law: _Law,
+        *,
+        friction: _Friction | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
+    @property
+    def point(self) -> _Floats: ...
+    @property
+    def surface(self) -> _Surface: ...
+    @property
+    def law(self) -> _Law: ...
+    @property
+    def friction(self) -> _Friction | None: ...
+    @property
+    def resistance(self) -> Resistance | None: ...
+    @property
+    def radius(self) -> float | None: ...
+    @property
+    def axis(self) -> _Floats | None: ...
+    def gap(self, state: State) -> tuple[float, float]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class SpherePair:
+    def __new__(
+        cls,
+        bodies: tuple[int, int] | Sequence[int],
+        radii: tuple[float, float] | Sequence[float],
+        law: _Law,
+        *,
+        centers: Sequence[ArrayLike] | None = None,
+        friction: _Friction | None = None,
+        resistance: Resistance | None = None,
+    ) -> SpherePair: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Event:
+    def __new__(
+        cls, t: float, contact: int, kind: str, impulse: float, state: State | Sequence[State]
+    ) -> Event: ...
+    @property
+    def t(self) -> float: ...
+    @property
+    def contact(self) -> int: ...
+    @property
+    def kind(self) -> _EventKind: ...
+    @property
+    def impulse(self) -> float: ...
+    # A list of states for several bodies.
+    @property
+    def state(self) -> Any: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Sensitivities:
+    @property
+    def t(self) -> float: ...
+    @property
+    def state(self) -> State: ...
+    @property
+    def events(self) -> list[Event]: ...
+    @property
+    def by_state(self) -> _Floats: ...
+    @property
+    def by_parameters(self) -> _Floats: ...
+    @property
+    def event_times(self) -> _Floats: ...
+    @property
+    def stretches(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class ContactSystem:
+    @property
+    def body(self) -> RigidBody: ...
+    @property
+    def state(self) -> State: ...
+    @property
+    def forces(self) -> Gravity: ...
+    @property
+    def contacts(self) -> list[Contact]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+def differentiate(
+    body: RigidBody,
+    state: State,
+    interval: tuple[float, float] | Sequence[float],
+    *,
+    dt: float | None = None,
+    contacts: Contact | Sequence[Contact],
+    method: _AnyMethod | None = None,
+    forces: _AnyForce | Sequence[_AnyForce] | None = None,
+    parameters: Sequence[_Parameter] | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
+    grazing: float = 1.5e-8,
+    max_event_rate: float = 1e9,
+) -> Sensitivities: ...
+def bouncing_ball(
+    mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
+) -> ContactSystem: ...
+def spinning_top() -> ContactSystem: ...
+def falling_box(
+    mass: float,
+    lengths: ArrayLike,
+    law: _Law,
+    height: float,
+    heading: float = 0.0,
+    *,
+    friction: _Friction | None = None,
+) -> ContactSystem: ...
+def sliding_block(
+    mass: float,
+    lengths: ArrayLike,
+    law: CompliantLaw,
+    friction: CoulombFriction,
+    velocity: float,
+    slope: float = 0.0,
+) -> ContactSystem: ...
+def rolling_disk(
+    mass: float, radius: float, law: CompliantLaw, friction: CoulombFriction, tilt: float, turning: float
+) -> ContactSystem: ...
+def tippe_top(
+    mass: float,
+    radius: float,
+    eccentricity: float,
+    moments: tuple[float, float],
+    law: _Law,
+    tilt: float,
+    spin: float,
+    sag: float = 0.0,
+    *,
+    friction: _Friction | None = None,
+) -> ContactSystem: ...
+def restitution(damping_ratio: float) -> float: ...
+def damping_ratio(restitution: float) -> float: ...
