@@ -111,7 +111,7 @@ def test_what_has_no_derivative_is_refused_by_name() -> None:
         differentiate(top, 0.01, parameters=[("friction.coefficient", 0)])
     with pytest.raises(errors.InputError, match="found contact 3"):
         differentiate(top, 0.01, parameters=[("law.stiffness", 3)])
-    with pytest.raises(errors.InputError, match=r'one of \["stiffness", "damping"\] of the CompliantLaw of contact 0'):
+    with pytest.raises(errors.InputError, match="of the CompliantLaw of contact 0"):
         differentiate(top, 0.01, parameters=[("law.hardness", 0)])
     with pytest.raises(errors.InputError, match="of the world or of the body"):
         differentiate(top, 0.01, method="rkmk_l")

@@ -39,9 +39,7 @@ _Law: TypeAlias = CompliantLaw | HuntCrossley
 _Friction: TypeAlias = CoulombFriction | RegularisedFriction
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Parameter: TypeAlias = (
-    Literal["mass", "inertia_scale"]
-    | tuple[str, int]
-    | tuple[Literal["acceleration"], ArrayLike]
+    Literal["mass", "inertia_scale"] | tuple[str, int] | tuple[Literal["acceleration"], ArrayLike]
 )
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]
 
