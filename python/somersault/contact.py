@@ -14,56 +14,7 @@ cut where a contact begins or ends, and what happened is in the `events` of the 
 ['touch_down', 'release']
 """
 
-from somersault._somersault.contact import (
-    CompliantLaw,
-    Contact,
-    ContactSystem,
-    CoulombFriction,
-    CylindricalSurface,
-    Event,
-    HalfSpace,
-    HuntCrossley,
-    RegularisedFriction,
-    Resistance,
-    Sensitivities,
-    SpherePair,
-    SphericalSurface,
-    Surface,
-    SurfaceFunction,
-    bouncing_ball,
-    damping_ratio,
-    differentiate,
-    falling_box,
-    restitution,
-    rolling_disk,
-    sliding_block,
-    spinning_top,
-    tippe_top,
-)
+from somersault._somersault import contact as _extension
+from somersault._somersault.contact import *  # noqa: F403
 
-__all__ = [
-    "CompliantLaw",
-    "Contact",
-    "ContactSystem",
-    "CoulombFriction",
-    "CylindricalSurface",
-    "Event",
-    "HalfSpace",
-    "HuntCrossley",
-    "RegularisedFriction",
-    "Resistance",
-    "Sensitivities",
-    "SpherePair",
-    "SphericalSurface",
-    "Surface",
-    "SurfaceFunction",
-    "bouncing_ball",
-    "damping_ratio",
-    "differentiate",
-    "falling_box",
-    "restitution",
-    "rolling_disk",
-    "sliding_block",
-    "spinning_top",
-    "tippe_top",
-]
+__all__ = _extension.__all__

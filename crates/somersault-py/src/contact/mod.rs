@@ -9,13 +9,12 @@ pub(crate) mod system;
 /// Compliant contact, its events and its derivatives.
 #[pyo3::pymodule(name = "contact", module = "somersault._somersault", submodule)]
 pub(crate) mod module {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use crate::contact::contacts::{Contact, SpherePair};
     #[pymodule_export]
-    use crate::contact::laws::{
-        CompliantLaw, CoulombFriction, HuntCrossley, RegularisedFriction, Resistance, damping_ratio,
-        restitution,
-    };
+    use crate::contact::laws::{Resistance, damping_ratio, restitution};
     #[pymodule_export]
     use crate::contact::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]
@@ -28,4 +27,9 @@ pub(crate) mod module {
     };
     #[pymodule_export]
     use crate::integrators::event::Event;
+
+    #[pymodule_init]
+    fn add_laws(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::contact::laws::add_classes(module)
+    }
 }

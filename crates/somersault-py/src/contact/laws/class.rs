@@ -20,6 +20,7 @@ pub(crate) trait LawClass: PyClass<Frozen = True> + Into<PyClassInitializer<Self
 /// A row of the table of classes that stand for laws of a kind, `dyn NormalLaw` or `dyn FrictionLaw`.
 pub(super) struct Row<L: ?Sized> {
     class: fn(Python<'_>) -> Bound<'_, PyType>,
+    add: fn(&Bound<'_, PyModule>) -> PyResult<()>,
     /// The law of an object, if it is of the class.
     read: fn(&Bound<'_, PyAny>) -> Option<Arc<L>>,
     /// An object for a law, if it is of the type.
@@ -30,6 +31,7 @@ pub(super) struct Row<L: ?Sized> {
 pub(super) const fn normal<C: LawClass<Law: NormalLaw>>() -> Row<dyn NormalLaw> {
     Row {
         class: |py| py.get_type::<C>(),
+        add: |module| module.add_class::<C>(),
         read: |value| Some(Arc::new(value.cast::<C>().ok()?.get().law())),
         show: |py, law| Some(object::<C>(py, law.downcast_ref::<C::Law>()?)),
     }
@@ -39,6 +41,7 @@ pub(super) const fn normal<C: LawClass<Law: NormalLaw>>() -> Row<dyn NormalLaw> 
 pub(super) const fn friction<C: LawClass<Law: FrictionLaw>>() -> Row<dyn FrictionLaw> {
     Row {
         class: |py| py.get_type::<C>(),
+        add: |module| module.add_class::<C>(),
         read: |value| Some(Arc::new(value.cast::<C>().ok()?.get().law())),
         show: |py, law| Some(object::<C>(py, law.downcast_ref::<C::Law>()?)),
     }
@@ -46,6 +49,11 @@ pub(super) const fn friction<C: LawClass<Law: FrictionLaw>>() -> Row<dyn Frictio
 
 fn object<'py, C: LawClass>(py: Python<'py>, law: &C::Law) -> PyResult<Bound<'py, PyAny>> {
     Ok(Bound::new(py, C::of(law.clone()))?.into_any())
+}
+
+/// Adds the classes to the module of the extension.
+pub(super) fn add<L: ?Sized>(table: &[Row<L>], module: &Bound<'_, PyModule>) -> PyResult<()> {
+    table.iter().try_for_each(|row| (row.add)(module))
 }
 
 /// The law of an argument.

@@ -11,21 +11,27 @@ mod resistance;
 
 pub(crate) use compliant::{CompliantLaw, damping_ratio, restitution};
 pub(crate) use coulomb::CoulombFriction;
-pub(crate) use hunt_crossley::HuntCrossley;
-pub(crate) use regularised::RegularisedFriction;
 pub(crate) use resistance::Resistance;
 
 use crate::core::convert::a_type;
 use crate::core::error::Error;
-use class::{Row, kinds, read, show};
+use class::{Row, add, kinds, read, show};
+use hunt_crossley::HuntCrossley;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use regularised::RegularisedFriction;
 use somersault::contact::laws::{ContactLaw, FrictionLaw, NormalLaw};
 
 static NORMAL: &[Row<dyn NormalLaw>] = &[class::normal::<CompliantLaw>(), class::normal::<HuntCrossley>()];
 
 static FRICTION: &[Row<dyn FrictionLaw>] =
     &[class::friction::<CoulombFriction>(), class::friction::<RegularisedFriction>()];
+
+/// Adds the classes of laws to the module of the extension.
+pub(super) fn add_classes(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    add(NORMAL, module)?;
+    add(FRICTION, module)
+}
 
 /// All laws of a contact.
 pub(crate) fn laws(
