@@ -40,7 +40,7 @@
 //! use somersault_integrators::events::{Crossing, Frozen, Guard, Hybrid, Location, integrate_hybrid};
 //! use somersault_integrators::methods::RungeKutta4;
 //! use somersault_integrators::state::{Pose, RigidBodyState, Twist};
-//! use somersault_integrators::system::System;
+//! use somersault_integrators::system::{OneForm, System};
 //! use std::convert::Infallible;
 //!
 //! struct Driven {
@@ -57,6 +57,7 @@
 //!
 //! impl System for Driven {
 //!     type Configuration = Pose;
+//!     type Forms = OneForm;
 //!     type Workspace = ();
 //!     fn workspace(&self) {}
 //!     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
