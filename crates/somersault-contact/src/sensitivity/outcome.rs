@@ -56,7 +56,7 @@ pub enum SensitivityError {
         /// Number of contacts.
         contacts: usize,
     },
-    /// A parameter is none of those that the law of its contact names.
+    /// The law of the contact has no parameter of that name.
     #[error("`parameters` must name one of {allowed:?} of the {law} of contact {contact}, found {found:?}")]
     NoSuchParameter {
         /// The contact.

@@ -104,9 +104,9 @@ pub struct StabilityRegion {
     /// Area divided by the square of the evaluations per step: the region in units of one evaluation, the
     /// column *Corrected* of Table 6.1.
     pub corrected: f64,
-    /// The largest b for which all λ = iy, 0 < y ≤ b, are stable; 0 where there is none.
+    /// Stability limit on the imaginary axis: the method is stable for λ = iy with 0 < y ≤ b. 0 if for no y.
     pub imaginary_limit: f64,
-    /// The largest a for which all λ = −x, 0 < x ≤ a, are stable; 0 where there is none.
+    /// Stability limit on the negative real axis: the method is stable for λ = −x with 0 < x ≤ a. 0 if for no x.
     pub real_limit: f64,
     /// The boundary in the upper half plane as line segments, unordered; the lower half is its mirror image.
     pub boundary: Vec<[Lambda; 2]>,

@@ -71,12 +71,16 @@ impl MarkerRecording {
         number.ok_or_else(|| RecordingError::UnknownName { name: name.to_owned() })
     }
 
+    /// The marker of this name over all frames.
+    pub fn track(
+        &self,
+        name: &str,
+    ) -> Result<impl ExactSizeIterator<Item = Option<Vector3<f64>>>, RecordingError> {
+        self.marker(name).map(|k| self.column(k))
+    }
+
     /// Marker `k` over all frames.
-    ///
-    /// # Panics
-    /// Where there is no such marker.
-    pub fn track(&self, k: usize) -> impl ExactSizeIterator<Item = Option<Vector3<f64>>> {
-        assert!(k < self.n_markers());
+    fn column(&self, k: usize) -> impl ExactSizeIterator<Item = Option<Vector3<f64>>> {
         self.points.iter().skip(k).step_by(self.n_markers()).copied()
     }
 
@@ -144,7 +148,7 @@ impl MarkerRecording {
     /// The unbroken stretches of marker `k`: first frame, and the frame after the last.
     fn stretches(&self, k: usize) -> Vec<(usize, usize)> {
         let mut stretches: Vec<(usize, usize)> = Vec::new();
-        for (i, point) in self.track(k).enumerate() {
+        for (i, point) in self.column(k).enumerate() {
             match stretches.last_mut() {
                 _ if point.is_none() => {}
                 Some((_, end)) if *end == i => *end += 1,
@@ -201,7 +205,7 @@ mod tests {
         let recording = gapped();
         assert_eq!(recording.n_missing(), 3 + 8);
         let short = recording.fill_gaps(0.21).unwrap();
-        assert_eq!(short.track(0).map(|p| p.is_none()).collect::<Vec<_>>()[3..5], [true, true]);
+        assert_eq!(short.column(0).map(|p| p.is_none()).collect::<Vec<_>>()[3..5], [true, true]);
         assert!((short.frame(9)[0].unwrap() - cubic(0.9)).norm() < 1e-14);
         let all = recording.fill_gaps(0.31).unwrap();
         for (i, &t) in recording.times().iter().enumerate() {

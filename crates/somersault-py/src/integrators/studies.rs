@@ -55,9 +55,9 @@ value! {
         area: f64 = |own| own.0.area;
         /// float: Area divided by the square of the evaluations per step.
         corrected: f64 = |own| own.0.corrected;
-        /// float: Largest b for which all λ = iy, 0 < y ≤ b, are stable; 0 where there is none.
+        /// float: Stability limit on the imaginary axis: the method is stable for λ = iy with 0 < y ≤ b. 0 if for no y.
         imaginary_limit: f64 = |own| own.0.imaginary_limit;
-        /// float: Largest a for which all λ = −x, 0 < x ≤ a, are stable; 0 where there is none.
+        /// float: Stability limit on the negative real axis: the method is stable for λ = −x with 0 < x ≤ a. 0 if for no x.
         real_limit: f64 = |own| own.0.real_limit;
         /// int: Points at which a step failed, counted as outside.
         failed: usize = |own| own.0.failed;

@@ -115,7 +115,7 @@ impl MarkerRecording {
     /// InputError
     ///     If there is no marker of this name.
     fn track<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
-        let track = self.recording.track(self.recording.marker(name)?);
+        let track = self.recording.track(name)?;
         let values = track.flat_map(|p| p.map_or([f64::NAN; 3], Into::into)).collect();
         Ok(array(py, values, &[self.recording.n_frames(), 3])?.into_any())
     }

@@ -17,6 +17,61 @@ pub(crate) trait LawClass: PyClass<Frozen = True> + Into<PyClassInitializer<Self
     fn law(&self) -> Self::Law;
 }
 
+/// Lets a class around a law stand for its type.
+macro_rules! law_class {
+    ($class:ident: $law:ty) => {
+        impl crate::contact::laws::class::LawClass for $class {
+            type Law = $law;
+            fn of(law: $law) -> Self {
+                Self(law)
+            }
+            fn law(&self) -> $law {
+                self.0
+            }
+        }
+    };
+}
+pub(super) use law_class;
+
+/// The same for a normal law, with its force and energy as methods.
+macro_rules! normal_law_class {
+    ($class:ident: $law:ty) => {
+        crate::contact::laws::class::law_class!($class: $law);
+
+        #[pymethods]
+        impl $class {
+            /// The force, N.
+            ///
+            /// Parameters
+            /// ----------
+            /// gap, rate : float
+            ///     Gap, m, and its rate, m/s.
+            ///
+            /// Returns
+            /// -------
+            /// float
+            fn force(&self, gap: f64, rate: f64) -> Result<f64, Error> {
+                Ok(self.0.force(finite("gap", gap)?, finite("rate", rate)?))
+            }
+
+            /// Energy of the spring, J.
+            ///
+            /// Parameters
+            /// ----------
+            /// gap : float
+            ///     Gap, m.
+            ///
+            /// Returns
+            /// -------
+            /// float
+            fn energy(&self, gap: f64) -> Result<f64, Error> {
+                Ok(self.0.energy(finite("gap", gap)?))
+            }
+        }
+    };
+}
+pub(super) use normal_law_class;
+
 /// A row of the table of classes that stand for laws of a kind, `dyn NormalLaw` or `dyn FrictionLaw`.
 pub(super) struct Row<L: ?Sized> {
     class: fn(Python<'_>) -> Bound<'_, PyType>,

@@ -1,10 +1,10 @@
 //! The compliant law of the thesis.
 
-use super::class::LawClass;
+use super::class::normal_law_class;
 use crate::core::convert::finite;
 use crate::core::error::Error;
+use crate::core::value::value;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
 use somersault::contact::laws::{NormalLaw, compliant};
 
 /// Spring and damper that push and never pull (thesis 7.10).
@@ -32,6 +32,15 @@ use somersault::contact::laws::{NormalLaw, compliant};
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct CompliantLaw(pub(crate) compliant::CompliantLaw);
+
+value! {
+    impl CompliantLaw(stiffness, damping) {
+        /// float: k, N/m.
+        stiffness: f64 = |own| own.0.stiffness();
+        /// float: c, N s/m.
+        damping: f64 = |own| own.0.damping();
+    }
+}
 
 #[pymethods]
 impl CompliantLaw {
@@ -71,18 +80,6 @@ impl CompliantLaw {
         Ok(Self(compliant::CompliantLaw::from_restitution(effective_mass, stiffness, restitution)?))
     }
 
-    /// float: k, N/m.
-    #[getter]
-    fn stiffness(&self) -> f64 {
-        self.0.stiffness()
-    }
-
-    /// float: c, N s/m.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.0.damping()
-    }
-
     /// Coefficient of restitution of a central impact under no other force.
     ///
     /// Parameters
@@ -97,52 +94,12 @@ impl CompliantLaw {
         Ok(self.0.restitution(effective_mass)?)
     }
 
-    /// The force, N.
-    ///
-    /// Parameters
-    /// ----------
-    /// gap, rate : float
-    ///     Gap, m, and its rate, m/s.
-    ///
-    /// Returns
-    /// -------
-    /// float
-    fn force(&self, gap: f64, rate: f64) -> Result<f64, Error> {
-        Ok(self.0.force(finite("gap", gap)?, finite("rate", rate)?))
-    }
-
-    /// Energy of the spring, J.
-    ///
-    /// Parameters
-    /// ----------
-    /// gap : float
-    ///     Gap, m.
-    ///
-    /// Returns
-    /// -------
-    /// float
-    fn energy(&self, gap: f64) -> Result<f64, Error> {
-        Ok(self.0.energy(finite("gap", gap)?))
-    }
-
     fn __repr__(&self) -> String {
         format!("CompliantLaw({:?}, damping={:?})", self.0.stiffness(), self.0.damping())
     }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64)) {
-        (slf.get_type(), (slf.get().stiffness(), slf.get().damping()))
-    }
 }
 
-impl LawClass for CompliantLaw {
-    type Law = compliant::CompliantLaw;
-    fn of(law: Self::Law) -> Self {
-        Self(law)
-    }
-    fn law(&self) -> Self::Law {
-        self.0
-    }
-}
+normal_law_class!(CompliantLaw: compliant::CompliantLaw);
 
 /// Coefficient of restitution at a damping ratio ζ ≥ 0, where contact ends as the force returns to zero.
 ///

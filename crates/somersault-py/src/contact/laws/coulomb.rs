@@ -1,9 +1,9 @@
 //! Friction that sticks and slips.
 
-use super::class::LawClass;
+use super::class::law_class;
 use crate::core::error::Error;
+use crate::core::value::value;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
 use somersault::contact::laws::coulomb;
 
 /// Coulomb's law: a spring and a damper in series with a slider.
@@ -26,6 +26,19 @@ use somersault::contact::laws::coulomb;
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct CoulombFriction(pub(crate) coulomb::CoulombFriction);
 
+value! {
+    impl CoulombFriction(coefficient, stiffness, damping, static_coefficient) {
+        /// float: μ.
+        coefficient: f64 = |own| own.0.coefficient();
+        /// float: k, N/m.
+        stiffness: f64 = |own| own.0.stiffness();
+        /// float: c, N s/m.
+        damping: f64 = |own| own.0.damping();
+        /// float: μ_s.
+        static_coefficient: f64 = |own| own.0.static_coefficient();
+    }
+}
+
 #[pymethods]
 impl CoulombFriction {
     #[new]
@@ -40,49 +53,11 @@ impl CoulombFriction {
         Ok(Self(static_coefficient.map_or(Ok(law), |found| law.with_static(found))?))
     }
 
-    /// float: μ.
-    #[getter]
-    fn coefficient(&self) -> f64 {
-        self.0.coefficient()
-    }
-
-    /// float: k, N/m.
-    #[getter]
-    fn stiffness(&self) -> f64 {
-        self.0.stiffness()
-    }
-
-    /// float: c, N s/m.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.0.damping()
-    }
-
-    /// float: μ_s.
-    #[getter]
-    fn static_coefficient(&self) -> f64 {
-        self.0.static_coefficient()
-    }
-
     fn __repr__(&self) -> String {
         let (mu, k, c, s) = (self.coefficient(), self.stiffness(), self.damping(), self.static_coefficient());
         let holding = if s == mu { String::new() } else { format!(", static_coefficient={s:?}") };
         format!("CoulombFriction({mu:?}, {k:?}, {c:?}{holding})")
     }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64, f64, f64)) {
-        let law = slf.get();
-        let arguments = (law.coefficient(), law.stiffness(), law.damping(), law.static_coefficient());
-        (slf.get_type(), arguments)
-    }
 }
 
-impl LawClass for CoulombFriction {
-    type Law = coulomb::CoulombFriction;
-    fn of(law: Self::Law) -> Self {
-        Self(law)
-    }
-    fn law(&self) -> Self::Law {
-        self.0
-    }
-}
+law_class!(CoulombFriction: coulomb::CoulombFriction);

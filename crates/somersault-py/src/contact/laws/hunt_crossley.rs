@@ -1,10 +1,10 @@
 //! The law of Hunt and Crossley.
 
-use super::class::LawClass;
+use super::class::normal_law_class;
 use crate::core::convert::finite;
 use crate::core::error::Error;
+use crate::core::value::value;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
 use somersault::contact::laws::{NormalLaw, hunt_crossley};
 
 /// Hertz's spring with the damper of Hunt and Crossley, which grows with the penetration.
@@ -26,6 +26,15 @@ use somersault::contact::laws::{NormalLaw, hunt_crossley};
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct HuntCrossley(hunt_crossley::HuntCrossley);
+
+value! {
+    impl HuntCrossley(stiffness, damping) {
+        /// float: k, N/m^{3/2}.
+        stiffness: f64 = |own| own.0.stiffness();
+        /// float: α, s/m.
+        damping: f64 = |own| own.0.damping();
+    }
+}
 
 #[pymethods]
 impl HuntCrossley {
@@ -73,18 +82,6 @@ impl HuntCrossley {
         Ok(Self(hunt_crossley::HuntCrossley::from_restitution(stiffness, restitution, speed)?))
     }
 
-    /// float: k, N/m^{3/2}.
-    #[getter]
-    fn stiffness(&self) -> f64 {
-        self.0.stiffness()
-    }
-
-    /// float: α, s/m.
-    #[getter]
-    fn damping(&self) -> f64 {
-        self.0.damping()
-    }
-
     /// Coefficient of restitution of a central impact under no other force.
     ///
     /// Parameters
@@ -99,49 +96,9 @@ impl HuntCrossley {
         Ok(self.0.restitution(speed)?)
     }
 
-    /// The force, N.
-    ///
-    /// Parameters
-    /// ----------
-    /// gap, rate : float
-    ///     Gap, m, and its rate, m/s.
-    ///
-    /// Returns
-    /// -------
-    /// float
-    fn force(&self, gap: f64, rate: f64) -> Result<f64, Error> {
-        Ok(self.0.force(finite("gap", gap)?, finite("rate", rate)?))
-    }
-
-    /// Energy of the spring, J.
-    ///
-    /// Parameters
-    /// ----------
-    /// gap : float
-    ///     Gap, m.
-    ///
-    /// Returns
-    /// -------
-    /// float
-    fn energy(&self, gap: f64) -> Result<f64, Error> {
-        Ok(self.0.energy(finite("gap", gap)?))
-    }
-
     fn __repr__(&self) -> String {
         format!("HuntCrossley({:?}, damping={:?})", self.0.stiffness(), self.0.damping())
     }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64)) {
-        (slf.get_type(), (slf.get().stiffness(), slf.get().damping()))
-    }
 }
 
-impl LawClass for HuntCrossley {
-    type Law = hunt_crossley::HuntCrossley;
-    fn of(law: Self::Law) -> Self {
-        Self(law)
-    }
-    fn law(&self) -> Self::Law {
-        self.0
-    }
-}
+normal_law_class!(HuntCrossley: hunt_crossley::HuntCrossley);

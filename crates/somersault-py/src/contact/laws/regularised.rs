@@ -1,9 +1,9 @@
 //! Friction without modes.
 
-use super::class::LawClass;
+use super::class::law_class;
 use crate::core::error::Error;
+use crate::core::value::value;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
 use somersault::contact::laws::regularised;
 
 /// Coulomb's law made smooth: F = −μ Fₙ v/√(v² + v_ε²). It has no modes, and cannot hold a body on a slope.
@@ -18,6 +18,15 @@ use somersault::contact::laws::regularised;
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct RegularisedFriction(regularised::RegularisedFriction);
 
+value! {
+    impl RegularisedFriction(coefficient, speed) {
+        /// float: μ.
+        coefficient: f64 = |own| own.0.coefficient();
+        /// float: v_ε, m/s.
+        speed: f64 = |own| own.0.speed();
+    }
+}
+
 #[pymethods]
 impl RegularisedFriction {
     #[new]
@@ -25,33 +34,9 @@ impl RegularisedFriction {
         Ok(Self(regularised::RegularisedFriction::try_new(coefficient, speed)?))
     }
 
-    /// float: μ.
-    #[getter]
-    fn coefficient(&self) -> f64 {
-        self.0.coefficient()
-    }
-
-    /// float: v_ε, m/s.
-    #[getter]
-    fn speed(&self) -> f64 {
-        self.0.speed()
-    }
-
     fn __repr__(&self) -> String {
         format!("RegularisedFriction({:?}, {:?})", self.coefficient(), self.speed())
     }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> (Bound<'py, PyType>, (f64, f64)) {
-        (slf.get_type(), (slf.get().coefficient(), slf.get().speed()))
-    }
 }
 
-impl LawClass for RegularisedFriction {
-    type Law = regularised::RegularisedFriction;
-    fn of(law: Self::Law) -> Self {
-        Self(law)
-    }
-    fn law(&self) -> Self::Law {
-        self.0
-    }
-}
+law_class!(RegularisedFriction: regularised::RegularisedFriction);
