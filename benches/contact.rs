@@ -6,8 +6,8 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use somersault::contact::models::SpinningTop;
-use somersault::integrators::driver::Adaptive;
-use somersault::integrators::events::{Location, integrate_located, integrate_located_adaptive};
+use somersault::integrators::driver::{Adaptive, Steps};
+use somersault::integrators::events::Location;
 use somersault::integrators::stepper::Scope;
 use somersault::prelude::*;
 use std::hint::black_box;
@@ -18,25 +18,21 @@ const STEPS: u64 = 1_000;
 fn steps(c: &mut Criterion) {
     let top = SpinningTop::thesis().expect("the top of the thesis");
     let free = RigidBodySystem::new(top.system.body, Gravity::earth());
-    let (options, location) = (Options::default(), Location::default());
+    let location = Location::default();
     // In 10 ms from the start the tip does not touch; after 0.2 s it never leaves.
     let grid = TimeGrid::try_with_steps(0.0, 0.01, STEPS).expect("a forward interval");
     let settle = TimeGrid::try_new(0.0, 0.2, 1e-4).expect("a forward interval");
-    let settled =
-        integrate_located(Method::RkmkB, options, &top.system, &top.start, &settle, &location, &mut ())
-            .expect("a run of the top");
+    let settled = Run::new(&top.system, Method::RkmkB, settle).locating(location).from(&top.start);
+    let settled = settled.expect("a run of the top");
     for method in Method::ALL.into_iter().filter(|m| m.info().scope != Scope::TorqueFree) {
         let mut group = c.benchmark_group(method.info().name);
         group.throughput(Throughput::Elements(STEPS));
         group.bench_function("contact_free", |b| {
-            b.iter(|| Run::new(&free, method, grid).with_options(options).from(black_box(&top.start)))
+            b.iter(|| Run::new(&free, method, grid).from(black_box(&top.start)))
         });
         for (name, start) in [("guarded", &top.start), ("in_contact", &settled.state)] {
             group.bench_function(name, |b| {
-                b.iter(|| {
-                    let start = black_box(start);
-                    integrate_located(method, options, &top.system, start, &grid, &location, &mut ())
-                })
+                b.iter(|| Run::new(&top.system, method, grid).locating(location).from(black_box(start)))
             });
         }
         group.finish();
@@ -46,34 +42,16 @@ fn steps(c: &mut Criterion) {
 fn one_second(c: &mut Criterion) {
     let top = SpinningTop::thesis().expect("the top of the thesis");
     let grid = TimeGrid::try_new(0.0, 1.0, 1e-3).expect("a forward interval");
+    let run = |method: Method, steps: Steps| {
+        Run::new(&top.system, method, steps).locating(Location::default()).from(black_box(&top.start))
+    };
     let mut group = c.benchmark_group("one_second_of_the_top");
     for method in [Method::RkmkB, Method::Rkmk5B, Method::Rkmk8B] {
-        group.bench_function(method.info().name, |b| {
-            b.iter(|| {
-                let (start, location) = (black_box(&top.start), Location::default());
-                integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ())
-            })
-        });
+        group.bench_function(method.info().name, |b| b.iter(|| run(method, grid.into())));
     }
     for (method, tolerance) in [(Method::Rkmk5B, 1e-9), (Method::Rkmk8B, 1e-9), (Method::Rkmk8B, 1e-11)] {
-        let settings = Adaptive::with_tolerances(tolerance, tolerance);
-        let options = Options::default();
-        group.bench_function(format!("{method}_adaptive_{tolerance:e}"), |b| {
-            b.iter(|| {
-                let (start, location) = (black_box(&top.start), Location::default());
-                let (system, interval) = (&top.system, (0.0, 1.0));
-                integrate_located_adaptive(
-                    method,
-                    options,
-                    system,
-                    start,
-                    interval,
-                    &settings,
-                    &location,
-                    &mut (),
-                )
-            })
-        });
+        let steps = Steps::adapted((0.0, 1.0), Adaptive::with_tolerances(tolerance, tolerance));
+        group.bench_function(format!("{method}_adaptive_{tolerance:e}"), |b| b.iter(|| run(method, steps)));
     }
     group.finish();
 }

@@ -10,14 +10,10 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::body::RigidBody;
-use somersault::integrators::driver::Steps;
-use somersault::integrators::events::{
-    HybridBodies, Interrupted, Located, LocatedResult, Location, integrate_located,
-    integrate_located_adaptive,
-};
+use somersault::integrators::events::{Interrupted, Located, Location};
 use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
 use somersault::integrators::state::{RigidBodyState, State, Twist};
-use somersault::integrators::system::{StateOf, System};
+use somersault::integrators::system::System;
 use somersault::integrators::variation::Tangent;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -110,7 +106,8 @@ impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S
         plan: &Plan,
         observer: &mut Monitor<Held<S>>,
     ) -> Ended<Held<S>> {
-        let (status, located) = match plan.locate(&self.system, initial, &self.location, observer) {
+        let run = plan.run(&self.system).locating(self.location).observed_by(observer);
+        let (status, located) = match run.from(initial) {
             Ok(located) => (Ok(located.status), located),
             Err(interrupted) => {
                 let Interrupted { reason, so_far } = *interrupted;
@@ -122,25 +119,5 @@ impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S
         let events =
             Events { trials, substeps, count: event_count, contacts: self.contacts, events, stretches };
         Ended { status, rejected, nfev: self.system.0.evaluations(), events }
-    }
-}
-
-impl Plan {
-    fn locate<S: HybridBodies<Configuration: Seen>>(
-        &self,
-        system: &S,
-        initial: &StateOf<S>,
-        location: &Location,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> LocatedResult<S> {
-        let Self { method, options, .. } = *self;
-        match &self.steps {
-            Steps::Fixed(grid) => {
-                integrate_located(method, options, system, initial, grid, location, observer)
-            }
-            Steps::Adapted { interval, settings } => integrate_located_adaptive(
-                method, options, system, initial, *interval, settings, location, observer,
-            ),
-        }
     }
 }
