@@ -1,11 +1,14 @@
 //! Time per step of the spinning top of thesis 7.3.2: without contacts, with the guard of its tip watched in
-//! flight, and with the contact active; and the time of one second with its seven events, with fixed and with
-//! adapted steps.
+//! flight, and with the contact active; the time of one second with its seven events, with fixed and with adapted
+//! steps; and that of a box dropped on a corner, whose friction is a law asked through its object.
 //!
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use somersault::contact::models::SpinningTop;
+use somersault::contact::laws::ContactLaw;
+use somersault::contact::laws::compliant::CompliantLaw;
+use somersault::contact::laws::regularised::RegularisedFriction;
+use somersault::contact::models::{FallingBox, SpinningTop};
 use somersault::integrators::driver::{Adaptive, Steps};
 use somersault::integrators::events::Location;
 use somersault::integrators::stepper::Scope;
@@ -56,12 +59,30 @@ fn one_second(c: &mut Criterion) {
     group.finish();
 }
 
+/// The box dropped on a corner: eight contacts, the steps of 0.1 ms of its first half second.
+fn box_with_regularised_friction(c: &mut Criterion) {
+    let normal = CompliantLaw::try_new(400.0, 4.0).expect("a spring and a damper");
+    let friction = RegularisedFriction::try_new(0.3, 0.1).expect("a coefficient and a speed");
+    let law = ContactLaw::from(normal).with_friction(friction);
+    let model = FallingBox::try_new(1.0, Vector3::new(0.3, 0.2, 0.1), law).expect("a box");
+    let (start, location) = (model.on_corner(0.1, 0.4), Location::default());
+    let grid = TimeGrid::try_new(0.0, 0.5, 1e-4).expect("a forward interval");
+    let mut group = c.benchmark_group("box_with_regularised_friction");
+    group.throughput(Throughput::Elements(grid.steps()));
+    for method in [Method::Rkmk, Method::RkmkB, Method::Rkmk8B] {
+        group.bench_function(method.info().name, |b| {
+            b.iter(|| Run::new(&model.system, method, grid).locating(location).from(black_box(&start)))
+        });
+    }
+    group.finish();
+}
+
 criterion_group! {
     name = contact;
     config = Criterion::default()
         .sample_size(20)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_millis(600));
-    targets = steps, one_second
+    targets = steps, one_second, box_with_regularised_friction
 }
 criterion_main!(contact);
