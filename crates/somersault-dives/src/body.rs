@@ -45,7 +45,7 @@ const SEGMENTS: [(&str, f64, End); 15] = {
 enum End {
     /// At the joint of this body.
     Joint(&'static str),
-    /// Its centre of mass lies at this share of its length (de Leva 1996, Table 4).
+    /// Its centre of mass lies at this fraction of its length (de Leva 1996, Table 4).
     Span(f64),
     /// It is a sphere.
     None,
@@ -74,7 +74,7 @@ impl Body {
                     let placement = model.placement(model.body(child)?);
                     placement.map(|p| Vector3::new(0.0, 0.0, p.translation.z))
                 }
-                End::Span(share) => Some(center / *share),
+                End::Span(fraction) => Some(center / *fraction),
                 End::None => None,
             };
             let volume = inertia.mass() / density;

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
-/// Meshes in a row that leave more than this share of the least error before them, after which there is no other.
+/// Meshes in a row that leave more than this fraction of the least error before them, after which there is no other.
 const PATIENCE: usize = 5;
 const WORTHWHILE: f64 = 0.5;
 /// Meshes in a row whose programs end at their limit of iterations, after which there is no other.

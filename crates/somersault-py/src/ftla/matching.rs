@@ -7,7 +7,7 @@ use super::placement::Placement;
 use super::run::{Run, attend};
 use super::settings::limits_of;
 use super::watched::Watched;
-use crate::core::convert::{positive, real_numbers, with_shape};
+use crate::core::convert::{finite_all, positive, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
@@ -82,11 +82,7 @@ fn numbers(p: &DVector<f64>) -> Vec<f64> {
 
 /// Finite numbers, so many of them.
 pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
-    let values = with_shape(name, &[n], value)?;
-    match values.iter().find(|x| !x.is_finite()) {
-        Some(found) => Err(Error::input(format!("`{name}` must be finite, found {found}"))),
-        None => Ok(values),
-    }
+    finite_all(name, with_shape(name, &[n], value)?)
 }
 
 /// What is done with a match.

@@ -9,61 +9,14 @@ use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
-use somersault::integrators::body::RigidBody;
+use somersault::integrators::counted::Counted;
 use somersault::integrators::events::{Interrupted, Located, Location};
-use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
-use somersault::integrators::state::{RigidBodyState, State, Twist};
+use somersault::integrators::force::BoxedForce;
+use somersault::integrators::state::State;
 use somersault::integrators::system::System;
-use somersault::integrators::variation::Tangent;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Models that add up and count how often they are evaluated.
-pub(crate) struct CountedForces {
-    models: Vec<BoxedForce>,
-    calls: AtomicU64,
-}
-
-impl CountedForces {
-    /// The sum of `models`.
-    pub(crate) fn new(models: Vec<BoxedForce>) -> Self {
-        Self { models, calls: AtomicU64::new(0) }
-    }
-}
-
-#[deny(clippy::missing_trait_methods)]
-impl ForceModel for CountedForces {
-    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
-        self.calls.fetch_add(1, Ordering::Relaxed);
-        self.models.wrench(t, body, x)
-    }
-    fn is_free(&self) -> bool {
-        self.models.is_free()
-    }
-    fn is_torque_free(&self) -> bool {
-        self.models.is_torque_free()
-    }
-    fn depends_on_velocity(&self) -> bool {
-        self.models.depends_on_velocity()
-    }
-    fn wrench_variation(
-        &self,
-        t: f64,
-        body: &RigidBody,
-        x: &RigidBodyState,
-        along: &Tangent<Twist>,
-    ) -> Wrench {
-        self.models.wrench_variation(t, body, x, along)
-    }
-    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
-        self.models.mass_derivative(t, body, x)
-    }
-    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
-        self.models.bound(body, reach)
-    }
-    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
-        self.models.potential(body, x)
-    }
-}
+type CountedForces = Counted<Vec<BoxedForce>>;
 
 /// Bodies with contacts whose events are located.
 pub(crate) struct InContact<S> {
@@ -83,14 +36,14 @@ pub(crate) trait Evaluated {
 
 impl Evaluated for BodyInContact<CountedForces> {
     fn evaluations(&self) -> u64 {
-        self.forces.0.calls.load(Ordering::Relaxed)
+        self.forces.0.calls()
     }
 }
 
 impl Evaluated for BodiesInContact<CountedForces> {
     fn evaluations(&self) -> u64 {
         // Every evaluation asks for the forces on every body.
-        self.forces().first().map_or(0, |forces| forces.calls.load(Ordering::Relaxed))
+        self.forces().first().map_or(0, |forces| forces.calls())
     }
 }
 
