@@ -1,4 +1,4 @@
-"""The guided tour: what the library computes, held against what the thesis prints.
+"""The guided tour: what the library computes, checked against what the thesis prints.
 
 It is a program of the repository, run by `make tour`, and not part of the package. `run` writes a folder of
 pages that need nothing from outside it. Each chapter is a module of `tour.chapters` with a `TITLE` and a

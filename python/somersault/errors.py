@@ -99,7 +99,7 @@ class ExportError(SomersaultError):
 
 
 class SweepError(SomersaultError):
-    """A sweep could not go on: its directory is in use, or its cluster went away."""
+    """A sweep could not continue: its directory is in use, or its cluster went away."""
 
 
 class ReadWarning(UserWarning):

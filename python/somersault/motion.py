@@ -3,7 +3,7 @@
 Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
 named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned. A `MarkerFit` lays a
 model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` describe motions; a
-`ScoringModel` learns scores, and `validate` says what they are worth.
+`ScoringModel` learns scores, and `validate` measures how accurate they are.
 
 | Format | Reader | Writer | Of |
 |---|---|---|---|

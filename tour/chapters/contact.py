@@ -75,7 +75,7 @@ def _section(measurements: Measurements) -> Axes:
 
 
 def _scene(measurements: Measurements) -> viewer.Scene:
-    """The top as it moves, with the way of its tip, and whether it touches the ground."""
+    """The top as it moves, with the path of its tip, and whether it touches the ground."""
     top, motion = measurements.top, measurements.top_motion
     radius, thickness = thesis.TOP_DISK
     tip, half = top.contacts[0].point, thickness / 2

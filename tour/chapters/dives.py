@@ -1,4 +1,4 @@
-"""Chapter 3 of the thesis: the planar and the spatial dive, found and integrated anew."""
+"""Chapter 3 of the thesis: the planar and the spatial dive, found and re-integrated."""
 
 from __future__ import annotations
 
@@ -153,12 +153,12 @@ def _table(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
             error_size(verified.momentum_drift),
         ],
         [
-            words("somersaults, found and integrated anew"),
+            words("somersaults, found and re-integrated"),
             f"{dive.somersaults[-1]:.6f} · {verified.somersaults:.6f}",
         ],
-        [words("twists, found and integrated anew"), f"{dive.twists[-1]:.6f} · {verified.twists:.6f}"],
+        [words("twists, found and re-integrated"), f"{dive.twists[-1]:.6f} · {verified.twists:.6f}"],
         [
-            words("entry off the vertical, found and integrated anew, °"),
+            words("entry off the vertical, found and re-integrated, °"),
             " · ".join(
                 error_size(float(np.degrees(angle))) for angle in (dive.entry_angle, verified.entry_angle)
             ),
@@ -176,7 +176,7 @@ def _table(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     if verified.least_distance is not None and verified.nearest_limbs is not None:
         limbs = " and ".join(name.replace("_", " ") for name in verified.nearest_limbs)
         rows.append(
-            [words(f"least distance of limbs, mm ({limbs})"), number(1e3 * verified.least_distance, 1)]
+            [words(f"minimum distance of limbs, mm ({limbs})"), number(1e3 * verified.least_distance, 1)]
         )
     x, _, z = verified.take_off_velocity
     rows.append([words("velocity at take-off, ahead and up, m/s"), f"{x:.2f} · {z:.2f}"])
@@ -306,7 +306,7 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         " work; for"
         " them the penalty counts rates over the distance from A to H. Explicit Euler (2.8) on the full"
         " dynamics, as the thesis has it, does not keep the momentum: it rises while the diver folds and"
-        " falls when he opens, so that the same weight turns too far, and what is optimal there lives off"
+        " falls when he opens, so that the same weight turns too far, and what is optimal there exploits"
         " its steps.",
     )
 
@@ -407,7 +407,7 @@ def write(page: Page, measurements: Measurements) -> None:
         f" {twisting.duration:g} s instead of {pike.duration:g} s. The"
         f" planar dive is found in {1e3 * pike_seconds:.0f} ms and the spatial one in"
         f" {twisting_seconds:.1f} s."
-        f" Integrated anew, they enter the water {np.degrees(pike.verify().entry_angle):.2g}° and"
+        f" Re-integrated, they enter the water {np.degrees(pike.verify().entry_angle):.2g}° and"
         f" {np.degrees(twisting.verify().entry_angle):.2g}° off the vertical."
     )
     _pike(page, pike, pike_seconds)

@@ -117,6 +117,6 @@ def _bound(page: Page, measurements: Measurements) -> None:
             ]
             for name, study in ((name, measurements.energy[name]) for name in shown)
         ],
-        "Green: within the bound in every step of every prism. A multistep method is held against the"
-        " momentum that its start-up leaves. <code>sie</code> is there to compare with.",
+        "Green: within the bound in every step of every prism. A multistep method is checked against the"
+        " momentum that its start-up leaves. <code>sie</code> serves for comparison.",
     )

@@ -237,10 +237,8 @@ def _components(page: Page, twisting: ocp.DiveSolution) -> None:
         (words("components"), *map(str, range(1, n + 1))),
         [[words("fraction of the variance, %"), *(number(100.0 * s, 6) for s in fraction[:n])]],
         f"The {joints.shape[1]} joint angles of 5174D are combinations of five weights. Principal components"
-        " know"
-        f" nothing of that, and find {np.searchsorted(fraction, 1.0 - 1e-12) + 1} directions with more than"
-        " 10⁻¹² of the"
-        " variance between them.",
+        f" do not use that, and find {np.searchsorted(fraction, 1.0 - 1e-12) + 1} directions with more than"
+        " 10⁻¹² of the variance between them.",
     )
     halves = [joints[: len(joints) // 2], joints[len(joints) // 2 :]]
     common = motion.common_eigenpostures(halves, 2)

@@ -45,7 +45,7 @@ const SEGMENTS: [(&str, f64, End); 15] = {
 enum End {
     /// At the joint of this body.
     Joint(&'static str),
-    /// Its centre of mass lies at this share of its length (de Leva 1996, Table 4).
+    /// Its centre of mass lies at this fraction of its length (de Leva 1996, Table 4).
     Span(f64),
     /// It is a sphere.
     None,

@@ -28,7 +28,7 @@ pub(crate) fn bezier_points(basis: &UniformBasis, pieces: usize) -> Vec<BezierPo
     for interval in 0..n_intervals {
         for piece in 0..pieces {
             let share = (interval * pieces + piece) as f64 / (n_intervals * pieces) as f64;
-            // derivatives by the share of a piece, over j!
+            // derivatives by the fraction of a piece, over j!
             let length = 1.0 / (n_intervals * pieces) as f64;
             let mut scale = 1.0;
             let mut taylor = Vec::with_capacity(d + 1);

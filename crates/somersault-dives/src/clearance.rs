@@ -26,7 +26,7 @@ pub(crate) struct ClearanceRows {
     first_row: usize,
     /// Least value of the rows of each pair, m.
     bounds: Vec<f64>,
-    /// Shares of the duration.
+    /// Fractions of the duration.
     shares: Vec<f64>,
     /// Columns on which the posture at each time depends, and their parameters.
     columns: Vec<Vec<(usize, usize)>>,
@@ -113,7 +113,7 @@ impl ClearanceRows {
         &self.whole
     }
 
-    /// Shares of the duration at which the clearance is a constraint.
+    /// Fractions of the duration at which the clearance is a constraint.
     pub(crate) fn shares(&self) -> &[f64] {
         &self.shares
     }
@@ -281,7 +281,7 @@ impl ClearanceRows {
     }
 }
 
-/// For each pair the least distance over a grid of postures between those of the dive.
+/// For each pair the minimum distance over a grid of postures between those of the dive.
 fn least_distances(
     dive: &Dive,
     model: &Model,

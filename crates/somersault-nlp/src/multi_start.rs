@@ -28,7 +28,7 @@ pub struct MultiStart<S> {
 /// A minimum, with all starts that led to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum {
-    /// The solve of least cost.
+    /// The solve of lowest cost.
     pub report: Report,
     /// Indices of the starts, ascending.
     pub starts: Vec<usize>,
@@ -57,7 +57,7 @@ pub enum FailureCause {
 /// What became of all starts.
 #[derive(Debug)]
 pub struct MultiStartReport {
-    /// Distinct minima, least cost first.
+    /// Distinct minima, lowest cost first.
     pub minima: Vec<Minimum>,
     /// All other starts, by index.
     pub failures: Vec<Failure>,

@@ -1,6 +1,6 @@
 """The command ``somersault``, also ``python -m somersault``.
 
-Exit codes: 0, done; 1, the computation did not succeed, and what there is of it was written; 2, the command
+Exit codes: 0, done; 1, the computation did not succeed, and the result so far was written; 2, the command
 line or an input file is wrong, and the message says where; 3, something that is not installed is needed; 130,
 interrupted.
 """
@@ -20,7 +20,7 @@ __all__ = ["main"]
 
 _EXIT = """exit codes:
   0    done
-  1    the computation did not succeed; what there is of it was written
+  1    the computation did not succeed; the result so far was written
   2    the command line or an input file is wrong; the message says where
   3    something that is not installed is needed; the message says what
   130  interrupted"""

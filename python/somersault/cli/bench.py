@@ -1,4 +1,4 @@
-"""`somersault bench`: what accuracy costs here, by method."""
+"""`somersault bench`: time to an accuracy on this machine, by method."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ _STEPS = 10.0 ** np.arange(-1.0, -4.01, -1 / 3)
 
 def bench(arguments: argparse.Namespace) -> int:
     """Times each method at several steps, and writes error and time of each run."""
+    if arguments.out:
+        tables.check(arguments.out)
     table = somersault.methods()
     names = [somersault.integrators.method(name).name for name in arguments.methods] or table.names
     problem = studies.Problem.case(arguments.case)

@@ -7,7 +7,7 @@ use super::DiveProgram;
 use crate::DiveError;
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Multipliers of inequalities below this share of the largest are rounding of a quadratic program.
+/// Multipliers of inequalities below this fraction of the largest are rounding of a quadratic program.
 const ACTIVE: f64 = 1e-6;
 /// Singular values of normalised gradients that count as independent.
 const RANK: f64 = 1e-6;

@@ -43,7 +43,7 @@ pub struct DiveProgram {
     rates: [Quadratic; 2],
     rate_unit: f64,
     linear: Vec<LinearRow>,
-    /// Shares of the duration at which clearances are constraints beside the equidistant ones.
+    /// Fractions of the duration at which clearances are constraints beside the equidistant ones.
     added: Vec<f64>,
     /// Where the Jacobian has the gradients of the angles, row by row.
     angle_places: Vec<usize>,
@@ -82,12 +82,12 @@ impl DiveProgram {
         Self::with_times(dive, Vec::new())
     }
 
-    /// The same, with clearances as constraints at the given shares of the duration, too.
+    /// The same, with clearances as constraints at the given fractions of the duration, too.
     pub(crate) fn with_clearance_at(&self, shares: &[f64]) -> Result<Self, DiveError> {
         Self::with_times(&self.dive, [&self.added, shares].concat())
     }
 
-    /// Shares of the duration at which clearances are constraints beside the equidistant ones.
+    /// Fractions of the duration at which clearances are constraints beside the equidistant ones.
     pub(crate) fn added(&self) -> &[f64] {
         &self.added
     }

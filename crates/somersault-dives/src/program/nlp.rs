@@ -18,7 +18,7 @@ impl DiveProgram {
         for (quadratic, penalty, power) in
             [(&self.rates[0], penalties.rate, 1), (&self.rates[1], penalties.acceleration, 3)]
         {
-            // by the share of the duration: dt = T dx, d/dt = (1/T) d/dx
+            // by the fraction of the duration: dt = T dx, d/dt = (1/T) d/dx
             let factor = penalty * self.rate_unit * duration.powi(-power);
             let value = factor * quadratic.evaluate(p, factor, gradient.as_deref_mut());
             cost += value;

@@ -13,7 +13,7 @@ use crate::system::{Decoder, StateOf, System, Unchanged};
 
 /// Integrates bodies with modes by a method of the table, with a fixed step, locating events.
 ///
-/// The steps have the size of the grid, counted anew from each event. While springs act that a step is too long for it
+/// The steps have the size of the grid, counted again from each event. While springs act that a step is too long for it
 /// is divided, and further where the energy grows; see [`StiffSteps`](super::StiffSteps). The observer sees every
 /// committed step, those that end at events among them, with its curve.
 ///

@@ -125,7 +125,7 @@ pub enum Behaviour {
 /// Result of the study for one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnergyStudy {
-    /// The extremes after each number of steps asked for.
+    /// The extremes after each number of steps requested.
     ///
     /// Where every body's step failed both are NaN.
     pub extremes: Vec<EnergyExtremes>,
@@ -196,7 +196,7 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
     })
 }
 
-/// Energy ratios of one body at the steps asked for, and what [`EnergyStudy`] says of all bodies.
+/// Energy ratios of one body at the steps requested, and what [`EnergyStudy`] says of all bodies.
 struct Run {
     ratios: Vec<f64>,
     fraction_of_bound: f64,

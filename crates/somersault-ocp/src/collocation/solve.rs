@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
 const USABLE: f64 = 1e-4;
-/// Meshes in a row that leave more than this share of the least error before them, after which there is no other.
+/// Meshes in a row that leave more than this fraction of the least error before them, after which there is no other.
 const PATIENCE: usize = 5;
 const WORTHWHILE: f64 = 0.5;
 /// Meshes in a row whose programs end at their limit of iterations, after which there is no other.
@@ -60,7 +60,7 @@ pub enum CollocationStatus {
     /// The program converged on a mesh where all estimated errors meet the tolerance ([`Accuracy::meets`]), and the motion
     /// was confirmed by integration.
     Converged,
-    /// The program converged, but its solution is not a motion: integrated anew it leaves its own nodes by more than the tolerance
+    /// The program converged, but its solution is not a motion: on re-integration it leaves its own nodes by more than the tolerance
     /// though its mesh should meet it, or by more than 10⁻² of the states whatever the mesh.
     FalseConvergence,
     /// The last mesh does not meet the tolerance, and no other is allowed or finer ones do not help: [`Accuracy::shortfall`]

@@ -1,10 +1,10 @@
-//! The splines of a joint motion at fixed shares of its duration, by their parameters.
+//! The splines of a joint motion at fixed fractions of its duration, by their parameters.
 
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 
-/// For each share and channel the parameters that act there, with the basis functions and their first two derivatives by
-/// the share; conditions at the ends are part of them.
+/// For each fraction and channel the parameters that act there, with the basis functions and their first two derivatives by the
+/// fraction; conditions at the ends are part of them.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     n_channels: usize,

@@ -18,9 +18,9 @@ use somersault_multibody::{DynamicsError, Group, Joint, Model};
 
 /// Orientations of the root at the nodes of a flight whose joints follow a [`SplineMotion`].
 ///
-/// By the share x of the duration T the equation of motion is dR/dx = R (T ω)^ with
+/// By the fraction x of the duration T the equation of motion is dR/dx = R (T ω)^ with
 /// T ω = I(s)⁻¹ (Rᵀ T L − A(s) s′): duration and angular momentum matter by their product alone, the *turn momentum*
-/// T L, and the rates are those by the share. In the plane all vectors count by their component along the normal, z
+/// T L, and the rates are those by the fraction. In the plane all vectors count by their component along the normal, z
 /// of the root's joint frame.
 ///
 /// Steps do not cross knots, so each depends on the coefficients of one interval. Order 4 in the length of the steps.
@@ -127,9 +127,9 @@ impl OrientationPath {
         })
     }
 
-    /// Goes on from `node`, in space, with the orientation [straightened](Counting::straightened) to this twist, rad:
-    /// multiple shooting in which the defects there are the tilt, and the difference of the twist from this one. Whoever
-    /// constrains them to vanish has a continuous path, and meanwhile what is left of them is not amplified by the rest of
+    /// Continues from `node`, in space, with the orientation [straightened](Counting::straightened) to this twist, rad:
+    /// multiple shooting in which the defects there are the tilt, and the difference of the twist from this one. A program
+    /// that constrains them to vanish has a continuous path, and meanwhile what is left of them is not amplified by the rest of
     /// the flight.
     pub fn with_restart(mut self, node: usize, counting: Counting, twist: f64) -> Self {
         let before = UnitQuaternion::identity();

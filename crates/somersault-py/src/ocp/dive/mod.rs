@@ -48,7 +48,7 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 /// windows : sequence of tuple of float, optional
 ///     For each channel the fractions of the duration between which it may differ from zero.
 /// square_out : float, optional
-///     Share of the duration at which twists and tilt must be what they are at the entry.
+///     Fraction of the duration at which twists and tilt must be what they are at the entry.
 /// n_par : int, optional
 ///     Coefficients of each spline, of degree 5, of which the ends fix four; 10 unless given. Free are n_par − 4 for each
 ///     channel without a window, and the momentum.
@@ -71,7 +71,7 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 /// momentum_penalty, rate_penalty, acceleration_penalty : float, optional
 ///     a, b (s) and c (s³); 1, 10⁻³ and 0 unless given.
 /// clearance : float, optional
-///     Least distance of limbs, m, of a spatial diver; None for none.
+///     Minimum distance of limbs, m, of a spatial diver; None for none.
 /// clearance_times : int, optional
 ///     At how many times it is a constraint to begin with, between take-off and entry; 35 unless given. The search adds those
 ///     at which limbs come nearer in between.
