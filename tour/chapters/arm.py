@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "The arm"
+TITLE = "The two-link arm by collocation"
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 _TOLERANCE = 1e-7

@@ -15,7 +15,7 @@ from tour.top import QUANTITIES
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TITLE = "Contact that keeps the order"
+TITLE = "Contact: a spinning top"
 
 _TITLES = {
     "position": "position",

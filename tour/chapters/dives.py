@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Dives"
+TITLE = "Two dives, optimised"
 
 _COLOURS = {
     "A": "#4477aa",
@@ -339,7 +339,7 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     if not dive.report.success:
         page.text(
             f"The dive meets what is asked of it to {error_size(dive.report.feasibility)}, but its cost is"
-            " not yet the least there is nearby: the search"
+            " not yet a local minimum: the search"
             f" ended with status {dive.status} and a stationarity of {error_size(dive.report.stationarity)}."
         )
     page.code("dive = ocp.dive_5174d().solve()\ndives = ocp.dive_5174d().search(16)  # from 16 starts\n")

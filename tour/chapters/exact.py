@@ -13,7 +13,7 @@ from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, words
 
-TITLE = "The exact motion, and the twist"
+TITLE = "The flip of a free body, exactly"
 
 
 def _twisting_box() -> tuple[somersault.RigidBody, somersault.State]:

@@ -163,7 +163,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "extremals-paths",
         _paths({name: found[name] for name in ranked}),
-        "The ways of the tip, in colour, and of the elbow, in grey; the cheapest on the left.",
+        "The paths of the tip, in colour, and of the elbow, in grey; the cheapest on the left.",
         "Four arms that turn by half a circle",
     )
     page.text(

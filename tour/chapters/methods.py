@@ -8,7 +8,7 @@ from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, words
 
-TITLE = "Methods"
+TITLE = "All methods"
 
 _HEADER = (
     words("name"),

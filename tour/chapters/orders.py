@@ -9,7 +9,7 @@ from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, words
 
-TITLE = "Orders"
+TITLE = "Orders of accuracy"
 
 
 def _slope(observed: float | None, stated: int | None) -> Cell:

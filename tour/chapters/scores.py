@@ -115,7 +115,7 @@ def _validating(page: Page, made: motion.SyntheticSet) -> None:
         " the linear"
         " map are rebuilt from all others, with the settings of the thesis: 60 frames, four eigenweights,"
         " body"
-        " path. Beside it are simple predictors, judged in the same way."
+        " path. Beside it are simple predictors, validated in the same way."
     )
     rows: list[list[str | Cell]] = [
         [
@@ -238,7 +238,7 @@ def _generated(
         again = motion.ScoringModel.load(path).score(performance)
     fraction = 100.0 * np.asarray(model.eigenmotions.explained_variance_ratio)
     page.text(
-        f"Taught by all {len(made)} {_LABEL} dives, the model has {len(model.coefficients)}"
+        f"Trained on all {len(made)} {_LABEL} dives, the model has {len(model.coefficients)}"
         " Eigendives, which"
         " hold"
         f" {', '.join(number(s, 1) for s in fraction)} % of the variance of the dives' vectors. It gives the"
@@ -246,7 +246,7 @@ def _generated(
         f" it has not seen, {score.value:.2f} points, at a distance of {score.distance:.2f}"
         " (beyond 1 a dive is unlike the training motions); the judge's formula gives it"
         f" {made.judge.intended(made.judge.reference):.0f}, since its faults"
-        " are those that he takes for none. The thesis' model, taught by sixteen real dives, gives its"
+        " are within what the formula tolerates. The thesis' model, trained on sixteen real dives, gives its"
         " generated"
         f" dive 4.2: nothing here can tell why. Saved and loaded again, the model's score is"
         f" {'the same to the last bit' if again == score else 'another'}."

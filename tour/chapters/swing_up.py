@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Swing-up"
+TITLE = "The swing-up of a pendulum"
 
 #: Starts from which each case is solved, and the seed that draws them.
 _STARTS, _SEED = 40, 1

@@ -1,4 +1,4 @@
-//! Rigid bodies in compliant contact, with events located so that integrators keep their order.
+//! Compliant frictional contact: the integrator locates every touch-down and release, so it keeps its full order.
 //!
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and

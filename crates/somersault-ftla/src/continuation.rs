@@ -26,7 +26,7 @@ pub struct Member<S> {
     pub horizon: f64,
 }
 
-/// Where a continuation ended.
+/// Result of a continuation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContinuationResult {
     /// The last solution; its status tells whether it was polished where `s` = 1.

@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True)
 
     methods = commands.add_parser("methods", help="print the table of methods")
-    methods.add_argument("--json", action="store_true", help="as JSON")
+    methods.add_argument("--json", action="store_true", help="print JSON")
     methods.set_defaults(command=_methods)
 
     motion.add(commands)
@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add(commands)
 
     schemas = commands.add_parser("schema", help="print the JSON schema of an input")
-    schemas.add_argument("name", choices=("integrate", "dive", "score"))
+    schemas.add_argument("name", choices=("integrate", "dive", "score"), help="input of this command")
     schemas.set_defaults(command=_schema)
 
     for command in commands.choices.values():

@@ -137,8 +137,8 @@ def add(commands: Any) -> None:
         help="optimise the dive that a file describes",
         description="Optimises the dive that a TOML or JSON file describes, and verifies it independently.",
     )
-    parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema dive`")
-    parser.add_argument("--out", type=Path, help="file of the curves: .parquet, .csv or .json")
-    parser.add_argument("--format", choices=tables.FORMATS, help="of the curves, whatever the file is called")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="page that plays the dive")
+    parser.add_argument("file", type=Path, help="read this input, TOML or JSON; see `somersault schema dive`")
+    parser.add_argument("--out", type=Path, help="write the curves here, .parquet, .csv or .json")
+    parser.add_argument("--format", choices=tables.FORMATS, help="write the curves in this format")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="write a page that plays the dive")
     parser.set_defaults(command=dive)

@@ -157,9 +157,20 @@ def add(commands: Any) -> None:
         description="Learns a scoring model from judged motions, reports its cross-validation error, and"
         " scores other motions. Ends with 1 where a motion is not like the training motions.",
     )
-    parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema score`")
-    parser.add_argument("--out", type=Path, help="of the scores: .parquet, .csv or .json (default: CSV here)")
-    parser.add_argument("--format", choices=tables.FORMATS, help="of the scores, whatever the file is called")
-    parser.add_argument("--summary", type=Path, metavar="FILE", help="write the validation summary, JSON")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="file of the scorer, for `scorer` above")
+    parser.add_argument(
+        "file", type=Path, help="read this input, TOML or JSON; see `somersault schema score`"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="write the scores here, .parquet, .csv or .json (default: print CSV)"
+    )
+    parser.add_argument("--format", choices=tables.FORMATS, help="write the scores in this format")
+    parser.add_argument(
+        "--summary", type=Path, metavar="FILE", help="write the validation summary here, JSON"
+    )
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="write the scoring model here, for `scorer` of another input",
+    )
     parser.set_defaults(command=score)

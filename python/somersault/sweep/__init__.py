@@ -1,4 +1,4 @@
-"""The same computation at many points, on threads or on a cluster, resumable, with the same results.
+"""Parameter sweeps: one function at many points, on threads or on a cluster; interrupted sweeps resume.
 
 A point is a dictionary of arguments, and a sweep calls one function with each. `grid` makes points of all
 combinations; any list of dictionaries will do. With a directory every point leaves a record there as soon as
@@ -96,7 +96,7 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Points and what became of them, in the order of the points.
+    """Points and their results, in the order of the points.
 
     Two are equal if all four attributes are: arrays entry by entry, and NaN with NaN.
 

@@ -20,7 +20,7 @@ use somersault::ftla::continuation::{self, Continuation, Member, Reason};
 use somersault::ftla::shooting::MultipleShooting;
 use std::sync::Arc;
 
-/// Where a continuation ended.
+/// Result of a continuation.
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct ContinuationResult {
     extremal: Py<Extremal>,

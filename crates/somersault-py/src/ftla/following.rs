@@ -15,7 +15,7 @@ use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
 use std::sync::Arc;
 
-/// What became of one initial error, as `Placement.following` finds it.
+/// Growth of one initial error, as `Placement.following` finds it.
 #[pyclass(frozen, module = "somersault.ftla", get_all)]
 pub(crate) struct Following {
     /// float: The size of the error.

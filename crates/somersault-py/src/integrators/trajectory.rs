@@ -376,7 +376,7 @@ struct Log {
     substeps: u64,
 }
 
-/// What an integration leaves: a `Trajectory`, how it ended and what it took.
+/// Result of an integration: a `Trajectory`, its status and what it cost.
 #[pyclass(frozen, extends = Trajectory, module = "somersault")]
 pub(crate) struct Solution {
     report: Report,

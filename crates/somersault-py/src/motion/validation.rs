@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use somersault::motion::scoring::{self, ValidationOptions};
 
-/// A coefficient of correlation, how sure it is and what chance would make of it.
+/// A coefficient of correlation with its confidence interval and p-value.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct Correlation {

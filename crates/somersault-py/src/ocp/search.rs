@@ -46,7 +46,7 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
     }
 }
 
-/// What came of many starts.
+/// Result of a search from many starts.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SearchResult {
     minima: Vec<Py<Report>>,

@@ -16,7 +16,7 @@ use somersault::nlp::{
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What a solver found: always the best iterate, with the residuals it has, and what an accurate integration makes of it.
+/// Result of a solver: always the best iterate, with its residuals and its verification by an accurate integration.
 ///
 /// The motion is re-integrated when `verification`, `confirmed`, `message` or the text of the report is first requested.
 /// Ctrl-C ends that with a KeyboardInterrupt; the report stays, and integrates again when it is asked again.

@@ -11,7 +11,7 @@ use somersault::ocp::collocation::{CollocationReport, CollocationStatus};
 use somersault::ocp::verification::{self, momentum_drift};
 use std::sync::Arc;
 
-/// What collocation found, of a motion of one phase or several.
+/// Result of collocation, of one phase or several.
 #[pyclass(frozen, subclass, module = "somersault.ocp")]
 pub(crate) struct CollocationOutcome {
     pub(super) report: Arc<CollocationReport>,

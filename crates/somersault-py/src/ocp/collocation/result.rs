@@ -16,7 +16,7 @@ use somersault::ocp::collocation::{
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What collocation found of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
+/// Result of collocation of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
 /// last row.
 #[pyclass(frozen, extends = CollocationOutcome, module = "somersault.ocp")]
 pub(crate) struct CollocationResult {

@@ -105,7 +105,7 @@ impl Description for BodyOrientation {
     }
 }
 
-/// Rotation of a body from a wanted orientation, as a rotation vector in body axes, rad.
+/// Rotation of a body from a reference orientation, as a rotation vector in body axes, rad.
 ///
 /// Parameters
 /// ----------
