@@ -15,7 +15,7 @@ model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` de
 | any of these, as the ending says | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
 
-Since no set of judged dives is public, a `SyntheticSet` makes one; whatever comes of it is labelled
+Since no set of judged dives is public, a `SyntheticSet` makes one; all that is derived from it is labelled
 SYNTHETIC.
 
 A diver who folds, seen by noisy markers, some of them missing, and found again:

@@ -305,7 +305,7 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         " A third posture changes little, as 3.1 says. Joints of their own save momentum, at many times the"
         " work; for"
         " them the penalty counts rates over the distance from A to H. Explicit Euler (2.8) on the full"
-        " dynamics, as the thesis has it, does not keep the momentum: it rises while the diver folds and"
+        " dynamics, as the thesis has it, does not conserve the momentum: it rises while the diver folds and"
         " falls when he opens, so that the same weight turns too far, and what is optimal there exploits"
         " its steps.",
     )

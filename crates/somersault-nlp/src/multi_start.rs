@@ -39,7 +39,7 @@ pub struct Minimum {
 pub struct Failure {
     /// Index of the start.
     pub start: usize,
-    /// What came of it.
+    /// Its result.
     pub cause: FailureCause,
 }
 
@@ -54,7 +54,7 @@ pub enum FailureCause {
     Skipped,
 }
 
-/// What became of all starts.
+/// The results of all starts.
 #[derive(Debug)]
 pub struct MultiStartReport {
     /// Distinct minima, lowest cost first.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// How a solve ended. Whatever it is, the report has the best iterate.
+/// How a solve ended. In every case the report has the best iterate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]

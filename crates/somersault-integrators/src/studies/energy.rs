@@ -13,7 +13,7 @@
 //! max T = ‖L‖² / (2 I_min)                                                (6.4)
 //! ```
 //!
-//! The exact motion has Tₙ = T₀. A method that keeps L (the momentum forms, `sv`, `aso`) is held by the
+//! The exact motion has Tₙ = T₀. A method that conserves L (the momentum forms, `sv`, `aso`) is held by the
 //! bound at any step size; one that starts up by another method keeps the L that its start-up leaves.
 //!
 //! # Reading of the thesis
@@ -130,7 +130,7 @@ pub struct EnergyStudy {
     /// Where every body's step failed both are NaN.
     pub extremes: Vec<EnergyExtremes>,
     /// The largest T at the end of the start-up or after any later step, in units of the bound (6.4) with
-    /// the L at the end of the start-up: at most 1 but for rounding where the method keeps L, infinite on
+    /// the L at the end of the start-up: at most 1 but for rounding where the method conserves L, infinite on
     /// overflow.
     ///
     /// The start-up takes as many steps as the method remembers, by its INFO.

@@ -52,7 +52,7 @@ impl Default for Collocation {
     }
 }
 
-/// How a search ended. Whatever it is, the report has the best motion found.
+/// How a search ended. In every case the report has the best motion found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]

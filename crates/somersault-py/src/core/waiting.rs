@@ -1,4 +1,4 @@
-//! Where a thread of Python waits for the library: the threads that work for it, signals meanwhile, and what comes of them.
+//! Where a thread of Python waits for the library: the threads that work for it, signals meanwhile, and their effects.
 //!
 //! Ctrl-C raises KeyboardInterrupt everywhere, with what was found until then in its attribute `solution`; calls that take
 //! `on_interrupt='return'` return that instead.

@@ -1,4 +1,4 @@
-//! Many starts, and what came of them.
+//! Many starts, and their results.
 
 use super::arguments::tolerance;
 use super::solver::Report;

@@ -28,8 +28,8 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
 /// ``½ a (L/L₀)² + ½ ∫ Σ (b ẇ² + c ẅ²) dt`` is minimised, with L₀ = m h²/(1 s), such that somersaults, twists and
-/// tilt at the entry are as wanted, the weights w of the postures are not negative and add up to at most one at all
-/// times, and limbs keep apart. Flight is reduced by its momentum, which is therefore kept to rounding. Unknown are the
+/// tilt at the entry are as requested, the weights w of the postures are not negative and add up to at most one at all
+/// times, and limbs keep apart. Flight is reduced by its momentum, which is therefore conserved to rounding. Unknown are the
 /// coefficients of the splines for w, the angular momentum L and, where they have a range, lean and duration. The
 /// body's long axis goes from the feet to the hands in the last posture.
 ///

@@ -237,7 +237,7 @@ impl DiveSolution {
 
     /// The planar dive as the thesis has it: the full hybrid dynamics by explicit Euler, x₊ = x + Δt f(x, u) (2.8).
     ///
-    /// Nothing there keeps the angular momentum: each step leaves out what the motion curves by. Weights, lean and duration
+    /// Nothing there conserves the angular momentum: each step leaves out what the motion curves by. Weights, lean and duration
     /// are those of this dive; with ``optimise`` the problem is solved again, from here, under these dynamics.
     ///
     /// Parameters
