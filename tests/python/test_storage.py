@@ -263,7 +263,7 @@ def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) ->
     with pytest.raises(FileNotFoundError):
         somersault.load(path)
     path.write_text("t,x\n")
-    with pytest.raises(ReadError, match="is not a file of somersault"):
+    with pytest.raises(ReadError, match="is not a somersault file"):
         somersault.load(path)
     somersault.save(path, tumble)
     whole = path.read_bytes()
