@@ -90,10 +90,10 @@ def _bound(page: Page, measurements: Measurements) -> None:
     """Thesis 6.2.1: methods that conserve the angular momentum, and the bound (6.4)."""
     page.section("Angular momentum, and the bound (6.4)")
     page.text(
-        "A method that conserves the angular momentum cannot let the energy above ‖L‖²/(2 I_min), thesis (6.4),"
-        " with the smallest principal moment. That bounds the motion at any step; it does not make it right."
-        " The damped semi-implicit Euler method <code>sieg</code>, which takes the gyroscopic term implicitly"
-        " as physics engines do, loses energy instead.",
+        "A method that conserves the angular momentum cannot let the energy above ‖L‖²/(2 I_min), thesis"
+        " (6.4), with the smallest principal moment. That bounds the motion at any step; it does not make it"
+        " right. The damped semi-implicit Euler method <code>sieg</code>, which takes the gyroscopic term"
+        " implicitly as physics engines do, loses energy instead.",
     )
     keeping = [info.name for info in measurements.methods if info.variables == "momentum"]
     shown = ["sie", "sieg", "sv", "aso", *keeping]
