@@ -49,6 +49,8 @@ def _inserts(what: str) -> str:
         return _guarantees()
     if what.endswith(".md"):
         return _page(what)
+    if what == "which method when":
+        return _section("README.md", "Which method when")
     if what == "evaluations":
         return _evaluations()
     if what.startswith("schema "):
@@ -62,6 +64,13 @@ def _page(name: str) -> str:
     """A page from the root of the repository, without its title, and with links as seen from here."""
     text = (Path(__file__).parents[1] / name).read_text("utf-8")
     return text.partition("\n")[2].replace("](docs/", "](")
+
+
+def _section(name: str, title: str) -> str:
+    """The table of a section of a page of the repository."""
+    text = (Path(__file__).parents[1] / name).read_text("utf-8")
+    section = text.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+    return "\n".join(line for line in section.splitlines() if line.startswith("|"))
 
 
 _GENERAL = ("translation_with_velocity", "translation_with_orientation")
@@ -82,7 +91,7 @@ def _order(info: somersault.MethodInfo, benign: str, *general: str) -> str:
 def _methods() -> str:
     """The table of methods."""
     lines = [
-        "| Method | | Order on ℝ³ | on SO(3) | Within steps | Evaluations | Earlier steps | Steps | Takes |",
+        "| Method | | Order on ℝ³ | on SO(3) | Dense | Evaluations | Previous steps | Steps | Accepts |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for info in somersault.methods():

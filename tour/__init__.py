@@ -1,8 +1,8 @@
-"""The guided tour: what the library computes, held against what the thesis prints.
+"""The guided tour: what the library computes, checked against what the thesis prints.
 
 It is a program of the repository, run by `make tour`, and not part of the package. `run` writes a folder of
 pages that need nothing from outside it. Each chapter is a module of `tour.chapters` with a `TITLE` and a
-function `write(page, measurements)`; the index lists them in the order of `chapters.ORDER`.
+function `write(page, measurements)`; the index shows them in the parts of `chapters.PARTS`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ __all__ = ["FULL", "REDUCED", "Measurements", "Setting", "run"]
 Item = TypeVar("Item")
 
 PURPOSE = """
-How should one integrate the rotation of a rigid body? The thesis <a href="{url}">{citation}</a> compares
-thirteen methods; this library implements them, and what has been found since. Every number and figure here
-was computed by the library when these pages were made, but for what is marked as printed in the thesis.
+What somersault computes, with pictures and numbers, beside what the thesis <a href="{url}">{citation}</a>
+prints. Every number and figure here was computed by the library when these pages were made, but for what is
+marked as printed in the thesis.
 """
 
 
@@ -97,15 +97,19 @@ def _navigation(current: Page, pages: Iterable[Page]) -> str:
 
 
 def _index(folder: Path, pages: list[Page], measurements: Measurements) -> Page:
-    index = Page("index", "Rigid body rotations, and how to integrate them", folder)
+    index = Page("index", "A tour: rigid bodies, contact, divers, optimal motion", folder)
     index.lead(PURPOSE.format(url=thesis.URL, citation=escape(thesis.CITATION)))
+    made = {page.slug: page for page in pages}
+    index.gallery((made[slug], figure) for slug, figure in chapters.PICTURED.items() if slug in made)
+    for part in chapters.PARTS:
+        shown = [made[slug] for slug in part.slugs if slug in made]
+        if shown:
+            index.section(part.title)
+            index.text(part.story)
+            entries = (
+                f'<dt><a href="{page.slug}.html">{escape(page.title)}</a></dt><dd>{page.finding}</dd>'
+                for page in shown
+            )
+            index.add(f"<dl>{''.join(entries)}</dl>")
     chapters.summary(index, measurements)
-    index.section("Chapters")
-    index.add(
-        "<dl>"
-        + "".join(
-            f'<dt><a href="{p.slug}.html">{escape(p.title)}</a></dt><dd>{p.finding}</dd>' for p in pages
-        )
-        + "</dl>"
-    )
     return index

@@ -122,13 +122,13 @@ def write_double_pendulum(page: Page) -> None:
         ),
         rows,
         f"The double pendulum swung up by collocation to a tolerance of {_TOLERANCE:g}. Defects are those"
-        " of each interval, integrated anew from its start. Integrated in one piece the error at the end is"
+        " of each interval, re-integrated from its start. Integrated in one piece the error at the end is"
         " larger: nothing holds two rods upright.",
     )  # fmt: skip
     t = np.linspace(0.0, _DURATIONS[-1], 121)
     page.figure(
         "double-pendulum-frames",
         frames(t, _points(found.state(t))),
-        f"The double pendulum in {_DURATIONS[-1]} s. The line is the way of the upper rod's end.",
+        f"The double pendulum in {_DURATIONS[-1]} s. The line is the path of the upper rod's end.",
         "Twelve frames of a cart on a rail with two rods, from hanging to upright",
     )

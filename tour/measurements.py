@@ -1,4 +1,4 @@
-"""What the chapters measure, each thing once and when it is first asked for."""
+"""What the chapters measure, each thing once and when it is first requested."""
 
 from __future__ import annotations
 

@@ -134,6 +134,18 @@ class Page:
             f"<figcaption>{caption}</figcaption></figure>"
         )
 
+    def gallery(self, figures: Iterable[tuple[Page, str]]) -> None:
+        """Figures of other pages by their names, as links to these pages."""
+        self.add(
+            '<div class="gallery">'
+            + "".join(
+                f'<figure><a href="{page.slug}.html"><img src="figures/{name}.png"'
+                f' alt="{escape(page.title)}"></a><figcaption>{escape(page.title)}</figcaption></figure>'
+                for page, name in figures
+            )
+            + "</div>"
+        )
+
     def html(self, navigation: str, footer: str) -> str:
         """The whole page."""
         body = "\n".join(self._pieces)

@@ -26,7 +26,7 @@ class Top:
         self.end = end
 
     def run(self, method: str, dt: float, located: bool, every: int = 10**9) -> somersault.Solution:
-        """One run, of which only the end is kept unless asked for more."""
+        """One run, of which only the end is kept unless more is requested."""
         scene = self.scene
         return somersault.integrate(
             scene.body,

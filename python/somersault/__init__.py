@@ -1,4 +1,4 @@
-"""Motion of rigid bodies: geometric integration on R^3 x SO(3).
+"""Simulate and optimise the motion of rigid and articulated bodies.
 
 >>> import somersault
 >>> body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))

@@ -27,7 +27,7 @@ def arm_problem(
     lengths: tuple[float, float] = (2.0, 0.5),
     damping: tuple[float, float] = (0.2, 0.0),
 ) -> CollocationProblem:
-    """The two-link arm from one posture to another with least effort ½ ∫ γ₁ u₁² + γ₂ u₂² dt.
+    """The two-link arm from one posture to another with minimum effort ½ ∫ γ₁ u₁² + γ₂ u₂² dt.
 
     Without arguments it is the motion of thesis 8.4: ten seconds from one stretched posture to the
     opposite one.

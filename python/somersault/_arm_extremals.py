@@ -66,9 +66,9 @@ def solve_arm(
     system: System | None = None,
     **options: Any,
 ) -> ContinuationResult:
-    """An extremal of the two-link arm from nothing but its end states and the way it folds.
+    """An extremal of the two-link arm from its end states and the way it folds.
 
-    Between two rests from a spline of least effort, whose torques tell the costates; otherwise by
+    Between two rests from a spline of minimum effort, whose torques tell the costates; otherwise by
     continuation from a rest with the second link folded, through a travel of the folded arm, to the unfolded
     ends. Multiple shooting polishes.
 
@@ -181,7 +181,7 @@ def _expect_options(function: str, options: dict[str, Any]) -> None:
 
 
 def _numbers(name: str, value: Any, *shape: int | None) -> NDArray[np.float64]:
-    """Finite numbers, of a length unless that is None."""
+    """Finite numbers, of a given length where there is one."""
     what = "a finite number" if not shape else f"{shape[0] or 'a sequence of'} finite numbers"
     try:
         numbers = np.asarray(value)

@@ -79,7 +79,7 @@ def _sizes(scale: ArrayLike) -> Array:
 
 
 def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> MarkerRecording:
-    """A recording without what is faster than a frequency: Butterworth's filter, forth and back.
+    """A recording without what is faster than a frequency: a Butterworth filter, forwards and backwards.
 
     The two passes leave no lag. Half of the order is taken in each, and each pass begins to cut higher, by
     (√2 − 1)^(−1/order), so that both together have 1/√2 of the amplitude at `cutoff`. Every unbroken stretch

@@ -1,4 +1,4 @@
-"""Compliant contact of bodies, with events located so that methods keep their order.
+"""Compliant frictional contact: the integrator locates every touch-down and release, and keeps its order.
 
 `somersault.integrate` takes `Contact` objects, and `SpherePair` objects between several bodies. A step is
 cut where a contact begins or ends, and what happened is in the `events` of the solution.

@@ -1,4 +1,4 @@
-"""Exceptions of somersault: one class for each thing that a caller may do about it.
+"""Exceptions of somersault: one class for each reaction that a caller may have.
 
 All derive from `SomersaultError`. Those for which the input was at fault also derive from
 `InputError`, and so from `ValueError`. A message names the argument, what was found and what is
@@ -99,7 +99,7 @@ class ExportError(SomersaultError):
 
 
 class SweepError(SomersaultError):
-    """A sweep could not go on: its directory is in use, or its cluster went away."""
+    """A sweep could not continue: its directory is in use, or its cluster went away."""
 
 
 class ReadWarning(UserWarning):

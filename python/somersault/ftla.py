@@ -7,7 +7,7 @@ tangent space, and an optimum starts near the centre-stable manifold and ends ne
 In the order of work: a `System` poses; a `VariationalFlow` integrates it with its transition matrix and gives
 a `Spectrum` of exponents and vectors; `diagnose` says whether the problem is hyper-sensitive, `Splitting`
 holds the subspaces; a `Placement` puts points on the slow manifolds, a `Matching` joins two ends, and `shoot`
-polishes to rounding. `cold_start` and `continue_through` start from nothing but boundary states, `follow`
+polishes to rounding. `cold_start` and `continue_through` start from boundary states alone, `follow`
 changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
 
 >>> import numpy as np

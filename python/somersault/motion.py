@@ -3,7 +3,7 @@
 Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
 named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned. A `MarkerFit` lays a
 model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` describe motions; a
-`ScoringModel` learns scores, and `validate` says what they are worth.
+`ScoringModel` learns scores, and `validate` measures how accurate they are.
 
 | Format | Reader | Writer | Of |
 |---|---|---|---|
@@ -15,7 +15,7 @@ model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` de
 | any of these, as the ending says | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
 
-Since no set of judged dives is public, a `SyntheticSet` makes one; whatever comes of it is labelled
+Since no set of judged dives is public, a `SyntheticSet` makes one; all that is derived from it is labelled
 SYNTHETIC.
 
 A diver who folds, seen by noisy markers, some of them missing, and found again:

@@ -116,7 +116,7 @@ def load(path: str | PathLike[str]) -> Any:
     Raises
     ------
     somersault.errors.ReadError
-        If the file is not one that `save` has written, is damaged or was written by a later version.
+        If the file is not one that `save` has written, is corrupt or was written by a later version.
     somersault.InputError
         If `path` is no path.
     OSError
@@ -135,7 +135,7 @@ def load(path: str | PathLike[str]) -> Any:
         # Whatever reading raises on bytes that `save` has not written, deep nesting and lack of memory
         # among it.
         reason = str(fault) or type(fault).__name__
-        raise ReadError(f"{place} is not a file of somersault, or is damaged: {reason}") from fault
+        raise ReadError(f"{place} is not a somersault file, or is corrupt: {reason}") from fault
 
 
 def _path(path: object) -> Path:
@@ -147,7 +147,7 @@ def _path(path: object) -> Path:
 def _member(file: zipfile.ZipFile, name: str) -> bytes:
     """A member of the archive, which is no larger than the file since `save` does not compress."""
     if file.getinfo(name).compress_type != zipfile.ZIP_STORED:
-        raise ReadError(f"{name} is compressed, as no file of somersault is")
+        raise ReadError(f"{name} is compressed, which somersault files are not")
     return file.read(name)
 
 
@@ -265,7 +265,7 @@ def _name(maker: Any) -> str:
 
 
 def _maker(name: str) -> Any:
-    """What makes objects of a name. Nothing but types and tables of the extension, and the one class of
+    """What makes objects of a name: only types and tables of the extension, and the one class of
     results that is written in Python, is ever called."""
     if name in ("method", "methods"):
         return _EXTENSION[name]

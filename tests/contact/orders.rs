@@ -488,6 +488,6 @@ fn runs_refuse_bad_input() {
     ));
     for method in Method::ALL.into_iter().filter(|m| m.info().scope == Scope::TorqueFree) {
         let error = attempt(method, &top.start, 1e9).unwrap_err();
-        assert!(error.to_string().contains("takes no torque"), "{error}");
+        assert!(error.to_string().contains("accepts no torque"), "{error}");
     }
 }

@@ -90,7 +90,6 @@ def test_every_code_block_runs(page: Path, tmp_path: Path, monkeypatch: pytest.M
     mpl.use("Agg")
     # Examples are named from the root of the repository, and what is written goes elsewhere.
     (tmp_path / "docs").symlink_to(DOCS)
-    (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "page"}
     for language, options, code in _BLOCK.findall(page.read_text("utf-8")):
@@ -156,6 +155,65 @@ def test_the_tables_of_the_book_have_every_method_once() -> None:
         ]
         named = [name for row in rows for name in re.findall(r"`(\w+)`", row)]
         assert sorted(named) == sorted(somersault.methods().names), table
+
+
+def table_of(title: str) -> list[list[str]]:
+    """The cells of the table in a section of the README, without its head."""
+    section = (ROOT / "README.md").read_text("utf-8").partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("|")]
+    assert len(rows) > 2
+    return rows[2:]
+
+
+def test_the_table_of_choices_is_that_of_the_methods() -> None:
+    """The table in the README, which the book takes, agrees with that of the program."""
+    known = somersault.methods()
+    for motion, take, because in table_of("Which method when"):
+        names = re.findall(r"`([\w.]+)`", take)
+        assert names, motion
+        for name in names:
+            if name not in known.names:
+                assert hasattr(somersault, name.partition(".")[0]), name
+                continue
+            info = known[name]
+            assert "adaptive" not in take or info.adaptive, name
+            assert motion.startswith("a free body") or info.scope != "torque-free", name
+            assert "energy and" not in because or info.conserves != "nothing exactly", name
+    pytest.importorskip("latex2mathml", reason="the extra `docs` is not installed")
+    table = script("hooks").on_page_markdown("<!-- insert: which method when -->")
+    assert all(cell in table for row in table_of("Which method when") for cell in row)
+
+
+def test_figures_beside_other_packages_are_those_of_the_page_on_performance() -> None:
+    recorded = (DOCS / "performance.md").read_text("utf-8")
+    for package, _, measured, _ in table_of("Compared with"):
+        for figure in re.findall(r"[\d.]*·?10⁻[⁰-⁹¹²³]+|\d+(?:\.\d+)?", measured):
+            assert figure in recorded or package == "Pinocchio", f"{package}: {figure}"
+
+
+def test_commands_that_pages_name_are_there() -> None:
+    """Programs, benchmarks, targets and subcommands, in code and in the text."""
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    benches = (ROOT / "benches" / "Cargo.toml").read_text("utf-8")
+    tests = (ROOT / "tests" / "Cargo.toml").read_text("utf-8")
+    count = 0
+    for page in [*PAGES, *ROOT.glob("*.md")]:
+        text = page.read_text("utf-8")
+        for crate, example in re.findall(r"-p ([\w-]+) --example (\w+)", text):
+            assert (ROOT / "crates" / crate / "examples" / f"{example}.rs").is_file(), (page, example)
+            count += 1
+        for name in re.findall(r"cargo bench --bench (\w+)", text):
+            assert f'name = "{name}"' in benches, (page, name)
+            count += 1
+        for name in re.findall(r"cargo test -p somersault-tests --test (\w+)", text):
+            assert f'name = "{name}"' in tests, (page, name)
+        for target in re.findall(r"`make ([\w-]+)`", text):
+            assert f"\n{target}:" in makefile, (page, target)
+            count += 1
+        for path in re.findall(r"python (?!-)([\w/]+\.py)", text):
+            assert (ROOT / path).is_file(), (page, path)
+            count += 1
+    assert count > 20
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def test_outputs_hold_the_same_numbers(tmp_path: Path) -> None:
     assert table(events.read_text())["kind"] == kinds and kinds[0] == "touch_down"
 
 
-def test_a_dive_is_found_and_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dive_is_found_and_verified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, page = tmp_path / "dive.json", tmp_path / "dive.html"
     assert main(["dive", str(EXAMPLES / "dive.toml"), "--out", str(out), "--html", str(page)]) == 0
     summary = json.loads(capsys.readouterr().out)
@@ -62,7 +62,7 @@ def test_a_dive_is_found_and_judged(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "<html" in page.read_text("utf-8")
 
 
-def test_motions_are_scored_with_what_the_scores_are_worth(
+def test_motions_are_scored_with_their_cross_validation_error(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("somersault.motion", reason="recorded motions are not there")
@@ -290,7 +290,8 @@ def test_exit_codes(
     ball = str(EXAMPLES / "ball.toml")
     assert main(["integrate", str(tmp_path / "none.toml")]) == 2
     assert main(["integrate", ball, "--out", str(tmp_path / "a.xlsx")]) == 2
-    assert main(["integrate", ball, "--out", str(tmp_path / "none" / "a.csv")]) == 2
+    (tmp_path / "file").write_text("")
+    assert main(["integrate", ball, "--out", str(tmp_path / "file" / "a.csv")]) == 2
     assert main(["bench", "rk5"]) == 2
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["integrate", ball, "--out", str(tmp_path / "a.parquet")]) == 3
@@ -310,9 +311,18 @@ def test_outputs_are_refused_before_the_work(
     example = str(EXAMPLES / "dive.toml")
     assert main(["dive", example, "--out", str(tmp_path / "a.xyz")]) == 2
     assert "must end in .parquet, .csv, .json" in capsys.readouterr().err
+    (tmp_path / "file").write_text("")
     for option in ("--out", "--html"):
-        assert main(["dive", example, option, str(tmp_path / "none" / "a.csv")]) == 2
-        assert "there is no folder" in capsys.readouterr().err
+        assert main(["dive", example, option, str(tmp_path / "file" / "a.csv")]) == 2
+        assert "cannot be made" in capsys.readouterr().err
+
+
+def test_the_folder_of_an_output_is_made(tmp_path: Path) -> None:
+    ball, out = str(EXAMPLES / "ball.toml"), tmp_path / "a" / "b"
+    outputs = ("--out", str(out / "ball.csv"), "--events", str(out / "c" / "events.csv"))
+    assert main(["integrate", ball, *outputs, "--save", str(out / "d" / "ball.som")]) == 0
+    assert sorted(path.name for path in out.rglob("*.*")) == ["ball.csv", "ball.som", "events.csv"]
+    assert main(["bench", "rkmk", "--repeats", "1", "--out", str(tmp_path / "e" / "runs.csv")]) == 0
 
 
 def test_a_name_that_occurs_twice_in_json_is_refused(

@@ -418,6 +418,6 @@ def test_bad_arguments_of_a_run_are_refused(body: RigidBody, state: State) -> No
         "`max_event_rate` must be positive",
         lambda: run(top, 1.0, max_event_rate=0.0),
     )
-    raises(errors.InputError, "takes no torque", lambda: run(top, 0.1, method="dmv2"))
+    raises(errors.InputError, "accepts no torque", lambda: run(top, 0.1, method="dmv2"))
     none = integrate(top.body, top.state, (0, 0.1), dt=0.01, contacts=[])
     assert none.events == () and somersault.__version__

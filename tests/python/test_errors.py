@@ -123,7 +123,7 @@ def test_methods_without_torque() -> None:
     torque = forces.Torque((0.0, 0.0, 1.0))
     for method in somersault.methods():
         if method.scope == "torque-free":
-            raises(errors.InputError, "takes no torque", lambda m=method: run(method=m, forces=torque))  # type: ignore[misc]
+            raises(errors.InputError, "accepts no torque", lambda m=method: run(method=m, forces=torque))  # type: ignore[misc]
             run(method=method, forces=forces.Gravity())
 
 

@@ -259,12 +259,12 @@ def test_small_rates_are_printed() -> None:
 
 
 def test_an_extremal_on_the_way_is_no_success() -> None:
-    # no horizon as short as that: the continuation breaks off
+    # no horizon as short as that: the continuation stops early
     system = ftla.cubic_regulator()
     stages = [([0.0], [0.0]), ([1.0], [1.0]), ([2.0], [40.0])]
     found = ftla.continue_through(system, stages, 40.0, [0.0, 0.5, 1.0], min_step=0.5, first_step=1.0)
     assert not found.success and not found.extremal.success and found.s < 1.0
-    assert found.extremal.status == "on_the_way" and "broke off" in found.extremal.message
+    assert found.extremal.status == "on_the_way" and "stopped early" in found.extremal.message
 
 
 def test_limits_out_of_reach_hand_back_the_arm_that_was_reached() -> None:

@@ -404,7 +404,7 @@ def test_what_does_not_converge_has_a_status_and_its_last_nodes() -> None:
     far = ftla.continue_through(
         ftla.arm(), stages, 10.0, ftla.graded_times(1.0, 0.01, 0.04), first_step=1.0, min_step=0.9
     )
-    assert not far.success and far.s < 1.0 and far.n_rejected > 0 and "broke off" in repr(far)
+    assert not far.success and far.s < 1.0 and far.n_rejected > 0 and "stopped early" in repr(far)
     assert far.status == "broke_off" and far.stage.startswith("to stage ") and far.stage in far.message
     assert np.isfinite(far.extremal.nodes).all()
 

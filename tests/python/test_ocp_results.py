@@ -49,7 +49,7 @@ def test_a_report_says_that_its_motion_holds(swung: tuple[ocp.MotionProblem, ocp
     assert report.success and report.confirmed and found.confirmed
     assert found.defects.shape == (40,) and found.defects.sum() <= found.allowed == 1e-4
     assert found.terminal_error < 1e-4 and np.isfinite(found.momentum_drift)
-    assert "holds when integrated anew" in report.message
+    assert "holds when re-integrated" in report.message
     assert "converged, confirmed" in repr(report)
     np.testing.assert_array_equal(problem.verify(report.z).defects, found.defects)
 
@@ -58,7 +58,7 @@ def test_an_optimum_off_its_discretisation_is_solved_and_not_confirmed() -> None
     problem = swing("euler", 10)
     report = problem.solve(np.full(problem.n_variables, 0.1))
     assert report.success and report.confirmed is False
-    assert "lives off its discretisation" in report.message and "NOT confirmed" in repr(report)
+    assert "exploits its discretisation" in report.message and "NOT confirmed" in repr(report)
     cart = ocp.CartPendulumProblem()
     by_euler = cart.solve()
     assert by_euler.success and not by_euler.confirmed
@@ -94,7 +94,7 @@ def test_a_motion_that_jumps_between_phases_is_not_confirmed() -> None:
 
 def test_what_cannot_be_integrated_anew_ends_and_says_so() -> None:
     report = ocp.CartPendulumProblem().solve(np.full(5, 1e10), max_iterations=1)
-    assert report.confirmed is False and "cannot be integrated anew" in report.message
+    assert report.confirmed is False and "cannot be re-integrated" in report.message
     assert ocp.CartPendulumProblem(length=1e-9).solve(max_iterations=3).confirmed is False
 
 
@@ -102,7 +102,7 @@ def test_a_dive_of_one_step_is_no_success() -> None:
     found = ocp.dive_107b(n_steps=1).solve()
     assert found.report.success and not found.confirmed
     assert not found.success and found.status == "false_convergence" and "false convergence" in found.message
-    assert "NOT confirmed" in repr(found) and "lives off its discretisation" in found.message
+    assert "NOT confirmed" in repr(found) and "exploits its discretisation" in found.message
     assert found.verification.defects.shape == found.t.shape
     assert found.verification.defects.max() == found.verification.defect > found.verification.allowed
     fine = ocp.dive_107b().solve()
@@ -118,7 +118,7 @@ def test_a_dive_that_is_not_confirmed_ends_the_command_with_1(
     assert main(["dive", str(path)]) == 1
     out, err = capsys.readouterr()
     assert '"success": false' in out and '"solved": true' in out and '"confirmed": false' in out
-    assert "lives off its discretisation" in err
+    assert "exploits its discretisation" in err
 
 
 def test_collocation_has_its_verification() -> None:
@@ -306,7 +306,7 @@ def test_truncated_and_hostile_files_are_refused(things: dict[str, Any], tmp_pat
     whole = path.read_bytes()
     for cut in (len(whole) // 3, len(whole) - 20):
         path.write_bytes(whole[:cut])
-        with pytest.raises(ReadError, match="damaged"):
+        with pytest.raises(ReadError, match="corrupt"):
             somersault.load(path)
     hostile: list[tuple[str, list[Any]]] = [
         ("SplineMotion", [1, 10**12, [], 5]),

@@ -263,18 +263,18 @@ def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) ->
     with pytest.raises(FileNotFoundError):
         somersault.load(path)
     path.write_text("t,x\n")
-    with pytest.raises(ReadError, match="is not a file of somersault"):
+    with pytest.raises(ReadError, match="is not a somersault file"):
         somersault.load(path)
     somersault.save(path, tumble)
     whole = path.read_bytes()
     for cut in (len(whole) // 2, len(whole) - 10):
         path.write_bytes(whole[:cut])
-        with pytest.raises(ReadError, match="damaged"):
+        with pytest.raises(ReadError, match="corrupt"):
             somersault.load(path)
     flipped = bytearray(whole)
     flipped[whole.index(b"NUMPY") + 200] ^= 1
     path.write_bytes(flipped)
-    with pytest.raises(ReadError, match="damaged"):
+    with pytest.raises(ReadError, match="corrupt"):
         somersault.load(path)
 
 
@@ -290,7 +290,7 @@ def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) ->
             "RigidBody in it is not allowed",
         ),
         ({"content": {"$later": 1}}, r"\$later is not known to this version"),
-        ({"content": {"$array": 99}}, "damaged"),
+        ({"content": {"$array": 99}}, "corrupt"),
     ],
 )
 def test_contents_that_are_not_allowed_are_refused(tmp_path: Path, changes: Any, message: str) -> None:
@@ -353,7 +353,7 @@ def test_contents_too_deep_or_too_long_are_refused(tmp_path: Path, content: str)
     text = f'{{"format": "somersault", "format_version": 1, "content": {content}}}'
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("header.json", text)
-    with pytest.raises(ReadError, match="damaged"):
+    with pytest.raises(ReadError, match="corrupt"):
         somersault.load(path)
 
 

@@ -197,7 +197,7 @@ def test_a_directory_of_another_sweep_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"somersault is '0.0.1' there"):
         sweep.run(ten_over, sweep.grid(x=[1, 2]), directory=directory)
     manifest.write_text("{")
-    with pytest.raises(InputError, match="is damaged"):
+    with pytest.raises(InputError, match="is corrupt"):
         sweep.read(directory)
     with pytest.raises(InputError, match="is not of a sweep"):
         sweep.read(tmp_path)

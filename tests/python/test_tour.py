@@ -30,6 +30,7 @@ ANIMATIONS = frozenset(
         "twist",
         "fit",
         "backflip",
+        "recorded",
         "swing_up_motion",
         "arm_motion",
         "arm_stages",
@@ -89,6 +90,14 @@ def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> Non
         assert (folder / f"{slug}.html").is_file()
 
 
+def test_the_index_begins_with_pictures_and_no_chapter_is_empty(folder: Path) -> None:
+    index = (folder / "index.html").read_text(encoding="utf-8")
+    assert index.index("<img") < index.index("<h2>") and index.count("<img") >= 6
+    for slug in chapters.ORDER:
+        text = (folder / f"{slug}.html").read_text(encoding="utf-8")
+        assert "<table>" in text or "<img" in text, slug
+
+
 def test_links_lead_somewhere_and_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     for path in folder.glob("*.html"):
         text = path.read_text(encoding="utf-8")
@@ -109,7 +118,7 @@ def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
         for path in folder.glob("*.html")
         for name in re.findall(r'<img src="figures/([^"]+)" alt="[^"]+"', path.read_text(encoding="utf-8"))
     ]
-    assert sorted(used) == [picture.name for picture in pictures]
+    assert sorted(set(used)) == [picture.name for picture in pictures]
     cases = {
         f"{error}-case-{case}.png" for error in ("orientation", "angular-velocity") for case in (1, 2, 3)
     }
@@ -237,10 +246,11 @@ def test_known_dives_are_fitted_within_the_error_predicted(folder: Path) -> None
         assert float(cells[4]) == pytest.approx(1.0, abs=0.15)
 
 
-def test_recordings_are_shown_or_said_to_be_absent(folder: Path) -> None:
+def test_recordings_are_those_of_the_folder_or_synthetic(folder: Path) -> None:
     text = (folder / "recordings.html").read_text(encoding="utf-8")
-    assert ("names no folder" in text) != ("backflip.html" in text)
-    assert ("names no folder" in text) != ("residual by marker, mm" in text)
+    assert ("SYNTHETIC" in text) != ("backflip.html" in text)
+    assert ("SYNTHETIC" in text) == (recordings.VARIABLE in text) == ('src="recorded.html"' in text)
+    assert "residual by marker, mm" in text
 
 
 def test_a_folder_without_recordings_is_refused_by_the_name_of_its_variable() -> None:

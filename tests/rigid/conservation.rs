@@ -98,7 +98,7 @@ fn torque_free_methods_refuse_torque() {
         let error = Run::new(&system, method, grid).from(&start).unwrap_err();
         assert_eq!(
             error.to_string(),
-            format!("method `{method}` takes no torque, and these forces may exert one")
+            format!("method `{method}` accepts no torque, and these forces may exert one")
         );
     }
 }

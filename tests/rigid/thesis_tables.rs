@@ -703,7 +703,7 @@ fn a_method_that_takes_no_torque_is_refused_under_torque() {
     let system = RigidBodySystem::new(RigidBody::try_box(1.0, Vector3::repeat(1.0)).unwrap(), torque);
     let problem = Problem::with_fine_run(system, RigidBodyState::default(), 1.0, Method::Rkmk, 0.01).unwrap();
     let refused = convergence(&problem, Method::Dmv2, Options::default(), &[0.1], &mut silent);
-    assert!(refused.unwrap_err().to_string().contains("takes no torque"));
+    assert!(refused.unwrap_err().to_string().contains("accepts no torque"));
 }
 
 #[test]

@@ -1,7 +1,8 @@
-"""The chapters of the tour, in their order."""
+"""The chapters of the tour, in their parts and their order."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Protocol, cast
 
@@ -9,33 +10,70 @@ from tour.chapters.choice import summary
 from tour.measurements import Measurements
 from tour.page import Page
 
-__all__ = ["ORDER", "Chapter", "load", "summary"]
+__all__ = ["ORDER", "PARTS", "PICTURED", "Chapter", "Part", "load", "summary"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Chapters that belong together, and what they tell."""
+
+    title: str
+    story: str
+    slugs: tuple[str, ...]
+
 
 #: Names of the modules, which are the names of the pages too.
-ORDER = (
-    "methods",
-    "stability",
-    "energy",
-    "orders",
-    "accuracy",
-    "exact",
-    "box",
-    "batch",
-    "beyond",
-    "contact",
-    "divers",
-    "eigenpostures",
-    "dives",
-    "motions",
-    "recordings",
-    "scores",
-    "swing_up",
-    "arm",
-    "timescales",
-    "matching",
-    "extremals",
-    "deviations",
+PARTS = (
+    Part(
+        "A body that flips",
+        "A free body that spins about its middle axis turns over, again and again. The motion is known in"
+        " closed form, so every method can be measured against it: the one that most physics engines use is"
+        " wrong after seconds, others are right to the last digits.",
+        ("exact", "box", "accuracy", "beyond", "batch"),
+    ),
+    Part(
+        "A body that touches",
+        "A spinning top meets the ground many times a second. Where a step straddles a touch-down, every"
+        " method is of order 1; where the touch-down is located, each keeps its order.",
+        ("contact",),
+    ),
+    Part(
+        "Bodies with joints",
+        "A diver in the air has no ground to push against, and still can start a twist: only the angular"
+        " momentum is fixed, not the orientation. Postures are combined to dives, and dives are optimised.",
+        ("divers", "eigenpostures", "dives"),
+    ),
+    Part(
+        "Motions of people",
+        "The same diver is fitted to markers. What the markers do not determine is reported, and a scoring"
+        " model is measured by its predictions of motions that it has not seen.",
+        ("motions", "recordings", "scores"),
+    ),
+    Part(
+        "Optimal motion",
+        "A pendulum is swung up, and an arm travels with minimum effort: by shooting, by collocation, and,"
+        " where errors grow too fast for both, from the slow manifolds of its extremals.",
+        ("swing_up", "arm", "timescales", "matching", "extremals"),
+    ),
+    Part(
+        "The thesis' tables",
+        "Stability and order of every method as the thesis tabulates them, recomputed, and what does not"
+        " reproduce.",
+        ("methods", "stability", "energy", "orders", "deviations"),
+    ),
 )
+
+ORDER = tuple(slug for part in PARTS for slug in part.slugs)
+
+#: Figures that stand at the top of the index, by their chapters.
+PICTURED = {
+    "exact": "polhode",
+    "contact": "top-rendered",
+    "dives": "twist-frames",
+    "divers": "diver-spatial",
+    "swing_up": "swing-up-frames",
+    "extremals": "extremals-paths",
+}
 
 
 class Chapter(Protocol):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "The arm"
+TITLE = "The two-link arm by collocation"
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 _TOLERANCE = 1e-7
@@ -119,7 +119,7 @@ def _row(name: str, result: ocp.CollocationResult) -> list[str | Cell]:
 
 
 _HEADER = (
-    words("start of the search"), words("status"), "cost", "cost, integrated anew", "largest defect",
+    words("start of the search"), words("status"), "cost", "cost, re-integrated", "largest defect",
     "error at the end", "spread of H", "meshes, points", "s",
 )  # fmt: skip
 
@@ -139,11 +139,11 @@ def write(page: Page, measurements: Measurements) -> None:
         f" same final posture is reached with θ₂ a turn less for {turned.verified_cost:.5f}."
     )
     page.text(
-        "An arm of two rods on a table turns by 180° in ten seconds with least effort"
+        "An arm of two rods on a table turns by 180° in ten seconds with minimum effort"
         " ½ ∫ u₁² + ½ u₂² dt. The joint at the wall is damped, the elbow is not: the arm first folds its"
         " short second link, turns slowly, and unfolds it at the end. The library finds the motion in the"
         " place of GPOPS: collocation at Legendre–Gauss–Radau points, on meshes refined until each interval"
-        " is as accurate as asked for, with exact derivatives; the multipliers of its program are the"
+        " is as accurate as requested, with exact derivatives; the multipliers of its program are the"
         " costates.",
     )
     page.code(
@@ -197,7 +197,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.table(
         _HEADER,
         [_row(f"tolerance {power(tolerance)}", result) for tolerance, result in tolerances.items()],
-        "Defects: each interval of the mesh integrated anew from its first node, relative. The error at"
+        "Defects: each interval of the mesh re-integrated from its first node, relative. The error at"
         " the end is that of one integration from start to end, which the system makes grow; it is no measure"
         " of the solution.",
     )
@@ -209,7 +209,7 @@ def write(page: Page, measurements: Measurements) -> None:
         " θ₂ a turn less is the same posture and pays less than the thesis' motion.",
     )
     page.text(
-        "The last row is what success of a solver is worth: its program ended as"
+        "The last row shows that success of a solver is not enough: its program ended as"
         f" “{coarse.report.status}” at a cost of {coarse.cost:.4f}, and the motion does not exist. The report"
         f" calls it “{coarse.message}”."
     )

@@ -8,7 +8,7 @@ from tour.chapters.accuracy import milliseconds
 from tour.measurements import Measurements
 from tour.page import Page, error_size, power, words
 
-TITLE = "Beyond the thesis"
+TITLE = "Later methods, and forces"
 
 
 def write(page: Page, measurements: Measurements) -> None:

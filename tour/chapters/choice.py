@@ -36,7 +36,7 @@ def summary(page: Page, measurements: Measurements) -> None:
     rows = [
         ("a free body", rod),
         ("a free body that twists", twisting),
-        ("a free body, by a method that also takes torques", {name: rod[name] for name in general}),
+        ("a free body, by a method that also accepts torques", {name: rod[name] for name in general}),
         ("a body under torque and damping", hanging),
     ]
     page.section("Which method when")

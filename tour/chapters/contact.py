@@ -15,7 +15,7 @@ from tour.top import QUANTITIES
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TITLE = "Contact that keeps the order"
+TITLE = "Contact: a spinning top"
 
 _TITLES = {
     "position": "position",
@@ -75,7 +75,7 @@ def _section(measurements: Measurements) -> Axes:
 
 
 def _scene(measurements: Measurements) -> viewer.Scene:
-    """The top as it moves, with the way of its tip, and whether it touches the ground."""
+    """The top as it moves, with the path of its tip, and whether it touches the ground."""
     top, motion = measurements.top, measurements.top_motion
     radius, thickness = thesis.TOP_DISK
     tip, half = top.contacts[0].point, thickness / 2

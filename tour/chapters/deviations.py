@@ -7,7 +7,7 @@ from tour import comparison
 from tour.measurements import Measurements
 from tour.page import Page, number, words
 
-TITLE = "Deviations"
+TITLE = "Deviations from the thesis"
 
 _READINGS = (
     ("4.1", "a PCA of each dive", "one basis for all dives; the other under a name of its own"),
@@ -26,7 +26,7 @@ _READINGS = (
     ("Figure 7.2", "caption: orientation", "angular velocity"),
     ("Table A.1", "number of parameters p", "free ones, after r(0) and ṙ(0) are imposed: n_par = p + 2"),
     ("8.4", "one optimal motion", "that which folds to θ₂ > 0; there are others, and a cheaper one"),
-    ("7.3", "spinning top with contact", "not part of the library yet"),
+    ("7.3", "all methods of order 1 with contact", "so they are, unless the events are located"),
 )
 
 

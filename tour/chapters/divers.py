@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Divers"
+TITLE = "Divers and their postures"
 
 _POSTURES = {
     "A": "layout, arms overhead",

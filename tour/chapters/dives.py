@@ -1,4 +1,4 @@
-"""Chapter 3 of the thesis: the planar and the spatial dive, found and integrated anew."""
+"""Chapter 3 of the thesis: the planar and the spatial dive, found and re-integrated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Dives"
+TITLE = "Two dives, optimised"
 
 _COLOURS = {
     "A": "#4477aa",
@@ -153,12 +153,12 @@ def _table(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
             error_size(verified.momentum_drift),
         ],
         [
-            words("somersaults, found and integrated anew"),
+            words("somersaults, found and re-integrated"),
             f"{dive.somersaults[-1]:.6f} · {verified.somersaults:.6f}",
         ],
-        [words("twists, found and integrated anew"), f"{dive.twists[-1]:.6f} · {verified.twists:.6f}"],
+        [words("twists, found and re-integrated"), f"{dive.twists[-1]:.6f} · {verified.twists:.6f}"],
         [
-            words("entry off the vertical, found and integrated anew, °"),
+            words("entry off the vertical, found and re-integrated, °"),
             " · ".join(
                 error_size(float(np.degrees(angle))) for angle in (dive.entry_angle, verified.entry_angle)
             ),
@@ -176,7 +176,7 @@ def _table(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     if verified.least_distance is not None and verified.nearest_limbs is not None:
         limbs = " and ".join(name.replace("_", " ") for name in verified.nearest_limbs)
         rows.append(
-            [words(f"least distance of limbs, mm ({limbs})"), number(1e3 * verified.least_distance, 1)]
+            [words(f"minimum distance of limbs, mm ({limbs})"), number(1e3 * verified.least_distance, 1)]
         )
     x, _, z = verified.take_off_velocity
     rows.append([words("velocity at take-off, ahead and up, m/s"), f"{x:.2f} · {z:.2f}"])
@@ -305,8 +305,8 @@ def _others(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         " A third posture changes little, as 3.1 says. Joints of their own save momentum, at many times the"
         " work; for"
         " them the penalty counts rates over the distance from A to H. Explicit Euler (2.8) on the full"
-        " dynamics, as the thesis has it, does not keep the momentum: it rises while the diver folds and"
-        " falls when he opens, so that the same weight turns too far, and what is optimal there lives off"
+        " dynamics, as the thesis has it, does not conserve the momentum: it rises while the diver folds and"
+        " falls when he opens, so that the same weight turns too far, and what is optimal there exploits"
         " its steps.",
     )
 
@@ -339,7 +339,7 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     if not dive.report.success:
         page.text(
             f"The dive meets what is asked of it to {error_size(dive.report.feasibility)}, but its cost is"
-            " not yet the least there is nearby: the search"
+            " not yet a local minimum: the search"
             f" ended with status {dive.status} and a stationarity of {error_size(dive.report.stationarity)}."
         )
     page.code("dive = ocp.dive_5174d().solve()\ndives = ocp.dive_5174d().search(16)  # from 16 starts\n")
@@ -407,7 +407,7 @@ def write(page: Page, measurements: Measurements) -> None:
         f" {twisting.duration:g} s instead of {pike.duration:g} s. The"
         f" planar dive is found in {1e3 * pike_seconds:.0f} ms and the spatial one in"
         f" {twisting_seconds:.1f} s."
-        f" Integrated anew, they enter the water {np.degrees(pike.verify().entry_angle):.2g}° and"
+        f" Re-integrated, they enter the water {np.degrees(pike.verify().entry_angle):.2g}° and"
         f" {np.degrees(twisting.verify().entry_angle):.2g}° off the vertical."
     )
     _pike(page, pike, pike_seconds)

@@ -87,13 +87,13 @@ def _places(cells: list[comparison.Comparison]) -> str:
 
 
 def _bound(page: Page, measurements: Measurements) -> None:
-    """Thesis 6.2.1: methods that keep the angular momentum, and the bound (6.4)."""
+    """Thesis 6.2.1: methods that conserve the angular momentum, and the bound (6.4)."""
     page.section("Angular momentum, and the bound (6.4)")
     page.text(
-        "A method that keeps the angular momentum cannot let the energy above ‖L‖²/(2 I_min), thesis (6.4),"
-        " with the smallest principal moment. That bounds the motion at any step; it does not make it right."
-        " The damped semi-implicit Euler method <code>sieg</code>, which takes the gyroscopic term implicitly"
-        " as physics engines do, loses energy instead.",
+        "A method that conserves the angular momentum cannot let the energy above ‖L‖²/(2 I_min), thesis"
+        " (6.4), with the smallest principal moment. That bounds the motion at any step; it does not make it"
+        " right. The damped semi-implicit Euler method <code>sieg</code>, which takes the gyroscopic term"
+        " implicitly as physics engines do, loses energy instead.",
     )
     keeping = [info.name for info in measurements.methods if info.variables == "momentum"]
     shown = ["sie", "sieg", "sv", "aso", *keeping]
@@ -117,6 +117,6 @@ def _bound(page: Page, measurements: Measurements) -> None:
             ]
             for name, study in ((name, measurements.energy[name]) for name in shown)
         ],
-        "Green: within the bound in every step of every prism. A multistep method is held against the"
-        " momentum that its start-up leaves. <code>sie</code> is there to compare with.",
+        "Green: within the bound in every step of every prism. A multistep method is checked against the"
+        " momentum that its start-up leaves. <code>sie</code> serves for comparison.",
     )

@@ -13,7 +13,7 @@ from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, words
 
-TITLE = "The exact motion, and the twist"
+TITLE = "The flip of a free body, exactly"
 
 
 def _twisting_box() -> tuple[somersault.RigidBody, somersault.State]:
@@ -37,7 +37,7 @@ def write(page: Page, measurements: Measurements) -> None:
     flips = t[1:][np.diff(np.sign(spin)) != 0]
     gap = float(np.mean(np.diff(flips)))
     page.lead(
-        f"A free body has a closed solution, {nanoseconds:.0f} ns for each time asked for. It shows case 2"
+        f"A free body has a closed solution, {nanoseconds:.0f} ns for each time requested. It shows case 2"
         f" flipping over every {gap:.2f} s: the effect of Dzhanibekov, or of the tennis racket."
     )
     page.text(
@@ -58,7 +58,7 @@ def write(page: Page, measurements: Measurements) -> None:
         "twist",
         axes[0],
         "Case 2 for 30 s: a box of 1:2:5 turning about its middle axis, with 10⁻⁴ of that about its long"
-        " axis. The spin about y changes sign again and again, while energy and angular momentum stay as"
+        " axis. The spin about y changes sign repeatedly, while energy and angular momentum stay as"
         f" they are. The thesis integrates the first 10 s: two flips, {10 / (2 * gap):.3f} of a full period.",
         "Four panels over time; the body's spin about y switches between plus and minus six",
     )
@@ -89,7 +89,7 @@ def write(page: Page, measurements: Measurements) -> None:
 
 
 def _agreement(page: Page, measurements: Measurements) -> None:
-    """Against methods that know nothing of elliptic functions."""
+    """Against methods that do not use elliptic functions."""
     body, start = measurements.box
     times = np.array([1.0, 10.0, 100.0])
     exact = FreeBody(body, start)(times)
@@ -105,5 +105,5 @@ def _agreement(page: Page, measurements: Measurements) -> None:
         (words("method"), "step, s", *(f"after {t:g} s, rad" for t in times)),
         rows,
         "The tumbling box (0.2 × 0.4 × 0.6 m, 1 kg, ω₀ = (1, 2, 3) rad/s): angle between the exact"
-        " orientation and that of four methods, which know nothing of elliptic functions.",
+        " orientation and that of four methods, which do not use elliptic functions.",
     )

@@ -108,7 +108,7 @@ def _torques(free: ftla.Extremal, limited: ftla.Extremal, limits: Array) -> Axes
 
 
 def _paths(found: dict[str, Solved]) -> Axes:
-    """The way of the tip."""
+    """The path of the tip."""
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(9.6, 3.6), layout="constrained")
@@ -142,7 +142,7 @@ def write(page: Page, measurements: Measurements) -> None:
     )
     page.text(
         "The start is a spline that folds the second link and unfolds it at the end, taken down to"
-        " least effort"
+        " minimum effort"
         " by least squares. Its torques tell the costates, and so the nodes of segments of at most 0.4 s."
         " Newton's method on all nodes at once, with the transition matrices of the segments, takes them to"
         " rounding."
@@ -163,11 +163,11 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "extremals-paths",
         _paths({name: found[name] for name in ranked}),
-        "The ways of the tip, in colour, and of the elbow, in grey; the cheapest on the left.",
+        "The paths of the tip, in colour, and of the elbow, in grey; the cheapest on the left.",
         "Four arms that turn by half a circle",
     )
     page.text(
-        f"SciPy's DOP853 integrates every segment anew and ends within {error_size(defect)} of the"
+        f"SciPy's DOP853 integrates every segment again and ends within {error_size(defect)} of the"
         " next node."
         f" The collocation solution, itself refined to 10⁻⁷, costs {coarse.verified_cost:.9f}:"
         f" {error_size(abs(coarse.verified_cost - extremal.cost()))} from the polished motion."

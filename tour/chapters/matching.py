@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Placing and matching"
+TITLE = "From slow manifolds to an extremal"
 
 _BLUE, _GREEN, _RED = "#2166ac", "#1b7837", "#b2182b"
 #: Round values of the costates at both ends, where the searches begin.

@@ -8,7 +8,7 @@ from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, words
 
-TITLE = "Methods"
+TITLE = "All methods"
 
 _HEADER = (
     words("name"),
@@ -17,7 +17,7 @@ _HEADER = (
     "order on SO(3)",
     "within steps",
     "evaluations",
-    "earlier steps",
+    "previous steps",
     words("step"),
     words("applies to"),
     words("source"),
@@ -63,7 +63,7 @@ def write(page: Page, measurements: Measurements) -> None:
         " differ. Within a step, by dense output, the order is the lower of that at its ends and of the"
         " column."
         " Evaluations are those of the equations of motion in each step, once started; a method"
-        " that solves an equation in each step may need them for every iteration. Earlier steps are those a"
+        " that solves an equation in each step may need them for every iteration. Previous steps are those a"
         " method remembers, and must be made by another method first."
     )
     page.section("The thesis' methods")

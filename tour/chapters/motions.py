@@ -17,7 +17,7 @@ from tour.page import Cell, Page, error_size, number, words
 
 Array = NDArray[np.float64]
 
-TITLE = "Recorded motions"
+TITLE = "Markers of known motions, fitted"
 
 _NOISE, _MISSING = 0.01, 0.2
 
@@ -222,8 +222,8 @@ def _fit_scene(page: Page, dive: ocp.DiveSolution, fit: motion.MotionFit) -> Non
         scene,
         "fit",
         f"5174D at half speed, as it is and as fitted frame by frame to markers with {1e3 * _NOISE:g} mm of"
-        " noise,"
-        f" {100 * _MISSING:g} % of them missing: no frame knows of its neighbours but where it may start.",
+        f" noise, {100 * _MISSING:g} % of them missing: each frame is fitted by itself and takes only its"
+        " start from others.",
     )
 
 
@@ -237,10 +237,8 @@ def _components(page: Page, twisting: ocp.DiveSolution) -> None:
         (words("components"), *map(str, range(1, n + 1))),
         [[words("fraction of the variance, %"), *(number(100.0 * s, 6) for s in fraction[:n])]],
         f"The {joints.shape[1]} joint angles of 5174D are combinations of five weights. Principal components"
-        " know"
-        f" nothing of that, and find {np.searchsorted(fraction, 1.0 - 1e-12) + 1} directions with more than"
-        " 10⁻¹² of the"
-        " variance between them.",
+        f" do not use that, and find {np.searchsorted(fraction, 1.0 - 1e-12) + 1} directions with more than"
+        " 10⁻¹² of the variance between them.",
     )
     halves = [joints[: len(joints) // 2], joints[len(joints) // 2 :]]
     common = motion.common_eigenpostures(halves, 2)
@@ -266,10 +264,8 @@ def write(page: Page, measurements: Measurements) -> None:
     (pike, _), (twisting, _) = measurements.pike, measurements.twisting
     page.lead(
         "Markers and skeletons from BVH, C3D, TRC, CSV and JSON, every error with its line or byte; a diver"
-        " is"
-        " laid over them frame by frame, and known motions are found again within the error that the fit"
-        " itself"
-        " predicts."
+        " is fitted to them frame by frame, and known motions are found again within the error that the fit"
+        " itself predicts."
     )
     _reading(page)
     fit = _known(page, {"107B, planar": pike, "5174D, spatial": twisting})

@@ -9,7 +9,7 @@ from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, words
 
-TITLE = "Orders"
+TITLE = "Orders of accuracy"
 
 
 def _slope(observed: float | None, stated: int | None) -> Cell:
@@ -67,7 +67,7 @@ def write(page: Page, measurements: Measurements) -> None:
         [row(name) for name in thesis.METHODS],
         "Printed: thesis tables 7.1 and 7.2. Green: the slope observed is within 0.35 of the printed order."
         " The thesis notes that Störmer–Verlet's order 2 needs forces that do not depend on the velocity."
-        " Discrete Moser–Veselov takes no torque.",
+        " Discrete Moser–Veselov accepts no torque.",
     )
     page.section("Every method")
 
@@ -82,7 +82,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.table(
         (words("method"), "r̈ = f(r)", "r̈ = f(r, ṙ)", "free body", "under torque"),
         [stated_row(info.name) for info in measurements.methods],
-        "Slopes observed; green within 0.35 of the order in the method table. A dash where the method takes"
+        "Slopes observed; green within 0.35 of the order in the method table. A dash where the method accepts"
         " no torque, or where its error is but rounding: a splitting is exact on a free body.",
     )
     rotation = {name: entry.rotation for name, entry in observed.items() if entry.rotation is not None}

@@ -1,8 +1,10 @@
-"""Chapter 4.2 of the thesis, on recordings of people, where there are any."""
+"""Chapter 4.2 of the thesis: recordings of people where a folder of them is given, else synthetic ones."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +24,21 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Recordings of people"
+TITLE = "A diver fitted to recordings"
 
 #: Names the folder with the motions of DeepMimic.
 VARIABLE = "SOMERSAULT_MOTIONS"
 
 _RECORDED = ("backflip", "sideflip", "cartwheel", "roll", "jump", "spinkick", "walk", "run")
+#: Of synthetic flights: how each differs from the dive that was optimised.
+_FLOWN = {
+    "as optimised": motion.Perturbation(),
+    "over-rotated": motion.Perturbation(over_rotation=0.4),
+    "one-sided": motion.Perturbation(asymmetry=0.15),
+    "wobbling": motion.Perturbation(wobble=0.1),
+}
+_NOISE = 0.005
+_FRAMES = 60
 _COLOURS = ("#4477aa", "#cc6677", "#228833", "#ccbb44", "#66ccee", "#aa3377")
 _JOINTS = (("hip", "thigh"), ("knee", "shank"), ("ankle", "foot"), ("toes", "toes"))
 _ARM = (("shoulder", "shoulder_flexion"), ("elbow", "forearm"), ("wrist", "hand"))
@@ -54,6 +65,33 @@ def files(folder: str) -> dict[str, Path]:
     return found
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """A motion as recorded: the markers, and the configurations of its own skeleton, root first."""
+
+    markers: motion.MarkerRecording
+    q: Array
+
+    @property
+    def times(self) -> Array:
+        return np.asarray(self.markers.times)
+
+
+def _flown(diver: multibody.Diver, markers: motion.MarkerSet, found: ocp.DiveSolution) -> dict[str, Recorded]:
+    """SYNTHETIC recordings: an optimised dive, perturbed and flown again, with noise on its markers."""
+    flight = motion.SyntheticFlight(diver.model, found.t, found.q)
+    rng = np.random.default_rng(11)
+    made = {}
+    for name, perturbation in _FLOWN.items():
+        dive = flight.perturb(perturbation)
+        frames = np.linspace(0, len(dive.times) - 1, _FRAMES).round().astype(int)
+        times, q = np.linspace(0.0, dive.times[-1], _FRAMES), np.asarray(dive.q)[frames]
+        placed = motion.place_markers(markers, times, q)
+        points = placed.points + rng.normal(0.0, _NOISE, placed.points.shape)
+        made[name] = Recorded(motion.MarkerRecording(placed.names, times, points), q)
+    return made
+
+
 def turned(q: Array) -> Array:
     """Turns about the axes of the body since the first frame: the steps' rotations, added up."""
     rotations = Rotation.from_quat(q[:, 3:7])
@@ -61,10 +99,13 @@ def turned(q: Array) -> Array:
     return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)]) / (2.0 * np.pi)
 
 
-def _turns(recordings: dict[str, motion.SkeletonRecording], fits: dict[str, motion.MotionFit]) -> Axes:
-    axes = plt.figure(figsize=(9.0, 4.8), layout="constrained").subplots(2, 4, sharey=True)
+def _turns(recordings: Mapping[str, Recorded], fits: Mapping[str, motion.MotionFit]) -> Axes:
+    rows = len(recordings) // 4
+    axes = plt.figure(figsize=(9.0, 2.4 * rows), layout="constrained").subplots(
+        rows, 4, sharey=True, squeeze=False
+    )
     for ax, name in zip(axes.flat, recordings, strict=True):
-        found = turned(np.asarray(recordings[name].configurations)), turned(fits[name].q)
+        found = turned(recordings[name].q), turned(fits[name].q)
         for k, (axis, colour) in enumerate(zip(("forward", "left", "long axis"), _COLOURS, strict=False)):
             ax.plot(recordings[name].times, found[0][:, k], color=colour, lw=1.7, label=axis)
             ax.plot(fits[name].times, found[1][:, k], color=colour, lw=0.9, ls="--")
@@ -73,7 +114,7 @@ def _turns(recordings: dict[str, motion.SkeletonRecording], fits: dict[str, moti
         ax.margins(x=0)
     for ax in axes[:, 0]:
         ax.set_ylabel("turns")
-    for ax in axes[1]:
+    for ax in axes[-1]:
         ax.set_xlabel("time, s")
     axes[0, 0].legend(frameon=False, fontsize=8)
     drawn: Axes = axes[0, 0]
@@ -132,55 +173,81 @@ def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     folder = os.environ.get(VARIABLE)
     if folder is None:
-        page.lead(f"There are no recordings here: <code>{VARIABLE}</code> names no folder.")
-        page.text(
-            "Where the environment variable"
-            f" <code>{VARIABLE}</code> names a folder with the motions of DeepMimic"
-            " (<code>humanoid3d_backflip.txt</code> and so on), this page shows"
-            f" {', '.join(_RECORDED[:-1])}"
-            " and"
-            f" {_RECORDED[-1]}: joint centres by forward kinematics, fitted by the spatial diver, with"
-            " residuals,"
-            " rotation, and backflip and sideflip in posture space. The recordings are not part of the"
-            " project."
-        )
-        return
+        _synthetic(page, measurements)
+    else:
+        _people(page, folder)
+
+
+def _synthetic(page: Page, measurements: Measurements) -> None:
+    found = measurements.twisting[0]
     diver = multibody.diver_spatial()
     markers = markers_of_recordings(diver.model)
-    recordings = {name: motion.read_joint_motion(path, diver) for name, path in files(folder).items()}
-    fit = motion.MarkerFit(markers, scale=1.0, starts=postures(diver))
-    fits = {name: fit.fit(recording.joint_centres()) for name, recording in recordings.items()}
+    recordings = _flown(diver, markers, found)
+    fits = _fits(diver, markers, recordings)
+    off = {name: _angle(recordings[name].q, fit.q) for name, fit in fits.items()}
     page.lead(
-        "Eight motions of people, laid over by the spatial diver to"
-        f" {1e3 * min(found.rms for found in fits.values()):.0f} to"
-        f" {1e3 * max(found.rms for found in fits.values()):.0f} mm; backflip and sideflip in"
-        " posture space."
+        "Four SYNTHETIC recordings of a twisting dive, fitted by the spatial diver to"
+        f" {1e3 * min(fit.rms for fit in fits.values()):.1f} to"
+        f" {1e3 * max(fit.rms for fit in fits.values()):.1f} mm; the trunk is found within"
+        f" {np.degrees(max(off.values())):.1f}° in every frame."
     )
+    page.text(
+        "The optimised 5174D is perturbed and flown again with constant angular momentum; the joint centres"
+        f" of {_FRAMES} frames get noise of {1e3 * _NOISE:g} mm. The fit starts from the markers alone, so"
+        " that its result can be compared with the motion that made them. Where the environment variable"
+        f" <code>{VARIABLE}</code> names a folder with the motions of DeepMimic"
+        " (<code>humanoid3d_backflip.txt</code> and so on), this page shows recorded people in their place."
+    )
+    _table(page, recordings, fits)
+    page.figure(
+        "recorded-turns",
+        _turns(recordings, fits),
+        "Turns of the trunk about its own axes since take-off: of the synthetic motion, and dashed the fit.",
+        "Four panels with three curves each, on which dashed curves lie",
+    )
+    shown = {name: fits[name] for name in list(fits)[:2]}
+    page.figure(
+        "recorded-body",
+        _body_centred(shown),
+        "Height of the centre of mass, and moments of inertia about it along the axes of the trunk.",
+        "Two columns; the height rises and falls, the moments of inertia change with the posture",
+    )
+    scene = viewer.Scene("SYNTHETIC: a twisting dive").camera("corner").water(0.0).play(0.5)
+    name = "over-rotated"
+    scene.add(diver.model, recordings[name].times, recordings[name].q, label="synthetic motion")
+    scene.add(diver.model, fits[name].times, fits[name].q, label="fitted diver", panel=1)
+    frame(page, scene, "recorded", "The over-rotated flight, and the diver fitted to its markers.")
+
+
+def _fits(
+    diver: multibody.Diver, markers: motion.MarkerSet, recordings: Mapping[str, Recorded]
+) -> dict[str, motion.MotionFit]:
+    fit = motion.MarkerFit(markers, scale=1.0, starts=postures(diver))
+    return {name: fit.fit(recorded.markers) for name, recorded in recordings.items()}
+
+
+def _angle(true: Array, found: Array) -> float:
+    """The greatest angle between two motions of a root, rad."""
+    turns = Rotation.from_quat(true[:, 3:7]).inv() * Rotation.from_quat(found[:, 3:7])
+    return float(turns.magnitude().max())
+
+
+def _table(page: Page, recordings: Mapping[str, Recorded], fits: Mapping[str, motion.MotionFit]) -> None:
+    """Frames, residuals and turns of each motion, and the residuals of its markers."""
     rows: list[list[str | Cell]] = []
     for name, found in fits.items():
         done = sum(status == "converged" for status in found.status)
-        turns = turned(np.asarray(recordings[name].configurations))[-1]
+        turns = turned(recordings[name].q)[-1]
         rows.append(
             [
                 words(name),
                 str(len(found)),
-                number(recordings[name].duration),
+                number(float(np.ptp(recordings[name].times))),
                 f"{done}",
                 number(1e3 * found.rms, 0),
                 *(number(round(float(x), 2) + 0.0) for x in turns),
             ]
         )
-    page.text(
-        "Motions of DeepMimic (X. B. Peng and others, ACM Trans. Graph. 37 (2018), 143), made from motion"
-        " capture."
-        " They carry no lengths of segments: joint centres are by forward kinematics with the"
-        " segment lengths"
-        " of"
-        " the diver of 1.70 m, and the scale is known to be 1. The diver is hinged: hips and knees"
-        " bend in one plane, and the trunk is stiff where the figures have a chest. What it cannot"
-        " do is the"
-        " residual."
-    )
     page.table(
         (
             words("motion"),
@@ -194,10 +261,8 @@ def write(page: Page, measurements: Measurements) -> None:
         ),
         rows,
         "Turns are those of the recording's root about its own axes from the first to the last frame, its"
-        " steps"
-        " added up; about the axis to the left, forward somersaults count positive. Frames that have not"
-        " converged"
-        " are the best of 100 iterations.",
+        " steps added up; about the axis to the left, forward somersaults count positive. Frames that have"
+        " not converged are the best of 100 iterations.",
     )
     page.table(
         (words("residual by marker, mm"), *map(words, fits)),
@@ -206,21 +271,43 @@ def write(page: Page, measurements: Measurements) -> None:
                 words(marker.replace("_", " ")),
                 *(number(1e3 * found.marker_rms[marker], 0) for found in fits.values()),
             ]
-            for marker in markers.names
+            for marker in next(iter(fits.values())).fit.markers.names
         ],
         "Root mean square, over the frames of a motion, of the distance between each joint centre of the"
         " recording and that of the diver.",
     )
+
+
+def _people(page: Page, folder: str) -> None:
+    diver = multibody.diver_spatial()
+    markers = markers_of_recordings(diver.model)
+    skeletons = {name: motion.read_joint_motion(path, diver) for name, path in files(folder).items()}
+    recordings = {
+        name: Recorded(skeleton.joint_centres(), np.asarray(skeleton.configurations))
+        for name, skeleton in skeletons.items()
+    }
+    fits = _fits(diver, markers, recordings)
+    page.lead(
+        "Eight motions of people, fitted by the spatial diver to"
+        f" {1e3 * min(found.rms for found in fits.values()):.0f} to"
+        f" {1e3 * max(found.rms for found in fits.values()):.0f} mm; backflip and sideflip in"
+        " posture space."
+    )
+    page.text(
+        "Motions of DeepMimic (X. B. Peng and others, ACM Trans. Graph. 37 (2018), 143), made from motion"
+        " capture. They carry no lengths of segments: joint centres are by forward kinematics with the"
+        " segment lengths of the diver of 1.70 m, and the scale is known to be 1. The diver is hinged: hips"
+        " and knees bend in one plane, and the trunk is stiff where the figures have a chest. What it cannot"
+        " do is the residual."
+    )
+    _table(page, recordings, fits)
     page.figure(
         "recorded-turns",
         _turns(recordings, fits),
-        "How far the root has turned about its own axes: of the recording, and dashed the fitted"
-        " trunk. Where"
-        " they"
-        " part, the stiff trunk and hinged hips make up for what they cannot do.",
+        "Turns of the root about its own axes since the first frame: of the recording, and dashed the fitted"
+        " trunk. The two differ where the stiff trunk and hinged hips compensate for what they cannot do.",
         "Eight panels; backflip and roll go a turn about the axis to the left, sideflip and cartwheel about"
-        " the"
-        " forward axis, the spin kick about the long axis",
+        " the forward axis, the spin kick about the long axis",
     )
     flips = {name: fits[name] for name in ("backflip", "sideflip")}
     letters = "BAFGC"
@@ -260,7 +347,7 @@ def write(page: Page, measurements: Measurements) -> None:
         " the"
         " sideflip."
     )
-    recording = recordings["backflip"]
+    recording = skeletons["backflip"]
     scene = viewer.Scene("Backflip").ground(0.0).camera("corner").play(0.5)
     scene.add(recording.skeleton.model(65.0), recording.times, recording.configurations, label="recording")
     scene.add(diver.model, fits["backflip"].times, fits["backflip"].q, label="fitted diver", panel=1)

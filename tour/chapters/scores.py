@@ -40,7 +40,7 @@ def _making(page: Page, made: motion.SyntheticSet) -> None:
         f" and scoring can be shown from end to end, this page makes one. {_LABEL}: {len(made)} dives, each"
         " the"
         " dive 107B of the chapter before with a late exit, a loose pike, over-rotation, a wobble and a"
-        " longer or shorter flight, flown anew with constant angular momentum; markers with 5 mm of noise;"
+        " longer or shorter flight, flown again with constant angular momentum; markers with 5 mm of noise;"
         " and a judge who is a formula. <b>No judge was asked.</b> What is learnt here says nothing about"
         " dives"
         " or judges; it says whether the method finds what is there to be found."
@@ -102,7 +102,7 @@ def _scatter(
 
 
 def _validating(page: Page, made: motion.SyntheticSet) -> None:
-    page.section("What the scores are worth")
+    page.section("How accurate the scores are")
     dives, scores = made.performances(), np.asarray(made.scores)
     opening = [f.hip_opening for f in made.faults]
     began = time.perf_counter()
@@ -113,9 +113,9 @@ def _validating(page: Page, made: motion.SyntheticSet) -> None:
     page.text(
         "Every dive is scored by a model that has not seen it: eigenpostures, Eigendives, their number and"
         " the linear"
-        " map are made anew from all others, with the settings of the thesis: 60 frames, four eigenweights,"
+        " map are rebuilt from all others, with the settings of the thesis: 60 frames, four eigenweights,"
         " body"
-        " path. Beside it are simple predictors, judged in the same way."
+        " path. Beside it are simple predictors, validated in the same way."
     )
     rows: list[list[str | Cell]] = [
         [
@@ -238,15 +238,15 @@ def _generated(
         again = motion.ScoringModel.load(path).score(performance)
     fraction = 100.0 * np.asarray(model.eigenmotions.explained_variance_ratio)
     page.text(
-        f"Taught by all {len(made)} {_LABEL} dives, the model has {len(model.coefficients)}"
+        f"Trained on all {len(made)} {_LABEL} dives, the model has {len(model.coefficients)}"
         " Eigendives, which"
         " hold"
         f" {', '.join(number(s, 1) for s in fraction)} % of the variance of the dives' vectors. It gives the"
         " dive 107B, which"
         f" it has not seen, {score.value:.2f} points, at a distance of {score.distance:.2f}"
-        " (beyond 1 a dive is unlike those learnt); the judge's formula gives it"
+        " (beyond 1 a dive is unlike the training motions); the judge's formula gives it"
         f" {made.judge.intended(made.judge.reference):.0f}, since its faults"
-        " are those that he takes for none. The thesis' model, taught by sixteen real dives, gives its"
+        " are within what the formula tolerates. The thesis' model, trained on sixteen real dives, gives its"
         " generated"
         f" dive 4.2: nothing here can tell why. Saved and loaded again, the model's score is"
         f" {'the same to the last bit' if again == score else 'another'}."

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TITLE = "Swing-up"
+TITLE = "The swing-up of a pendulum"
 
 #: Starts from which each case is solved, and the seed that draws them.
 _STARTS, _SEED = 40, 1
@@ -263,7 +263,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "swing-up-frames",
         _frames(motion),
-        "Figure A.2: the motion of case B. The line is the way of the pendulum's end.",
+        "Figure A.2: the motion of case B. The line is the path of the pendulum's end.",
         "Twelve frames of a cart on a rail with its pendulum, from hanging to upright",
     )
     page.figure(

@@ -145,7 +145,7 @@ def _panels(extremal: ftla.Extremal) -> tuple[Axes, dict[str, ftla.Diagnosis]]:
 
 
 def _scene(extremal: ftla.Extremal) -> viewer.Scene:
-    """The arm in motion, its stages told by captions."""
+    """The arm in motion, its stages named by captions."""
     t = np.linspace(0.0, 10.0, 401)
     x = extremal(t)
     shapes = {

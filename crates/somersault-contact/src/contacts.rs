@@ -200,7 +200,7 @@ impl Contact {
         about_centre(&arm, &effort)
     }
 
-    /// Point and plane where a point meets a plane and there is nothing but the push along the normal.
+    /// Point and plane where a point meets a plane and only the push along the normal acts.
     #[inline(always)]
     fn bare_point(&self) -> Option<(&Vector3<f64>, &HalfSpace)> {
         match (&self.shape, &self.plane) {

@@ -1,4 +1,4 @@
-//! Rigid bodies in compliant contact, with events located so that integrators keep their order.
+//! Compliant frictional contact: the integrator locates every touch-down and release, so it keeps its full order.
 //!
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and
@@ -33,7 +33,7 @@
 //!   [`graze`](somersault_integrators::events::Location::graze), in m, on rims and on surfaces without
 //!   [`concavity`](surface::Surface::concavity); and where a force has no bound (a closure) or a contact is closed,
 //!   accelerations are estimated, which is no proof.
-//! - A contact that is closed, and friction, is judged by the cubic through the ends of a step, which is good where steps
+//! - A contact that is closed, and friction, is decided by the cubic through the ends of a step, which is good where steps
 //!   resolve the contact; fixed steps are divided until they do.
 //! - Surfaces are examined where they are touched first: [`SurfaceFault`](surface::SurfaceFault).
 //! - A law whose force and rate of force are continuous at release, and whose gap rate is continuous at

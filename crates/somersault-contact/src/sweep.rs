@@ -145,7 +145,7 @@ impl BodySweep {
         }
     }
 
-    /// Between two states h apart; `is_free` says that nothing but the forces acts.
+    /// Between two states h apart; `is_free` says that only the forces act.
     pub(crate) fn between<F: ForceModel>(
         body: &RigidBody,
         forces: &F,

@@ -11,7 +11,7 @@ use crate::surface::HalfSpace;
 use nalgebra::Vector3;
 use somersault_integrators::state::RigidBodyState;
 
-/// The axes in which angular velocities and torques are taken.
+/// The axes of angular velocities and torques.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Axes {
     World,

@@ -1,19 +1,19 @@
-//! The end of long work before its end: a [`CancellationToken`] by which whoever waits for it asks, and which whoever works looks
-//! at now and then; and a [`Flow`] by which an observer answers that is shown each step.
+//! Cancellation of long work: a [`CancellationToken`] that the caller sets and the work looks at now and then; and a [`Flow`] by
+//! which an observer that is shown each step answers.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// What an observer or a callback wants of the work that it is shown.
+/// What an observer or a callback answers to the work that it is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// Go on.
+    /// Continue.
     Continue,
-    /// End after this step, with what there is.
+    /// End after this step, with the result so far.
     Stop,
 }
 
-/// Asks work to end, from any thread, at once or at a deadline. What has been asked stays asked.
+/// Asks work to end, from any thread, at once or at a deadline. A request is never withdrawn.
 #[derive(Debug, Default)]
 pub struct CancellationToken {
     cancelled: AtomicBool,
@@ -45,7 +45,7 @@ impl CancellationToken {
         self.cancelled.load(Ordering::Relaxed) || self.has_expired()
     }
 
-    /// Whether work has been told to end because the deadline was reached.
+    /// Whether work has been asked to end because the deadline was reached.
     pub fn has_expired(&self) -> bool {
         self.expired.load(Ordering::Relaxed)
     }

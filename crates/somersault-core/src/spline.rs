@@ -24,7 +24,7 @@ pub enum SplineError {
     /// There is not one interval for the spline to live on.
     #[error("`n_coefficients` must be at least {} for degree {degree}, found {found}", degree + 1)]
     TooFewCoefficients {
-        /// Degree asked for.
+        /// Degree requested.
         degree: usize,
         /// Coefficients given.
         found: usize,

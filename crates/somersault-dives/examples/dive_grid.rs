@@ -1,4 +1,4 @@
-//! Dives of all groups, somersaults and twists: searched for, and flown again by other means than those that judge them.
+//! Dives of all groups, somersaults and twists: searched for, and flown again independently of their verification.
 //!
 //! ```text
 //! cargo run --release -p somersault-dives --example dive_grid [count] [seed]
@@ -95,7 +95,7 @@ struct Check {
     flight: f64,
     /// Greatest difference of somersault, tilt and twist at the entry from those requested, rad.
     entry: f64,
-    /// Least distance of limbs, m.
+    /// Minimum distance of limbs, m.
     clearance: f64,
 }
 

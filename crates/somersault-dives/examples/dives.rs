@@ -1,4 +1,4 @@
-//! The dives of thesis chapter 3: found, then judged by integrations that know nothing of the search.
+//! The dives of thesis chapter 3: found, then verified by integrations that are independent of the search.
 //!
 //! ```text
 //! cargo run --release -p somersault-dives --example dives [starts]
@@ -105,7 +105,7 @@ fn show(
         report.greatest_sum - 1.0
     );
     if let Some(Nearest { distance, limbs: [a, b], .. }) = report.nearest {
-        println!("  least distance {:.1} mm, {a} to {b}", 1e3 * distance);
+        println!("  minimum distance {:.1} mm, {a} to {b}", 1e3 * distance);
     }
     if let Some(peak) = report.peak_torques.iter().max_by(|a, b| a.torque.abs().total_cmp(&b.torque.abs())) {
         println!("  largest torque {:.0} N m, {} at {:.2} s", peak.torque, peak.joint, peak.time);

@@ -281,7 +281,7 @@ impl ClearanceRows {
     }
 }
 
-/// For each pair the least distance over a grid of postures between those of the dive.
+/// For each pair the minimum distance over a grid of postures between those of the dive.
 fn least_distances(
     dive: &Dive,
     model: &Model,

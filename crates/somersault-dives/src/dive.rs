@@ -63,7 +63,7 @@ pub(crate) const MOST_STEPS: usize = 100_000;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Clearance {
-    /// Least distance of surfaces, m.
+    /// Minimum distance of surfaces, m.
     pub distance: f64,
     /// At how many times between start and finish it is a constraint to begin with, at most 10 000; searches add those at
     /// which limbs come nearer in between.

@@ -1,6 +1,6 @@
 //! The planar dive as thesis 3.1 poses it: the full hybrid dynamics stepped by explicit Euler.
 //!
-//! Nothing there keeps the angular momentum: each step adds what the curvature of the motion leaves out of it, and the
+//! Nothing there conserves the angular momentum: each step adds what the curvature of the motion leaves out of it, and the
 //! optimiser pays only for the momentum at take-off. It rises while the diver folds, by 11 % to 15 %, and falls by more
 //! when he opens.
 

@@ -13,7 +13,7 @@ use crate::Body;
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{Data, DynamicsError, Model};
 
-/// How far above the least distance the one that is found may be, m.
+/// How far above the minimum distance the one that is found may be, m.
 const RESOLUTION: f64 = 1e-5;
 /// Intervals between take-off and entry to begin with, at least.
 const INTERVALS: usize = 400;
@@ -27,7 +27,7 @@ pub(crate) struct Approach {
     pub(crate) distance: f64,
     /// Of the body.
     pub(crate) pair: usize,
-    /// Share of the duration.
+    /// Fraction of the duration.
     pub(crate) fraction: f64,
 }
 
@@ -79,7 +79,7 @@ impl<'a> Approaches<'a> {
         }
     }
 
-    /// The least distance of all pairs: none is nearer, and one at that time at most [`RESOLUTION`] farther. None without
+    /// The minimum distance of all pairs: none is nearer, and one at that time at most [`RESOLUTION`] farther. None without
     /// pairs.
     pub(crate) fn least(mut self) -> Result<Option<Approach>, DynamicsError> {
         let (fractions, samples) = self.samples()?;
@@ -99,7 +99,7 @@ impl<'a> Approaches<'a> {
         Ok(Some(Approach { distance, ..least }))
     }
 
-    /// For each pair the least distance of each run of intervals in which it is below `distance`, and its time.
+    /// For each pair the minimum distance of each run of intervals in which it is below `distance`, and its time.
     pub(crate) fn below(mut self, distance: f64) -> Result<Vec<Approach>, DynamicsError> {
         let (fractions, samples) = self.samples()?;
         let mut found: Vec<Approach> = Vec::new();
@@ -138,13 +138,13 @@ impl<'a> Approaches<'a> {
         Ok((fractions, samples))
     }
 
-    /// Share and distance at both ends of interval `k`.
+    /// Fraction and distance at both ends of interval `k`.
     fn ends(&self, fractions: &[f64], samples: &[f64], pair: usize, k: usize) -> [(f64, f64); 2] {
         let n_pairs = self.body.pairs().len();
         [k, k + 1].map(|k| (fractions[k], samples[k * n_pairs + pair]))
     }
 
-    /// Lowers `least` to the least distance of a pair between two fractions, or to less than [`RESOLUTION`] above it.
+    /// Lowers `least` to the minimum distance of a pair between two fractions, or to less than [`RESOLUTION`] above it.
     fn descend(
         &mut self,
         least: &mut Approach,

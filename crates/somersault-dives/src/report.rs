@@ -1,4 +1,4 @@
-//! What a dive is, judged by integrations that know nothing of how it was found.
+//! What a dive is, verified by integrations that are independent of the search.
 //!
 //! The full equations of the driven tree are integrated from take-off to entry, without use of the conserved momentum and in
 //! steps of their own. Somersaults, tilt and twist are counted along that flight, whole turns without jumps, and compared
@@ -114,18 +114,18 @@ impl DiveReport {
         self.nearest.as_ref().is_none_or(Nearest::is_clear)
     }
 
-    /// What the dive is worth, given the angle that its use allows: one sentence, or one for each thing that is wrong.
+    /// Whether the dive is confirmed, given the angle that its use allows: one sentence, or one for each thing that is wrong.
     pub fn sentence(&self, allowed: f64) -> String {
         let Self { defect, full_dynamics_defect: full, momentum_drift: drift, entry_defect: miss, .. } = self;
         if self.is_confirmed(allowed) {
             return format!(
-                "The dive holds when integrated anew: defects ≤ {defect:.1e} rad, momentum to {drift:.1e}, full dynamics to {full:.1e} rad, entry to {miss:.1e} rad."
+                "The dive holds when re-integrated: defects ≤ {defect:.1e} rad, momentum to {drift:.1e}, full dynamics to {full:.1e} rad, entry to {miss:.1e} rad."
             );
         }
         let mut sentences = Vec::new();
         if !self.flies(allowed) {
             sentences.push(format!(
-                "The optimum lives off its discretisation: integrated anew it is up to {defect:.1e} rad away, the momentum drifts by {drift:.1e} and the full dynamics are up to {full:.1e} rad away."
+                "The optimum exploits its discretisation: on re-integration it is up to {defect:.1e} rad away, the momentum drifts by {drift:.1e} and the full dynamics are up to {full:.1e} rad away."
             ));
         }
         if !self.enters(allowed) {
@@ -512,7 +512,7 @@ pub enum DiveJudgementError {
     /// An integration.
     #[error(transparent)]
     Motion(#[from] IntegrateError),
-    /// It was not to go on.
+    /// It was not to continue.
     #[error("the integration was interrupted")]
     Interrupted,
 }

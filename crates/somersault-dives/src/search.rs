@@ -8,7 +8,7 @@
 //! Where the stage before it ends without a solution, it only tells the residuals of what there is.
 //!
 //! Clearances are constraints at single times. Where the limbs of a solution come nearer in between, the time at which they
-//! are nearest is added and the stage goes on from there, until they keep apart at all times.
+//! are nearest is added and the stage continues from there, until they keep apart at all times.
 
 use crate::modelled::Modelled;
 use crate::{Dive, DiveError, DiveJudgementError, DiveProgram, DiveReport, KeyFrame, Penalties};
@@ -36,7 +36,7 @@ pub struct DiveSearch {
     pub coarse_steps: Option<usize>,
 }
 
-/// Why a search did not even begin, or was broken off.
+/// Why a search did not even begin, or was stopped early.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DiveSearchError {
@@ -131,7 +131,7 @@ impl DiveSearch {
     }
 
     /// Where limbs of a solution come too near to each other between the times at which the clearance is a constraint of these
-    /// programs of one structure, makes it one there too, and returns where to go on. None where there is nothing to add, or
+    /// programs of one structure, makes it one there too, and returns where to continue. None where there is nothing to add, or
     /// more than [`MOST_ADDED`] times would be.
     fn with_breaches(
         &self,

@@ -15,7 +15,7 @@ use somersault_testkit::travels::{Travel, random_travels};
 use std::error::Error;
 use std::time::Instant;
 
-/// What counts as solved: every defect and end condition, by segments integrated anew at 1e-14.
+/// What counts as solved: every defect and end condition, by segments re-integrated at 1e-14.
 const SOLVED: f64 = 1e-8;
 
 /// The largest defect at the tightest tolerance, and the cost.

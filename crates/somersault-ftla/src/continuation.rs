@@ -26,7 +26,7 @@ pub struct Member<S> {
     pub horizon: f64,
 }
 
-/// Where a continuation ended.
+/// Result of a continuation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContinuationResult {
     /// The last solution; its status tells whether it was polished where `s` = 1.
@@ -37,7 +37,7 @@ pub struct ContinuationResult {
     pub stage: Stage,
     /// Why it went no further; none if it arrived.
     pub reason: Option<Reason>,
-    /// Members solved, and tried in vain.
+    /// Members solved, and tried without success.
     pub steps: [usize; 2],
     /// Newton steps of all of them.
     pub iterations: usize,
@@ -57,7 +57,7 @@ pub enum Stage {
         /// How many stages there are.
         of: usize,
     },
-    /// From the motion of least effort.
+    /// From the motion of minimum effort.
     LeastEffort,
     /// Releasing passive joints.
     Release,
@@ -78,7 +78,7 @@ impl fmt::Display for Stage {
         match self {
             Self::Family => f.write_str("along the family"),
             Self::Leg { to, of } => write!(f, "to stage {to} of {of}"),
-            Self::LeastEffort => f.write_str("from the motion of least effort"),
+            Self::LeastEffort => f.write_str("from the motion of minimum effort"),
             Self::Release => f.write_str("releasing passive joints"),
             Self::Limits => f.write_str("lowering torque limits"),
             Self::Linearised => f.write_str("from the linearised problem"),
@@ -123,7 +123,7 @@ impl ContinuationResult {
         Self { extremal, s, stage, reason, steps: [1, 0], iterations: 0, work: Work::default() }
     }
 
-    /// Broken off in a later stage, whose first member could not be begun with.
+    /// Stopped early in a later stage, whose first member could not be begun with.
     pub(crate) fn stopped(mut self, stage: Stage, error: ShootingError, budget: &Budget) -> Self {
         self.extremal.mark_on_the_way();
         (self.stage, self.reason) = (stage, Some(reason_of_error(error, budget)));
@@ -356,7 +356,7 @@ const STILL: f64 = 1e-6;
 
 /// The node of a rest, with λ = 0.
 ///
-/// The field there is held against what it would be if terms of it did not cancel, Σ |Dᵢⱼ| sⱼ with s the largest values of
+/// The field there is checked against what it would be if terms of it did not cancel, Σ |Dᵢⱼ| sⱼ with s the largest values of
 /// the states in all stages, so that units do not matter.
 fn rest_of<S: VectorField>(system: &S, stages: &[[Vec<f64>; 2]]) -> Result<DVector<f64>, ShootingError> {
     let [initial, last] = &stages[0];

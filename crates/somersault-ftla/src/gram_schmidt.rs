@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 /// Makes the columns of `a` orthonormal in place by Gram–Schmidt, each column done `PASSES` times: twice is as good as
-/// reflections, and keeps the order of the columns. `part_of` is told what is to be added to the entry of R in row i and column
+/// reflections, and keeps the order of the columns. `part_of` receives what is to be added to the entry of R in row i and column
 /// j; the diagonal of R is positive.
 pub(crate) fn orthonormalise<const PASSES: usize>(
     a: &mut DMatrix<f64>,

@@ -28,7 +28,7 @@ impl<T> Counted<T> {
         self.calls.load(Ordering::Relaxed)
     }
 
-    /// Begins to count anew.
+    /// Resets the count to 0.
     pub fn reset(&self) {
         self.calls.store(0, Ordering::Relaxed);
     }

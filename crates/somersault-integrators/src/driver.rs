@@ -178,7 +178,7 @@ pub trait Observer<Q: Configuration> {
     fn is_active(&self) -> bool {
         true
     }
-    /// Looks at a step and says whether to go on.
+    /// Looks at a step and says whether to continue.
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow;
 }
 

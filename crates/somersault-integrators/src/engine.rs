@@ -2,7 +2,7 @@
 //!
 //! A driver decides which steps are made: of what size, again or for good, and who sees them. For that it need not know
 //! by which method and in which variables: [`Engine`] makes the steps, from state to state in slots of its own, and turns
-//! states into those of the system where they are asked for. So the code of a driver is one for each kind of configuration,
+//! states into those of the system where they are requested. So the code of a driver is one for each kind of configuration,
 //! and the code of a method one for each system ([`FormEngine`]), whichever drivers run it.
 //!
 //! A call through the pointer takes one or two nanoseconds, which is less than moving the states between steps: they stay in
@@ -50,7 +50,7 @@ pub trait Engine<Q: Configuration> {
     /// Forgets the past.
     fn restart(&mut self, track: Track);
 
-    /// Makes a step of h from t, from the state in one slot to another, where it is read into `seen` if asked for.
+    /// Makes a step of h from t, from the state in one slot to another, where it is read into `seen` if requested.
     ///
     /// Errors: failures of the method, a state that is not finite, and a step to the slot that it comes from.
     fn advance(

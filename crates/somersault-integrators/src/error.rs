@@ -4,7 +4,7 @@ use crate::fault::Fault;
 use crate::stepper::StepError;
 use somersault_core::argument::ArgumentError;
 
-/// Why an integration could not start or could not go on.
+/// Why an integration could not start or could not continue.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IntegrateError {

@@ -10,7 +10,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// World angular momenta of the bodies and the wrenches at the start of the next step.
 pub struct KickDriftKickMemory<S: RigidSystem> {
     /// Carried rather than formed from the angular velocity in each step: without torque they are then
-    /// constant to the bit.
+    /// constant bit for bit.
     momenta: Vec<Vector3<f64>>,
     wrenches: RateOf<S>,
     wrenches_ahead: RateOf<S>,

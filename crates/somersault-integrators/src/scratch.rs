@@ -1,7 +1,7 @@
 //! Where a step keeps its stages: on the stack if the state is small, in the memory if it is not.
 //!
 //! Stages kept behind a reference must be written back, which costs a single body a fifth to a half
-//! of its time; stages made anew would allocate for a state with a heap part. [`Scratch::lend`] gives
+//! of its time; stages made again would allocate for a state with a heap part. [`Scratch::lend`] gives
 //! each kind of state what suits it, and the choice is a type.
 
 use std::ops::{Deref, DerefMut};

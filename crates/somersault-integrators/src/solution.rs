@@ -4,7 +4,7 @@ use crate::dense::Interpolant;
 use crate::driver::{Flow, Observer, Step};
 use crate::state::{Configuration, State};
 
-/// Times, states and, if asked for, the curves between them. The curves are not written to files.
+/// Times, states and, if requested, the curves between them. The curves are not written to files.
 #[cfg_attr(
     feature = "serde",
     derive(serde::Serialize, serde::Deserialize),
@@ -21,7 +21,7 @@ pub struct Solution<Q: Configuration> {
     pub times: Vec<f64>,
     /// States at those times.
     pub states: Vec<State<Q>>,
-    /// The end of each step and its curve, where dense output was asked for.
+    /// The end of each step and its curve, where dense output was requested.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub segments: Vec<(f64, Box<dyn Interpolant<Q>>)>,
 }

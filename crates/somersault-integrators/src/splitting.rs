@@ -27,7 +27,7 @@ pub(crate) struct Splitting<'a> {
 /// Velocities and angular momenta of the bodies, and the slopes of the kicks.
 pub struct SplittingMemory<S: RigidSystem> {
     /// Velocity and angular momentum in the world frame, carried from step to step so that angular
-    /// momentum is constant to the bit without torque.
+    /// momentum is constant bit for bit without torque.
     carried: RateOf<S>,
     carried_holds: bool,
     /// Their time derivative: force by mass, and torque.

@@ -20,7 +20,7 @@ pub struct Orders {
     /// On SO(3), of a free body; thesis Table 7.2. A method that is exact there states the order it
     /// has under torque.
     pub rotation: u8,
-    /// On SO(3) under torque; `None` where the method takes no torque.
+    /// On SO(3) under torque; `None` where the method accepts no torque.
     pub rotation_with_torque: Option<u8>,
 }
 
@@ -73,7 +73,7 @@ pub enum Variables {
 /// Description of a method: the row of the method table.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MethodInfo {
-    /// The name by which it is asked for.
+    /// The name by which it is requested.
     pub name: &'static str,
     /// The name in words.
     pub title: &'static str,
@@ -93,7 +93,7 @@ pub struct MethodInfo {
     /// Evaluations of the equations of motion per step, once started; for an implicit method, per
     /// iteration.
     pub evaluations: u8,
-    /// How many earlier steps it remembers.
+    /// How many previous steps it remembers.
     pub history: u8,
     /// What it applies to.
     pub scope: Scope,
@@ -159,8 +159,8 @@ impl MethodInfo {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// The method takes no torque and the forces may exert one.
-    #[error("method `{method}` takes no torque, and these forces may exert one")]
+    /// The method accepts no torque and the forces may exert one.
+    #[error("method `{method}` accepts no torque, and these forces may exert one")]
     Torque {
         /// The method.
         method: &'static str,

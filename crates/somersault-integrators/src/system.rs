@@ -473,7 +473,7 @@ impl<S: System> Form<S::Configuration> for &S {
 
 /// The bodies with angular momentum in the place of angular velocity: L̇ = M.
 ///
-/// Without torque L is constant to the bit whatever the method, which bounds the rotational energy by
+/// Without torque L is constant bit for bit whatever the method, which bounds the rotational energy by
 /// L²/(2 I_min) (thesis 6.4).
 #[derive(Debug, Clone, Copy)]
 pub struct MomentumForm<'a, S>(pub &'a S);

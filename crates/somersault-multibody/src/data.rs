@@ -7,7 +7,7 @@ use crate::spatial::{Force, Motion, Transform};
 use nalgebra::{DMatrix, Vector3};
 use somersault_core::Scalar;
 
-/// Room for intermediate results and results, made once for a model and used again and again.
+/// Room for intermediate results and results, made once for a model and used repeatedly.
 ///
 /// Nothing in it carries over from one call to the next: every algorithm computes all that it needs,
 /// and its results are reached through what it returns. After construction nothing allocates.

@@ -20,7 +20,7 @@ pub enum ModelError {
     UnknownParent {
         /// The body.
         name: String,
-        /// The parent asked for.
+        /// The parent requested.
         parent: String,
     },
     /// A tree has one root.

@@ -39,7 +39,7 @@ pub(crate) trait Direction {
     fn forget(&mut self) -> bool;
 }
 
-/// Share of the slope that a step must yield.
+/// Fraction of the slope that a step must yield.
 const ARMIJO: f64 = 1e-4;
 
 /// Descends until the projected gradient vanishes.

@@ -10,7 +10,7 @@
 use crate::nlp::{EvaluationError, Pattern};
 use crate::program::Program;
 
-/// Share of sᵀ B s below which sᵀ y is damped.
+/// Fraction of sᵀ B s below which sᵀ y is damped.
 const DAMPING: f64 = 0.2;
 /// Cosine between step and misfit below which a rank-one update is left out.
 const SKIP: f64 = 1e-8;

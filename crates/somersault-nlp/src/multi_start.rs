@@ -28,7 +28,7 @@ pub struct MultiStart<S> {
 /// A minimum, with all starts that led to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Minimum {
-    /// The solve of least cost.
+    /// The solve of lowest cost.
     pub report: Report,
     /// Indices of the starts, ascending.
     pub starts: Vec<usize>,
@@ -39,7 +39,7 @@ pub struct Minimum {
 pub struct Failure {
     /// Index of the start.
     pub start: usize,
-    /// What came of it.
+    /// Its result.
     pub cause: FailureCause,
 }
 
@@ -54,10 +54,10 @@ pub enum FailureCause {
     Skipped,
 }
 
-/// What became of all starts.
+/// The results of all starts.
 #[derive(Debug)]
 pub struct MultiStartReport {
-    /// Distinct minima, least cost first.
+    /// Distinct minima, lowest cost first.
     pub minima: Vec<Minimum>,
     /// All other starts, by index.
     pub failures: Vec<Failure>,

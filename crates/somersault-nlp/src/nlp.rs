@@ -261,7 +261,7 @@ pub trait Nlp {
     fn curvature(&self) -> Curvature;
 
     /// The values of the Hessian of σ f + yᵀ c, at the z of the last [`differentiate`](Self::differentiate). A program of
-    /// [`Curvature::None`] is not asked for it, and answers [`NoHessian`].
+    /// [`Curvature::None`] needs none, and answers [`NoHessian`].
     fn hessian(
         &mut self,
         z: &[f64],

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// How a solve ended. Whatever it is, the report has the best iterate.
+/// How a solve ended. In every case the report has the best iterate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -24,7 +24,7 @@ pub enum Status {
     Undefined,
     /// The callback asked to stop.
     Stopped,
-    /// The solve was broken off from outside.
+    /// The solve was stopped early from outside.
     Interrupted,
     /// A function of the user failed; its error comes beside the report.
     Failed,
@@ -136,7 +136,7 @@ pub struct Report {
     /// How it ended.
     pub status: Status,
     /// The best iterate: the last one if converged, stalled or infeasible; else, of those that are feasible to the
-    /// tolerance, the one of least cost, or the one of least violation where none is. Always within the bounds of z.
+    /// tolerance, the one of lowest cost, or the one of least violation where none is. Always within the bounds of z.
     pub z: Vec<f64>,
     /// y, one for each constraint: positive at upper bounds, negative at lower ones.
     pub constraint_multipliers: Vec<f64>,

@@ -22,7 +22,7 @@ use crate::program::{Point, Program, max_norm};
 
 /// Exchanges of working sets before the interior-point method is asked.
 const EXCHANGES: usize = 6;
-/// Multipliers that are not believed, relative to ‖∇f‖∞ (Gill, Murray & Saunders 2005 take the same).
+/// Multipliers that are not trusted, relative to ‖∇f‖∞ (Gill, Murray & Saunders 2005 take the same).
 const HUGE_MULTIPLIER: f64 = 1e4;
 /// Exchanges of one row at a time, after clarabel.
 const SINGLE_EXCHANGES: usize = 100;

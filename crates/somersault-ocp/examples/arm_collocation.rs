@@ -69,7 +69,7 @@ fn list() -> Result<(), Box<dyn Error>> {
             }
             let (phase, confirmation) = (&found.phases[0], &found.confirmation);
             println!(
-                "    integrated anew: cost {:.9}, largest defect {:.1e}, end to end {:.1e}; spread of H {:.1e}",
+                "    re-integrated: cost {:.9}, largest defect {:.1e}, end to end {:.1e}; spread of H {:.1e}",
                 confirmation.cost,
                 confirmation.max_defect(),
                 confirmation.end_to_end_error(),

@@ -1,4 +1,4 @@
-//! Collocation on problems whose least cost is known.
+//! Collocation on problems whose lowest cost is known.
 //!
 //! `cargo run --release -p somersault-ocp --example collocation_optima` solves all of them to 10⁻⁶ and 10⁻⁸ and lists status,
 //! cost, its error and its estimate. `-- 1e-7 Goddard` takes that tolerance and the problems with that in their name.

@@ -1,9 +1,9 @@
 //! What an independent, accurate integration says about a motion that was found.
 //!
-//! A transcription satisfies its own recursion, whatever that is worth. Here the equations of motion are integrated anew
-//! with adapted steps of order 8 and tolerances of 1e-12: from each node to the next one, which shows what the motion is
-//! worth there, and once from start to end. Where the defects add up to more than the use of the motion allows, the
-//! optimum lives off its discretisation. What one integration from start to end makes of them is said beside that: it
+//! A transcription satisfies its own recursion, which proves nothing about the motion. Here the equations of motion are re-integrated
+//! with adapted steps of order 8 and tolerances of 1e-12: from each node to the next one, which shows how accurate the motion
+//! is there, and once from start to end. Where the defects add up to more than the use of the motion allows, the
+//! optimum exploits its discretisation. What one integration from start to end makes of them is reported beside that: it
 //! grows along a hyper-sensitive motion, however good its steps are.
 
 use crate::dynamics::{HybridDynamics, Tree};
@@ -52,7 +52,7 @@ impl<V: Holds, E> VerifiedReport<V, E> {
     }
 }
 
-/// Why a motion could not be integrated anew.
+/// Why a motion could not be re-integrated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VerificationError {
@@ -68,7 +68,7 @@ pub enum VerificationError {
     /// The model.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
-    /// It was not to go on.
+    /// It was not to continue.
     #[error("the integration was interrupted")]
     Interrupted,
 }
@@ -104,7 +104,7 @@ impl Verification {
         self.defects.iter().sum::<f64>() <= allowed
     }
 
-    /// One sentence: what the motion is worth, given the distance that its use allows and, if known, its cost as found
+    /// One sentence: whether the motion is confirmed, given the distance that its use allows and, if known, its cost as found
     /// and after accurate integration.
     pub fn sentence(&self, allowed: f64, costs: Option<(f64, f64)>) -> String {
         let cost = costs.map_or_else(String::new, |(found, accurate)| {
@@ -113,11 +113,11 @@ impl Verification {
         let (defect, end) = (self.largest_defect(), self.terminal_error);
         if !self.is_confirmed(allowed) {
             format!(
-                "The optimum lives off its discretisation: integrated anew it has defects up to {defect:.1e} and ends {end:.1e} away.{cost}"
+                "The optimum exploits its discretisation: on re-integration it has defects up to {defect:.1e} and ends {end:.1e} away.{cost}"
             )
         } else if end <= allowed {
             format!(
-                "The motion holds when integrated anew: defects ≤ {defect:.1e}, error at the end {end:.1e}.{cost}"
+                "The motion holds when re-integrated: defects ≤ {defect:.1e}, error at the end {end:.1e}.{cost}"
             )
         } else {
             format!(
@@ -127,7 +127,7 @@ impl Verification {
     }
 }
 
-/// Integrates the motion of `z` anew as a motion of `model`, the tree of the dynamics of the shooting.
+/// Integrates the motion of `z` again as a motion of `model`, the tree of the dynamics of the shooting.
 pub fn verify<D: HybridDynamics>(
     shooting: &mut Shooting<D>,
     model: &Model,
@@ -175,13 +175,13 @@ pub fn verify_cancellable<D: HybridDynamics>(
 }
 
 impl MotionProblem<Shooting<Tree>> {
-    /// Integrates the motion of `z` anew.
+    /// Integrates the motion of `z` again.
     pub fn verify(&mut self, z: &[f64]) -> Result<Verification, VerificationError> {
         let model = self.transcription().dynamics().model().clone();
         verify(self.transcription_mut(), &model, z)
     }
 
-    /// Solves, and integrates the motion of the best iterate anew.
+    /// Solves, and integrates the motion of the best iterate again.
     pub fn solve_verified(
         &mut self,
         solver: &dyn NlpSolver,

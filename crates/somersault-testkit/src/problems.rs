@@ -274,7 +274,7 @@ pub fn orbit_in_turning_frame() -> Problem {
     }
 }
 
-/// A box under a force at a point off its centre, as a heavy top under its weight, and, if asked for,
+/// A box under a force at a point off its centre, as a heavy top under its weight, and, if requested,
 /// under drag.
 pub fn heavy_top(drag: bool) -> Problem {
     let weight = ConstantForce { force: Vector3::new(0.0, 0.0, -4.0), point: Vector3::new(0.1, 0.0, 0.5) };
@@ -333,7 +333,7 @@ pub fn thrust() -> Problem {
     with_fine_end("thrust fixed in a body", Kind::TranslationWithOrientation, &[], system, initial)
 }
 
-/// A box on a spring attached off its centre of mass, with drag if asked for: forces and torques that depend on position and
+/// A box on a spring attached off its centre of mass, with drag if requested: forces and torques that depend on position and
 /// orientation, and on the velocities. Measured on ℝ³ or on SO(3), as `kind` says.
 pub fn spring_off_centre(drag: bool, kind: Kind) -> Problem {
     let spring = Spring {

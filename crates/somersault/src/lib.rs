@@ -1,4 +1,5 @@
-//! Motion of rigid and articulated bodies: geometric integration, contact, dynamics of trees and optimal motions.
+//! Simulate and optimise rigid and articulated bodies: Lie group integrators, contact events, multibody dynamics and
+//! trajectory optimisation.
 //!
 //! ```
 //! use somersault::prelude::*;

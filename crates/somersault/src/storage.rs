@@ -1,7 +1,7 @@
 //! Files of models, solutions and fitted scorers: versioned, and checked when they come back.
 //!
 //! A file is one document of CBOR (RFC 8949) that says which format, version and kind of thing it holds. Numbers keep all
-//! their bits, infinite ones too. What has conditions is made anew from its parts, so that no file brings a body of negative
+//! their bits, infinite ones too. What has conditions is rebuilt from its parts, so that no file brings a body of negative
 //! mass, a tree without a root, or a quaternion that is no rotation.
 //!
 //! ```
@@ -93,7 +93,7 @@ pub enum StorageError {
     /// No file of this library, a damaged one, or parts that do not fit together.
     #[error("not a somersault {kind} file, or the file is corrupt: {reason}")]
     Damaged {
-        /// Of the thing asked for.
+        /// Of the thing requested.
         kind: &'static str,
         /// What does not fit.
         reason: String,
@@ -109,7 +109,7 @@ pub enum StorageError {
     /// Another thing.
     #[error("the file holds a {found}, expected a {expected}")]
     Kind {
-        /// Of the thing asked for.
+        /// Of the thing requested.
         expected: &'static str,
         /// Of the thing in the file.
         found: String,

@@ -1,6 +1,6 @@
 """The command ``somersault``, also ``python -m somersault``.
 
-Exit codes: 0, done; 1, the computation did not succeed, and what there is of it was written; 2, the command
+Exit codes: 0, done; 1, the computation did not succeed, and the result so far was written; 2, the command
 line or an input file is wrong, and the message says where; 3, something that is not installed is needed; 130,
 interrupted.
 """
@@ -20,7 +20,7 @@ __all__ = ["main"]
 
 _EXIT = """exit codes:
   0    done
-  1    the computation did not succeed; what there is of it was written
+  1    the computation did not succeed; the result so far was written
   2    the command line or an input file is wrong; the message says where
   3    something that is not installed is needed; the message says what
   130  interrupted"""
@@ -62,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True)
 
     methods = commands.add_parser("methods", help="print the table of methods")
-    methods.add_argument("--json", action="store_true", help="as JSON")
+    methods.add_argument("--json", action="store_true", help="print JSON")
     methods.set_defaults(command=_methods)
 
     motion.add(commands)
@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add(commands)
 
     schemas = commands.add_parser("schema", help="print the JSON schema of an input")
-    schemas.add_argument("name", choices=("integrate", "dive", "score"))
+    schemas.add_argument("name", choices=("integrate", "dive", "score"), help="input of this command")
     schemas.set_defaults(command=_schema)
 
     for command in commands.choices.values():

@@ -1,4 +1,4 @@
-"""`somersault dive`: the dive that a document describes, found and judged."""
+"""`somersault dive`: the dive that a document describes, optimised and verified."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DIVES = {"107b": (ocp.dive_107b, multibody.diver_planar), "5174d": (ocp.dive_51
 
 
 def dive(arguments: argparse.Namespace) -> int:
-    """Optimises, integrates what was found by other means, and writes the curves and a summary."""
+    """Optimises, verifies by an independent integration, and writes the curves and a summary."""
     document = read(arguments.file, "dive")
     _check_outputs(arguments)
     posed = _posed(document)
@@ -135,10 +135,10 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "dive",
         help="optimise the dive that a file describes",
-        description="Optimises the dive that a TOML or JSON file describes, and judges it by other means.",
+        description="Optimises the dive that a TOML or JSON file describes, and verifies it independently.",
     )
-    parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema dive`")
-    parser.add_argument("--out", type=Path, help="file of the curves: .parquet, .csv or .json")
-    parser.add_argument("--format", choices=tables.FORMATS, help="of the curves, whatever the file is called")
-    parser.add_argument("--html", type=Path, metavar="FILE", help="page that plays the dive")
+    parser.add_argument("file", type=Path, help="read this input, TOML or JSON; see `somersault schema dive`")
+    parser.add_argument("--out", type=Path, help="write the curves here, .parquet, .csv or .json")
+    parser.add_argument("--format", choices=tables.FORMATS, help="write the curves in this format")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="write a page that plays the dive")
     parser.set_defaults(command=dive)

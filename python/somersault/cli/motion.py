@@ -208,9 +208,15 @@ def add(commands: Any) -> None:
         help="integrate the motion that a file describes",
         description="Integrates the motion of a rigid body or of a tree that a TOML or JSON file describes.",
     )
-    parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema integrate`")
-    parser.add_argument("--out", type=Path, help="of the curves: .parquet, .csv or .json (default: CSV here)")
-    parser.add_argument("--format", choices=tables.FORMATS, help="of the curves, whatever the file is called")
-    parser.add_argument("--events", type=Path, metavar="FILE", help="file of the events in contacts")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="file for somersault.load")
+    parser.add_argument(
+        "file", type=Path, help="read this input, TOML or JSON; see `somersault schema integrate`"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="write the curves here, .parquet, .csv or .json (default: print CSV)"
+    )
+    parser.add_argument("--format", choices=tables.FORMATS, help="write the curves in this format")
+    parser.add_argument("--events", type=Path, metavar="FILE", help="write the events in contacts here")
+    parser.add_argument(
+        "--save", type=Path, metavar="FILE", help="write the solution here, for somersault.load"
+    )
     parser.set_defaults(command=integrate)

@@ -1,4 +1,4 @@
-"""`somersault score`: recorded motions scored, with what the scores are worth."""
+"""`somersault score`: recorded motions scored, with the cross-validation error of the scores."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import numpy as np
 from somersault.cli import tables
 from somersault.cli.documents import Document, read
 
-#: Of the table of scores. The distance is to the motions learnt; beyond 1 a motion is not like them.
+#: Of the table of scores. The distance is to the training motions; beyond 1 a motion is not like them.
 _COLUMNS = ("file", "score", "predicted", "distance")
 #: Distance of a judged motion to the others that is worth a word.
 _FAR = 2.0
 
 
 def score(arguments: argparse.Namespace) -> int:
-    """Learns or loads a scorer, scores, and writes a table and what validation says."""
+    """Learns or loads a scorer, scores, and writes a table and the validation summary."""
     # Imported here, since it needs a good part of SciPy.
     motion: Any = importlib.import_module("somersault.motion")
     document = read(arguments.file, "score")
@@ -71,7 +71,7 @@ def score(arguments: argparse.Namespace) -> int:
 
 
 def _said_outside(rows: list[tuple[str, float, float, float]], n_judged: int) -> int:
-    """Names the motions that are not like those learnt from; their scores are no success."""
+    """Names the motions that are not like the training motions; their scores are no success."""
     # one of the judged is always the farthest from the others, beyond 1
     for file, _, _, distance in rows[:n_judged]:
         if distance > _FAR:
@@ -83,7 +83,7 @@ def _said_outside(rows: list[tuple[str, float, float, float]], n_judged: int) ->
     outside = [(file, distance) for file, _, _, distance in rows[n_judged:] if not distance <= 1.0]
     for file, distance in outside:
         print(
-            f"somersault: {file} is {distance:.1f} times as far from the motions learnt as these are from"
+            f"somersault: {file} is {distance:.1f} times as far from the training motions as these are from"
             " each other: its score says nothing",
             file=sys.stderr,
         )
@@ -119,7 +119,7 @@ def _taught(scorer: Any) -> dict[str, Any]:
             "names": list(scorer.names),
             "unit": "m",
             "up": "z",
-            "heading": "turned about z to the nearest to the mean of those learnt",
+            "heading": "turned about z to the nearest to the mean of the training motions",
             "synthetic": scorer.synthetic,
         }
     }
@@ -154,12 +154,23 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "score",
         help="score the recorded motions that a file names",
-        description="Learns scores from judged motions, says what they are worth, and scores others."
-        " Ends with 1 where a motion is not like those learnt from.",
+        description="Learns a scoring model from judged motions, reports its cross-validation error, and"
+        " scores other motions. Ends with 1 where a motion is not like the training motions.",
     )
-    parser.add_argument("file", type=Path, help="TOML, or JSON; see `somersault schema score`")
-    parser.add_argument("--out", type=Path, help="of the scores: .parquet, .csv or .json (default: CSV here)")
-    parser.add_argument("--format", choices=tables.FORMATS, help="of the scores, whatever the file is called")
-    parser.add_argument("--summary", type=Path, metavar="FILE", help="file of what validation says, JSON")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="file of the scorer, for `scorer` above")
+    parser.add_argument(
+        "file", type=Path, help="read this input, TOML or JSON; see `somersault schema score`"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="write the scores here, .parquet, .csv or .json (default: print CSV)"
+    )
+    parser.add_argument("--format", choices=tables.FORMATS, help="write the scores in this format")
+    parser.add_argument(
+        "--summary", type=Path, metavar="FILE", help="write the validation summary here, JSON"
+    )
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="write the scoring model here, for `scorer` of another input",
+    )
     parser.set_defaults(command=score)

@@ -62,11 +62,14 @@ def check_distinct(document: Path, **outputs: Path | None) -> None:
 
 
 def check(path: Path | None, kind: str | None = None) -> None:
-    """Refuses, before the work is done, what `write` would refuse after it."""
+    """Refuses, before the work, what `write` would refuse after it, and makes the folder of the file."""
     if _format(path, kind) == "parquet":
         _parquet()
-    if path is not None and not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
+    if path is not None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            raise InputError(f"{path}: the folder {path.parent} cannot be made: {fault.strerror}") from fault
 
 
 def _format(path: Path | None, kind: str | None) -> str:

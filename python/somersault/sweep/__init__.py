@@ -1,8 +1,8 @@
-"""The same computation at many points, on threads or on a cluster, resumable, with the same results.
+"""Parameter sweeps: one function at many points, on threads or on a cluster; interrupted sweeps resume.
 
 A point is a dictionary of arguments, and a sweep calls one function with each. `grid` makes points of all
 combinations; any list of dictionaries will do. With a directory every point leaves a record there as soon as
-it is done, and a sweep that was stopped or killed goes on where it was. A point that fails is recorded and
+it is done, and a sweep that was stopped or killed continues where it was. A point that fails is recorded and
 does not stop the others.
 
 >>> import somersault
@@ -96,7 +96,7 @@ class Failure:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Points and what became of them, in the order of the points.
+    """Points and their results, in the order of the points.
 
     Two are equal if all four attributes are: arrays entry by entry, and NaN with NaN.
 
@@ -394,7 +394,7 @@ def _compute(
         try:
             finished = future.result()
         except CancelledError:
-            raise SweepError("the cluster has gone away; run again to go on") from None
+            raise SweepError("the cluster has gone away; run again to continue") from None
         except Exception as fault:
             # A call that takes its process with it is a failure of its point, once it is known which.
             if type(fault).__name__ != "KilledWorker":

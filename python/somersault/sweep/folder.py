@@ -102,7 +102,7 @@ class Folder:
         except FileNotFoundError:
             raise ReadError(f"{self.path} has no manifest.json, so it is not of a sweep") from None
         except (ValueError, RecursionError) as fault:
-            raise ReadError(f"{self.path / 'manifest.json'} is damaged: {fault}") from None
+            raise ReadError(f"{self.path / 'manifest.json'} is corrupt: {fault}") from None
         if not isinstance(found, dict) or found.get("format") != "somersault sweep":
             raise ReadError(f"{self.path / 'manifest.json'} is not of a sweep")
         if (version := found.get("format_version")) != FORMAT_VERSION:
@@ -111,7 +111,7 @@ class Folder:
             )
         count = found.get("n_points")
         if not isinstance(count, int) or not 0 <= count <= MOST_POINTS:
-            raise ReadError(f"{self.path / 'manifest.json'} is damaged: `n_points` is no number of points")
+            raise ReadError(f"{self.path / 'manifest.json'} is corrupt: `n_points` is no number of points")
         return found
 
     @contextlib.contextmanager

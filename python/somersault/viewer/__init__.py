@@ -1,4 +1,4 @@
-"""Motions on a page: rigid bodies, trees and dives, in a browser, without a server.
+"""A self-contained HTML viewer that works offline: motions of rigid bodies, trees and dives.
 
 A `Scene` holds motions and what stands around them, and writes one file of HTML that loads nothing. It
 plays them with a slider of time, a camera that turns by mouse or touch, trails, points that touch, and

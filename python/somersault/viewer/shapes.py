@@ -275,7 +275,7 @@ class Loft(_Placed, RoundShape):
     def rings(self) -> Array:
         rows = np.asarray(self.stations, dtype=np.float64)
         fine = np.linspace(0, len(rows) - 1, 4 * (len(rows) - 1) + 1)
-        # Monotone between rings, so that no bulge appears that nobody asked for.
+        # Monotone between rings, so that no bulge appears that nobody requested.
         skin = np.asarray(PchipInterpolator(np.arange(len(rows)), rows)(fine), dtype=np.float64)
         ends = skin[[0, -1]] * [1.0, 1.0, 1.0, 0.0, 0.0]
         return np.vstack([ends[:1], skin, ends[1:]])

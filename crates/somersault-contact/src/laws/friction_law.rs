@@ -89,7 +89,7 @@ pub struct StiffestFriction {
 /// F = F(N, v, ξ; slip),    ξ̇ = g(N, v, ξ; slip)    while m(N, v, ξ; slip) < 0.
 /// ```
 /// A contact begins with ξ = 0; the turning of ξ with the plane of contact is not the law's matter. Friction must not
-/// give energy, F · v + k ξ · ξ̇ ≤ 0: steps in stiff contacts are judged by the sum of energies.
+/// give energy, F · v + k ξ · ξ̇ ≤ 0: steps in stiff contacts are accepted by the sum of energies.
 ///
 /// | Required | |
 /// |---|---|

@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// λ = −L · a
 /// ```
 /// is constant whatever the force at the contact: λ̇ = −(a × F) · a − αR L · (ω × e), and both terms vanish.
-/// Friction lowers the energy as far as λ allows. With z the cosine of the axis' lean the least energy is
+/// Friction lowers the energy as far as λ allows. With z the cosine of the axis' lean the minimum energy is
 /// ```text
 /// V(z) = λ²/(2R² (A (1 − z²) + C (z − α)²)) − m g R α z,
 /// ```

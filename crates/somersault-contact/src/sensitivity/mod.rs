@@ -12,11 +12,11 @@
 //! there the columns do not jump. Points that touch down at once jump one after the other; their guards'
 //! rates are continuous, so that the order does not matter. Between stick and slip force and rate of stretch are
 //! continuous, both ways, and nothing jumps, unless a static coefficient above the kinetic one lets the force fall at
-//! break-away. The stretches of friction have columns of their own, which a touch-down and a release set anew with the
+//! break-away. The stretches of friction have columns of their own, which a touch-down and a release reset with the
 //! stretches.
 //!
 //! The columns are integrated beside the state by the same method in the same steps, cut at the same events:
-//! they have the method's own order, and in world variables the motion is to the bit what it is without them.
+//! they have the method's own order, and in world variables the motion equals that without them bit for bit.
 //!
 //! **Where there is no derivative.** A point that touches its surface with no speed is touched or missed by
 //! motions next to it: the derivative from one side differs from that from the other unless c = 0. Such a

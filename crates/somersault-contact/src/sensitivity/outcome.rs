@@ -76,7 +76,7 @@ pub enum SensitivityError {
         /// The type of its law.
         law: &'static str,
     },
-    /// A constant of friction is asked for of a contact without friction.
+    /// A constant of friction is requested of a contact without friction.
     #[error("`parameters` names the friction of contact {contact}, which has none")]
     NoFriction {
         /// The contact.

@@ -48,7 +48,7 @@ pub(super) struct Log {
 pub struct Variational<'a, F> {
     system: WithStretches<&'a BodyInContact<F>>,
     parameters: Vec<FoundParameter<'a>>,
-    /// The part of the way of a point up to which it grazes.
+    /// The fraction of the path of a point up to which it grazes.
     grazing: f64,
     /// Length of the interval.
     duration: f64,

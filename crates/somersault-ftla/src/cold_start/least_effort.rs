@@ -1,4 +1,4 @@
-//! The motion of least effort between two states, as a spline.
+//! The motion of minimum effort between two states, as a spline.
 //!
 //! Where every joint is driven, u = M q̈ + c(q, q̇) follows from the motion, and ½ ∫ Σ γᵢuᵢ² dt is a sum of squares over
 //! splines, with no equations to satisfy. Between knots q is the quintic with q, q̇ and q̈ at both, and the integral is taken

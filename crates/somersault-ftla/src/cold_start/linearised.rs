@@ -7,7 +7,7 @@
 //! ṗ = s h(p) + (1 − s) (h(p̄) + D(p̄)(p − p̄)),   0 ≤ s ≤ 1,
 //! ```
 //! each member of which is Hamiltonian if h is, leads from it to the problem. p̄ is the middle between the ends with λ = 0.
-//! Where that breaks off, the linear problem stays at the start instead, and the ends are moved apart afterwards.
+//! Where that stops early, the linear problem stays at the start instead, and the ends are moved apart afterwards.
 
 use crate::budget::Budget;
 use crate::continuation::{Continuation, ContinuationResult, Member, Stage};
@@ -212,7 +212,7 @@ pub(super) fn cold_start_within<S: VectorField + Sync>(
                     continue;
                 }
             };
-            // what broke off on the way is marked so; at a floor no other way leads lower
+            // what stopped early on the way is marked so; at a floor no other way leads lower
             if matches!(next.extremal.status, ShootingStatus::Converged | ShootingStatus::Floor)
                 || budget.reached().is_some()
             {

@@ -3,13 +3,13 @@
 //!
 //! For the arm:
 //!
-//! 1. A spline that folds at the start and unfolds at the end goes down to least effort, by least squares: the torques of a
+//! 1. A spline that folds at the start and unfolds at the end goes down to minimum effort, by least squares: the torques of a
 //!    driven arm follow from its motion (`least_effort`).
 //! 2. Its torques are optimal for λ_v = −MΓu and λ_q = C_vᵀμ − λ̇_v, μ = −Γu, which makes it a list of nodes.
 //! 3. Multiple shooting takes these to rounding.
 //!
 //! With torque limits the extremal without them is led there by continuation. Where shooting fails from the spline, the
-//! arm is led from a rest instead: folded, to travel folded, to unfold at the ends. Where that breaks off too, the thesis'
+//! arm is led from a rest instead: folded, to travel folded, to unfold at the ends. Where that stops early too, the thesis'
 //! problem is led to it in all its parameters at once.
 
 mod least_effort;
@@ -72,7 +72,7 @@ impl Default for ArmTravel {
 pub struct Travelled {
     /// The extremal with the counts of all attempts, the steps of the descents among its iterations.
     pub continued: ContinuationResult,
-    /// The arm whose motion that is: with the limits reached, where the continuation to the limits broke off.
+    /// The arm whose motion that is: with the limits reached, where the continuation to the limits stopped early.
     pub system: ArmMinimumTorque,
 }
 
@@ -271,7 +271,7 @@ impl ArmTravel {
         Ok(Some(found))
     }
 
-    /// Nodes from the motion of least effort, and the steps that it took.
+    /// Nodes from the motion of minimum effort, and the steps that it took.
     fn guess(&self, times: &[f64], folding: f64, goes_on: &impl Fn() -> bool) -> (Vec<DVector<f64>>, usize) {
         let knots = times.iter().flat_map(|&t| self.folded(t, folding)).collect();
         let mut spline = Spline { degrees: 2, times: times.to_vec(), knots };

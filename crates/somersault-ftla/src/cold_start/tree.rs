@@ -1,6 +1,6 @@
-//! Extremals of trees of hinges and sliders, by way of the motion of least effort.
+//! Extremals of trees of hinges and sliders, by way of the motion of minimum effort.
 //!
-//! With every degree of freedom driven the torques follow from the motion, so that a spline goes down to least effort and
+//! With every degree of freedom driven the torques follow from the motion, so that a spline goes down to minimum effort and
 //! tells the costates, as for the arm. What is passive is driven at first, at the weight γ/(1 − s), and released as s goes
 //! to one; then limits come down from the largest torques to their own.
 

@@ -146,7 +146,7 @@ impl Transition {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Chain {
     pub(crate) links: Vec<Transition>,
-    /// Number of links up to each of the times asked for.
+    /// Number of links up to each of the times requested.
     pub(crate) marks: Vec<usize>,
     pub(crate) times: Vec<f64>,
     /// What the run cost.
@@ -173,7 +173,7 @@ impl Chain {
         &self.links
     }
 
-    /// The times asked for, since the start, negative backward.
+    /// The times requested, since the start, negative backward.
     pub fn times(&self) -> &[f64] {
         &self.times
     }
@@ -368,7 +368,7 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
     }
 }
 
-/// The integrand of runs without a cost: a closure for each of them would have each compiled anew.
+/// The integrand of runs without a cost: a closure for each of them would have each compiled again.
 fn nothing(_: &Piece, _: &[f64]) -> f64 {
     0.0
 }

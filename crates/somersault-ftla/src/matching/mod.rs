@@ -43,7 +43,7 @@ pub enum MatchingError {
 pub enum MatchStatus {
     /// The mismatch is below the tolerance.
     Matched,
-    /// Grid spacing or steps have become too small to go on.
+    /// Grid spacing or steps have become too small to continue.
     Exhausted,
     /// The rounds are used up.
     MaxRounds,

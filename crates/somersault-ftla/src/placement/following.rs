@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use somersault_core::argument::ArgumentError;
 
-/// What became of one initial error.
+/// Growth of one initial error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Following {
     /// The size of the error.

@@ -8,7 +8,7 @@
 //! ```
 //! is as many equations as there are such directions; as many costates are solved for, the others and x are held.
 //!
-//! * [`Method::FixedPoint`]: algorithms 1 and 2. W is held while Wᵀh = 0 is solved, and computed anew. Converges linearly.
+//! * [`Method::FixedPoint`]: algorithms 1 and 2. W is held while Wᵀh = 0 is solved, and recomputed. Converges linearly.
 //! * [`Method::Newton`]: the residual is ŴᵀP(p)h(p), P = WWᵀ the projector and Ŵ the basis at the last point, which is
 //!   smooth where W alone may turn. Its Jacobian has the change of the basis, by differences of P and Broyden's corrections of
 //!   them; steps are shortened until the angle falls. Converges superlinearly, but only from near: further off than 0.01 rad, and after a stall until the
@@ -69,7 +69,7 @@ pub enum PlacementError {
 /// How Wᵀh = 0 is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// With the basis held, then computed anew (algorithms 1 and 2).
+    /// With the basis held, then recomputed (algorithms 1 and 2).
     FixedPoint,
     /// With the change of the basis in the Jacobian, damped.
     Newton,

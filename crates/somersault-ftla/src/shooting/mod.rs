@@ -114,7 +114,7 @@ pub enum ShootingStatus {
     Singular,
     /// A limit of time or evaluations is reached; the nodes are the last accepted.
     LimitReached,
-    /// A continuation broke off: the nodes solve a member on the way to the one asked for.
+    /// A continuation stopped early: the nodes solve a member on the way to the one requested.
     OnTheWay,
 }
 
@@ -133,7 +133,7 @@ impl fmt::Display for ShootingStatus {
             Self::Singular => "the end conditions do not determine a correction",
             Self::LimitReached => "a limit of time or evaluations is reached",
             Self::OnTheWay => {
-                "a continuation broke off: this solves a member on its way, to the tolerance of those"
+                "a continuation stopped early: this solves a member on its way, to the tolerance of those"
             }
         })
     }
@@ -258,7 +258,7 @@ impl Extremal {
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
     }
 
-    /// Says of what solves a member on the way that it is no solution of the problem asked for.
+    /// Says of what solves a member on the way that it is no solution of the problem requested.
     pub(crate) fn mark_on_the_way(&mut self) {
         if self.status == ShootingStatus::Converged {
             self.status = ShootingStatus::OnTheWay;

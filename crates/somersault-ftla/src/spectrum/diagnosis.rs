@@ -2,7 +2,7 @@
 //!
 //! With ℓᵢ(T) = μᵢT the logarithms of the singular values of Φ(T) in forward order and g(T) = ℓ_{k+1} − ℓ_k a gap between
 //! them, a splitting of rates has g = γT + O(1), and growth like a power of time has g = m ln T + O(1), whose exponents m ln T/T
-//! fall for ever. At one averaging time the two look alike. What tells them apart are the gains of g in doublings of time:
+//! fall indefinitely. At one averaging time the two look alike. What tells them apart are the gains of g in doublings of time:
 //!
 //! ```text
 //! G = g(T) − g(T/2),   H = g(T/2) − g(T/4):   γT/2 and γT/4 by rates,   m ln 2 and m ln 2 by a power.

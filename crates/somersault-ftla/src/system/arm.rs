@@ -257,7 +257,7 @@ impl ArmMinimumTorque {
         d.as_mut_slice().copy_from_slice(Self::jacobian_at(pose, p).as_flattened());
     }
 
-    /// D Φ. Rows 1, 2 and 5 of D are those of θ̇ and λ̇₁ = 0; columns 1, 5 and 6 hold nothing but ∂λ̇_v/∂λ_q = −1.
+    /// D Φ. Rows 1, 2 and 5 of D are those of θ̇ and λ̇₁ = 0; columns 1, 5 and 6 hold only ∂λ̇_v/∂λ_q = −1.
     #[inline(always)]
     fn tangent_by(d: &Columns, phi: &[f64], out: &mut [f64], multiply_add: impl Fn(f64, f64, f64) -> f64) {
         let (phi, out) = (phi.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);

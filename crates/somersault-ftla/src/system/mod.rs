@@ -164,7 +164,7 @@ pub trait VectorField {
         Piece::FREE
     }
 
-    /// Writes h of one piece, which goes on smoothly beyond it.
+    /// Writes h of one piece, which continues smoothly beyond it.
     #[inline(always)]
     fn field_in(&self, _piece: &Piece, p: &[f64], h: &mut [f64]) {
         self.field_into(p, h);
@@ -209,7 +209,7 @@ pub trait VectorField {
 
     /// H(p) where the field is known to be Hamiltonian, to be constant along its motions; none where nothing is known to be.
     ///
-    /// Without a default: a system that hands on another one's field and forgets this would lose the check that it is for.
+    /// Without a default: a system that forwards another one's field and forgets this would lose the check that it is for.
     fn conserved(&self, p: &[f64]) -> Option<f64>;
 
     /// Why there is no value at `p`, if there is none.

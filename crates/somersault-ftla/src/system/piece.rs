@@ -8,9 +8,9 @@
 //! ```text
 //! S = 1 + (h⁺ − h⁻) ∇gᵀ / ġ  =  1:
 //! ```
-//! the transition matrix goes on as it is, with the other Jacobian.
+//! the transition matrix continues as it is, with the other Jacobian.
 //!
-//! A [`Piece`] says of each switch on which side of its surface the field is taken. The field of a piece goes on smoothly
+//! A [`Piece`] says of each switch on which side of its surface the field is taken. The field of a piece continues smoothly
 //! beyond the piece, so that the flow can step across and search for the crossing.
 
 use super::SystemError;

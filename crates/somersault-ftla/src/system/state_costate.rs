@@ -323,7 +323,7 @@ impl<P: DifferentiatedProblem> StateCostate<P> {
         d.view_mut((n, n), (n, n)).copy_from(&(-f_x.transpose() - &k_xu * &u_costate));
     }
 
-    /// Writes h and D where they are asked for, NaN where no control minimises K.
+    /// Writes h and D where they are requested, NaN where no control minimises K.
     fn write(&self, p: &[f64], piece: Option<&Piece>, h: Option<&mut [f64]>, d: Option<&mut DMatrix<f64>>) {
         let at = p.split_at(self.n_states());
         match self.minimise(at.0, at.1, piece) {

@@ -244,7 +244,7 @@ fn continuation_from_a_rest_leads_to_the_same_extremal() {
     assert!((&found.extremal.nodes[0] - &direct.extremal.nodes[0]).amax() < 1e-9);
 }
 
-/// Solved, and confirmed by segments integrated anew a hundred times as accurately.
+/// Solved, and confirmed by segments re-integrated a hundred times as accurately.
 fn assert_solved(travel: &ArmTravel) -> Extremal {
     let found = travel.solve(&Continuation::default()).expect("well posed").continued;
     assert_eq!((found.s, found.extremal.status), (1.0, ShootingStatus::Converged), "{travel:?}");
@@ -282,7 +282,7 @@ fn arms_at_random_are_found_from_boundary_states_and_fold_alone() {
         let system = ArmMinimumTorque::try_new(arm, [1.0, 0.5]).expect("in range");
         let [initial, last] = [-0.5, 0.5].map(|s| [s * travel, 0.05]);
         let extremal = assert_solved(&ArmTravel { system, initial, last, fold, horizon });
-        // folded in the middle, to the side asked for
+        // folded in the middle, to the side requested
         let middle = extremal.nodes[extremal.nodes.len() / 2][1];
         assert!((middle / fold - 1.0).abs() < 0.5, "{middle} for {fold}");
     }

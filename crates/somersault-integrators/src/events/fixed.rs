@@ -6,7 +6,7 @@ use super::run::{InProgress, Span};
 use super::stiff::Stiff;
 use crate::driver::{Flow, Status, TimeGrid};
 
-/// Makes the steps of a grid, counted anew from each event.
+/// Makes the steps of a grid, counted again from each event.
 pub(super) fn steps<H: Hybrid>(
     run: &mut InProgress<'_, H>,
     mut grid: TimeGrid,

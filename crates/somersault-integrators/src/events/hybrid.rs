@@ -81,7 +81,7 @@ pub trait Hybrid: System {
 
     /// The mode after an event, from the one before it and the state; by default from the state alone.
     ///
-    /// What a mode remembers, say where a contact began to stick, is handed on here.
+    /// What a mode remembers, say where a contact began to stick, is forwarded here.
     fn next_mode(&self, _before: &Self::Mode, t: f64, x: &StateOf<Self>) -> Self::Mode {
         self.mode(t, x)
     }

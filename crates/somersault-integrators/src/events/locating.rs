@@ -16,7 +16,7 @@ impl<'a, H: Hybrid, M> Run<'a, H, M> {
     /// The method must take the system frozen in a mode, [`Frozen`], as those of the table do that take the system. The
     /// observer sees every committed step, those that end at events among them, with its curve.
     ///
-    /// - Fixed steps have the size of the grid, counted anew from each event. While springs act that a step is too long for
+    /// - Fixed steps have the size of the grid, counted again from each event. While springs act that a step is too long for
     ///   it is divided, and further where the energy grows; see [`StiffSteps`](super::StiffSteps). The cost is the guards
     ///   once a step, and about eight steps for each event.
     /// - Adapted steps far from events are those of a run without events. A step that is not proved clear of events is

@@ -15,7 +15,7 @@
 //! - A guard that is outside at both ends of a step is proved to have stayed so, by bounds of how far it may move
 //!   in between ([`Sweep`]), or the step is made again to somewhere within and both parts are looked
 //!   at. With fixed steps that is a trial; an adapted step ends there.
-//! - A guard that is inside, or has no bounds, is judged by the cubic through its ends, which is good where steps
+//! - A guard that is inside, or has no bounds, is decided by the cubic through its ends, which is good where steps
 //!   resolve its motion.
 //! - While springs act that fixed steps are too long for, these are divided ([`StiffSteps`]).
 //! - A guard that must not go in, say of a surface that has no normal, ends the run where it does
@@ -28,8 +28,8 @@
 //! Errors keep the solution up to where they arose: a state or a guard that is not finite, a failure of
 //! the method, events that follow each other faster than [`Location`] allows.
 //!
-//! A [`Run`](crate::run::Run) locates events where it is told to ([`Run::locating`](crate::run::Run::locating)).
-//! [`EventSearch`] is the search by itself, for what steps by other means ([`Retrace`]).
+//! A [`Run`](crate::run::Run) locates events on request ([`Run::locating`](crate::run::Run::locating)).
+//! [`EventSearch`] is the search by itself, for what steps in another way ([`Retrace`]).
 //!
 //! # A user-defined event
 //!

@@ -64,7 +64,7 @@ impl<Q: Configuration, K> Located<Q, K> {
 /// Why a run with events did not reach its end; `F` says why a guard may not go in.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Interruption<F = Infallible> {
-    /// The integration could not start or go on.
+    /// The integration could not start or continue.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
     /// A guard is not a number.

@@ -212,7 +212,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
         Ok(flow)
     }
 
-    /// Starts anew from an event, in a new mode.
+    /// Restarts from an event, in a new mode.
     fn enter(&mut self, last_mode: &H::Mode) -> Result<(), Interruption<H::Fault>> {
         let (worker, t, point) = (&mut self.worker, self.so_far.t, &mut self.before);
         if H::RESETS {

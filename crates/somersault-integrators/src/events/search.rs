@@ -29,7 +29,7 @@ pub trait Retrace {
 
     /// Writes bounds of the motion behind each guard during the part of the step of `width` from `start` on, between
     /// the points at its ends. Of guards left out at the end, as all are by default, nothing is known: the cubic through
-    /// the ends is believed.
+    /// the ends is trusted.
     fn sweeps(&self, _start: f64, _width: f64, _ends: (&Self::Point, &Self::Point), _out: &mut Vec<Sweep>) {}
 
     /// That a step of `h` could not be proved clear of events, nor an event be found in it, in so many parts.
@@ -125,7 +125,7 @@ impl<R: Retrace> EventSearch<'_, R> {
                 continue;
             }
             let width = end - near_h;
-            // A cubic that goes on to promise what is not there has rates that are not those of its gaps.
+            // A cubic that continues to promise what is not there has rates that are not those of its gaps.
             let suspects = parts < SUSPICIONS;
             parts += 1;
             if parts > MOST_PARTS {

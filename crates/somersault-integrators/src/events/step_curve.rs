@@ -15,7 +15,7 @@ pub struct StepCurve {
     lag: f64,
 }
 
-/// Whether the margin keeps its sign over a step, and so far from zero that no extremum is in doubt.
+/// Whether the margin keeps its sign over a step, and so far from zero that no extremum is uncertain.
 ///
 /// Gap and rate lie between the control points of their Bernstein forms, which are those of the cubic and
 /// of its derivative: a bound that costs neither a root nor a division by what may vanish.

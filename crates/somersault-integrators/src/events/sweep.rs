@@ -6,7 +6,7 @@
 //! - by acceleration: φ + a s²/2 is convex and so above its tangents at both ends, which meet at s*; clear where
 //!   φ₀ + φ̇₀ s* − a s*²/2 > 0, whatever the speed.
 //!
-//! Where nothing is known, and where a guard is inside, the cubic through gap and rate at both ends is believed.
+//! Where nothing is known, and where a guard is inside, the cubic through gap and rate at both ends is trusted.
 
 use super::guard::Guard;
 use super::step_curve::{StepCurve, is_clear};
@@ -23,7 +23,7 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Nothing is known: the inside of a step is judged by the cubic through its ends.
+    /// Nothing is known: the inside of a step is decided by the cubic through its ends.
     pub const UNKNOWN: Self = Self { speed: f64::INFINITY, fall: f64::INFINITY, size: 0.0 };
 
     /// The time for which a gap stays positive under this bound, from a state in which |φ̇| ≤ `speed` already
@@ -68,7 +68,7 @@ fn by_cubic(before: &Guard, after: &Guard, h: f64) -> Verdict {
     let Some((theta, least)) = StepCurve::new(before, after, h).least(side) else {
         return Verdict::Clear;
     };
-    // How much nearer to zero than both ends; a dip shallower than what is left of it is believed.
+    // How much nearer to zero than both ends; a dip shallower than what is left of it is trusted.
     let depth = (side * before.margin()).min(side * after.margin()) - least;
     if least >= 0.0 && least >= depth { Verdict::Clear } else { Verdict::Suspect(theta.clamp(0.1, 0.9)) }
 }

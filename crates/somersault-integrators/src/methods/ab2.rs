@@ -3,7 +3,7 @@
 //! v̄ = (3vₙ − vₙ₋₁)/2, q₊ = exp(h v̄) qₙ, v₊ = vₙ + h (3aₙ − aₙ₋₁)/2.
 //!
 //! Order 2 on ℝ³ and on SO(3).
-//! 1 evaluation; 1 earlier steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
+//! 1 evaluation; 1 previous steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
 
 use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};

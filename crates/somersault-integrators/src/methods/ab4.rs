@@ -5,7 +5,7 @@
 //!
 //! Order 4 on ℝ³ but only 2 on SO(3), where adding velocities of different steps neglects a commutator
 //! of third order.
-//! 1 evaluation; 3 earlier steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
+//! 1 evaluation; 3 previous steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
 
 use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};

@@ -75,7 +75,7 @@ impl<S: System> Stepper<S> for CommutatorFree4 {
         stage.kick(&a2, rows[2][1] * h);
         system.velocity(&mut m.workspace, t + nodes[2] * h, &stage, &mut v3);
         system.acceleration(&mut m.workspace, t + nodes[2] * h, &stage, &mut a3);
-        // The fourth stage goes on from the second, which `out` holds, with the factor one of v₃.
+        // The fourth stage continues from the second, which `out` holds, with the factor one of v₃.
         stage.configuration.assign(&out.configuration);
         sum.assign(&v3);
         sum.axpy(stages[2].factors[0], &v1);

@@ -75,7 +75,7 @@ pub struct Options {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("no method is named `{found}`; the methods are {}", names())]
 pub struct UnknownMethod {
-    /// The name asked for.
+    /// The name requested.
     pub found: String,
 }
 

@@ -17,7 +17,7 @@
 //! E. Hairer, G. Vilmart, J. Phys. A: Math. Gen. 39 (2006) 13225.
 //!
 //! # Deviations
-//! The coefficients are not taken from the source but computed anew.
+//! The coefficients are not taken from the source but recomputed.
 
 use crate::preprocessing::Preprocessing;
 use crate::stepper::{MethodInfo, Orders, Scheme, Scope, StepError, Stepper};

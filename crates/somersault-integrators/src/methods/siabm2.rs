@@ -3,7 +3,7 @@
 //! v₊ = vₙ + h (3aₙ − aₙ₋₁)/2, then q₊ = exp(h (v₊ + vₙ)/2) qₙ.
 //!
 //! Order 2 on ℝ³ and on SO(3).
-//! 1 evaluation; 1 earlier steps, started up by a [`StartUp`] of the user's choice. The energy of a free body grows at large steps.
+//! 1 evaluation; 1 previous steps, started up by a [`StartUp`] of the user's choice. The energy of a free body grows at large steps.
 
 use crate::adams::{AdamsMemory, StartUp};
 use crate::stepper::{MethodInfo, Orders, Scheme, StepError, Stepper};

@@ -4,7 +4,7 @@
 //! q₊ = exp(h (9v₊ + 19vₙ − 5vₙ₋₁ + vₙ₋₂)/24) qₙ.
 //!
 //! Order 4 on ℝ³ but only 2 on SO(3), for the reason given at `ab4`.
-//! 1 evaluation; 3 earlier steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
+//! 1 evaluation; 3 previous steps, started up by a [`StartUp`] of the user's choice. Large steps are unstable.
 //!
 //! # Deviations
 //! Line 5 of algorithm 14 prints −19/24; (5.13) and the order require +19/24. (5.12) is taken with

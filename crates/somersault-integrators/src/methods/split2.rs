@@ -7,7 +7,7 @@
 //! that the error is one of the wrench alone: the method for fast spin under slow forces. 1 evaluation
 //! where wrenches do not depend on the rates (the last kick's serves the next step), 4 where they do;
 //! no start-up. Symplectic and symmetric where wrenches come from a potential. World angular momentum is
-//! exact to the bit without torque. Not where evaluations are cheap and the body turns slowly: the free
+//! conserved exactly without torque. Not where evaluations are cheap and the body turns slowly: the free
 //! motion costs elliptic functions.
 //!
 //! G. Strang, SIAM J. Numer. Anal. 5 (1968) 506; E. Celledoni, F. Fassò, N. Säfström and A. Zanna,

@@ -6,7 +6,7 @@
 //! Order 4 on ℝ³ and on SO(3) under wrenches; a free body is exact to round-off whatever the step. 6
 //! evaluations where wrenches do not depend on the rates (the last kick's serves the next step), 28
 //! where they do; no start-up. Symplectic and symmetric where wrenches come from a potential. World
-//! angular momentum is exact to the bit without torque. For long runs of bodies that spin fast under
+//! angular momentum is conserved exactly without torque. For long runs of bodies that spin fast under
 //! slow forces; six free motions a step cost elliptic functions.
 //!
 //! Why S₆: it holds for any two flows, also where the kick is not the gradient of a potential in the

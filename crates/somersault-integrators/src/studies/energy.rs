@@ -13,7 +13,7 @@
 //! max T = ‖L‖² / (2 I_min)                                                (6.4)
 //! ```
 //!
-//! The exact motion has Tₙ = T₀. A method that keeps L (the momentum forms, `sv`, `aso`) is held by the
+//! The exact motion has Tₙ = T₀. A method that conserves L (the momentum forms, `sv`, `aso`) is held by the
 //! bound at any step size; one that starts up by another method keeps the L that its start-up leaves.
 //!
 //! # Reading of the thesis
@@ -125,12 +125,12 @@ pub enum Behaviour {
 /// Result of the study for one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnergyStudy {
-    /// The extremes after each number of steps asked for.
+    /// The extremes after each number of steps requested.
     ///
     /// Where every body's step failed both are NaN.
     pub extremes: Vec<EnergyExtremes>,
     /// The largest T at the end of the start-up or after any later step, in units of the bound (6.4) with
-    /// the L at the end of the start-up: at most 1 but for rounding where the method keeps L, infinite on
+    /// the L at the end of the start-up: at most 1 but for rounding where the method conserves L, infinite on
     /// overflow.
     ///
     /// The start-up takes as many steps as the method remembers, by its INFO.
@@ -196,7 +196,7 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
     })
 }
 
-/// Energy ratios of one body at the steps asked for, and what [`EnergyStudy`] says of all bodies.
+/// Energy ratios of one body at the steps requested, and what [`EnergyStudy`] says of all bodies.
 struct Run {
     ratios: Vec<f64>,
     fraction_of_bound: f64,

@@ -391,7 +391,7 @@ fn multistep_radius(
     // Z₀ → Q R and Z₁ → W with W = A Q, on the columns that the pivoting chooses.
     let rank = orthogonalise(&mut z0, &mut z1);
     let (q, w) = (z0.columns(0, rank), z1.columns(0, rank));
-    // What is left of the other columns after their share of Q was taken out.
+    // What is left of the other columns after their component along Q was taken out.
     let defect = z1.columns(rank, columns - rank).amax();
     // The decomposition converges but for numbers near overflow.
     let Some(schur) = Schur::try_new(q.tr_mul(&w), f64::EPSILON, 1000) else {

@@ -59,7 +59,7 @@ pub struct CommutatorFreeTableau {
 /// How a stage of a commutator-free method is reached.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exponential {
-    /// The stage from which it goes on, 0 for the start of the step.
+    /// The stage from which it continues, 0 for the start of the step.
     pub from: usize,
     /// Factors of the slopes of the stages before it.
     pub factors: &'static [f64],

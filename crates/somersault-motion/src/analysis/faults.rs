@@ -145,7 +145,7 @@ fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
     a.cross(b).norm().atan2(a.dot(b))
 }
 
-/// The share at which the angle last rises through the middle between its least value and π; 1 where it does
+/// The fraction at which the angle last rises through the middle between its least value and π; 1 where it does
 /// not.
 fn exit_fraction(times: &[f64], hip: &[f64]) -> f64 {
     let half = 0.5 * (hip.iter().copied().fold(f64::INFINITY, f64::min) + PI);
@@ -187,7 +187,7 @@ mod tests {
     use somersault_core::argument::ArgumentError;
     use somersault_multibody::models::{Diver, Posture};
 
-    /// Frames from posture A to `posture` and back, w = sin² of π times the share.
+    /// Frames from posture A to `posture` and back, w = sin² of π times the fraction.
     fn folded(diver: &Diver, posture: Posture, n: usize) -> (Vec<f64>, Vec<f64>) {
         let [a, b] = [Posture::A, posture].map(|p| diver.configuration(p).unwrap());
         let share = |i: usize| i as f64 / (n - 1) as f64;

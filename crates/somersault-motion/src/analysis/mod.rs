@@ -34,7 +34,7 @@ pub enum AnalysisError {
     Components {
         /// Name of the argument.
         argument: &'static str,
-        /// Components asked for.
+        /// Components requested.
         found: usize,
         /// Components there can be: one less than samples, and no more than numbers in a sample.
         most: usize,
@@ -59,7 +59,7 @@ pub enum AnalysisError {
         /// Its value.
         found: f64,
     },
-    /// A number is so large that its square is none.
+    /// A number is so large that its square overflows.
     #[error("`{argument}` must be within ±1e100, found {found:e} in row {row}")]
     TooLarge {
         /// Name of the argument.
@@ -85,7 +85,7 @@ pub enum AnalysisError {
         /// What it may be.
         allowed: &'static str,
     },
-    /// The quaternion of a root is none.
+    /// The quaternion of a root is not of unit length.
     #[error(
         "`q` must have a unit quaternion for its root in every row, but in row {row} its norm is {found}"
     )]

@@ -133,7 +133,7 @@ struct Determined {
     rank: usize,
 }
 
-/// What a minimum is worth.
+/// How good a minimum is.
 struct Examined {
     unknowns: Vec<UnknownStatus>,
     covariance: Option<DMatrix<f64>>,
@@ -146,7 +146,7 @@ struct Examined {
 pub(super) struct Until {
     /// Iterations, at most and no more than the options allow.
     pub(super) iterations: usize,
-    /// The step would lower the cost by a share of less.
+    /// The step would lower the cost by a fraction of less.
     pub(super) share: f64,
     /// The cost is above it, and no step of [`MAX_DECREASE_RATIO`] times the predicted decrease would bring it below.
     pub(super) below: f64,
@@ -159,11 +159,11 @@ impl Until {
 
 /// A search is given up where a decrease of the cost this many times as large as predicted would not be enough.
 const MAX_DECREASE_RATIO: f64 = 4.0;
-/// Distances that are none, in shares of the coordinates.
+/// Distances taken as zero, in fractions of the coordinates.
 const NO_DISTANCE: f64 = 1e-11;
-/// Eigenvalues of the normal matrix, scaled to a unit diagonal, that are none.
+/// Eigenvalues of the normal matrix, scaled to a unit diagonal, that are taken as zero.
 const SINGULAR: f64 = 1e-12;
-/// Diagonal entries of the normal matrix that are none, in shares of the largest: a marker nearer to a joint's axis than 10⁻¹⁰ of the
+/// Diagonal entries of the normal matrix that are taken as zero, in fractions of the largest: a marker nearer to a joint's axis than 10⁻¹⁰ of the
 /// length of a limb.
 const UNSEEN: f64 = 1e-20;
 /// Standard deviations by which χ² is a misfit, and by which the markers are beyond a limit.
@@ -249,7 +249,7 @@ impl<'a> FrameFitter<'a> {
         Ok(FrameFit { status, estimate, residuals, rms, cost, iterations, unknowns, covariance })
     }
 
-    /// Half the sum of squares of markers that are off by a share of their distance from their centre, weighted.
+    /// Half the sum of squares of markers that are off by a fraction of their distance from their centre, weighted.
     pub(super) fn cost_of_share(&self, targets: &[Option<Vector3<f64>>], share: f64) -> f64 {
         let present = || targets.iter().flatten();
         let n = present().count().max(1) as f64;
@@ -323,7 +323,7 @@ impl<'a> FrameFitter<'a> {
         Ok((FitStatus::IterationLimit, max_iterations, cost))
     }
 
-    /// The cost of a perfect fit, which angles that no marker determines would take for ever to lower.
+    /// The cost of a perfect fit, which angles that no marker determines would take indefinitely to lower.
     fn no_cost(&self, targets: &[Option<Vector3<f64>>]) -> f64 {
         let of = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
             target.map_or(0.0, |y| 0.5 * marker.weight * (NO_DISTANCE * y.amax()).powi(2))

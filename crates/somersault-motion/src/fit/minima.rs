@@ -24,11 +24,11 @@ const PARTS: usize = 8;
 const UNRELATED: f64 = 1.0;
 /// Cost over the median of the frames from which on a frame may be in a wrong minimum.
 const COSTLY: f64 = 4.0;
-/// Residual from which on a frame may be mirrored, in shares of the spread of its markers, and the share of the cost that the mirror
+/// Residual from which on a frame may be mirrored, in fractions of the spread of its markers, and the fraction of the cost that the mirror
 /// image must have.
 const SUSPICIOUS: f64 = 0.04;
 const MIRRORED: f64 = 0.25;
-/// A search that may be given up ends where the cost falls by a smaller share.
+/// A search that may be given up ends where the cost falls by a smaller fraction.
 const COARSE: f64 = 1e-3;
 
 /// Lowers what can be lowered in the frames of a motion.
@@ -121,7 +121,7 @@ pub(super) fn find_mirrored(
         .collect()
 }
 
-/// Begins the frame anew with one joint turned, as long as that is lower.
+/// Begins the frame again with one joint turned, as long as that is lower.
 pub(super) fn turn_joints(
     fitter: &mut FrameFitter,
     targets: &Targets,

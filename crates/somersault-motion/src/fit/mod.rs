@@ -19,7 +19,7 @@
 //! on both sides, as long as any gets lower. Nothing proves a minimum of so many angles to be the lowest.
 //!
 //! A search that converged is not yet a success: every unknown of every frame has a status ([`UnknownStatus`]), and frames whose
-//! residual is more than 4 % of the spread of their markers are held against the mirror image of the model ([`FitStatus::Mirrored`]).
+//! residual is more than 4 % of the spread of their markers are checked against the mirror image of the model ([`FitStatus::Mirrored`]).
 //!
 //! Cost: O(markers × degrees of freedom²) an iteration, without allocation.
 
@@ -87,10 +87,10 @@ pub enum FitError {
         /// Upper bound.
         upper: f64,
     },
-    /// The caller said that it is not to go on.
+    /// The caller said that it is not to continue.
     #[error("the fit was interrupted")]
     Interrupted,
-    /// Eigenpostures are combinations of coordinates; rotations of a ball joint are none.
+    /// Eigenpostures are combinations of coordinates; rotations of a ball joint are not coordinates.
     #[error("eigenpostures need joints of one coordinate, but that of `{body}` has {found}")]
     JointOfManyCoordinates {
         /// The body it carries.

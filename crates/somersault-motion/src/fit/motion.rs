@@ -59,8 +59,8 @@ impl MotionFit {
         (0..n_markers).map(of).collect()
     }
 
-    /// Whether the search of every frame that has markers came to a minimum, and there is one. What the minimum is worth
-    /// is another question: [`success`](Self::success).
+    /// Whether the search of every frame that has markers came to a minimum, and there is one. Whether the minimum determines
+    /// the motion is another question: [`success`](Self::success).
     pub fn converged(&self) -> bool {
         let is_minimum = |f: &FrameFit| match f.status {
             FitStatus::Converged | FitStatus::Mirrored | FitStatus::Misfit => true,

@@ -163,7 +163,7 @@ impl BoundedQuadratic {
         if self.step.iter().all(|x| x.is_finite()) { Ok(multiplier) } else { Err(NotPositiveDefinite) }
     }
 
-    /// Goes along the step as far as the constraints let it, and takes the one in that is in the way. Returns the share
+    /// Goes along the step as far as the constraints let it, and takes the one in that is in the way. Returns the fraction
     /// of the step, if there was a step.
     fn advance(&mut self) -> Option<f64> {
         let (mut share, mut blocking) = (1.0, None);

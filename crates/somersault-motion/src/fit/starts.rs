@@ -1,7 +1,7 @@
 //! Where a frame begins that has no neighbour to begin from.
 //!
 //! With the starts of the options; where there are none, with each posture of the base, or with the neutral posture and points
-//! that fill the ranges of the joints evenly: start k has joint j of d at the share
+//! that fill the ranges of the joints evenly: start k has joint j of d at the fraction
 //!
 //! ```text
 //! frac(½ + k φ^{−j}),  j = 1 … d,  φ^{d+1} = φ + 1
@@ -20,11 +20,11 @@ use std::f64::consts::PI;
 
 /// Points in the ranges of the joints.
 const N_POINTS: usize = 15;
-/// Iterations from every start, and how many of the best then go on.
+/// Iterations from every start, and how many of the best then continue.
 const SHORT: usize = 8;
 const BEST: usize = 3;
 
-/// A lower minimum is worth leaving another for if it is lower by this share, 1.5 % of the residuals. What differs by less are mostly
+/// A lower minimum is worth leaving another for if it is lower by this fraction, 1.5 % of the residuals. What differs by less are mostly
 /// branches of one shoulder, and jumps between them would be what principal components describe.
 const LOWER: f64 = 0.03;
 /// Costs below it are rounding, m².

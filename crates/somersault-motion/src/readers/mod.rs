@@ -9,8 +9,8 @@
 //! | CSV | [`csv`] | markers |
 //!
 //! [`read_file`] takes a path and finds the reader by its ending; [`FORMATS`] has a row for each. Readers take text or bytes,
-//! [`load`] a path and a reader. Files may come from anywhere: what a file declares is held
-//! against what it has before memory is asked for, so that a reader uses a bounded multiple of the file's
+//! [`load`] a path and a reader. Files may come from anywhere: what a file declares is checked
+//! against what it has before memory is allocated, so that a reader uses a bounded multiple of the file's
 //! length; nesting costs no stack. Every error has the line or the byte, what was found and what is allowed.
 
 pub mod bvh;
@@ -126,10 +126,10 @@ pub enum ReadError {
         /// Name of the format.
         format: &'static str,
     },
-    /// The axes that the caller says are none.
+    /// The axes that the caller names are invalid.
     #[error(transparent)]
     Axes(RecordingError),
-    /// The body whose lengths a motion takes is none.
+    /// The body whose lengths a motion takes is invalid.
     #[error("`diver`: {0}")]
     Diver(#[from] ModelError),
 }

@@ -76,10 +76,10 @@ pub enum RecordingError {
         /// Norm found.
         found: f64,
     },
-    /// Times asked for are outside of the recording.
+    /// Times requested are outside of the recording.
     #[error("{found} s is not between {first} and {last} s, where there are frames")]
     OutsideOfRecording {
-        /// Time asked for.
+        /// Time requested.
         found: f64,
         /// Time of the first frame.
         first: f64,

@@ -1,7 +1,7 @@
 //! What motions have in common: one heading, one basis of postures; and how far a motion is from them.
 //!
 //! **Heading.** Where a diver faces in the laboratory says nothing about the dive. Every motion is turned about the vertical
-//! by the angle that brings it nearest to a reference, the mean of those learnt: with x + iy for the horizontal parts
+//! by the angle that brings it nearest to a reference, the mean of the training motions: with x + iy for the horizontal parts
 //! of postures and path, frame by frame,
 //!
 //! ```text
@@ -10,13 +10,13 @@
 //! A motion turned in the laboratory gets another ψ and the same vector. The reference begins as the first motion and is found by turning
 //! all to it and taking their mean, in turn (generalised Procrustes analysis).
 //!
-//! **Distance.** To the nearest of the motions learnt, in vectors, with what the basis leaves of the postures:
+//! **Distance.** To the nearest of the training motions, in vectors, with what the basis leaves of the postures:
 //!
 //! ```text
 //! d² = min_j ‖v − v_j‖² + Σ_frames ‖rest‖²
 //! ```
 //! over the greatest distance that a motion learnt has from the others when it is left out of the basis. By exchange of the
-//! motions, one like those learnt from is beyond 1 with a chance of about 1/(n + 1).
+//! motions, one like the training motions is beyond 1 with a chance of about 1/(n + 1).
 //!
 //! Sources: J. C. Gower, *Generalized Procrustes analysis*, Psychometrika 40 (1975), 33–51; R. Laxhammar and G. Falkman,
 //! *Sequential conformal anomaly detection in trajectories based on Hausdorff distance*, FUSION 2011, for the nearest neighbour
@@ -207,12 +207,12 @@ pub(super) fn distances(
     Ok(distances)
 }
 
-/// What distances are held against: the greatest of them, where they are not all zero.
+/// What distances are checked against: the greatest of them, where they are not all zero.
 pub(super) fn greatest(distances: &[f64]) -> f64 {
     distances.iter().copied().fold(f64::MIN_POSITIVE, f64::max)
 }
 
-/// Sizes by which motions may differ from those learnt; the next unit is farther.
+/// Sizes by which motions may differ from the training motions; the next unit is farther.
 const SIZES: f64 = 2.0;
 
 /// Root mean square distance of markers from their centre, m; none of coordinates.
@@ -221,7 +221,7 @@ pub(super) fn size(kind: FeatureKind, motion: &Normalized) -> Option<f64> {
     (kind == FeatureKind::Markers).then(|| (motion.postures.norm_squared() / n).sqrt())
 }
 
-/// Fails where the markers of a motion are much farther from or nearer to each other than in those learnt.
+/// Fails where the markers of a motion are much farther from or nearer to each other than in the training motions.
 pub(super) fn expect_size(
     kind: FeatureKind,
     motion: &Normalized,

@@ -9,9 +9,9 @@
 //! vectors in their principal components are mapped linearly, by least squares. How many components is decided
 //! by leave-one-out cross-validation on the components of all.
 //!
-//! Beside every score stands how far the motion is from those learnt ([`Score::distance`]).
+//! Beside every score stands how far the motion is from the training motions ([`Score::distance`]).
 //!
-//! How good that is, is told by [`validate`]: every motion is scored by a model that has not seen it, in its
+//! How accurate that is, is measured by [`validate`]: every motion is scored by a model that has not seen it, in its
 //! bases and its number of components neither, with the correlation's interval and p-value and simple
 //! predictors beside it.
 //!
@@ -55,7 +55,7 @@ pub enum ScoringError {
         argument: &'static str,
         /// The most there can be.
         most: usize,
-        /// Number asked for.
+        /// Number requested.
         found: usize,
     },
     /// A score is not on the scale.
@@ -131,7 +131,7 @@ pub enum ScoringError {
     /// Times do not grow.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The caller said that it is not to go on.
+    /// The caller said that it is not to continue.
     #[error("the validation was interrupted")]
     Interrupted,
     /// Nothing is correlated with what is the same everywhere.

@@ -59,7 +59,7 @@ impl ScoringOptions {
         self.expect_scale(scores)
     }
 
-    /// The most components that are asked for.
+    /// The most components that are requested.
     pub(super) fn most(&self) -> usize {
         self.n_components.unwrap_or(self.max_components)
     }
@@ -78,18 +78,18 @@ pub(super) struct Learnt {
     pub(super) sizes: [f64; 2],
 }
 
-/// A score, and how far the motion is from those learnt.
+/// A score, and how far the motion is from the training motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
     /// The score. It may be beyond the scale, since the regression is a straight line.
     pub value: f64,
-    /// Distance of the motion to the nearest one learnt, over the greatest such distance among those learnt, each
+    /// Distance of the motion to the nearest training motion, over the greatest such distance among the training motions, each
     /// left out in turn.
     pub distance: f64,
 }
 
 impl Score {
-    /// Whether the motion is as near to those learnt as they are to each other, at a distance of at most 1. Else the model says
+    /// Whether the motion is as near to the training motions as they are to each other, at a distance of at most 1. Else the model says
     /// nothing about it, whatever the value: units, axes or names may be mistaken, or it is another kind of motion.
     pub fn is_inside(&self) -> bool {
         self.distance <= 1.0
@@ -148,7 +148,7 @@ impl ScoringModel {
     }
 
     /// The score of a motion, which must have the features learnt, by name. Fails where its markers are more than twice as far apart
-    /// as those learnt, or less than half: they are in another unit.
+    /// as the training motions, or less than half: they are in another unit.
     pub fn score(&self, motion: &Performance) -> Result<Score, ScoringError> {
         let motion = motion.normalized(&self.features, self.vector.n_frames)?;
         learnt::expect_size(self.features.kind, &motion, None, self.learnt.sizes)?;

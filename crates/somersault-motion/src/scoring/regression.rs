@@ -22,7 +22,7 @@ pub(super) struct ComponentScores {
     counts: Vec<f64>,
 }
 
-/// Share of the variance below which a component says nothing: what rounding leaves of it.
+/// Fraction of the variance below which a component says nothing: what rounding leaves of it.
 const NOTHING: f64 = 1e-13;
 
 impl ComponentScores {
@@ -60,7 +60,7 @@ impl ComponentScores {
     }
 
     /// The number of components with the least squared error of leaving one motion out, by its leverage h: e/(1
-    /// − c h). The components themselves stay: they know nothing of y.
+    /// − c h). The components themselves stay: they do not depend on y.
     pub(super) fn choose(&self, y: &[f64]) -> usize {
         let (mean, coefficients) = (self.mean(y), self.coefficients(y));
         let total: f64 = self.counts.iter().sum();

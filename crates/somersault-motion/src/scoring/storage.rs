@@ -265,7 +265,7 @@ fn sense<T>(part: &'static str, allowed: &'static str) -> Result<T, StorageError
 }
 
 impl ScoringModel {
-    /// Fails unless what follows from the motions learnt does: means, components and coefficients, by the formulas by which they were
+    /// Fails unless what follows from the training motions does: means, components and coefficients, by the formulas by which they were
     /// found.
     fn expect_sense(&self) -> Result<(), StorageError> {
         let Learnt { vectors, distances, scores, sizes } = &self.learnt;

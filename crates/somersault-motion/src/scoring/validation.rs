@@ -21,7 +21,7 @@ pub struct Baseline {
     pub rms_error: f64,
 }
 
-/// Leave-one-out predictions and what they are worth.
+/// Leave-one-out predictions and their errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Validation {
     /// The score of each motion by a model of all others.
@@ -44,14 +44,14 @@ pub struct Validation {
 }
 
 /// Leaves out each motion in turn and scores it by a model of the others: bases, number of components and
-/// regression are made anew each time. `features` are single numbers of each motion, by name, for further
+/// regression are rebuilt each time. `features` are single numbers of each motion, by name, for further
 /// baselines.
 ///
 /// **What is correlated.** The mean of the others falls where the score left out is high: it is correlated by
 /// −1 with any scores, and so in part are predictions, which contain it. So correlations are of what a
 /// prediction differs by from that mean; of the mean itself only errors are compared.
 ///
-/// **What a correlation is held against.** With scores that mean nothing these correlations still lean to the
+/// **What a correlation is checked against.** With scores that mean nothing these correlations still lean to the
 /// negative. For a single standardised feature with correlation z/√n they come to about (z² − 1)/(|z| √n): a
 /// slope fitted without a motion turns away from it, the more visibly the smaller the slope. Neither zero nor a
 /// bootstrap of the pairs, which takes predictions for given, is then a yardstick. Here:
@@ -63,7 +63,7 @@ pub struct Validation {
 /// - *p-values* are fractions of shuffles of the scores, validated in the same way, that are correlated at least
 ///   as much: exact for any number of motions.
 ///
-/// Eigenpostures know nothing of scores; for resamples and shuffles they stay those of all motions but the one
+/// Eigenpostures do not depend on scores; for resamples and shuffles they stay those of all motions but the one
 /// left out. Cost: O(n⁴) for n motions a resample, O(n²) a shuffle.
 ///
 /// Sources: P. Golland and B. Fischl, *Permutation tests for classification*, IPMI 2003, 330–341; B. Phipson

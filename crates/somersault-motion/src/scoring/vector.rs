@@ -143,7 +143,7 @@ impl Performance {
         self.features.n_numbers()
     }
 
-    /// With the features asked for, found by name, at `n_frames` equal distances in time. What else it has is not used.
+    /// With the features requested, found by name, at `n_frames` equal distances in time. What else it has is not used.
     pub(super) fn normalized(
         &self,
         features: &Features,

@@ -27,7 +27,7 @@ pub(super) struct FoldCurve {
     duration: f64,
 }
 
-/// Shares at which the size of the fold is looked at.
+/// Fractions at which the size of the fold is looked at.
 const SAMPLES: u32 = 1000;
 /// The greatest slope of the smooth step.
 const STEEPEST: f64 = 1.875;

@@ -18,7 +18,7 @@ use somersault_core::argument::expect_not_negative;
 /// invented.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SyntheticJudge {
-    /// r, faults that are none.
+    /// r, faults that are too small to count.
     pub reference: DiveFaults,
     /// p of the entry angle, points/rad.
     pub entry_angle: f64,

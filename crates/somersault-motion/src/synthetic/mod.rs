@@ -21,7 +21,7 @@
 //! with looseness ℓ, wobble of amplitude A and frequency f, asymmetry a (plus right, minus left) and a delay β
 //! of the exit, that rises smoothly from the middle of the fold to its whole at the exit, the last time at
 //! which ‖F‖ is half its greatest value, and falls to zero at the end. Postures at both ends stay. The flight
-//! is then flown anew: angular momentum is conserved ([`flight`](somersault_multibody::flight)), and its size
+//! is then flown again: angular momentum is conserved ([`flight`](somersault_multibody::flight)), and its size
 //! is found by which the root turns as far as in the given flight and by the over-rotation farther. A loose
 //! pike thus spins with more momentum, as a diver's would who corrects at take-off; what is not corrected is
 //! the over-rotation. The centre of mass flies from where it began to where it ended.
@@ -57,7 +57,7 @@ pub enum SyntheticError {
     /// An argument that is not allowed.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// The caller said that it is not to go on.
+    /// The caller said that it is not to continue.
     #[error("making synthetic dives was interrupted")]
     Interrupted,
     /// The joints do not leave the straight way between their ends: there is nothing to perturb.
@@ -78,8 +78,8 @@ pub enum SyntheticError {
     /// The root does not turn.
     #[error("the flight has no angular momentum that could be changed")]
     NoMomentum,
-    /// No angular momentum was found that turns the root as far as asked for.
-    #[error("no angular momentum leads to the rotation asked for; the best misses it by {miss} rad")]
+    /// No angular momentum was found that turns the root as far as requested.
+    #[error("no angular momentum leads to the rotation requested; the best misses it by {miss} rad")]
     NotAimed {
         /// What is missing, rad.
         miss: f64,
@@ -101,7 +101,7 @@ pub enum SyntheticError {
     /// The model cannot fly.
     #[error(transparent)]
     Flight(#[from] FlightError),
-    /// The flight breaks off.
+    /// The flight stops early.
     #[error(transparent)]
     Motion(#[from] IntegrateError),
     /// Markers are not the model's.

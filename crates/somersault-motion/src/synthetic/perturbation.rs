@@ -39,7 +39,7 @@ impl Perturbation {
         }
     }
 
-    /// Fails where a number is not finite, or a share not below 1.
+    /// Fails where a number is not finite, or a fraction not below 1.
     pub fn validate(&self) -> Result<(), SyntheticError> {
         let share =
             |argument, found| expect_range(argument, found, "between -1 and 1", |x: f64| x.abs() < 1.0);

@@ -1,4 +1,4 @@
-//! A flight flown anew with other joints and another momentum.
+//! A flight flown again with other joints and another momentum.
 
 use super::curve::FoldCurve;
 use super::{Perturbation, SyntheticError, synthetic_markers};

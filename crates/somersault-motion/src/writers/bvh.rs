@@ -3,7 +3,7 @@
 //! Rotations have the channels Z, X, Y. A skeleton of which no joint turns or moves has no channels, and so no
 //! frames that the format could hold: that is refused. Ends that neither turn nor move, have no children and are named after
 //! their parent with `_end` are end sites; other joints that stay have no channels. Joints come in the order of
-//! the tree, each with all that hangs on it; the first frame is at t = 0 for whoever reads the file.
+//! the tree, each with all that hangs on it; the first frame is at t = 0 for readers of the file.
 
 use super::{WriteError, expect_name, file_position, time_step};
 use crate::recording::{Convention, SkeletonJoint, SkeletonRecording};

@@ -192,7 +192,7 @@ fn with_noise_estimates_are_unbiased_and_within_the_linearised_covariance() {
     const NOISE: f64 = 0.01;
     for diver in divers() {
         let model = diver.model().unwrap();
-        // one pose again and again, each time with other noise
+        // one pose repeatedly, each time with other noise
         let mut q = motion(&diver, 60).swap_remove(20);
         for (k, limits, at) in
             (1..model.n_bodies()).filter_map(|i| Some((i, model.limits(i)?, model.positions_of(i))))

@@ -54,7 +54,7 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
     assert_eq!(turns_about(&held, &[&held.neutral()]), Ok(None));
 }
 
-/// A motion of 31 frames whose panels are polynomials of the share u: the weight a u², the error 0.01 u, the
+/// A motion of 31 frames whose panels are polynomials of the fraction u: the weight a u², the error 0.01 u, the
 /// scale 1 + a u³, and 2 a u turns.
 fn made(a: f64, duration: f64) -> MotionFit {
     let times: Vec<f64> = (0..=30).map(|i| duration * f64::from(i) / 30.0).collect();

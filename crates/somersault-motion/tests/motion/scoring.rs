@@ -50,7 +50,7 @@ fn a_linear_judge_is_recovered_within_his_noise() {
     assert!(found.pearson.p_value < 0.01 && found.spearman.p_value < 0.01);
     assert_eq!(found.baselines[0].name, "mean");
     assert!(found.baselines.iter().all(|b| b.rms_error > 2.0 * found.rms_error));
-    // again to the bit
+    // again bit for bit
     let again = validate(&motions, &scores, &options, &validation, &[]).unwrap();
     assert_eq!(found, again);
 }
@@ -331,7 +331,7 @@ fn permuted_renamed_rescaled_and_turned_recordings_score_the_same_or_are_refused
             assert!(!found.is_inside() && found.distance > 2.0, "{what}: {found:?}");
         }
     }
-    // by exchange one of 25 is beyond those learnt
+    // by exchange one of 25 is beyond the training motions
     println!("{outside} of 20 new ones outside, the farthest at {largest:.2}");
     assert!(outside <= 5, "{outside} of 20 outside");
 }
@@ -358,7 +358,7 @@ fn what_is_learnt_does_not_depend_on_how_recordings_face_or_are_ordered() {
         let [a, b] = [&model, &other].map(|m| m.score(&performance(&recording)).unwrap());
         assert!((a.value - b.value).abs() < 1e-8 && (a.distance - b.distance).abs() < 1e-8, "{a:?}, {b:?}");
     }
-    // one of those learnt from that is in mm, or lacks a marker, is named
+    // one of the training motions that is in mm, or lacks a marker, is named
     let with = |k: usize, recording: MarkerRecording| {
         let mut learnt: Vec<Performance> = recordings.iter().map(performance).collect();
         learnt[k] = performance(&recording);

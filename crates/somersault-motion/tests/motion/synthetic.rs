@@ -69,7 +69,7 @@ fn perturbed_flights_keep_their_momentum_and_have_their_faults() {
         ..Perturbation::none()
     };
     let dive = flight.perturb(&perturbation).unwrap();
-    // rotation to the entry as asked for, the centre of mass on the parabola between the same ends
+    // rotation to the entry as requested, the centre of mass on the parabola between the same ends
     let n_q = model.n_positions();
     let turn = |positions: &[f64]| positions[positions.len() - n_q + 2] - positions[2];
     assert!((turn(&dive.positions).abs() - turn(&plain.positions).abs() - 0.2).abs() < 1e-8);

@@ -96,7 +96,7 @@ pub struct Flight<'m, T: Scalar = f64> {
     placement: Transform<T>,
 }
 
-/// Room for the evaluations of a flight, made once for a model and used again and again.
+/// Room for the evaluations of a flight, made once for a model and used repeatedly.
 #[derive(Debug, Clone)]
 pub struct FlightData<T: Scalar = f64> {
     nodes: Vec<Node<T>>,

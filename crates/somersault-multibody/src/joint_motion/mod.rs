@@ -46,7 +46,7 @@ pub enum JointMotionError {
     /// There is no memory for so many variables.
     #[error("all channels together may have {limit} coefficients, found {found}")]
     TooManyCoefficients {
-        /// Coefficients asked for.
+        /// Coefficients requested.
         found: usize,
         /// Coefficients allowed.
         limit: usize,

@@ -9,7 +9,7 @@ use crate::spatial::Force;
 
 /// Joint forces and wrenches on a tree.
 ///
-/// `()` is none, a pair of models their sum, and a closure
+/// `()` stands for no forces, a pair of models their sum, and a closure
 /// `Fn(f64, &[f64], &[f64], &mut [f64])` that adds joint forces for (t, q, v) is a model.
 pub trait TreeForces {
     /// Adds joint forces, dual to v, at time `t` for positions `q` and velocities `v`.

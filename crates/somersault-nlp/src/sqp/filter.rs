@@ -1,12 +1,12 @@
 //! Points that no later one may be dominated by (Fletcher & Leyffer 2002, with the margins of Wächter & Biegler 2006).
 
-/// Share by which a violation must shrink, or of which a cost must, to count as progress.
+/// Fraction by which a violation must shrink, or of which a cost must, to count as progress.
 const MARGIN: f64 = 1e-5;
 /// Powers of the slope and of the violation in the switching condition.
 const SLOPE_POWER: f64 = 2.3;
 const VIOLATION_POWER: f64 = 1.1;
 
-/// What a point is judged by.
+/// What a point is accepted by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measures {
     /// Sum of violations.

@@ -6,9 +6,9 @@ use crate::nlp::EvaluationError;
 use crate::program::{Point, max_norm};
 use crate::subproblem::{Origin, Subproblem};
 
-/// Share of the predicted decrease that is enough.
+/// Fraction of the predicted decrease that is enough.
 const ARMIJO: f64 = 1e-4;
-/// Share of the linearised decrease of the violation that the merit function must promise.
+/// Fraction of the linearised decrease of the violation that the merit function must promise.
 const PROMISE: f64 = 0.3;
 /// Times that a penalty may be reduced which the multipliers no longer call for; a bound, so that it settles.
 const REDUCTIONS: usize = 10;

@@ -7,7 +7,7 @@
 use super::{Advance, Failure, Run};
 use crate::report::Status;
 
-/// Share of the violation where a restoration began below which it ends.
+/// Fraction of the violation where a restoration began below which it ends.
 const ENOUGH: f64 = 0.1;
 /// Relative change of the sum of squares that a step promises where it counts as stationary.
 const STATIONARY: f64 = 1e-10;
@@ -15,7 +15,7 @@ const STATIONARY: f64 = 1e-10;
 const LEAST_DAMPING: f64 = 1e-12;
 /// Relative decrease of the sum of squares for which a bold step is taken.
 const WORTHWHILE: f64 = 1e-6;
-/// Share of the promise below which a step is refused.
+/// Fraction of the promise below which a step is refused.
 const KEPT: f64 = 1e-4;
 /// Refused steps in a row, each four times as damped, before giving up.
 const REFUSALS: usize = 40;
@@ -38,7 +38,7 @@ enum Attempt {
     None,
     /// Of no promise.
     Stationary,
-    /// Of a sum of squares at its end, and the share of its promise that this keeps.
+    /// Of a sum of squares at its end, and the fraction of its promise that this keeps.
     Evaluated { after: f64, kept: f64 },
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A program may be solved to the last digit and the motion still be none: collocation asks for the equations at its
 //! points only, and a coarse mesh leaves room between them, at a cost far below the true one. So the
-//! controls found are integrated anew by DOP853: from the first node of each interval to its last (the
+//! controls found are re-integrated by DOP853: from the first node of each interval to its last (the
 //! defect), and once from start to end. The latter grows where the problem is hyper-sensitive, however good the
 //! solution is; it is reported, not required.
 
@@ -24,15 +24,15 @@ const MAX_STEPS: usize = 20_000;
 /// Places within each interval, beside its points, where bounds and path constraints are looked at.
 const SAMPLES: usize = 8;
 
-/// One phase integrated anew. Errors are relative: |Δx|/(1 + max |x|), the largest of all states.
+/// One phase re-integrated. Errors are relative: |Δx|/(1 + max |x|), the largest of all states.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseConfirmation {
-    /// At the end of each interval, integrated from its start. Infinite where the integration broke off.
+    /// At the end of each interval, integrated from its start. Infinite where the integration stopped early.
     pub defects: Vec<f64>,
     /// At t_f, integrated from t₀ in one piece.
     pub end_to_end_error: f64,
-    /// State at t_f of that integration; NaN where it broke off.
+    /// State at t_f of that integration; NaN where it stopped early.
     pub end_to_end_state: Vec<f64>,
     /// Largest violation of bounds of states and controls and of path constraints, between the points too.
     pub violation: f64,
@@ -44,7 +44,7 @@ pub struct PhaseConfirmation {
     pub end_cost: f64,
 }
 
-/// All phases integrated anew.
+/// All phases re-integrated.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Confirmation {
@@ -85,7 +85,7 @@ impl Confirmation {
         self.max_defect() <= allowed
     }
 
-    /// What the motion is worth, given the relative error that its use allows, and what of its bounds it exceeds by more.
+    /// Whether the motion is confirmed, given the relative error that its use allows, and what of its bounds it exceeds by more.
     pub fn sentence(&self, allowed: f64) -> String {
         let worth = self.worth(allowed);
         self.violation_sentence(allowed).map_or(worth.clone(), |violation| format!("{worth} {violation}"))
@@ -94,14 +94,14 @@ impl Confirmation {
     fn worth(&self, allowed: f64) -> String {
         let (defect, end) = (self.max_defect(), self.end_to_end_error());
         if defect.is_infinite() {
-            "The motion was not integrated anew to its end: the integration broke off.".to_owned()
+            "The motion was not re-integrated to its end: the integration stopped early.".to_owned()
         } else if self.is_confirmed(allowed) {
             format!(
-                "The motion holds when integrated anew: defects ≤ {defect:.1e}, from start to end {end:.1e}."
+                "The motion holds when re-integrated: defects ≤ {defect:.1e}, from start to end {end:.1e}."
             )
         } else {
             format!(
-                "The optimum lives off its discretisation: integrated anew it has defects up to {defect:.1e} and ends {end:.1e} away."
+                "The optimum exploits its discretisation: on re-integration it has defects up to {defect:.1e} and ends {end:.1e} away."
             )
         }
     }
@@ -112,7 +112,7 @@ impl Confirmation {
     }
 }
 
-/// Integrates a solution anew.
+/// Integrates a solution again.
 pub fn confirm(problem: &mut Problem, solution: &[PhaseSolution]) -> Result<Confirmation, CollocationError> {
     confirm_cancellable(problem, solution, &CancellationToken::new())
 }

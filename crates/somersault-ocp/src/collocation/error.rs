@@ -36,7 +36,7 @@ pub enum CollocationError {
         phase: Option<usize>,
         /// Name of the argument.
         argument: &'static str,
-        /// Entries asked for.
+        /// Entries requested.
         expected: usize,
         /// Entries given.
         found: usize,

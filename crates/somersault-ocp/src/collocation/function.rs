@@ -10,7 +10,7 @@ use somersault_core::Scalar;
 use somersault_nlp::EvaluationError;
 use std::sync::Arc;
 
-/// Where the equations of motion, the running cost and the path constraints are asked for.
+/// Where the equations of motion, the running cost and the path constraints are requested.
 #[derive(Debug, Clone, Copy)]
 pub struct Point<'a, T> {
     /// x.

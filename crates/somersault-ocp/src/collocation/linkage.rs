@@ -51,7 +51,7 @@ impl Linkage {
         Self { left: time(End::Start), right: time(End::Finish), difference: Interval::at_least(0.0) }
     }
 
-    /// Time and all `n_states` states go on from the end of one phase to the start of the other.
+    /// Time and all `n_states` states continue from the end of one phase to the start of the other.
     pub fn continuous(from: usize, to: usize, n_states: usize) -> Vec<Self> {
         let quantities = (0..n_states).map(Quantity::State).chain([Quantity::Time]);
         quantities

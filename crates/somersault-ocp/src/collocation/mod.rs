@@ -11,7 +11,7 @@
 //! | x, u, p | states, controls, parameters that are constant in time | [`Point`], [`PhaseSolution`] |
 //! | L, Φ | running cost, end cost | [`Terms::running_cost`], [`Terms::end_cost`] |
 //! | g, b | path constraints, end constraints | [`Terms::path_constraints`], [`Terms::end_constraints`] |
-//! | λ | costates: ∂(least cost from here on)/∂x | [`PhaseRows::costates`] |
+//! | λ | costates: ∂(lowest cost from here on)/∂x | [`PhaseRows::costates`] |
 //! | H | L + λᵀf | [`PhaseRows::hamiltonian`] |
 //!
 //! Equations and costs are written once over a scalar ([`Dynamics`], [`Terms`]) and differentiated by dual numbers;
@@ -45,7 +45,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Where the program is not convex a step needs a convex model: the Hessian is handed on as it is, and
+//! Where the program is not convex a step needs a convex model: the Hessian is forwarded as it is, and
 //! [`Sqp`](somersault_nlp::Sqp) shifts it as far as the null space of the active constraints needs. Next to a solution that
 //! is not at all, and convergence is quadratic.
 //!

@@ -325,7 +325,7 @@ impl Transcription<'_> {
         solution
     }
 
-    /// Decision vector and multipliers that go on from solutions on another mesh; `rest` are the multipliers of
+    /// Decision vector and multipliers that continue from solutions on another mesh; `rest` are the multipliers of
     /// what does not depend on the mesh, the end constraints of each phase and the linkages.
     pub(super) fn continued(
         &mut self,

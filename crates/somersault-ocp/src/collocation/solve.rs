@@ -52,7 +52,7 @@ impl Default for Collocation {
     }
 }
 
-/// How a search ended. Whatever it is, the report has the best motion found.
+/// How a search ended. In every case the report has the best motion found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -60,7 +60,7 @@ pub enum CollocationStatus {
     /// The program converged on a mesh where all estimated errors meet the tolerance ([`Accuracy::meets`]), and the motion
     /// was confirmed by integration.
     Converged,
-    /// The program converged, but its solution is not a motion: integrated anew it leaves its own nodes by more than the tolerance
+    /// The program converged, but its solution is not a motion: on re-integration it leaves its own nodes by more than the tolerance
     /// though its mesh should meet it, or by more than 10⁻² of the states whatever the mesh.
     FalseConvergence,
     /// The last mesh does not meet the tolerance, and no other is allowed or finer ones do not help: [`Accuracy::shortfall`]

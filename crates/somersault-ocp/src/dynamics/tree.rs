@@ -23,7 +23,7 @@ pub struct Tree {
     dual: Option<Box<DualTree>>,
 }
 
-/// The tree over dual numbers, made when second derivatives are first asked for.
+/// The tree over dual numbers, made when second derivatives are first requested.
 #[derive(Debug, Clone)]
 struct DualTree {
     model: Model<Dual64>,

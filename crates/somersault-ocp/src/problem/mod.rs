@@ -7,7 +7,7 @@
 //! Each r is a [`Term`] and Φ, L are a [`Loss`]. A constraint at every node is a path constraint (thesis 2.23). The
 //! problem is an [`Nlp`](somersault_nlp::Nlp): its gradient is one adjoint sweep, its Jacobian one sweep for each row or one
 //! forward sweep for all variables, whichever is less, and its Hessian that of Gauss and Newton, which drops the
-//! curvature of the terms and of the constraints, unless the exact one is asked for.
+//! curvature of the terms and of the constraints, unless the exact one is requested.
 
 mod jacobian;
 mod loss;

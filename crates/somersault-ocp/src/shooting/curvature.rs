@@ -13,7 +13,7 @@ use crate::transcription::RolloutGradient;
 use nalgebra::{DMatrix, DMatrixView};
 use somersault_nlp::{EvaluationError, Pattern};
 
-/// Room that is made when second derivatives are first asked for.
+/// Room that is made when second derivatives are first requested.
 #[derive(Debug, Default)]
 pub(super) struct Work {
     /// The adjoint of what is found at each stage.

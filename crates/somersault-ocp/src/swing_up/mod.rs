@@ -7,7 +7,7 @@
 //! passive. With the defaults this is thesis A.2, read so that Table A.1 reproduces: ½ in both costs, R = Δt once,
 //! g = 9.81, explicit Euler, N = 200, and n_par = p + 2 splines, since two of them go to r(0) and ṙ(0).
 //!
-//! It is the case study of shooting, and stands here since it is nothing but that: its motion problem and its verification are
+//! It is the case study of shooting, and stands here for that reason: its motion problem and its verification are
 //! those of this crate, and a program that is written out for it shows how much faster the same problem can be. Nothing in the
 //! crate depends on it.
 //!

@@ -51,7 +51,7 @@ pub(super) struct Stage {
     pub(super) cos: f64,
     pub(super) acceleration: f64,
     pub(super) force: f64,
-    /// What the acceleration is worth: its multiplier, from the last pass backwards.
+    /// The value of the acceleration: its multiplier, from the last pass backwards.
     pub(super) multiplier: f64,
 }
 

@@ -8,7 +8,7 @@ use somersault_nlp::{Flow, Iteration, Nlp, NlpSolver, SolverError, Start};
 /// Steps of the integration of the cost: no fewer than ten for each of the thesis'.
 const STEPS: usize = 2000;
 
-/// A swing-up integrated anew, with the same motion of the cart.
+/// A swing-up re-integrated, with the same motion of the cart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SwingUpVerification {
     /// Of the motion.
@@ -27,7 +27,7 @@ impl Holds for SwingUpVerification {
 }
 
 impl CartPendulumProblem {
-    /// Integrates the motion of the cart's parameters `z` anew.
+    /// Integrates the motion of the cart's parameters `z` again.
     pub fn verify(&self, z: &[f64]) -> Result<SwingUpVerification, VerificationError> {
         self.verify_cancellable(z, &CancellationToken::new())
     }
@@ -48,7 +48,7 @@ impl CartPendulumProblem {
         Ok(SwingUpVerification { motion, cost, cost_error: (cost - coarse).abs() / cost.abs() })
     }
 
-    /// Solves `program`, the lifted form of this problem, and integrates the motion of the best iterate anew.
+    /// Solves `program`, the lifted form of this problem, and integrates the motion of the best iterate again.
     pub fn solve_verified(
         &self,
         program: &mut SwingUp,

@@ -208,7 +208,7 @@ fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error>
 ///     If the motion grazes a surface, touching it or just missing it. The derivatives in the attribute
 ///     `solution` are then one-sided; the message says of which side.
 /// IntegrationError
-///     If the run cannot go on. This one and the last have what was found before in the attribute `solution`.
+///     If the run cannot continue. This one and the last have what was found before in the attribute `solution`.
 ///
 /// Examples
 /// --------

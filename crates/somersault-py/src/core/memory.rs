@@ -1,4 +1,4 @@
-//! Sizes, refused before memory is asked for: where an allocation fails, the process ends.
+//! Sizes, refused before memory is allocated: where an allocation fails, the process ends.
 
 use crate::core::error::Error;
 

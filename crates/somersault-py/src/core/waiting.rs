@@ -1,10 +1,10 @@
-//! Where a thread of Python waits for the library: the threads that work for it, signals meanwhile, and what comes of them.
+//! Where a thread of Python waits for the library: the threads that work for it, signals meanwhile, and their effects.
 //!
 //! Ctrl-C raises KeyboardInterrupt everywhere, with what was found until then in its attribute `solution`; calls that take
 //! `on_interrupt='return'` return that instead.
 //!
 //! Parallel work runs on threads of this module and never on rayon's global ones. Threads do not survive `fork`, and a
-//! child that counted on its parent's would wait for ever; here it finds that they are another process's and makes its own.
+//! child that counted on its parent's would wait indefinitely; here it finds that they are another process's and makes its own.
 
 use crate::core::error::Error;
 use pyo3::exceptions::PyKeyboardInterrupt;
@@ -15,7 +15,7 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// How often whoever waits looks for signals.
+/// How often the waiting thread looks for signals.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// The threads of a process.
@@ -68,7 +68,7 @@ pub(crate) fn together<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send)
 /// Works on all threads, without the interpreter, while this thread looks for signals. What a handler of them raises is
 /// given to `interrupted`, once, which has the work end.
 ///
-/// Work inside of work looks for none: whoever waits for the outer does.
+/// Work inside of work looks for none: the thread that waits for the outer work does.
 pub(crate) fn attend<T: Send>(
     py: Python<'_>,
     interrupted: impl FnOnce(PyErr) + Send,
@@ -103,11 +103,11 @@ pub(crate) fn attend<T: Send>(
             }
         })
     });
-    done.ok_or_else(|| Error::of_system("the work broke off".to_owned()))
+    done.ok_or_else(|| Error::of_system("the work stopped early".to_owned()))
 }
 
 /// As [`attend`], for work that may take long to end: what was raised comes once `patience` is over, or at once after a
-/// second signal, and the work ends unheard when it next looks whether it is cancelled.
+/// second signal, and the work ends in the background when it next looks whether it is cancelled.
 ///
 /// Work that ended in time comes with what was raised. It has threads of its own: other work does not wait for what was
 /// left.
@@ -229,7 +229,7 @@ impl SignalTimer {
     }
 }
 
-/// How work is cancelled by whoever waits for it, and why.
+/// How the waiting thread cancels work, and why.
 #[derive(Default)]
 pub(crate) struct Cancellation {
     pub(crate) token: CancellationToken,

@@ -42,7 +42,7 @@ fn two_or_none(argument: &str, value: &Bound<'_, PyAny>) -> Result<Option<[f64; 
     if value.is_none() { Ok(None) } else { two(argument, value).map(Some) }
 }
 
-/// Functions for `from_py_with`, which are told no name.
+/// Functions for `from_py_with`, which receive no name.
 macro_rules! named {
     ($($module:ident: $reader:ident -> $type:ty, [$($name:ident),*];)*) => {$(
         pub(super) mod $module {

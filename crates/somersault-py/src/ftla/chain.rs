@@ -107,7 +107,7 @@ impl Chain {
 
 value! {
     impl Chain {
-        /// ndarray, shape (m,): The times asked for, since the start, s; negative backward.
+        /// ndarray, shape (m,): The times requested, since the start, s; negative backward.
         times: Bound<'py, PyAny> = |own, py| PyArray1::from_slice(py, &own.times).into_any();
         /// list of int: Number of factors up to each of the times.
         marks: Vec<usize> = |own| own.marks.clone();

@@ -20,7 +20,7 @@ use somersault::ftla::continuation::{self, Continuation, Member, Reason};
 use somersault::ftla::shooting::MultipleShooting;
 use std::sync::Arc;
 
-/// Where a continuation ended.
+/// Result of a continuation.
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct ContinuationResult {
     extremal: Py<Extremal>,
@@ -30,7 +30,7 @@ pub(crate) struct ContinuationResult {
     /// int: Members solved on the way.
     #[pyo3(get)]
     n_steps: usize,
-    /// int: Members tried in vain.
+    /// int: Members tried without success.
     #[pyo3(get)]
     n_rejected: usize,
     /// int: Newton steps of all of them.
@@ -73,15 +73,15 @@ impl ContinuationResult {
     fn message(&self) -> String {
         match &self.reason {
             None => "the last member is reached and polished".to_owned(),
-            Some((why, _)) => format!("broke off at s = {} {}: {why}", self.s, self.stage),
+            Some((why, _)) => format!("stopped early at s = {} {}: {why}", self.s, self.stage),
         }
     }
 
     fn __repr__(&self) -> String {
         let Self { s, n_steps, n_rejected, n_iterations, .. } = self;
-        let how = if self.success() { "arrived" } else { "broke off" };
+        let how = if self.success() { "arrived" } else { "stopped early" };
         format!(
-            "<ContinuationResult: {how} at s = {s}, {n_steps} members, {n_rejected} in vain, {n_iterations} iterations>"
+            "<ContinuationResult: {how} at s = {s}, {n_steps} members, {n_rejected} without success, {n_iterations} iterations>"
         )
     }
 
@@ -234,7 +234,7 @@ pub(crate) fn continue_through(
     continued(py, found, system, &continuation.polish)
 }
 
-/// By a spline of least effort for a tree, by the linearised problem for another system.
+/// By a spline of minimum effort for a tree, by the linearised problem for another system.
 fn start_cold(
     continuation: &Continuation,
     system: &System,
@@ -254,11 +254,11 @@ fn start_cold(
     })
 }
 
-/// An extremal of any system from nothing but its boundary states and the horizon.
+/// An extremal of any system from its boundary states and the horizon alone.
 ///
-/// A tree of hinges and sliders starts from a spline of least effort, whose torques tell the costates; what is passive is driven
+/// A tree of hinges and sliders starts from a spline of minimum effort, whose torques tell the costates; what is passive is driven
 /// at first and released by continuation, and limits come down on it. For any other system the problem linearised halfway
-/// between the ends, which one Newton step solves, is led to the problem itself; where that breaks off, the same at the
+/// between the ends, which one Newton step solves, is led to the problem itself; where that stops early, the same at the
 /// start, and the ends are moved apart afterwards. Of several extremals it finds one.
 ///
 /// Parameters

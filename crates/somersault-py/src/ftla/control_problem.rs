@@ -33,7 +33,7 @@ use std::sync::Arc;
 /// hessian : callable
 ///     ``hessian(x, u, costate)``, of shape (n_states + n_controls, n_states + n_controls): ∂²(λᵀf + ℓ)/∂(x, u)².
 /// control_bounds : array_like, shape (2, n_controls), optional
-///     Lower and upper bounds of the controls; infinite ones are none.
+///     Lower and upper bounds of the controls; infinite ones are ignored.
 ///
 /// Returns
 /// -------
@@ -46,7 +46,7 @@ use std::sync::Arc;
 ///     search what is not finite, or an ``ArithmeticError``, is a step rejected.
 /// InputError
 ///     By whatever calls them, where ``jacobian``, ``gradient`` or ``hessian`` is not the derivative that it must be. They are
-///     held against differences at the first points of every calculation and, ever more seldom, at later ones; an entry that is
+///     checked against differences at the first points of every calculation and, ever more rarely, at later ones; an entry that is
 ///     off by 0.1 % is refused.
 ///
 /// Examples

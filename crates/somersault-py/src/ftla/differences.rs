@@ -1,4 +1,4 @@
-//! Derivatives that users write, held against differences of what they are derivatives of.
+//! Derivatives that users write, checked against differences of what they are derivatives of.
 
 use super::run::Run;
 use crate::core::error::Error;

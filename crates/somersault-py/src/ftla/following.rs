@@ -11,7 +11,7 @@ use pyo3::types::PyType;
 use somersault::ftla::placement;
 use somersault::ftla::spectrum::TimeDirection;
 
-/// What became of one initial error, as `Placement.following` finds it.
+/// Growth of one initial error, as `Placement.following` finds it.
 #[pyclass(frozen, module = "somersault.ftla", get_all)]
 pub(crate) struct Following {
     /// float: The size of the error.

@@ -19,7 +19,7 @@ use somersault::ftla::spectrum::TimeDirection;
 /// A motion from the start matched with one from the end on the centre manifold (thesis 10.2).
 ///
 /// Unknown are the costates that the placement holds, at both ends. Each choice is placed, followed to the match time with
-/// midcourse corrections, that is placed again at given times, and judged by the mismatch ‖p⁺ − p⁻‖ there.
+/// midcourse corrections, that is placed again at given times, and measured by the mismatch ‖p⁺ − p⁻‖ there.
 ///
 /// Parameters
 /// ----------

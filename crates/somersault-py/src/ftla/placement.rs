@@ -31,7 +31,7 @@ use somersault::ftla::spectrum::{SplittingDims, TimeDirection};
 /// times : array_like, shape (m,), optional
 ///     Averaging times, s, ascending; by default those of `Diagnosis.schedule`.
 /// method : {'newton', 'fixed_point'}, optional
-///     Newton's method with the change of the basis, damped; or the basis held and computed anew, as algorithms 1 and 2 do.
+///     Newton's method with the change of the basis, damped; or the basis held and recomputed, as algorithms 1 and 2 do.
 /// tol : float, optional
 ///     Angle between the field and the slow subspace, rad.
 /// max_iterations : int, optional

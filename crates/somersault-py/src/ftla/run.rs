@@ -16,7 +16,7 @@ pub(crate) struct Run {
     cancellation: Cancellation,
     /// Why a callable had no value where it was asked last.
     no_value: Mutex<Option<PyErr>>,
-    /// Points at which derivatives have been asked for.
+    /// Points at which derivatives have been requested.
     derivatives: AtomicUsize,
 }
 
@@ -26,8 +26,8 @@ impl Run {
         self.cancellation.raise(error);
     }
 
-    /// Notes why there is no value at some point. A trial that overflows is a step rejected; the reason is told where nothing
-    /// but an error comes of it.
+    /// Notes why there is no value at some point. A trial that overflows is a step rejected; the reason is reported where the
+    /// run ends in an error.
     pub(crate) fn note(&self, error: PyErr) {
         *self.no_value.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
     }
@@ -39,8 +39,8 @@ impl Run {
         if arithmetic { self.note(error) } else { self.stop(error) }
     }
 
-    /// Whether derivatives are to be held against differences here: at the first points that they are asked for at, and then
-    /// ever more seldom.
+    /// Whether derivatives are to be checked against differences here: at the first points at which they are requested, and then
+    /// ever more rarely.
     pub(crate) fn checks_derivatives(&self) -> bool {
         let before = self.derivatives.fetch_add(1, Ordering::Relaxed);
         !self.is_stopped() && (before < FIRST_POINTS || before.is_power_of_two())

@@ -131,7 +131,7 @@ value! {
         system: Py<System> = |own, py| own.system.clone_ref(py);
         /// str: ``'converged'``; ``'floor'`` where rounding and the segments' tolerance allow no smaller residual;
         /// ``'hamiltonian_drifts'`` where the conditions hold but the Hamiltonian is not constant, as with a wrong derivative;
-        /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation broke off
+        /// ``'stalled'``, ``'max_iterations'``, ``'singular'`` or ``'limit_reached'``; or ``'on_the_way'`` where a continuation stopped early
         /// and the nodes solve a problem before the requested one. The nodes are the best found.
         status: &'static str = |own| name_of(own.extremal.status);
         /// str: The status in a sentence.

@@ -17,7 +17,7 @@ use somersault::ftla::system::{
 };
 use std::sync::Arc;
 
-/// Controls that a user's system may have: what is asked for beyond is a slip, and no memory is there for it.
+/// Controls that a user's system may have: what is requested beyond is a slip, and no memory is there for it.
 const MOST_CONTROLS: usize = 1000;
 
 /// The state–costate system of an optimal control problem, dp/dt = h(p) with p = (x, λ), as a user's own callables.
@@ -29,8 +29,8 @@ const MOST_CONTROLS: usize = 1000;
 /// field : callable
 ///     ``field(p) -> h``, of shape (dimension,).
 /// jacobian : callable
-///     ``jacobian(p) -> D``, of shape (dimension, dimension): ∂hᵢ/∂pⱼ. Held against differences of the field at the first
-///     points of every calculation and, ever more seldom, at later ones; an entry that is off by 0.1 % is refused.
+///     ``jacobian(p) -> D``, of shape (dimension, dimension): ∂hᵢ/∂pⱼ. Checked against differences of the field at the first
+///     points of every calculation and, ever more rarely, at later ones; an entry that is off by 0.1 % is refused.
 /// dimension : int
 ///     States and costates together, up to 256. What is no control problem may have any number, an odd one too.
 /// hamiltonian : callable, optional

@@ -16,7 +16,7 @@ use somersault::integrators::state::RigidBodyState;
 /// How many steps lie between two looks at signals: a fraction of a second.
 const STEPS_PER_LOOK: u64 = 20_000_000;
 
-/// Motion of many rigid bodies that do not see each other, free or under uniform gravity.
+/// Motion of many rigid bodies that do not interact, free or under uniform gravity.
 ///
 /// The fourth order Runge-Kutta-Munthe-Kaas method in the body frame, ``"rkmk_b"`` of the table,
 /// vectorised over bodies and parallel over cores; the centre of mass moves exactly. The result does not

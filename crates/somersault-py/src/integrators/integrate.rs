@@ -187,10 +187,10 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 /// Raises
 /// ------
 /// InputError
-///     If an argument is not allowed: no method has this name, the method takes no torque, or a surface is not fit to be
+///     If an argument is not allowed: no method has this name, the method accepts no torque, or a surface is not fit to be
 ///     touched, which may be found on the way.
 /// IntegrationError
-///     If the run cannot go on: the state stopped being finite, a tolerance cannot be met, the equation
+///     If the run cannot continue: the state stopped being finite, a tolerance cannot be met, the equation
 ///     of an implicit step was not solved, events follow each other too fast (`ChatteringError`), a step is too long for a
 ///     contact or the method gains energy in it.
 ///

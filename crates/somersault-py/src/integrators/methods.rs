@@ -17,7 +17,7 @@ pub(crate) struct MethodInfo(Method);
 
 value! {
     impl MethodInfo {
-        /// str: The name by which it is asked for.
+        /// str: The name by which it is requested.
         name: &'static str = |own| own.0.info().name;
         /// str: The name in words.
         title: &'static str = |own| own.0.info().title;
@@ -42,7 +42,7 @@ value! {
         /// int: Evaluations of the equations of motion per step, once started; for an implicit method, per
         /// iteration.
         evaluations: u8 = |own| own.0.info().evaluations;
-        /// int: How many earlier steps it remembers.
+        /// int: How many previous steps it remembers.
         history: u8 = |own| own.0.info().history;
         /// bool: Whether it estimates its error, and so can adapt its step.
         adaptive: bool = |own| own.0.info().embedded.is_some();

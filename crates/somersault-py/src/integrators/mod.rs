@@ -1,4 +1,4 @@
-//! Rigid bodies: what moves, under what, by which method, and what comes of it.
+//! Rigid bodies: what moves, under what, by which method, and the result.
 
 pub(crate) mod batch;
 pub(crate) mod bodies;

@@ -26,8 +26,8 @@ use somersault::integrators::studies::{Progress, StudyError, energy, order};
 use somersault::integrators::system::RigidBodySystem;
 use std::sync::Arc;
 
-/// Runs a study without the interpreter, and looks for Ctrl-C meanwhile, after which what it has begun goes on unheard
-/// to its end: runs of millions of steps have no place to stop.
+/// Runs a study without the interpreter, and looks for Ctrl-C meanwhile, after which what it has begun continues in the
+/// background to its end: runs of millions of steps have no place to stop.
 fn study<T: Send + 'static>(
     py: Python<'_>,
     run: impl FnOnce(&mut Progress<'_>) -> Result<T, StudyError> + Send + 'static,
@@ -593,7 +593,7 @@ impl Convergence {
 /// Raises
 /// ------
 /// InputError
-///     If a step is not positive, or the method takes no torque and the problem has one.
+///     If a step is not positive, or the method accepts no torque and the problem has one.
 #[pyfunction]
 #[pyo3(signature = (problem, method, dts, *, start_up="one_step"))]
 pub(crate) fn convergence(

@@ -83,7 +83,7 @@ impl Cast {
     }
 }
 
-/// What is made for Python when it is first asked for.
+/// What is made for Python when it is first requested.
 #[derive(Clone, Copy)]
 enum Made {
     T,
@@ -376,7 +376,7 @@ struct Log {
     substeps: u64,
 }
 
-/// What an integration leaves: a `Trajectory`, how it ended and what it took.
+/// Result of an integration: a `Trajectory`, its status and what it cost.
 #[pyclass(frozen, extends = Trajectory, module = "somersault")]
 pub(crate) struct Solution {
     report: Report,
@@ -440,7 +440,7 @@ value! {
         n_trials: u64 = |own| own.log.trials;
         /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
         n_substeps: u64 = |own| own.log.substeps;
-        /// DenseOutput or None: The state at any time, where dense output was asked for.
+        /// DenseOutput or None: The state at any time, where dense output was requested.
         sol: Option<Py<DenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
     }
 }
@@ -448,7 +448,7 @@ value! {
 #[pymethods]
 impl Solution {
     /// ndarray, shape (contacts, 3): The stretch of the friction of each contact in the last state, m, world frame,
-    /// zero where it has none: what a run that goes on from there takes as `stretches`.
+    /// zero where it has none: what a run that continues from there takes as `stretches`.
     #[getter]
     fn stretches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let stretches = &self.log.stretches;

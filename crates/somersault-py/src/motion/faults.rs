@@ -19,7 +19,7 @@ use somersault::motion::synthetic;
 /// hip_opening : float
 ///     Least angle between trunk and thigh, rad.
 /// exit_fraction : float
-///     Share of the duration after which the hip stays more than half open.
+///     Fraction of the duration after which the hip stays more than half open.
 /// asymmetry : float
 ///     Root mean square of left against right joint angles, rad; 0 in the plane.
 /// roughness : float
@@ -41,7 +41,7 @@ value! {
         entry_angle: f64 = |own| own.faults.entry_angle;
         /// float: Least angle between trunk and thigh, rad.
         hip_opening: f64 = |own| own.faults.hip_opening;
-        /// float: Share of the duration after which the hip stays more than half open.
+        /// float: Fraction of the duration after which the hip stays more than half open.
         exit_fraction: f64 = |own| own.faults.exit_fraction;
         /// float: Root mean square difference between left and right joints, rad.
         asymmetry: f64 = |own| own.faults.asymmetry;

@@ -176,7 +176,7 @@ fn number_or_bounds(argument: &str, value: &Bound<'_, PyAny>) -> Result<NumberOr
 /// A model with markers, to be fitted to recordings.
 ///
 /// In each frame scale s, pose of the root and shape of the model are sought that bring its markers nearest to the
-/// recorded ones: ½ Σ c ρ(‖x − y‖²) is to be least, x = r + s d(q). The shape is that of all joints within their limits,
+/// recorded ones: ½ Σ c ρ(‖x − y‖²) is minimised, x = r + s d(q). The shape is that of all joints within their limits,
 /// or the weights w of eigenpostures with w ≥ 0 and Σ w ≤ 1. A frame starts where the one before ended; the first from
 /// the best of several postures, each laid over the markers. Every eighth frame is begun from these postures too, and so is one unlike the
 /// frame before; in each frame every joint is turned through its range, and what is lower leads the frames beside it. Lower minima of joints that few

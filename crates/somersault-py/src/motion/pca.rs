@@ -52,7 +52,7 @@ value! {
         n_samples: usize = |own| own.pca.n_samples();
         /// ndarray, shape (n_components,): Variance of the scores of each component, with n − 1 in the denominator.
         explained_variance: Bound<'py, PyAny> = |own, py| numbers_array(py, own.pca.explained_variance());
-        /// ndarray, shape (n_components,): Share of each component in the variance of the samples.
+        /// ndarray, shape (n_components,): Fraction of each component in the variance of the samples.
         explained_variance_ratio: Bound<'py, PyAny> =
             |own, py| numbers_array(py, &own.pca.explained_variance_ratio());
         /// float: Variance of the samples in all directions.

@@ -67,7 +67,7 @@ fn read_with<T: Send + 'static>(
     leave_on_signal(source.py(), move |_| reader(&bytes).map_err(|error| Failed { error, name }))
 }
 
-/// Reads a recording: the ending of its name says of which format it is.
+/// Reads a recording in the format that the ending of its name stands for.
 ///
 /// A file of CSV, TRC or C3D has markers, one of BVH or of DeepMimic (``.json``, ``.txt``) a skeleton. What the file does
 /// not say itself is taken from the arguments, or from the format where these are not given. Readers of single formats,

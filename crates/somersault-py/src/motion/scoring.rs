@@ -265,7 +265,7 @@ value! {
     impl Score {
         /// float: The score. It may be beyond the scale, since the regression is a straight line.
         value: f64 = |own| own.score.value;
-        /// float: Distance to the nearest motion learnt, over the greatest such distance among those learnt, each left out in
+        /// float: Distance to the nearest training motion, over the greatest such distance among the training motions, each left out in
         /// turn. A motion like those n is beyond 1 with a chance of about 1/(n + 1).
         distance: f64 = |own| own.score.distance;
         /// bool: Whether the distance is at most 1. Else the model says nothing about the motion, whatever the value: units, axes or names
@@ -310,7 +310,7 @@ impl Score {
 /// ------
 /// InputError
 ///     If there are too few motions, one lacks a marker or is in another unit, scores are not finite or not on the scale, or
-///     motions have fewer numbers than components are asked for.
+///     motions have fewer numbers than components are requested.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct ScoringModel {
     model: scoring::ScoringModel,
@@ -355,7 +355,7 @@ impl ScoringModel {
         Ok(Self { model })
     }
 
-    /// The score of a motion, and how far the motion is from those learnt.
+    /// The score of a motion, and how far the motion is from the training motions.
     ///
     /// Parameters
     /// ----------
@@ -369,7 +369,7 @@ impl ScoringModel {
     /// Raises
     /// ------
     /// InputError
-    ///     If it lacks a name, or its markers are more than twice as far apart as those learnt or less than half: the unit is
+    ///     If it lacks a name, or its markers are more than twice as far apart as the training motions or less than half: the unit is
     ///     another.
     fn score(&self, motion: &Bound<'_, Performance>) -> Result<Score, Error> {
         Ok(Score { score: self.model.score(&motion.get().performance)? })

@@ -23,15 +23,15 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 /// exit_delay : float, optional
 ///     How much later the fold opens, s; negative earlier.
 /// looseness : float, optional
-///     Share by which the fold is smaller.
+///     Fraction by which the fold is smaller.
 /// over_rotation : float, optional
 ///     How much farther the body turns till the entry, rad; negative: short.
 /// wobble, wobble_frequency, wobble_phase : float, optional
 ///     Amplitude as a fraction of the fold, frequency, Hz, and phase, rad, of a wobble.
 /// asymmetry : float, optional
-///     Share by which joints on the right fold more and those on the left less.
+///     Fraction by which joints on the right fold more and those on the left less.
 /// duration : float, optional
-///     Share by which the flight lasts longer.
+///     Fraction by which the flight lasts longer.
 ///
 /// Raises
 /// ------
@@ -47,7 +47,7 @@ value! {
     impl Perturbation {
         /// float: How much later the fold opens, s.
         exit_delay: f64 = |own| own.perturbation.exit_delay;
-        /// float: Share by which the fold is smaller.
+        /// float: Fraction by which the fold is smaller.
         looseness: f64 = |own| own.perturbation.looseness;
         /// float: How much farther the body turns till the entry, rad.
         over_rotation: f64 = |own| own.perturbation.over_rotation;
@@ -57,9 +57,9 @@ value! {
         wobble_frequency: f64 = |own| own.perturbation.wobble_frequency;
         /// float: Phase of the wobble, rad.
         wobble_phase: f64 = |own| own.perturbation.wobble_phase;
-        /// float: Share by which joints on the right fold more and those on the left less.
+        /// float: Fraction by which joints on the right fold more and those on the left less.
         asymmetry: f64 = |own| own.perturbation.asymmetry;
-        /// float: Share by which the flight lasts longer.
+        /// float: Fraction by which the flight lasts longer.
         duration: f64 = |own| own.perturbation.duration;
     }
 }
@@ -132,7 +132,7 @@ impl Perturbation {
 /// A flight that SYNTHETIC dives are made of.
 ///
 /// Joints are perturbed in what they depart by from the straight way between their end postures; the flight is then
-/// flown anew, with constant angular momentum, which is found such that the root turns as far as in the given flight.
+/// flown again, with constant angular momentum, which is found such that the root turns as far as in the given flight.
 ///
 /// Parameters
 /// ----------
@@ -176,7 +176,7 @@ impl SyntheticFlight {
         Ok(Self { flight, model: model.clone().unbind(), faults, times, positions })
     }
 
-    /// Flies the flight anew with a perturbation.
+    /// Flies the flight again with a perturbation.
     ///
     /// Parameters
     /// ----------

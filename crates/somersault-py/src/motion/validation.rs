@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use somersault::motion::scoring::{self, ValidationOptions};
 
-/// A coefficient of correlation, how sure it is and what chance would make of it.
+/// A coefficient of correlation with its confidence interval and p-value.
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct Correlation {
@@ -23,7 +23,7 @@ value! {
         value: f64 = |own| own.correlation.value;
         /// tuple of float: Lower and upper end of the percentile interval over resamples of the motions.
         interval: (f64, f64) = |own| own.correlation.interval.into();
-        /// float: Share of shuffles of the scores, the order given among them, with at least this coefficient.
+        /// float: Fraction of shuffles of the scores, the order given among them, with at least this coefficient.
         p_value: f64 = |own| own.correlation.p_value;
     }
 }
@@ -90,7 +90,7 @@ impl Baseline {
     }
 }
 
-/// Leave-one-out predictions, and what they are worth.
+/// Leave-one-out predictions, and their errors.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Validation {
     validation: scoring::Validation,
@@ -163,9 +163,9 @@ impl Validation {
     }
 }
 
-/// Scores each motion by a model of all others, and says what that is worth.
+/// Scores each motion by a model of all others, and reports the errors.
 ///
-/// Bases, number of components and regression are made anew for each motion. The mean of the others falls where the score left
+/// Bases, number of components and regression are rebuilt for each motion. The mean of the others falls where the score left
 /// out is high: it is correlated by −1 with any scores, and so in part are predictions, which contain it. So
 /// correlations are of what a prediction differs by from that mean. Scores that mean nothing still make them lean to the
 /// negative. Intervals are over resamples of the motions, each with models of its own; p-values are fractions of shuffles of the

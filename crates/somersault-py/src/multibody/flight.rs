@@ -88,7 +88,7 @@ impl ShapeMotion for Shape {
 /// InputError
 ///     If an argument is not allowed, or the root is held or damped.
 /// IntegrationError
-///     If the run cannot go on.
+///     If the run cannot continue.
 #[pyfunction]
 #[pyo3(signature = (
     model, q, v, shape, interval, *, dt=None, method=None, rtol=None, atol=None, max_step=None,

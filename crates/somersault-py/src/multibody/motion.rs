@@ -207,7 +207,7 @@ value! {
         n_steps: u64 = |own| own.report.n_steps;
         /// int: Steps tried and rejected by the step size control.
         n_rejected: u64 = |own| own.report.n_rejected;
-        /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was asked for.
+        /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was requested.
         sol: Option<Py<TreeDenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
     }
 }
@@ -284,7 +284,7 @@ impl TreeSolution {
 /// InputError
 ///     If an argument is not allowed.
 /// IntegrationError
-///     If the run cannot go on.
+///     If the run cannot continue.
 /// DynamicsError
 ///     If the mass matrix becomes singular.
 ///

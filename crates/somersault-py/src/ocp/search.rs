@@ -1,4 +1,4 @@
-//! Many starts, and what came of them.
+//! Many starts, and their results.
 
 use super::arguments::tolerance;
 use super::solver::Report;
@@ -14,7 +14,7 @@ use somersault::nlp::{
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What all searches are told.
+/// The arguments that all searches share.
 pub(crate) struct SearchArguments<S> {
     pub(crate) solver: S,
     pub(crate) distance_tol: f64,
@@ -25,7 +25,7 @@ pub(crate) struct SearchArguments<S> {
 
 impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
     /// Solves from all starts without the interpreter, which looks for Ctrl-C meanwhile. `reported` makes reports of
-    /// the variables that the caller knows, `verifier` what integrates their motion anew.
+    /// the variables that the caller knows, `verifier` what integrates their motion again.
     pub(crate) fn run<N: Nlp>(
         self,
         py: Python<'_>,
@@ -46,7 +46,7 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
     }
 }
 
-/// What came of many starts.
+/// Result of a search from many starts.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SearchResult {
     minima: Vec<Py<Report>>,
@@ -123,7 +123,7 @@ value! {
         status: &str = |own| &own.status;
         /// bool: Whether there is a minimum.
         success: bool = |own| !own.minima.is_empty();
-        /// list of Report: Distinct minima, that of least cost first.
+        /// list of Report: Distinct minima, that of lowest cost first.
         minima: Vec<Py<Report>> = |own, py| all(py, &own.minima);
         /// list of Report: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then
         /// others by their violations.
@@ -135,7 +135,7 @@ value! {
 
 #[pymethods]
 impl SearchResult {
-    /// Report: The minimum of least cost; where there is none, the best iterate of all starts.
+    /// Report: The minimum of lowest cost; where there is none, the best iterate of all starts.
     #[getter]
     fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
         match self.minima.first().or(self.unfinished.first()) {

@@ -16,14 +16,14 @@ use somersault::nlp::{
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What a solver found: always the best iterate, with the residuals it has, and what an accurate integration makes of it.
+/// Result of a solver: always the best iterate, with its residuals and its verification by an accurate integration.
 ///
-/// The motion is integrated anew when `verification`, `confirmed`, `message` or the text of the report is first asked for.
+/// The motion is re-integrated when `verification`, `confirmed`, `message` or the text of the report is first requested.
 /// Ctrl-C ends that with a KeyboardInterrupt; the report stays, and integrates again when it is asked again.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Report {
     pub(crate) report: nlp::Report,
-    /// None where the program is no motion of its own.
+    /// None where the program has no motion of its own.
     pub(crate) verifier: Option<Arc<Verifier>>,
 }
 
@@ -32,10 +32,10 @@ value! {
         /// str: How the solve ended: ``'converged'``, ``'stalled'``, ``'iteration_limit'``, ``'time_limit'``,
         /// ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'``, ``'interrupted'`` or ``'failed'``.
         status: &'static str = |own| status_name(own.report.status);
-        /// bool: Whether all residuals are within their tolerances: the program is solved, whatever it is worth; see `confirmed`.
+        /// bool: Whether all residuals are within their tolerances: the program is solved, which does not make it a physical motion; see `confirmed`.
         success: bool = |own| own.report.status.is_converged();
-        /// Verification, SwingUpVerification or DiveVerification: The motion integrated anew; None for programs that are no motion of
-        /// their own, as those of a mesh of `CollocationResult`, which has it itself.
+        /// Verification, SwingUpVerification or DiveVerification: The motion re-integrated; None for programs without a motion of their
+        /// own, as those of a mesh of `CollocationResult`, which has it itself.
         verification: Result<Option<Py<PyAny>>, Error> =
             |own, py| own.verifier.as_ref().map(|verifier| verifier.get(py)).transpose();
         /// bool or None: Whether the integration agrees with the motion; None where there is no verification.
@@ -311,7 +311,7 @@ impl Watcher {
         self.raised.as_ref().is_some_and(|error| error.is_instance_of::<PyKeyboardInterrupt>(py))
     }
 
-    /// Whether the solve is to go on.
+    /// Whether the solve is to continue.
     pub(crate) fn look(&mut self, iteration: &Iteration<'_>) -> Flow {
         if self.callback.is_none() && !self.timer.is_due() {
             return Flow::Continue;

@@ -94,7 +94,7 @@ impl CartPendulumProblem {
         make().map_err(|error| error.with_names(&NAMES))
     }
 
-    /// What integrates the motion of a report anew.
+    /// What integrates the motion of a report again.
     fn verifier(&self, report: &nlp::Report) -> Option<Arc<Verifier>> {
         let (problem, cost) = (self.problem.clone(), report.cost);
         let z = report.z[..self.n_variables()].to_vec();
@@ -439,7 +439,7 @@ impl CartPendulumProblem {
         Ok(Motion::of(&shooting))
     }
 
-    /// Integrates the motion of a decision vector anew and accurately.
+    /// Integrates the motion of a decision vector again and accurately.
     ///
     /// Parameters
     /// ----------

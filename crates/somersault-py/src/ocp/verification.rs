@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 type Make = Box<dyn Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync>;
 
-/// Integrates a result anew when it is first asked for, and once.
+/// Integrates a result again when it is first requested, and once.
 pub(crate) struct Verifier {
     found: PyOnceLock<Py<PyAny>>,
     make: Option<Make>,
@@ -47,7 +47,7 @@ impl Verifier {
                 Ok((found.getattr("confirmed")?.extract()?, found.getattr("message")?.extract()?))
             }
             Err(Error::Own { message, .. }) => {
-                Ok((false, format!("The motion cannot be integrated anew: {message}.")))
+                Ok((false, format!("The motion cannot be re-integrated: {message}.")))
             }
             Err(Error::Raised(error)) => Err(error),
         }
@@ -59,7 +59,7 @@ pub(crate) fn judgement(py: Python<'_>, verifier: &Verifier) -> PyResult<&'stati
     Ok(if verifier.judge(py)?.0 { "confirmed" } else { "NOT confirmed by integration" })
 }
 
-/// A motion integrated anew and accurately: from each node to the next one, and once from start to end.
+/// A motion re-integrated and accurately: from each node to the next one, and once from start to end.
 ///
 /// Distances are the largest entry of the displacement of the positions (m, rad) and of the difference of the
 /// velocities (m/s, rad/s); of a `CollocationResult` they are relative to 1 + max |x|.
@@ -121,7 +121,7 @@ value! {
         confirmed: bool = |own| own.confirmed;
         /// float: What `confirmed` allows: 10⁻⁴, or the tolerance of the collocation.
         allowed: f64 = |own| own.allowed;
-        /// str: What the motion is worth, in a sentence.
+        /// str: Whether the motion is confirmed, in a sentence.
         message: &str = |own| &own.message;
         /// ndarray, shape (n_steps + n_phases − 1,): For each step, integrated accurately from the node where it begins, the
         /// distance at its end; between two phases, the distance of the start of the later one from the end of the earlier one.
@@ -138,7 +138,7 @@ value! {
 
 #[pymethods]
 impl Verification {
-    /// What the motion is worth where its use allows another distance, in a sentence.
+    /// Whether the motion is confirmed where its use allows another distance, in a sentence.
     ///
     /// Parameters
     /// ----------
@@ -170,7 +170,7 @@ impl Verification {
     }
 }
 
-/// A swing-up integrated anew, with the same motion of the cart.
+/// A swing-up re-integrated, with the same motion of the cart.
 #[pyclass(frozen, extends = Verification, module = "somersault.ocp")]
 pub(crate) struct SwingUpVerification {
     /// float: Cost of the motion integrated accurately from start to end.
@@ -219,7 +219,7 @@ impl SwingUpVerification {
     }
 }
 
-/// Why a motion could not be integrated anew.
+/// Why a motion could not be re-integrated.
 pub(crate) struct VerificationFailure(pub(crate) VerificationError);
 
 impl From<VerificationFailure> for Error {

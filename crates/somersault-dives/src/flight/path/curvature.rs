@@ -7,7 +7,7 @@
 //! ∂² = Σ_k X_kᵀ ∂²(λ_{k+1} · δ_{k+1}) X_k
 //! ```
 //! with λ the adjoint and X the tangents of all that a step depends on: one sweep backward and one forward. Within a
-//! step the sum goes on over its stages. ω is linear in momentum and rates of the channels, so that its second
+//! step the sum continues over its stages. ω is linear in momentum and rates of the channels, so that its second
 //! derivatives are those of its first by the channels: one evaluation over dual numbers for each channel and stage.
 
 use super::{NodeDerivatives, OrientationPath, SAMPLE_OF, SAMPLES};

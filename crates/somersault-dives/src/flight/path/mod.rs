@@ -122,9 +122,9 @@ impl OrientationPath {
         })
     }
 
-    /// Goes on from `node`, in space, with the orientation [straightened](Counting::straightened) to this twist, rad:
-    /// multiple shooting in which the defects there are the tilt, and the difference of the twist from this one. Whoever
-    /// constrains them to vanish has a continuous path, and meanwhile what is left of them is not amplified by the rest of
+    /// Continues from `node`, in space, with the orientation [straightened](Counting::straightened) to this twist, rad:
+    /// multiple shooting in which the defects there are the tilt, and the difference of the twist from this one. A program
+    /// that constrains them to vanish has a continuous path, and meanwhile what is left of them is not amplified by the rest of
     /// the flight.
     pub fn with_restart(mut self, node: usize, counting: Counting, twist: f64) -> Self {
         let before = UnitQuaternion::identity();

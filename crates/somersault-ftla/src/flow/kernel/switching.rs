@@ -156,7 +156,7 @@ impl Retrace for StateStep<'_> {
         Ok(())
     }
 
-    /// Not asked for: cubics, by which margins without bounds are judged, are doubted a few times only.
+    /// Never called: cubics, by which margins without bounds are judged, are doubted a few times only.
     fn unproved(&self, _h: f64, _parts: u32) -> FlowError {
         FlowError::StepUnderflow { t: self.t, state: self.state.to_vec() }
     }

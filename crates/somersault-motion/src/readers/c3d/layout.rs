@@ -2,7 +2,7 @@
 //!
 //! Both declare the number of points, the analog values of a frame, the first block of data, the type of numbers and the
 //! number of frames. Of all combinations of what they declare the one is used whose frames end where the file does: at its last
-//! byte, or in its last block with nothing but one byte again and again behind them, as much of that as there is. Where there is
+//! byte, or in its last block with one byte repeated behind them, as much of that as there is. Where there is
 //! no such one, it is that whose frames end nearest to the end of the file; where two are equal, that of the parameters.
 
 use super::parameters::{Parameters, Processor};

@@ -77,7 +77,7 @@ impl<'a> Parameters<'a> {
         let mut groups: HashMap<i8, String> = HashMap::new();
         let mut found: Vec<(i8, String, Parameter)> = Vec::new();
         let mut at = start + 4;
-        // each round goes on by at least the five bytes it reads
+        // each round continues by at least the five bytes it reads
         loop {
             let lengths = bytes(file, at, 2, "a parameter")?;
             let (length, id) = (usize::from((lengths[0] as i8).unsigned_abs()), lengths[1] as i8);

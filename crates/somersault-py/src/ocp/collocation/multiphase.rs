@@ -210,7 +210,7 @@ impl MultiphaseProblem {
         self.phases.iter().map(|phase| phase.clone_ref(py)).collect()
     }
 
-    /// Solves, refines the meshes to the tolerance, and integrates what was found anew.
+    /// Solves, refines the meshes to the tolerance, and integrates what was found again.
     ///
     /// Parameters
     /// ----------

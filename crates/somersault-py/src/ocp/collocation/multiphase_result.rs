@@ -8,7 +8,7 @@ use pyo3::types::PyType;
 use somersault::ocp::collocation::{CollocationReport, Confirmation, MeshRecord};
 use std::sync::Arc;
 
-/// What collocation of several phases found.
+/// Result of collocation of several phases.
 #[pyclass(frozen, extends = CollocationOutcome, module = "somersault.ocp")]
 pub(crate) struct MultiphaseResult {
     phases: Vec<Py<CollocationResult>>,

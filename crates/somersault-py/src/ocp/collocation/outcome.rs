@@ -11,7 +11,7 @@ use somersault::ocp::collocation::{CollocationReport, CollocationStatus};
 use somersault::ocp::verification::{self, momentum_drift};
 use std::sync::Arc;
 
-/// What collocation found, of a motion of one phase or several.
+/// Result of collocation, of one phase or several.
 #[pyclass(frozen, subclass, module = "somersault.ocp")]
 pub(crate) struct CollocationOutcome {
     pub(super) report: Arc<CollocationReport>,
@@ -54,9 +54,9 @@ value! {
     impl CollocationOutcome {
         /// bool: Whether the status is ``'converged'``.
         success: bool = |own| own.report.status == CollocationStatus::Converged;
-        /// bool: Whether each interval, integrated anew, ends within the tolerance of where it should.
+        /// bool: Whether each interval, re-integrated, ends within the tolerance of where it should.
         confirmed: bool = |own| own.report.confirmation.is_confirmed(own.tol);
-        /// Verification: The motion integrated anew, interval by interval, phase after phase.
+        /// Verification: The motion re-integrated, interval by interval, phase after phase.
         verification: Result<Py<PyAny>, Error> = |own, py| own.verifier.get(py);
         /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases both are
         /// accurate.
@@ -95,16 +95,16 @@ impl CollocationOutcome {
     }
 
     /// str: The status in a sentence, and another where bounds or path constraints are exceeded by more than the tolerance
-    /// between the collocation points or at an end, where they are not asked for: what, by how much and when.
+    /// between the collocation points or at an end, where they are not required: what, by how much and when.
     #[getter]
     fn message(&self) -> String {
         let defect = self.max_defect();
         let said = match self.report.status {
             CollocationStatus::Converged => {
-                format!("converged and confirmed: integrated anew the largest defect is {defect:.1e}")
+                format!("converged and confirmed: on re-integration the largest defect is {defect:.1e}")
             }
             CollocationStatus::FalseConvergence => format!(
-                "false convergence: the program was solved, but integrated anew its motion leaves its own nodes by \
+                "false convergence: the program was solved, but on re-integration its motion leaves its own nodes by \
                  {defect:.1e}"
             ),
             CollocationStatus::NotSolved(Status::Interrupted)

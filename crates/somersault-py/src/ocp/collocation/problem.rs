@@ -54,7 +54,7 @@ use somersault::ocp::collocation::{Guess, Interval, Phase, Problem, TreeDynamics
 ///
 /// Examples
 /// --------
-/// One metre in one second from rest to rest with least effort: ½ ∫ u² dt = 6, u = 6 − 12 t.
+/// One metre in one second from rest to rest with minimum effort: ½ ∫ u² dt = 6, u = 6 − 12 t.
 ///
 /// >>> import somersault
 /// >>> from somersault import multibody, ocp
@@ -93,7 +93,7 @@ impl CollocationProblem {
         })
     }
 
-    /// A path constraint that an end, with whatever controls there are, cannot meet: it is not asked for at the very end,
+    /// A path constraint that an end, with whatever controls there are, cannot meet: it is not required at the very end,
     /// where nothing is collocated, so that a program would leap there.
     fn check_path(&self) -> Result<(), Error> {
         for (k, (row, bounds)) in self.terms.path.iter().zip(&self.path).enumerate() {
@@ -239,7 +239,7 @@ impl CollocationProblem {
         Ok(posed)
     }
 
-    /// Solves, refines the mesh to the tolerance, and integrates what was found anew.
+    /// Solves, refines the mesh to the tolerance, and integrates what was found again.
     ///
     /// Parameters
     /// ----------

@@ -16,7 +16,7 @@ use somersault::ocp::collocation::{
 use std::sync::Arc;
 use std::time::Duration;
 
-/// What collocation found of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
+/// Result of collocation of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
 /// last row.
 #[pyclass(frozen, extends = CollocationOutcome, module = "somersault.ocp")]
 pub(crate) struct CollocationResult {
@@ -80,7 +80,7 @@ value! {
         x: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().states);
         /// ndarray, shape (n, n_controls): Controls.
         u: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().controls);
-        /// ndarray, shape (n + 1, n_states): Costates λ, the change of the least cost from there on with the state.
+        /// ndarray, shape (n + 1, n_states): Costates λ, the change of the lowest cost from there on with the state.
         costates: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().costates);
         /// ndarray, shape (n,): Hamiltonian L + λᵀ ẋ.
         hamiltonian: Bound<'py, PyAny> =
@@ -88,7 +88,7 @@ value! {
         /// float: Largest minus smallest Hamiltonian; zero for the optimum.
         hamiltonian_spread: f64 = |own| own.phase().hamiltonian_spread();
         /// ndarray, shape (n_intervals,): Relative error at the end of each interval of the mesh, integrated accurately from
-        /// its start; infinite where that broke off.
+        /// its start; infinite where that stopped early.
         defects: Bound<'py, PyAny> =
             |own, py| numpy::PyArray1::from_slice(py, &own.report.confirmation.phases[0].defects).into_any();
         /// float: Relative error at the end of the motion, integrated from its start in one piece. It grows where the motion

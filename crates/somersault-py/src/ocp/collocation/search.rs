@@ -15,7 +15,7 @@ use std::time::Duration;
 /// Collocation points of a first mesh, at most.
 const MOST_POINTS: usize = 100_000;
 
-/// How long Ctrl-C waits for the iteration under way and its result, on fine meshes in vain.
+/// How long Ctrl-C waits for the iteration under way and its result, on fine meshes without success.
 const PATIENCE: Duration = Duration::from_millis(400);
 
 /// How a search is to go.

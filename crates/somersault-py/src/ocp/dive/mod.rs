@@ -27,9 +27,9 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
-/// ``½ a (L/L₀)² + ½ ∫ Σ (b ẇ² + c ẅ²) dt`` is to be least, with L₀ = m h²/(1 s), such that somersaults, twists and
-/// tilt at the entry are as wanted, the weights w of the postures are not negative and add up to at most one at all
-/// times, and limbs keep apart. Flight is reduced by its momentum, which is therefore kept to rounding. Unknown are the
+/// ``½ a (L/L₀)² + ½ ∫ Σ (b ẇ² + c ẅ²) dt`` is minimised, with L₀ = m h²/(1 s), such that somersaults, twists and
+/// tilt at the entry are as requested, the weights w of the postures are not negative and add up to at most one at all
+/// times, and limbs keep apart. Flight is reduced by its momentum, which is therefore conserved to rounding. Unknown are the
 /// coefficients of the splines for w, the angular momentum L and, where they have a range, lean and duration. The
 /// body's long axis goes from the feet to the hands in the last posture.
 ///
@@ -48,7 +48,7 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 /// windows : sequence of tuple of float, optional
 ///     For each channel the fractions of the duration between which it may differ from zero.
 /// square_out : float, optional
-///     Share of the duration at which twists and tilt must be what they are at the entry.
+///     Fraction of the duration at which twists and tilt must be what they are at the entry.
 /// n_par : int, optional
 ///     Coefficients of each spline, of degree 5, of which the ends fix four; 10 unless given. Free are n_par − 4 for each
 ///     channel without a window, and the momentum.
@@ -71,7 +71,7 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 /// momentum_penalty, rate_penalty, acceleration_penalty : float, optional
 ///     a, b (s) and c (s³); 1, 10⁻³ and 0 unless given.
 /// clearance : float, optional
-///     Least distance of limbs, m, of a spatial diver; None for none.
+///     Minimum distance of limbs, m, of a spatial diver; None for none.
 /// clearance_times : int, optional
 ///     At how many times it is a constraint to begin with, between take-off and entry; 35 unless given. The search adds those
 ///     at which limbs come nearer in between.

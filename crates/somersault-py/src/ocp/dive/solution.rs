@@ -16,7 +16,7 @@ use somersault::nlp;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// A dive that was found: what the solver says of it, its motion, and how it holds when integrated anew.
+/// A dive that was found: what the solver says of it, its motion, and how it holds when re-integrated.
 ///
 /// Arrays are over `t`. The origin is at the water's level below the end of the platform.
 #[pyclass(frozen, module = "somersault.ocp")]
@@ -92,10 +92,10 @@ value! {
         dive: Py<Dive> = |own, py| own.dive.clone_ref(py);
         /// Report: What the solver says of the program, in its last stage; the dive itself has its own `status` and `success`.
         report: Report = |own| Report { report: own.report.clone(), verifier: Some(own.verifier.clone()) };
-        /// bool: Whether integrations that know nothing of how the dive was found agree with it: its flight, the counts at the entry
+        /// bool: Whether integrations that are independent of the search agree with it: its flight, the counts at the entry
         /// and the distances of limbs.
         confirmed: PyResult<bool> = |own, py| Ok(own.verifier.judge(py)?.0);
-        /// DiveVerification: The dive integrated anew, when first asked for.
+        /// DiveVerification: The dive re-integrated, when first requested.
         verification: Result<Py<PyAny>, Error> = |own, py| own.verifier.get(py);
         /// ndarray, shape (n,): Decision vector.
         z: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.report.z).into_any();
@@ -226,7 +226,7 @@ impl DiveSolution {
         phases
     }
 
-    /// Judges the dive by integrations that know nothing of how it was found: its `verification`.
+    /// Verifies the dive by integrations that are independent of the search: its `verification`.
     ///
     /// Returns
     /// -------
@@ -237,7 +237,7 @@ impl DiveSolution {
 
     /// The planar dive as the thesis has it: the full hybrid dynamics by explicit Euler, x₊ = x + Δt f(x, u) (2.8).
     ///
-    /// Nothing there keeps the angular momentum: each step leaves out what the motion curves by. Weights, lean and duration
+    /// Nothing there conserves the angular momentum: each step leaves out what the motion curves by. Weights, lean and duration
     /// are those of this dive; with ``optimise`` the problem is solved again, from here, under these dynamics.
     ///
     /// Parameters
@@ -245,7 +245,7 @@ impl DiveSolution {
     /// n_steps : int, optional
     ///     N; 200 in the thesis.
     /// optimise : bool, optional
-    ///     Solve anew instead of rolling this motion out.
+    ///     Solve again instead of rolling this motion out.
     /// on_interrupt : {'raise', 'return'}, optional
     ///     As of `Dive.solve`.
     ///

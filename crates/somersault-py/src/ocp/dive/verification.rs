@@ -1,4 +1,4 @@
-//! How a dive holds when integrated anew.
+//! How a dive holds when re-integrated.
 
 use crate::core::convert::{any_vector, vector_array};
 use crate::core::error::Error;
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use somersault::dives::{ALLOWED, DiveReport, Nearest, PeakTorque};
 
-/// Least distance, limbs, time and clearance of a pickled verification.
+/// Minimum distance, limbs, time and clearance of a pickled verification.
 type NearestParts = (f64, [String; 2], f64, f64);
 
 /// The largest force of each joint, and when it acts.
@@ -33,7 +33,7 @@ value! {
         /// `allowed` rad at all its times, and the angular momentum is kept to this fraction of its scale; somersaults, twists and
         /// tilt at the entry are those requested to `allowed` rad; limbs keep their clearance at all times.
         confirmed: bool = |own| own.0.is_confirmed(ALLOWED);
-        /// str: What the dive is worth, in a sentence, or in one for each thing that is wrong.
+        /// str: Whether the dive is confirmed, in a sentence, or in one for each thing that is wrong.
         message: String = |own| own.0.sentence(ALLOWED);
         /// float: Somersaults to the entry, turns.
         somersaults: f64 = |own| own.0.somersaults;
@@ -58,7 +58,7 @@ value! {
         least_channel: f64 = |own| own.0.least_channel;
         /// float: Greatest sum of channels.
         greatest_sum: f64 = |own| own.0.greatest_sum;
-        /// float or None: Least distance of limbs over all times, m, where the dive has a clearance: none is smaller, one at most
+        /// float or None: Minimum distance of limbs over all times, m, where the dive has a clearance: none is smaller, one at most
         /// 10 μm greater.
         least_distance: Option<f64> = |own| own.0.nearest.as_ref().map(|nearest| nearest.distance);
         /// float or None: When they do, s.

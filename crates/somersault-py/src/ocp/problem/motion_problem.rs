@@ -241,7 +241,7 @@ impl MotionProblem {
     /// z : array_like, shape (n_variables,), or Report
     ///     Start; a report of an earlier solve gives its multipliers as well.
     /// solver : {'sqp', 'sqp_filter', 'sqp_bfgs', 'lbfgs', 'gradient_descent'}, optional
-    ///     Sequential quadratic programming with the Hessian of the problem, steps judged by a merit function, which is
+    ///     Sequential quadratic programming with the Hessian of the problem, steps accepted by a merit function, which is
     ///     cautious under strong penalties, or by a filter, which takes full steps along curved constraints; with a
     ///     quasi-Newton Hessian; the last two for problems without constraints.
     /// tol : float, optional
@@ -354,7 +354,7 @@ impl MotionProblem {
         arguments.run(py, &all, make, |report| report, |report| Some(motion.verifier(report)))
     }
 
-    /// Integrates the motion of a decision vector anew and accurately.
+    /// Integrates the motion of a decision vector again and accurately.
     ///
     /// Parameters
     /// ----------
