@@ -16,14 +16,15 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 import somersault
-from somersault import contact, ocp, studies, viewer
+from somersault import contact, exact, ocp, studies, viewer
 from somersault.viewer.film import pictures
 
 FOLDER = Path(__file__).parent / "images"
 _SIZE = (6.0, 3.6)
+_FILM_SECONDS, _FILM_RATE = 10, 12
 
 
 def _axes(title: str) -> Axes:
@@ -94,7 +95,7 @@ def touch() -> None:
 def optimise() -> None:
     """Two extremals of the arm."""
     figure = plt.figure(figsize=_SIZE, layout="constrained")
-    figure.suptitle("An arm turned over with minimum effort: two extremals", fontsize=11)
+    figure.suptitle("An arm turned over with least effort: two extremals", fontsize=11)
     motions = (
         (ocp.arm_motion(np.pi), "the thesis'"),
         (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "a cheaper one"),
@@ -177,7 +178,90 @@ def lyapunov() -> None:
     _save("lyapunov.png")
 
 
+def _dive_scene() -> tuple[viewer.Scene, float]:
+    """5174D, and its duration."""
+    dive = ocp.dive_5174d().solve()
+    scene = (
+        viewer.Scene("Dive").add(dive.dive.diver.model, dive.t, dive.q, trails=()).camera("side", follow=True)
+    )
+    return scene, dive.duration
+
+
+def _flip_scene() -> tuple[viewer.Scene, float]:
+    """A T of two bars that turns about its middle axis: it flips over and back, the Dzhanibekov effect."""
+    body = somersault.RigidBody(0.1, (3.45e-5, 4.02e-5, 7.05e-5))
+    start = somersault.State(angular_velocity=(0.0, 9.0, 0.02))
+    t = np.linspace(0.0, _FILM_SECONDS, 1200)
+    turned = exact.FreeBody(body, start)(t)
+    bars = [
+        viewer.Box(lengths, center=place, color=color)
+        for lengths, place, color in (
+            ((0.09, 0.012, 0.016), (0.0, -0.0136, 0.0), "#cc6677"),
+            ((0.018, 0.05, 0.016), (0.0, 0.0164, 0.0), "#332288"),
+        )
+    ]
+    return viewer.Scene("Flip").add(turned, shapes=bars, trails=()).camera("corner"), _FILM_SECONDS
+
+
+def _top_scene() -> tuple[viewer.Scene, float]:
+    """The thesis' top, which falls to the ground and leaves it."""
+    top, end = contact.spinning_top(), 0.5
+    motion = somersault.integrate(
+        top.body,
+        top.state,
+        (0.0, end),
+        dt=1e-4,
+        method="rkmk5",
+        forces=top.forces,
+        contacts=top.contacts,
+        every=5,
+    )
+    tip = top.contacts[0].point
+    shapes = (
+        viewer.Cylinder((0.0, 0.0, -0.005), (0.0, 0.0, 0.005), 0.03, color="#44aa99", checkered=True),
+        viewer.Cylinder(tip, (0.0, 0.0, -0.005), 0.0, 0.004, color="#777777"),
+        viewer.Cylinder((0.0, 0.0, 0.005), (0.0, 0.0, 0.03), 0.003, color="#777777"),
+    )
+    return viewer.Scene("Top").ground().add(motion, shapes=shapes, trails=(("body", tip),)), end
+
+
+def film() -> None:
+    """Ten seconds of a dive, a flip and a top, and a still of them."""
+    size, columns, labels = (300, 300), [], []
+    for label, made in (
+        ("an optimal dive", _dive_scene),
+        ("the Dzhanibekov effect", _flip_scene),
+        ("a top that touches the ground", _top_scene),
+    ):
+        scene, duration = made()
+        slower = round(_FILM_SECONDS / duration)
+        labels.append(f"{label}, {slower} times slower" if slower > 1 else label)
+        times = list(np.linspace(0.0, duration, _FILM_SECONDS * _FILM_RATE))
+        columns.append([Image.open(io.BytesIO(png)).convert("RGB") for png in pictures(scene, times, size)])
+    font = ImageFont.load_default(15)
+    frames = []
+    for row in zip(*columns, strict=True):
+        frame = Image.new("RGB", (size[0] * len(row), size[1] + 26), "white")
+        pen = ImageDraw.Draw(frame)
+        for i, (picture, label) in enumerate(zip(row, labels, strict=True)):
+            frame.paste(picture, (size[0] * i, 0))
+            pen.text((size[0] * (i + 0.5), size[1] + 13), label, "black", font, anchor="mm")
+        frames.append(frame)
+    still = frames[len(frames) // 3]
+    still.quantize(128).save(FOLDER / "film.png", optimize=True)
+    frames[0].save(
+        FOLDER / "film.webp",
+        save_all=True,
+        append_images=frames[1:],
+        duration=1000 // _FILM_RATE,
+        loop=0,
+        quality=55,
+        method=6,
+    )
+
+
 ALL: dict[str, Callable[[], None]] = {
+    "film": film,
     "integrate": integrate,
     "contact": touch,
     "optimise": optimise,
