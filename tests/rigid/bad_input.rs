@@ -5,14 +5,18 @@ use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::system::RigidBodiesSystem;
 use somersault::prelude::*;
 use somersault_core::argument::ArgumentError;
+use somersault_testkit::problems::under;
 
 fn body() -> RigidBody {
     RigidBody::try_box(1.0, Vector3::new(0.2, 0.4, 0.6)).unwrap()
 }
 
-fn run(state: &RigidBodyState, forces: impl ForceModel) -> Result<(), IntegrateError> {
+fn run(
+    state: &RigidBodyState,
+    forces: impl ForceModel + Send + Sync + 'static,
+) -> Result<(), IntegrateError> {
     let grid = TimeGrid::try_new(0.0, 1.0, 0.01).unwrap();
-    let system = RigidBodySystem::new(body(), forces);
+    let system = under(body(), forces);
     Run::new(&system, Method::Rkmk, grid).from(state).map(|_| ())
 }
 

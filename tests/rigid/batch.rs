@@ -11,6 +11,7 @@ use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
+use somersault_testkit::problems::under;
 use std::f64::consts::FRAC_PI_2;
 
 /// Numbers spread over (−1, 1), the same in every run.
@@ -320,7 +321,7 @@ fn free_bodies_agree_with_rkmk_b_to_rounding() {
 fn falling_bodies_agree_with_rkmk_b_to_rounding() {
     let (bodies, states, grids) = flight(70);
     let gravity = Gravity::earth();
-    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, gravity)).collect();
+    let systems: Vec<_> = bodies.iter().map(|body| under(*body, gravity)).collect();
     let ends = FreeRuns::new(&bodies, &grids).in_gravity(&gravity).from(&states).unwrap();
     let outcomes = Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap();
     for (end, outcome) in ends.iter().zip(&outcomes) {
@@ -340,7 +341,7 @@ fn any_method_gives_each_system_what_it_gives_it_alone() {
         rest_length: 0.0,
     };
     assert!(!spring.is_torque_free());
-    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, spring)).collect();
+    let systems: Vec<_> = bodies.iter().map(|body| under(*body, spring)).collect();
     for method in Method::ALL {
         let alone = |i: usize| Run::new(&systems[i], method, grids[i]).from(&states[i]);
         let first_failure =

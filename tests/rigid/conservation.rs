@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 use somersault::integrators::stepper::Scope;
 use somersault::prelude::*;
+use somersault_testkit::problems::under;
 
 /// Box with half sides 0.1, 0.2, 0.3 m and 1 kg.
 fn scene() -> (RigidBodySystem, RigidBodyState) {
@@ -91,7 +92,7 @@ fn methods_keep_what_they_say() {
 fn torque_free_methods_refuse_torque() {
     let (free, start) = scene();
     let torque = ConstantTorque::World(Vector3::new(0.0, 0.0, 1.0));
-    let system = RigidBodySystem::new(free.body, torque);
+    let system = under(free.body, torque);
     let grid = TimeGrid::try_new(0.0, 1.0, 0.1).unwrap();
     for method in Method::ALL.into_iter().filter(|m| m.info().scope == Scope::TorqueFree) {
         let error = Run::new(&system, method, grid).from(&start).unwrap_err();
@@ -129,7 +130,7 @@ fn energy_errors(method: Method, force: ConstantForce, h: f64, steps: u64) -> (f
         |x: &RigidBodyState| energy(&free.body, x) - force.force.dot(&(x.orientation() * force.point));
     let first = total(&start);
     let error = |x: &RigidBodyState| total(x) / first - 1.0;
-    let system = RigidBodySystem::new(free.body, force);
+    let system = under(free.body, force);
     let grid = TimeGrid::try_with_steps(0.0, h * steps as f64, steps).unwrap();
     let mut watch = Watch(&error, Vec::new());
     Run::new(&system, method, grid).observed_by(&mut watch).from(&start).unwrap();

@@ -9,6 +9,7 @@ use somersault::integrators::stepper::StepError;
 use somersault::integrators::system::StateOf;
 use somersault::integrators::variation::{Tangent, Varied};
 use somersault::prelude::*;
+use somersault_testkit::problems::under;
 
 /// What a bound takes for the angle θ of a step.
 #[derive(Clone, Copy, PartialEq)]
@@ -207,7 +208,7 @@ fn hanging(
     let anchor = origin * l + m * g / stiffness + 0.8 * l;
     let (z, zero) = (Vector3::z(), Vector3::zeros());
     let spring = Spring { anchor: z * anchor, attachment: zero, stiffness, damping, rest_length: 0.8 * l };
-    let system = RigidBodySystem::new(body, (Gravity { acceleration: z * -g }, spring));
+    let system = under(body, (Gravity { acceleration: z * -g }, spring));
     let start = RigidBodyState::new(z * ((origin + height) * l), UnitQuaternion::identity(), zero, zero);
     let grid = TimeGrid::try_new(0.0, 60.0 * t, 0.02 * t).unwrap();
     match Run::new(&system, method, grid).from(&start) {

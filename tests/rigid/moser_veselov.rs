@@ -11,6 +11,7 @@ use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::StepError;
 use somersault_integrators::system::{RigidBodySystem, RigidSystem};
+use somersault_testkit::problems::under;
 
 type V = Vector3<f64>;
 
@@ -258,7 +259,7 @@ fn failures_of_the_step_are_typed() {
             other => panic!("{method}: {:?}", other.map(|_| ())),
         }
     }
-    let top = RigidBodySystem::new(body, ConstantForce { force: V::new(0.0, 0.0, -9.81), point: V::z() });
+    let top = under(body, ConstantForce { force: V::new(0.0, 0.0, -9.81), point: V::z() });
     for method in ["dmv2", "pmv4", "pmv6", "pmv8", "pmv10"] {
         let refused = run(method, &top, &x, 0.1, 10);
         assert!(matches!(refused, Err(IntegrateError::Step(StepError::Torque { .. }))), "{method}");
@@ -278,9 +279,8 @@ fn the_variational_method_is_another_map_than_moser_veselov() {
 fn uniform_gravity_is_exact_and_drag_is_of_second_order() {
     let body = RigidBody::try_principal(2.0, V::new(1.0, 2.0, 2.5)).unwrap();
     let x = state(UnitQuaternion::identity(), V::new(0.3, -0.2, 0.5));
-    let falling = RigidBodySystem::new(body, Gravity::earth());
-    let drag =
-        RigidBodySystem::new(body, (Gravity::earth(), Drag { linear: 1.0, quadratic: 0.5, angular: 0.0 }));
+    let falling = under(body, Gravity::earth());
+    let drag = under(body, (Gravity::earth(), Drag { linear: 1.0, quadratic: 0.5, angular: 0.0 }));
     let reference = run("rkmk", &drag, &x, 2.0, 4000).unwrap();
     for method in ["dmv2", "dmv2s", "pmv10", "lgvi"] {
         let y = run(method, &falling, &x, 2.0, 40).unwrap();
@@ -327,8 +327,8 @@ fn split_and_variational_methods_are_of_second_order_under_torque() {
                 }
             }
         };
-        check(&|method, n| run(method, &RigidBodySystem::new(body, weight), &x, 3.0, n).unwrap());
-        check(&|method, n| run(method, &RigidBodySystem::new(body, (weight, drag)), &x, 3.0, n).unwrap());
+        check(&|method, n| run(method, &under(body, weight), &x, 3.0, n).unwrap());
+        check(&|method, n| run(method, &under(body, (weight, drag)), &x, 3.0, n).unwrap());
     }
 }
 
@@ -336,7 +336,7 @@ fn split_and_variational_methods_are_of_second_order_under_torque() {
 fn a_heavy_top_keeps_vertical_momentum_and_its_energy_error_bounded() {
     let body = RigidBody::try_principal(1.0, V::new(1.0, 2.0, 2.5)).unwrap();
     let weight = ConstantForce { force: V::new(0.0, 0.0, -2.0), point: V::new(0.3, 0.1, 0.6) };
-    let top = RigidBodySystem::new(body, weight);
+    let top = under(body, weight);
     let x = RigidBodyState::spinning(V::new(0.4, -0.2, 0.8));
     let total = |x: &RigidBodyState| {
         0.5 * momentum(&body, x).dot(x.angular_velocity())

@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::force::BoxedForce;
 use somersault::integrators::methods::{
     Coefficients, EmbeddedCoefficients, RungeKutta4, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4, Visitor,
 };
@@ -12,7 +13,7 @@ use somersault::integrators::system::{Form, MomentumForm, RateOf, RigidBodiesSys
 use somersault::integrators::tableau::{DenseWeights, ErrorWeights, Tableau};
 use somersault::prelude::*;
 use somersault_testkit::order::{OrderEstimate, Sampling, estimate, estimate_all, slope};
-use somersault_testkit::problems::{Problem, asymmetric_body, for_orders, heavy_top, thesis_case};
+use somersault_testkit::problems::{Problem, asymmetric_body, for_orders, heavy_top, thesis_case, under};
 use std::collections::BTreeMap;
 
 /// High orders meet round-off within few points, low ones need many steps.
@@ -265,7 +266,7 @@ fn a_force_that_is_not_a_number_for_long_steps_is_met_by_shorter_ones() {
         force: -x.position() / (1.0 - x.position().norm_squared()).sqrt(),
         torque: Vector3::zeros(),
     };
-    let system = RigidBodySystem::new(body, cliff);
+    let system = under(body, cliff);
     let start = RigidBodyState::new(
         Vector3::new(0.9, 0.0, 0.0),
         UnitQuaternion::identity(),
@@ -311,7 +312,12 @@ fn several_bodies_move_as_each_alone() {
     for method in Method::ALL {
         let torque = method.info().orders.rotation_with_torque.is_some();
         let together: Vec<RigidBodyState> = if torque {
-            let system = RigidBodiesSystem::try_new(boxes.to_vec(), vec![(weight, drag); 3], ()).unwrap();
+            let system = RigidBodiesSystem::try_new(
+                boxes.to_vec(),
+                (0..3).map(|_| vec![Box::new((weight, drag)) as BoxedForce]).collect(),
+                (),
+            )
+            .unwrap();
             let end = Run::new(&system, method, grid).from(&RigidBodiesState::from_bodies(&starts)).unwrap();
             (0..3).map(|i| end.state.body(i).unwrap()).collect()
         } else {
@@ -321,7 +327,7 @@ fn several_bodies_move_as_each_alone() {
         };
         for i in 0..3 {
             let alone = if torque {
-                let system = RigidBodySystem::new(boxes[i], (weight, drag));
+                let system = under(boxes[i], (weight, drag));
                 Run::new(&system, method, grid).from(&starts[i]).unwrap().state
             } else {
                 let system = RigidBodySystem::free(boxes[i]);

@@ -12,7 +12,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::cancel::CancellationToken;
 use somersault_core::lie::so3::{angle_between, normalized_xyzw};
 use somersault_integrators::driver::{Adaptive, IntegrateError, Steps};
-use somersault_integrators::methods::Method;
+use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::run::Run;
 use somersault_integrators::solution::{Recorder, Solution};
 use somersault_multibody::counting::BodyAngles;
@@ -210,9 +210,13 @@ impl DiveProgram {
         let interval = (0.0, duration);
         let control = Adaptive { max_step: duration / 40.0, ..Adaptive::with_tolerances(1e-12, 1e-12) };
         let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
-        let end = Run::new(&system, Method::Rkmk8, Steps::adapted(interval, control))
-            .observed_by(&mut (&mut recorder, token))
-            .from(&start)?;
+        let end = Run::by_embedded_stepper(
+            &system,
+            &RungeKuttaMuntheKaas(Dop853),
+            Steps::adapted(interval, control),
+        )
+        .observed_by(&mut (&mut recorder, token))
+        .from(&start)?;
         if token.is_cancelled() {
             return Err(DiveJudgementError::Interrupted);
         }
@@ -405,10 +409,14 @@ impl DiveProgram {
         let full = TreeSystem::new(model, ()).driven(split, drive).map_err(DiveError::from)?;
         let control = Adaptive { max_step: duration / 200.0, ..Adaptive::with_tolerances(1e-14, 1e-14) };
         let mut recorder = Recorder::new(0.0, &full_start, 1).with_dense_output();
-        let end = Run::new(&full, Method::Rkmk8, Steps::adapted((0.0, duration), control))
-            .observed_by(&mut (&mut recorder, token))
-            .from(&full_start)?
-            .state;
+        let end = Run::by_embedded_stepper(
+            &full,
+            &RungeKuttaMuntheKaas(Dop853),
+            Steps::adapted((0.0, duration), control),
+        )
+        .observed_by(&mut (&mut recorder, token))
+        .from(&full_start)?
+        .state;
         if token.is_cancelled() {
             return Err(DiveJudgementError::Interrupted);
         }

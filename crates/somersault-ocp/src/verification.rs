@@ -14,7 +14,7 @@ use crate::transcription::Transcription;
 use somersault_core::argument::expect_length;
 use somersault_core::cancel::CancellationToken;
 use somersault_integrators::driver::{IntegrateError, Steps};
-use somersault_integrators::methods::Method;
+use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::run::Run;
 use somersault_integrators::state::Tolerances;
 use somersault_integrators::step_size::Adaptive;
@@ -255,12 +255,13 @@ impl<'a> Leg<'a> {
         };
         let write = |t: f64, _: &[f64], _: &[f64], out: &mut [f64]| self.drive(t, out);
         let steps = Steps::adapted((from, to), control);
+        let stepper = RungeKuttaMuntheKaas(Dop853);
         let end = if self.drive == Drive::Motion {
             let system = TreeSystem::new(self.model, ()).driven(self.split.clone(), write)?;
-            Run::new(&system, Method::Rkmk8, steps).observed_by(&mut token).from(&state)?
+            Run::by_embedded_stepper(&system, &stepper, steps).observed_by(&mut token).from(&state)?
         } else {
             let system = TreeSystem::new(self.model, write);
-            Run::new(&system, Method::Rkmk8, steps).observed_by(&mut token).from(&state)?
+            Run::by_embedded_stepper(&system, &stepper, steps).observed_by(&mut token).from(&state)?
         };
         if token.is_cancelled() {
             return Err(VerificationError::Interrupted);

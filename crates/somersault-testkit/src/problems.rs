@@ -144,6 +144,14 @@ fn unit_box(proportions: [f64; 3]) -> RigidBody {
     RigidBody::try_box(1.0, proportions / scale).expect("a box")
 }
 
+/// A body under a force behind a pointer, so that a test compiles the methods for one type of system whatever its forces.
+pub fn under(
+    body: RigidBody,
+    force: impl ForceModel + Send + Sync + 'static,
+) -> RigidBodySystem<Vec<BoxedForce>> {
+    RigidBodySystem::new(body, vec![Box::new(force)])
+}
+
 fn free(name: &'static str, body: RigidBody, omega: Vector3<f64>, duration: f64) -> Problem {
     let initial = RigidBodyState::spinning(omega);
     let motion = FreeBody::try_new(&body, &initial).expect("a finite state");
