@@ -7,7 +7,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
 use somersault::multibody::{Data, DerivativeData, Split};
 use somersault::prelude::{Method, Run, TimeGrid};
-use somersault_testkit::trees::{Random, State, diver, humanoid, random_configuration};
+use somersault_testkit::trees::{Random, State, diver, geared_diver, humanoid, random_configuration};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -56,6 +56,26 @@ fn diver_dynamics(c: &mut Criterion) {
     group.finish();
 }
 
+/// The same diver with an elbow that follows the other one: the mass matrix and its sparse factors in the place of
+/// articulated inertias.
+fn geared_dynamics(c: &mut Criterion) {
+    let State { model, q, v, a, torque } = geared_diver();
+    let (mut data, mut work) = (Data::new(&model), DerivativeData::new(&model));
+    let mut group = c.benchmark_group("geared diver");
+    group.bench_function("rnea", |b| {
+        b.iter(|| model.inverse_dynamics(&mut data, black_box(&q), &v, &a, &[]).map(|t| t[0]))
+    });
+    group.bench_function("forward", |b| {
+        b.iter(|| model.forward_dynamics(&mut data, black_box(&q), &v, &torque, &[]).map(|a| a[0]))
+    });
+    group.bench_function("forward_partials", |b| {
+        b.iter(|| {
+            model.forward_dynamics_partials(&mut work, black_box(&q), &v, &torque, &[]).map(|p| p.q[(0, 0)])
+        })
+    });
+    group.finish();
+}
+
 /// One evaluation of reduced flight, with and without derivatives, and a dive of 1.7 s in 200 steps.
 fn reduced_flight(c: &mut Criterion) {
     let model = humanoid().expect("a tree");
@@ -95,6 +115,6 @@ criterion_group! {
         .sample_size(30)
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_millis(1000));
-    targets = diver_dynamics, reduced_flight
+    targets = diver_dynamics, geared_dynamics, reduced_flight
 }
 criterion_main!(multibody);

@@ -204,27 +204,34 @@ fn sensitivities_allocate_nothing_between_events() {
 
 #[test]
 fn dynamics_of_trees_and_their_partials_allocate_nothing() {
+    use somersault::multibody::Model;
     use somersault::multibody::{Axes, Data, DerivativeData, Split, Transform};
-    use somersault_testkit::trees::{State, diver};
+    use somersault_testkit::trees::{State, diver, geared_diver};
 
+    let check = |model: &Model, q: &[f64], v: &[f64], a: &[f64], torque: &[f64]| {
+        let n = model.n_velocities();
+        let (mut data, mut work) = (Data::new(model), DerivativeData::new(model));
+        let split = Split::new((0..n).map(|k| k >= 6).collect());
+        let (mut acceleration, mut force) = (a.to_vec(), torque.to_vec());
+        let mut jacobian = nalgebra::DMatrix::zeros(6, n);
+        let found = allocations(|| {
+            model.inverse_dynamics(&mut data, q, v, a, &[]).unwrap();
+            model.mass_matrix(&mut data, q).unwrap();
+            model.forward_dynamics(&mut data, q, v, torque, &[]).unwrap();
+            model.hybrid_dynamics(&mut data, &split, q, v, &mut acceleration, &mut force, &[]).unwrap();
+            model.centroidal(&mut data, q).unwrap().momentum(v).unwrap();
+            let positions = model.positions(&mut data, q).unwrap();
+            positions.jacobian_into(3, &Transform::identity(), Axes::World, &mut jacobian).unwrap();
+            model.inverse_dynamics_partials(&mut work, q, v, a, &[]).unwrap();
+            model.forward_dynamics_partials(&mut work, q, v, torque, &[]).unwrap();
+            model.hybrid_dynamics_partials(&mut work, &split, q, v, a, &[]).unwrap();
+            model.momentum_partials(&mut work, q, v).unwrap();
+        });
+        assert_eq!(found, 0);
+    };
     let State { model, q, v, a, torque } = diver();
-    let n = model.n_velocities();
-    let (mut data, mut work) = (Data::new(&model), DerivativeData::new(&model));
-    let split = Split::new((0..n).map(|k| k >= 6).collect());
-    let (mut acceleration, mut force) = (a.clone(), torque.clone());
-    let mut jacobian = nalgebra::DMatrix::zeros(6, n);
-    let found = allocations(|| {
-        model.inverse_dynamics(&mut data, &q, &v, &a, &[]).unwrap();
-        model.mass_matrix(&mut data, &q).unwrap();
-        model.forward_dynamics(&mut data, &q, &v, &torque, &[]).unwrap();
-        model.hybrid_dynamics(&mut data, &split, &q, &v, &mut acceleration, &mut force, &[]).unwrap();
-        model.centroidal(&mut data, &q).unwrap().momentum(&v).unwrap();
-        let positions = model.positions(&mut data, &q).unwrap();
-        positions.jacobian_into(3, &Transform::identity(), Axes::World, &mut jacobian).unwrap();
-        model.inverse_dynamics_partials(&mut work, &q, &v, &a, &[]).unwrap();
-        model.forward_dynamics_partials(&mut work, &q, &v, &torque, &[]).unwrap();
-        model.hybrid_dynamics_partials(&mut work, &split, &q, &v, &a, &[]).unwrap();
-        model.momentum_partials(&mut work, &q, &v).unwrap();
-    });
-    assert_eq!(found, 0);
+    check(&model, &q, &v, &a, &torque);
+    // and where a joint follows another
+    let State { model, q, v, a, torque } = geared_diver();
+    check(&model, &q, &v, &a, &torque);
 }

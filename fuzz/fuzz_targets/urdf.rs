@@ -7,7 +7,8 @@ use somersault_multibody::urdf::{self, Base, UrdfOptions};
 
 fuzz_target!(|text: &str| {
     for base in [Base::Fixed, Base::Planar, Base::Free] {
-        let Ok(model) = urdf::read(text, &UrdfOptions { base, ..UrdfOptions::default() }) else { continue };
+        let Ok(robot) = urdf::read(text, &UrdfOptions { base, ..UrdfOptions::default() }) else { continue };
+        let model = robot.model;
         if model.n_bodies() > 200 {
             continue;
         }
@@ -18,6 +19,6 @@ fuzz_target!(|text: &str| {
         let _ = model.forward_dynamics(&mut data, &model.neutral(), &still, &still, &[]);
         let written = urdf::write(&model, "fuzzed").expect("all joints of a document can be written");
         let again = urdf::read(&written, &UrdfOptions { base, ..UrdfOptions::default() });
-        assert_eq!(again.expect("what was written").n_velocities(), model.n_velocities());
+        assert_eq!(again.expect("what was written").model.n_velocities(), model.n_velocities());
     }
 });

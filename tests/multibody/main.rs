@@ -3,6 +3,7 @@
 mod derivatives;
 mod dynamics;
 mod flight;
+mod mimic;
 mod models;
 mod motion;
 mod urdf;

@@ -2,15 +2,20 @@
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault::multibody::models::{CartPendulum, Diver, TwoLinkArm};
+use somersault::multibody::robot::{GeometryPurpose, GeometryShape};
 use somersault::multibody::urdf::{self, Base, UrdfError, UrdfOptions};
-use somersault::multibody::{Data, Joint, Link, Model, ModelBuilder, ModelError};
+use somersault::multibody::{Data, Joint, Link, MassProperties, Model, ModelBuilder, ModelError};
 use somersault_testkit::trees::{Random, random_configuration};
 
 const ARM: &str = include_str!("../urdf/arm.urdf");
 const HUMANOID: &str = include_str!("../urdf/humanoid.urdf");
 
+fn read_as(text: &str, options: &UrdfOptions) -> Result<Model, UrdfError> {
+    urdf::read(text, options).map(|robot| robot.model)
+}
+
 fn read(text: &str) -> Result<Model, UrdfError> {
-    urdf::read(text, &UrdfOptions::default())
+    read_as(text, &UrdfOptions { strict: true, ..UrdfOptions::default() })
 }
 
 fn close(found: &[f64], expected: &[f64], tolerance: f64) {
@@ -56,7 +61,7 @@ fn the_arm_has_the_dynamics_that_pinocchio_gives_it() {
 #[test]
 fn the_humanoid_has_the_mass_and_center_that_pinocchio_gives_it() {
     let free = UrdfOptions { base: Base::Free, ..UrdfOptions::default() };
-    let model = urdf::read(HUMANOID, &free).unwrap();
+    let model = read_as(HUMANOID, &free).unwrap();
     assert_eq!(model.n_velocities(), 35);
     let (mut data, q) = (Data::new(&model), model.neutral());
     assert!((model.mass() - 69.3).abs() < 1e-12);
@@ -178,8 +183,8 @@ fn inertial_frames_may_be_turned_and_origins_be_quaternions() {
 #[test]
 fn the_root_floats_if_it_is_asked_to() {
     for (base, dofs) in [(Base::Fixed, 7), (Base::Planar, 10), (Base::Free, 13)] {
-        let options = UrdfOptions { base, gravity: Vector3::new(0.0, -1.62, 0.0) };
-        let model = urdf::read(ARM, &options).unwrap();
+        let options = UrdfOptions { base, gravity: Vector3::new(0.0, -1.62, 0.0), strict: true };
+        let model = read_as(ARM, &options).unwrap();
         assert_eq!(model.n_velocities(), dofs);
         assert_eq!(*model.gravity(), options.gravity);
     }
@@ -238,7 +243,7 @@ fn what_is_written_is_read_again() {
         }
         let model = builder.build().unwrap();
         let text = urdf::write(&model, "random").unwrap();
-        let again = urdf::read(&text, &UrdfOptions { base: Base::Fixed, gravity: *model.gravity() }).unwrap();
+        let again = read_as(&text, &UrdfOptions { gravity: *model.gravity(), ..Default::default() }).unwrap();
         let names = |m: &Model| (0..m.n_bodies()).map(|i| m.name(i).unwrap().to_owned()).collect::<Vec<_>>();
         assert_eq!(names(&again)[0], "world");
         if names(&again)[1..] == names(&model)[..] {
@@ -267,13 +272,10 @@ fn named_models_can_be_written() {
         (Diver::planar().model().unwrap(), Base::Fixed),
         (Diver::spatial().model().unwrap(), Base::Free),
         (read(ARM).unwrap(), Base::Fixed),
-        (
-            urdf::read(HUMANOID, &UrdfOptions { base: Base::Planar, ..Default::default() }).unwrap(),
-            Base::Planar,
-        ),
+        (read_as(HUMANOID, &UrdfOptions { base: Base::Planar, ..Default::default() }).unwrap(), Base::Planar),
     ] {
         let text = urdf::write(&model, "model").unwrap();
-        let again = urdf::read(&text, &UrdfOptions { base, gravity: *model.gravity() }).unwrap();
+        let again = read_as(&text, &UrdfOptions { base, gravity: *model.gravity(), strict: true }).unwrap();
         same_dynamics(&model, &again, &mut random, 1e-13);
     }
     let mut builder = ModelBuilder::new();
@@ -312,7 +314,7 @@ fn bad_joints_are_refused_with_their_names() {
     );
     assert_eq!(
         ends("continuous", r#"<mimic joint="k"/>"#),
-        format!("{start} mimics another joint, which is not supported")
+        format!("{start} mimics the joint `k`, which does not exist")
     );
     assert_eq!(ends("revolute", ""), format!("{start} has no <limit>"));
     let numbers = |attribute, expected, found| {
@@ -544,8 +546,9 @@ fn a_hundred_thousand_mutated_documents_are_read_or_refused() {
         let mut random = Random::new(seed);
         let text = mutated(&mut random, &seeds[(seed % 3) as usize]);
         let base = [Base::Fixed, Base::Planar, Base::Free][random.below(3)];
+        let strict = random.below(2) == 0;
         let outcome = std::panic::catch_unwind(|| {
-            let model = urdf::read(&text, &UrdfOptions { base, ..UrdfOptions::default() })?;
+            let model = read_as(&text, &UrdfOptions { base, strict, ..UrdfOptions::default() })?;
             assert!(model.mass().is_finite());
             let mut data = Data::new(&model);
             let rest = vec![0.0; model.n_velocities()];
@@ -563,4 +566,169 @@ fn a_hundred_thousand_mutated_documents_are_read_or_refused() {
     }
     // both happen often, so that neither side goes untested
     assert!(accepted > 10_000 && refused > 10_000, "{accepted} {refused}");
+}
+
+/// A hand as files have them: a base of no possible inertia, a finger that drives two others, a tool without mass on a
+/// joint, and a fixed joint that mimics.
+const HAND: &str = r#"<robot name="hand">
+  <link name="palm">
+    <inertial><mass value="1e-6"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="3e-6"/></inertial>
+    <visual name="skin"><origin xyz="0 0 1"/><geometry><box size="1 2 3"/></geometry></visual>
+    <visual><geometry><mesh filename="package://hand/palm.dae" scale="1 1 2"/></geometry></visual>
+    <collision><geometry><cylinder radius="0.1" length="0.4"/></geometry></collision>
+  </link>
+  <joint name="middle" type="revolute"><parent link="palm"/><child link="b"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1"/><mimic joint="index" multiplier="-2" offset="0.1"/></joint>
+  <joint name="index" type="revolute"><parent link="palm"/><child link="a"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1"/></joint>
+  <joint name="tip" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="1"/><mimic joint="middle"/></joint>
+  <joint name="lever" type="prismatic"><origin xyz="1 0 0"/><parent link="a"/><child link="tool"/><axis xyz="0 2 0"/>
+    <limit lower="0.25" upper="1"/></joint>
+  <joint name="knob" type="revolute"><parent link="tool"/><child link="nothing"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1"/><mimic joint="lever" multiplier="2" offset="-0.1"/></joint>
+  <joint name="mount" type="fixed"><parent link="a"/><child link="d"/><mimic joint="index"/></joint>
+  <link name="a"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="2.5"/></inertial></link>
+  <link name="b"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="c"><inertial><mass value="3"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><origin rpy="0 0 1"/><geometry><sphere radius="0.5"/></geometry></collision></link>
+  <link name="d"><inertial><mass value="0"/>
+    <inertia ixx="1e-9" ixy="0" ixz="0" iyy="1e-9" iyz="0" izz="1e-9"/></inertial></link>
+  <link name="tool"/><link name="nothing"/>
+</robot>"#;
+
+#[test]
+fn robots_as_they_exist_are_repaired_and_the_repairs_are_listed() {
+    let robot = urdf::read(HAND, &UrdfOptions::default()).unwrap();
+    let listed: Vec<String> = robot.repairs.iter().map(ToString::to_string).collect();
+    assert_eq!(listed.len(), 6, "{listed:#?}");
+    assert_eq!(listed[0], "joint `mount` (line 18) is fixed and does not follow another joint");
+    assert!(
+        listed[1].starts_with("link `palm` (line 2) cannot have the principal moments ["),
+        "{}",
+        listed[1]
+    );
+    assert!(listed[2].starts_with("link `a` (line 19) cannot have"), "{}", listed[2]);
+    assert!(listed[3].starts_with("link `d` (line 26) cannot have"), "{}", listed[3]);
+    assert_eq!(listed[4], "joint `lever` (line 14) moves no mass and is fixed at 0.25");
+    assert_eq!(listed[5], "joint `knob` (line 16) moves no mass and is fixed at 0.4");
+    let model = &robot.model;
+    // one coordinate leads three joints
+    assert_eq!((model.n_positions(), model.n_velocities()), (1, 1));
+    let mut data = Data::new(model);
+    let bodies = model.positions(&mut data, &[0.3]).unwrap();
+    let pose = |name: &str| bodies.pose(model.body(name).unwrap()).unwrap();
+    let middle = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.1 - 0.6).to_rotation_matrix();
+    assert!((pose("b").rotation - middle.into_inner()).amax() < 1e-15);
+    assert!((pose("c").translation - middle * Vector3::new(0.0, 0.0, -0.5)).norm() < 1e-15);
+    let index = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), 0.3).to_rotation_matrix();
+    assert!((pose("tool").translation - index * Vector3::new(1.0, 0.25, 0.0)).norm() < 1e-15);
+    let knob = index.into_inner()
+        * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4).to_rotation_matrix().into_inner();
+    assert!((pose("nothing").rotation - knob).amax() < 1e-15);
+    // strict: refused by the first of these
+    let strict = UrdfOptions { strict: true, ..UrdfOptions::default() };
+    let found = urdf::read(HAND, &strict).unwrap_err();
+    assert!(
+        matches!(&found, UrdfError::Rejected { source: ModelError::NonPhysicalInertia { .. }, .. }),
+        "{found}"
+    );
+    // what is written of it needs no repair
+    let written = urdf::write(model, "hand").unwrap();
+    let again = urdf::read(&written, &strict).unwrap();
+    same_dynamics(model, &again.model, &mut Random::new(3), 1e-12);
+}
+
+#[test]
+fn what_is_seen_and_touched_is_kept() {
+    let robot = urdf::read(HAND, &UrdfOptions::default()).unwrap();
+    assert_eq!(robot.name, "hand");
+    let of = |k: usize| &robot.geometry[k];
+    assert_eq!(robot.geometry.len(), 4);
+    assert_eq!(
+        (of(0).body, of(0).purpose, of(0).name.as_deref()),
+        (0, GeometryPurpose::Visual, Some("skin"))
+    );
+    assert_eq!(
+        (of(0).position, &of(0).shape),
+        (Vector3::z(), &GeometryShape::Box { size: Vector3::new(1.0, 2.0, 3.0) })
+    );
+    let mesh =
+        GeometryShape::Mesh { file: "package://hand/palm.dae".into(), scale: Vector3::new(1.0, 1.0, 2.0) };
+    assert_eq!(of(1).shape, mesh);
+    assert_eq!(
+        (of(2).purpose, &of(2).shape),
+        (GeometryPurpose::Collision, &GeometryShape::Cylinder { radius: 0.1, length: 0.4 })
+    );
+    assert_eq!(
+        (of(3).body, &of(3).shape),
+        (robot.model.body("c").unwrap(), &GeometryShape::Sphere { radius: 0.5 })
+    );
+    assert!((of(3).orientation.angle() - 1.0).abs() < 1e-15);
+    let bad = HAND.replace("radius=\"0.5\"", "radius=\"wide\"");
+    let found = urdf::read(&bad, &UrdfOptions::default()).unwrap_err().to_string();
+    assert_eq!(found, "`radius` of link `c` (line 25) must be 1 finite number(s), found `wide`");
+}
+
+#[test]
+fn the_nearest_possible_inertia_is_nearest_in_second_moments() {
+    let mut random = Random::new(8);
+    for _ in 0..200 {
+        let r = random.rotation().to_rotation_matrix().into_inner();
+        let wanted = Vector3::from_fn(|_, _| random.within(-0.5, 2.0));
+        let inertia = r * Matrix3::from_diagonal(&wanted) * r.transpose();
+        let inertia = (inertia + inertia.transpose()) * 0.5;
+        let found = MassProperties { mass: 1.5, center: random.vector(1.0), inertia };
+        let nearest = found.nearest_possible();
+        assert_eq!((nearest.mass, nearest.center), (found.mass, found.center));
+        ModelBuilder::new().add(Link::root("b", Joint::Free, nearest)).unwrap();
+        assert_eq!(nearest.nearest_possible(), nearest);
+        let second = |i: &Matrix3<f64>| Matrix3::from_diagonal_element(i.trace() / 2.0) - i;
+        let distance = |i: &Matrix3<f64>| (second(i) - second(&inertia)).norm();
+        // no possible inertia is nearer
+        for _ in 0..50 {
+            let step = Matrix3::from_fn(|_, _| random.within(-0.05, 0.05));
+            let root = nalgebra::SymmetricEigen::new(second(&nearest.inertia));
+            let factor =
+                root.eigenvectors * Matrix3::from_diagonal(&root.eigenvalues.map(|x| x.max(0.0).sqrt()));
+            let moved = (factor + step) * (factor + step).transpose();
+            let other = Matrix3::from_diagonal_element(moved.trace()) - moved;
+            assert!(distance(&other) >= distance(&nearest.inertia) - 1e-12);
+        }
+    }
+    // the excess of one moment goes to the two others, half and half
+    let flat = MassProperties {
+        inertia: Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 4.0)),
+        ..MassProperties::point(1.0, Vector3::zeros())
+    };
+    let expected = Matrix3::from_diagonal(&Vector3::new(1.5, 2.5, 4.0));
+    assert!((flat.nearest_possible().inertia - expected).amax() < 1e-15);
+}
+
+/// A thousand documents of a robot with everything in it, damaged by a generator of fixed seed.
+#[test]
+fn a_thousand_damaged_robots_end_no_process() {
+    let (mut accepted, mut refused) = (0, 0);
+    for seed in 0..1000 {
+        let mut random = Random::new(1_000_000 + seed);
+        let text = mutated(&mut random, HAND);
+        for strict in [false, true] {
+            match read_as(&text, &UrdfOptions { strict, base: Base::Free, ..UrdfOptions::default() }) {
+                Err(error) => {
+                    assert!(!error.to_string().is_empty());
+                    refused += 1;
+                }
+                Ok(model) => {
+                    let rest = vec![0.0; model.n_velocities()];
+                    let mut data = Data::new(&model);
+                    let _ = model.forward_dynamics(&mut data, &model.neutral(), &rest, &rest, &[]);
+                    accepted += 1;
+                }
+            }
+        }
+    }
+    assert!(accepted > 100 && refused > 100, "{accepted} {refused}");
 }

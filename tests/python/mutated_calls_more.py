@@ -118,6 +118,8 @@ multibody.Model.from_urdf(text, base="fixed", gravity=(0.0, 0.0, -9.81))
 with open("cart.urdf", "w") as file:
     file.write(text)
 multibody.Model.read_urdf("cart.urdf", base="free")
+multibody.Robot.from_urdf(text, base="fixed", gravity=(0.0, 0.0, -9.81))
+multibody.Robot.read_urdf("cart.urdf", base="free")
 q, v, a, tau = np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([0.5, 0.6]), np.array([0.7, 0.8])
 many = np.tile(q, (3, 1))
 wrenches = np.zeros((2, 6))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from somersault import Model, RigidBody, errors, multibody
-from somersault.multibody import Link
+from somersault.multibody import Link, Robot
 
 Array = NDArray[np.float64]
 
@@ -477,6 +477,93 @@ def test_trees_come_from_urdf_and_go_there(tmp_path: Path) -> None:
     raises(errors.InputError, "`base` must be 'fixed'", lambda: Model.from_urdf(text, base="ship"))  # type: ignore[arg-type]
     ball = Model([Link("ball", "spherical", mass=1.0, inertia=(1, 1, 1))])
     raises(errors.WriteError, "`ball` cannot be written", ball.to_urdf)
+
+
+GRIPPER = """<robot name="gripper">
+  <link name="palm">
+    <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="2" iyz="0" izz="4"/></inertial>
+    <visual name="skin"><origin xyz="0 0 1"/><geometry><mesh filename="palm.dae"/></geometry></visual>
+    <collision><geometry><box size="1 2 3"/></geometry></collision>
+  </link>
+  <joint name="left" type="prismatic"><parent link="palm"/><child link="a"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="1"/></joint>
+  <joint name="right" type="prismatic"><parent link="palm"/><child link="b"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="0"/><mimic joint="left" multiplier="-2" offset="0.1"/></joint>
+  <link name="a"><inertial><mass value="3"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="b"><inertial><mass value="5"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+</robot>"""
+
+
+def test_robots_are_read_with_their_repairs_and_geometry(tmp_path: Path) -> None:
+    robot = Robot.from_urdf(GRIPPER)
+    assert (robot.name, robot.model.n_velocities, repr(robot)) == (
+        "gripper",
+        1,
+        "<Robot 'gripper': 3 bodies, 1 repairs>",
+    )
+    assert robot.repairs[0].startswith("link `palm` (line 2) cannot have the principal moments [")
+    np.testing.assert_allclose(robot.model.links[0].inertia, np.diag((1.5, 2.5, 4.0)), atol=1e-15)
+    np.testing.assert_allclose(robot.model.mass_matrix([0.0]), [[3.0 + 4.0 * 5.0]])
+    assert robot.model.links[2].mimic == ("a", -2.0, 0.1)
+    mesh, box = robot.geometry
+    assert (mesh.body, mesh.purpose, mesh.name, mesh.shape, mesh.file, mesh.size) == (
+        0,
+        "visual",
+        "skin",
+        "mesh",
+        "palm.dae",
+        (1.0, 1.0, 1.0),
+    )
+    np.testing.assert_array_equal(mesh.position, (0.0, 0.0, 1.0))
+    assert mesh.orientation.magnitude() == 0.0
+    assert (box.purpose, box.shape, box.size, box.file, box.name) == (
+        "collision",
+        "box",
+        (1.0, 2.0, 3.0),
+        None,
+        None,
+    )
+    assert repr(box) == "<Geometry: collision box [1.0, 2.0, 3.0] of body 0>"
+    path = tmp_path / "gripper.urdf"
+    path.write_text(GRIPPER, encoding="utf-8")
+    free = Robot.read_urdf(path, base="free", gravity=(0.0, 0.0, -1.6))
+    again = pickle.loads(pickle.dumps(free))
+    assert again.model == free.model and again.repairs == free.repairs and again.geometry == free.geometry
+    assert free.model.random(1).shape == (8,)
+    raises(errors.ReadError, "cannot have the principal moments", lambda: Model.from_urdf(GRIPPER))
+    lost = GRIPPER.replace('mimic joint="left"', 'mimic joint="thumb"')
+    raises(errors.ReadError, "mimics the joint `thumb`, which does not exist", lambda: Robot.from_urdf(lost))
+
+
+def test_a_joint_follows_another() -> None:
+    finger = Link(
+        "b", "revolute", parent="palm", axis=(0, 0, 1), mass=1.0, inertia=(1, 1, 1), mimic=("a", 2.0, 0.5)
+    )
+    assert finger.mimic == ("a", 2.0, 0.5)
+    assert pickle.loads(pickle.dumps(finger)) == finger
+    links = [
+        Link("palm", "free", mass=2.0, inertia=(1, 1, 1)),
+        finger,
+        Link("a", "revolute", parent="palm", axis=(0, 0, 1), mass=1.0, inertia=(1, 1, 1)),
+    ]
+    model = Model(links)
+    assert (model.n_positions, model.n_velocities) == (8, 7)
+    assert model.velocities_of("b") == slice(6, 6, 1) and model.velocities_of("a") == slice(6, 7, 1)
+    q, v = model.random(2), np.linspace(-1, 1, 7)
+    a = model.forward_dynamics(q, v, np.zeros(7))
+    np.testing.assert_allclose(model.inverse_dynamics(q, v, a), 0.0, atol=1e-12)
+    raises(
+        errors.InputError,
+        "follows that of `c`",
+        lambda: Model(
+            [
+                *links[:1],
+                Link("d", "revolute", parent="palm", axis=(0, 0, 1), mass=1.0, mimic=("c", 1.0, 0.0)),
+            ]
+        ),
+    )
 
 
 def test_divers_have_their_tables_and_postures() -> None:

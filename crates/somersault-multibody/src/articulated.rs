@@ -17,7 +17,7 @@
 //! the rows of M sorted into passive and active it solves thesis (C.24), hence (C.25) with u_p kept and
 //! (C.26). Cost O(n).
 
-use crate::data::{Data, Node, Pivot};
+use crate::data::{Data, Node, Pivot, TreeData};
 use crate::error::DynamicsError;
 use crate::inertia::ArticulatedInertia;
 use crate::model::Model;
@@ -60,11 +60,12 @@ impl Split {
         Self { active }
     }
 
-    /// All degrees of freedom of the joints of the named bodies are active, the others passive.
+    /// All degrees of freedom of the joints of the named bodies are active, the others passive. A joint that follows
+    /// another is moved by that one's.
     pub fn try_active<T: Scalar>(model: &Model<T>, bodies: &[&str]) -> Result<Self, DynamicsError> {
         let mut active = vec![false; model.n_velocities()];
         for name in bodies {
-            active[model.velocities_of(model.body(name)?)].fill(true);
+            active[model.leading_velocities_of(model.body(name)?)].fill(true);
         }
         Ok(Self { active })
     }
@@ -98,10 +99,17 @@ impl<T: Scalar> Model<T> {
         self.expect_state(data, q, v)?;
         expect_length("torque", torque.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
-        let Data { nodes, momenta, pivots, acceleration, .. } = data;
+        if self.coupling.is_some() {
+            let mut acceleration = std::mem::take(&mut data.room.acceleration);
+            let done =
+                self.coupled_accelerations(&AllPassive, data, q, v, &mut acceleration, torque, wrenches);
+            data.room.acceleration = acceleration;
+            return done.map(|()| data.room.acceleration.as_slice());
+        }
+        let TreeData { nodes, momenta, pivots, acceleration, .. } = &mut data.tree;
         self.articulate(&AllPassive, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
         self.release(&AllPassive, nodes, momenta, pivots, acceleration, &mut []);
-        Ok(&data.acceleration)
+        Ok(&data.tree.acceleration)
     }
 
     /// Accelerations of the passive and forces of the active degrees of freedom.
@@ -124,7 +132,15 @@ impl<T: Scalar> Model<T> {
         expect_length("acceleration", acceleration.len(), self.n_velocities())?;
         expect_length("torque", torque.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
-        let Data { nodes, momenta, pivots, .. } = data;
+        if self.coupling.is_some() {
+            self.coupled_accelerations(split, data, q, v, acceleration, torque, wrenches)?;
+            let found = self.inverse_dynamics(data, q, v, acceleration, wrenches)?;
+            for k in (0..found.len()).filter(|&k| split.active[k]) {
+                torque[k] = found[k];
+            }
+            return Ok(());
+        }
+        let TreeData { nodes, momenta, pivots, .. } = &mut data.tree;
         self.articulate(split, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
         self.release(split, nodes, momenta, pivots, acceleration, torque);
         for k in 0..torque.len() {

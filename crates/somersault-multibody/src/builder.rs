@@ -65,14 +65,23 @@ impl ModelBuilder {
             let name = self.links[0].name.clone();
             return Err(ModelError::NonFinite { name, argument: "gravity" });
         }
-        let model = Model::from_links(self.links, self.gravity);
+        let model = Model::from_links(self.links, self.gravity)?;
         let mut carried: Vec<f64> = model.links().iter().map(|l| l.mass.mass).collect();
         for i in (0..carried.len()).rev() {
-            if carried[i] == 0.0 && model.links()[i].joint != Joint::Fixed {
-                return Err(ModelError::CarriesNoMass { name: model.links()[i].name.clone() });
-            }
             if let Some(parent) = model.parent(i) {
                 carried[parent] += carried[i];
+            }
+        }
+        // a coordinate moves what its joint and all that follow it carry
+        let mut moved = vec![0.0; carried.len()];
+        for (source, carried) in model.sources().iter().zip(carried) {
+            if source.multiplier != 0.0 {
+                moved[source.body] += carried;
+            }
+        }
+        for (i, link) in model.links().iter().enumerate().rev() {
+            if moved[i] == 0.0 && link.joint != Joint::Fixed && link.mimic.is_none() {
+                return Err(ModelError::CarriesNoMass { name: link.name.clone() });
             }
         }
         Ok(model)

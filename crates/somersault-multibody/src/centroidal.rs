@@ -38,15 +38,17 @@ impl<T: Scalar> Model<T> {
     pub fn centroidal<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<Centroidal<'d, T>, DynamicsError> {
         data.expect_for(self)?;
         expect_length("q", q.len(), self.n_positions())?;
-        self.place(data, q);
-        self.gather_composites(data);
-        let whole = &data.nodes[0].composite;
+        let Data { tree, room, .. } = data;
+        self.place(tree, self.spread_positions(q, &mut room.q));
+        self.gather_composites(tree);
+        let whole = &tree.nodes[0].composite;
         let center = whole.first_moment / whole.mass;
-        for (k, momentum) in data.momenta.iter().enumerate() {
+        for (k, momentum) in tree.momenta.iter().enumerate() {
             let about_center = momentum.about(&center);
-            data.momentum_matrix.fixed_view_mut::<3, 1>(0, k).copy_from(&about_center.linear);
-            data.momentum_matrix.fixed_view_mut::<3, 1>(3, k).copy_from(&about_center.angular);
+            tree.momentum_matrix.fixed_view_mut::<3, 1>(0, k).copy_from(&about_center.linear);
+            tree.momentum_matrix.fixed_view_mut::<3, 1>(3, k).copy_from(&about_center.angular);
         }
-        Ok(Centroidal { matrix: &data.momentum_matrix, center_of_mass: data.origin + center })
+        let matrix = self.gather_columns(&tree.momentum_matrix, &mut room.momentum_matrix);
+        Ok(Centroidal { matrix, center_of_mass: tree.origin + center })
     }
 }

@@ -43,9 +43,9 @@ impl<T: Scalar> Model<T> {
         expect_length("q", q.len(), self.n_positions())?;
         expect_length("v", v.len(), self.n_velocities())?;
         expect_length("out", out.len(), self.n_positions())?;
-        for (body, link) in self.bodies.iter().zip(self.links()) {
-            let at = body.q..body.q + link.joint.n_positions();
-            let (q, v, out) = (&q[at.clone()], &v[body.dofs.clone()], &mut out[at]);
+        for (place, link) in self.places.iter().zip(self.links()) {
+            let at = place.q.clone();
+            let (q, v, out) = (&q[at.clone()], &v[place.dofs.clone()], &mut out[at]);
             match link.joint.group() {
                 Group::Vector => {
                     out.iter_mut().zip(q.iter().zip(v)).for_each(|(out, (q, v))| *out = *q + *v);
@@ -73,9 +73,9 @@ impl<T: Scalar> Model<T> {
         expect_length("from", from.len(), self.n_positions())?;
         expect_length("to", to.len(), self.n_positions())?;
         expect_length("out", out.len(), self.n_velocities())?;
-        for (body, link) in self.bodies.iter().zip(self.links()) {
-            let at = body.q..body.q + link.joint.n_positions();
-            let (from, to, out) = (&from[at.clone()], &to[at], &mut out[body.dofs.clone()]);
+        for (place, link) in self.places.iter().zip(self.links()) {
+            let at = place.q.clone();
+            let (from, to, out) = (&from[at.clone()], &to[at], &mut out[place.dofs.clone()]);
             match link.joint.group() {
                 Group::Vector => {
                     out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = *to - *from);

@@ -5,7 +5,7 @@
 //! M_jk = J_jᵀ I^C_k J_k for j on the way from k to the root, zero across branches. Cost O(n d) for
 //! depth d.
 
-use crate::data::Data;
+use crate::data::{Data, TreeData};
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Transform;
@@ -18,11 +18,12 @@ impl<T: Scalar> Model<T> {
     pub fn mass_matrix<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<&'d DMatrix<T>, DynamicsError> {
         data.expect_for(self)?;
         expect_length("q", q.len(), self.n_positions())?;
-        self.place_from(data, q, Transform::identity());
-        self.gather_composites(data);
-        let (n, root) = (self.n_velocities(), self.bodies[0].dofs.end);
-        let entries = data.mass_matrix.as_mut_slice();
-        for (k, momentum) in data.momenta.iter().enumerate() {
+        let Data { tree, room, .. } = data;
+        self.place_from(tree, self.spread_positions(q, &mut room.q), Transform::identity());
+        self.gather_composites(tree);
+        let (n, root) = (self.directions.len(), self.bodies[0].dofs.end);
+        let entries = tree.mass_matrix.as_mut_slice();
+        for (k, momentum) in tree.momenta.iter().enumerate() {
             for (j, direction) in self.directions[..root.min(k + 1)].iter().enumerate() {
                 let entry = direction.dot(momentum);
                 entries[k * n + j] = entry;
@@ -30,17 +31,17 @@ impl<T: Scalar> Model<T> {
             }
             let mut ancestor = Some(k);
             while let Some(j) = ancestor.filter(|&j| j >= root) {
-                let entry = data.columns[j].dot(momentum);
+                let entry = tree.columns[j].dot(momentum);
                 entries[k * n + j] = entry;
                 entries[j * n + k] = entry;
                 ancestor = self.dof_parent[j];
             }
         }
-        Ok(&data.mass_matrix)
+        Ok(self.gather_square(&tree.mass_matrix, &mut room.mass_matrix))
     }
 
     /// Composite inertias, and their products with the motion subspaces; poses must be up to date.
-    pub(crate) fn gather_composites(&self, data: &mut Data<T>) {
+    pub(crate) fn gather_composites(&self, data: &mut TreeData<T>) {
         for (body, node) in self.bodies.iter().zip(&mut data.nodes) {
             node.composite = body.inertia.seen_from(&node.pose);
         }

@@ -14,6 +14,13 @@ use somersault_core::Scalar;
 #[derive(Debug, Clone)]
 pub struct Data<T: Scalar = f64> {
     n_positions: usize,
+    pub(crate) tree: TreeData<T>,
+    pub(crate) room: Room<T>,
+}
+
+/// What the kernels write, in tree coordinates.
+#[derive(Debug, Clone)]
+pub(crate) struct TreeData<T: Scalar> {
     pub(crate) nodes: Vec<Node<T>>,
     /// Position of the root in the world, the origin of the common frame.
     pub(crate) origin: Vector3<T>,
@@ -56,7 +63,7 @@ pub(crate) struct Pivot<T> {
 impl<T: Scalar> Data<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
-        let n = model.n_velocities();
+        let n = model.directions.len();
         let node = Node {
             local: Transform::identity(),
             pose: Transform::identity(),
@@ -66,8 +73,7 @@ impl<T: Scalar> Data<T> {
             articulated: ArticulatedInertia::rigid(&SpatialInertia::zero()),
             composite: SpatialInertia::zero(),
         };
-        Self {
-            n_positions: model.n_positions(),
+        let tree = TreeData {
             nodes: vec![node; model.n_bodies()],
             origin: Vector3::zeros(),
             columns: vec![Motion::zero(); n],
@@ -78,19 +84,59 @@ impl<T: Scalar> Data<T> {
             zeros: vec![T::zero(); n],
             mass_matrix: DMatrix::zeros(n, n),
             momentum_matrix: DMatrix::zeros(6, n),
-        }
+        };
+        Self { n_positions: model.n_positions(), tree, room: Room::new(model) }
     }
 
     /// Fails unless this workspace has the sizes of `model`.
     #[inline(always)]
     pub(crate) fn expect_for(&self, model: &Model<T>) -> Result<(), DynamicsError> {
-        if self.nodes.len() == model.n_bodies()
-            && self.columns.len() == model.n_velocities()
+        if self.tree.nodes.len() == model.n_bodies()
+            && self.tree.columns.len() == model.directions.len()
+            && self.room.v.len() == model.coupling.as_ref().map_or(0, |_| model.directions.len())
             && self.n_positions == model.n_positions()
         {
             Ok(())
         } else {
             Err(DynamicsError::ForeignData)
+        }
+    }
+}
+
+/// Room for what is spread to tree coordinates and gathered from them; empty for a model without followers.
+#[derive(Debug, Clone)]
+pub(crate) struct Room<T: Scalar> {
+    pub(crate) q: Vec<T>,
+    pub(crate) v: Vec<T>,
+    pub(crate) a: Vec<T>,
+    pub(crate) torque: Vec<T>,
+    pub(crate) mass_matrix: DMatrix<T>,
+    pub(crate) momentum_matrix: DMatrix<T>,
+    pub(crate) acceleration: Vec<T>,
+    /// Joint forces that are left for the passive degrees of freedom.
+    pub(crate) residual: Vec<T>,
+    pub(crate) above: Vec<Option<usize>>,
+    pub(crate) factor: DMatrix<T>,
+}
+
+impl<T: Scalar> Room<T> {
+    pub(crate) fn new(model: &Model<T>) -> Self {
+        let (n, n_q, n_tree) = match &model.coupling {
+            None => (0, 0, 0),
+            Some(coupling) => (coupling.parents.len(), coupling.positions.len(), coupling.velocities.len()),
+        };
+        let (vector, tree) = (vec![T::zero(); n], vec![T::zero(); n_tree]);
+        Self {
+            q: vec![T::zero(); n_q],
+            v: tree.clone(),
+            a: tree,
+            torque: vector.clone(),
+            mass_matrix: DMatrix::zeros(n, n),
+            momentum_matrix: DMatrix::zeros(6, n),
+            acceleration: vector.clone(),
+            residual: vector,
+            above: vec![None; n],
+            factor: DMatrix::zeros(n, n),
         }
     }
 }

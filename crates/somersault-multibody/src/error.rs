@@ -106,6 +106,26 @@ pub enum ModelError {
         /// Upper limit.
         upper: f64,
     },
+    /// The joint that another one follows carries none of the bodies.
+    #[error("the joint of `{name}` follows that of `{leader}`, which is not among the bodies")]
+    UnknownLeader {
+        /// The body whose joint follows.
+        name: String,
+        /// The body whose joint was to lead.
+        leader: String,
+    },
+    /// Only revolute and prismatic joints lead and follow.
+    #[error("the joint of `{name}` has no single coordinate to lead or to follow")]
+    NoSingleCoordinate {
+        /// The body.
+        name: String,
+    },
+    /// A joint follows itself.
+    #[error("the joint of `{name}` follows one that follows it")]
+    MimicCycle {
+        /// The body.
+        name: String,
+    },
     /// Only revolute and prismatic joints have limits.
     #[error("the joint of `{name}` has no single coordinate to limit")]
     LimitsNotApplicable {

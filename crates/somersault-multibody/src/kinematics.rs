@@ -3,7 +3,7 @@
 //! Poses are computed in the common frame, whose axes are those of the world and whose origin is that of
 //! the root body; far from the world's origin nothing is lost by cancellation.
 
-use crate::data::Data;
+use crate::data::{Data, TreeData};
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::{Motion, Transform};
@@ -24,21 +24,21 @@ pub enum Axes {
 #[derive(Debug, Clone, Copy)]
 pub struct Positions<'a, T: Scalar = f64> {
     model: &'a Model<T>,
-    data: &'a Data<T>,
+    data: &'a TreeData<T>,
 }
 
 /// Velocities of all bodies in one state.
 #[derive(Debug, Clone, Copy)]
 pub struct Velocities<'a, T: Scalar = f64> {
     model: &'a Model<T>,
-    data: &'a Data<T>,
+    data: &'a TreeData<T>,
 }
 
 /// Accelerations of all bodies.
 #[derive(Debug, Clone, Copy)]
 pub struct Accelerations<'a, T: Scalar = f64> {
     model: &'a Model<T>,
-    data: &'a Data<T>,
+    data: &'a TreeData<T>,
 }
 
 impl<T: Scalar> Model<T> {
@@ -50,8 +50,9 @@ impl<T: Scalar> Model<T> {
     ) -> Result<Positions<'a, T>, DynamicsError> {
         data.expect_for(self)?;
         expect_length("q", q.len(), self.n_positions())?;
-        self.place(data, q);
-        Ok(Positions { model: self, data })
+        let Data { tree, room, .. } = data;
+        self.place(tree, self.spread_positions(q, &mut room.q));
+        Ok(Positions { model: self, data: tree })
     }
 
     /// Poses and velocities of all bodies. Cost O(n).
@@ -62,9 +63,10 @@ impl<T: Scalar> Model<T> {
         v: &[T],
     ) -> Result<Velocities<'a, T>, DynamicsError> {
         self.expect_state(data, q, v)?;
-        self.place(data, q);
-        self.move_bodies(data, v);
-        Ok(Velocities { model: self, data })
+        let Data { tree, room, .. } = data;
+        self.place(tree, self.spread_positions(q, &mut room.q));
+        self.move_bodies(tree, self.spread(v, &mut room.v));
+        Ok(Velocities { model: self, data: tree })
     }
 
     /// Poses, velocities and accelerations of all bodies. Cost O(n).
@@ -77,7 +79,9 @@ impl<T: Scalar> Model<T> {
     ) -> Result<Accelerations<'a, T>, DynamicsError> {
         self.expect_state(data, q, v)?;
         expect_length("a", a.len(), self.n_velocities())?;
-        self.place(data, q);
+        let Data { tree: data, room, .. } = data;
+        let (v, a) = (self.spread(v, &mut room.v), self.spread(a, &mut room.a));
+        self.place(data, self.spread_positions(q, &mut room.q));
         self.move_bodies(data, v);
         for (i, body) in self.bodies.iter().enumerate() {
             let outer = body.parent.map_or(Motion::zero(), |p| data.nodes[p].acceleration);
@@ -91,7 +95,7 @@ impl<T: Scalar> Model<T> {
 
     /// Local transforms, poses and motion subspaces in the common frame.
     #[inline]
-    pub(crate) fn place(&self, data: &mut Data<T>, q: &[T]) {
+    pub(crate) fn place(&self, data: &mut TreeData<T>, q: &[T]) {
         let local = self.bodies[0].mechanism.transform(q);
         data.origin = local.translation;
         data.nodes[0].local = local;
@@ -100,7 +104,7 @@ impl<T: Scalar> Model<T> {
 
     /// The same in any frame, from the pose of the root in it.
     #[inline]
-    pub(crate) fn place_from(&self, data: &mut Data<T>, q: &[T], root: Transform<T>) {
+    pub(crate) fn place_from(&self, data: &mut TreeData<T>, q: &[T], root: Transform<T>) {
         for (i, body) in self.bodies.iter().enumerate() {
             let pose = match body.parent {
                 Some(parent) => {
@@ -118,7 +122,7 @@ impl<T: Scalar> Model<T> {
     }
 
     /// Velocities in body axes; poses must be up to date.
-    fn move_bodies(&self, data: &mut Data<T>, v: &[T]) {
+    fn move_bodies(&self, data: &mut TreeData<T>, v: &[T]) {
         for (i, body) in self.bodies.iter().enumerate() {
             let outer = body.parent.map_or(Motion::zero(), |p| data.nodes[p].velocity);
             let node = &mut data.nodes[i];
@@ -157,8 +161,15 @@ impl<'a, T: Scalar> Positions<'a, T> {
                     column.linear = pose.rotation.tr_mul(&column.linear);
                     column.angular = pose.rotation.tr_mul(&column.angular);
                 }
-                out.fixed_view_mut::<3, 1>(0, k).copy_from(&column.linear);
-                out.fixed_view_mut::<3, 1>(3, k).copy_from(&column.angular);
+                if let Some((at, factor)) = self.model.shared_column(k) {
+                    let mut sum = out.fixed_view_mut::<3, 1>(0, at);
+                    sum += column.linear * factor;
+                    let mut sum = out.fixed_view_mut::<3, 1>(3, at);
+                    sum += column.angular * factor;
+                } else {
+                    out.fixed_view_mut::<3, 1>(0, k).copy_from(&column.linear);
+                    out.fixed_view_mut::<3, 1>(3, k).copy_from(&column.angular);
+                }
             }
             body = self.model.bodies[b].parent;
         }

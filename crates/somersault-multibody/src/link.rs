@@ -2,6 +2,7 @@
 
 use crate::error::ModelError;
 use crate::joint::Joint;
+use crate::mimic::Mimic;
 use crate::spatial::Transform;
 use nalgebra::{Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 use somersault_core::Inertia;
@@ -40,7 +41,53 @@ impl MassProperties {
     pub fn massless() -> Self {
         Self::point(0.0, Vector3::zeros())
     }
+
+    /// These properties where a body can have them, and the nearest that one can have where it cannot.
+    ///
+    /// The second moments of the mass about its centre, Σ = ∫ x xᵀ dm = ½ tr(I) 1 − I, are positive semidefinite. The
+    /// nearest such matrix in the Frobenius norm has zero in the place of the negative eigenvalues of Σ, and gives back
+    /// I = tr(Σ) 1 − Σ; mass, centre and principal axes stay. So where one moment exceeds the sum of the two others, it stays and
+    /// half of the excess is added to each of these. Without mass there is no inertia. The tensor is taken as its symmetric part;
+    /// numbers that are not finite, and negative masses, are left as they are.
+    ///
+    /// Source: P. M. Wensing, S. Kim, J.-J. E. Slotine, *Linear matrix inequalities for physically consistent inertial
+    /// parameter identification*, IEEE Robotics and Automation Letters 3 (2018), for the condition.
+    pub fn nearest_possible(&self) -> Self {
+        let size = self.inertia.amax();
+        if !(self.mass >= 0.0 && self.inertia.iter().all(|x| x.is_finite())) || self.is_possible() {
+            return *self;
+        }
+        if self.mass == 0.0 {
+            return Self { inertia: Matrix3::zeros(), ..*self };
+        }
+        // of unit size, so that no sum overflows
+        let tensor = self.inertia / size;
+        let tensor = (tensor + tensor.transpose()) * 0.5;
+        let mut moments = SymmetricEigen::new(Matrix3::from_diagonal_element(tensor.trace() * 0.5) - tensor);
+        moments.eigenvalues.iter_mut().for_each(|x| *x = x.max(0.0));
+        let second = moments.recompose();
+        let inertia = (Matrix3::from_diagonal_element(second.trace()) - second) * size;
+        Self { inertia: (inertia + inertia.transpose()) * 0.5, ..*self }
+    }
+
+    /// Principal moments about the centre of mass, kg m².
+    pub fn principal_moments(&self) -> [f64; 3] {
+        SymmetricEigen::new(self.inertia).eigenvalues.into()
+    }
+
+    /// No negative principal moment, the triangle inequality; zero if there is no mass. Compared with a relative
+    /// rounding of 1e-12.
+    fn is_possible(&self) -> bool {
+        let slack = ROUNDING * self.inertia.amax();
+        let moments = self.principal_moments();
+        let total: f64 = moments.iter().sum();
+        let possible = moments.iter().all(|&m| m >= -slack && 2.0 * m <= total + 4.0 * slack);
+        possible && (self.mass > 0.0 || self.inertia.amax() == 0.0)
+    }
 }
+
+/// Of an inertia tensor, relative.
+const ROUNDING: f64 = 1e-12;
 
 /// One body with the joint that carries it.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,6 +101,8 @@ pub struct Link {
     pub(crate) orientation: UnitQuaternion<f64>,
     pub(crate) damping: f64,
     pub(crate) limits: Option<[f64; 2]>,
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(crate) mimic: Option<Mimic>,
 }
 
 impl Link {
@@ -68,6 +117,7 @@ impl Link {
             orientation: UnitQuaternion::identity(),
             damping: 0.0,
             limits: None,
+            mimic: None,
         }
     }
 
@@ -111,6 +161,13 @@ impl Link {
         self
     }
 
+    /// Lets the joint, revolute or prismatic, follow that of the body `leader`, which may be added later: its coordinate is
+    /// `multiplier` · q + `offset`. It has no numbers in q and v.
+    pub fn following(mut self, leader: impl Into<String>, multiplier: f64, offset: f64) -> Self {
+        self.mimic = Some(Mimic { leader: leader.into(), multiplier, offset });
+        self
+    }
+
     /// Name of the body.
     pub fn name(&self) -> &str {
         &self.name
@@ -149,6 +206,11 @@ impl Link {
     /// Lower and upper limit, if it was given any.
     pub fn limits(&self) -> Option<[f64; 2]> {
         self.limits
+    }
+
+    /// Which joint this one follows, if it follows any.
+    pub fn mimic(&self) -> Option<&Mimic> {
+        self.mimic.as_ref()
     }
 
     pub(crate) fn placement(&self) -> Transform<f64> {
@@ -192,6 +254,12 @@ impl Link {
                 return Err(ModelError::LimitsCrossed { name: name(), lower, upper });
             }
         }
+        if let Some(Mimic { multiplier, offset, .. }) = &self.mimic {
+            finite("mimic", &[*multiplier, *offset])?;
+            if self.joint.n_velocities() != 1 {
+                return Err(ModelError::NoSingleCoordinate { name: name() });
+            }
+        }
         if let Some(given) = self.joint.axis_mut() {
             let axis = *given;
             finite("axis", axis.as_slice())?;
@@ -215,21 +283,14 @@ fn is_unit(norm_squared: f64) -> bool {
     (norm_squared - 1.0).abs() <= 4.0 * f64::EPSILON
 }
 
-/// Symmetric, no negative principal moment, the triangle inequality; zero if there is no mass. Compared
-/// with a relative rounding of 1e-12.
 fn physical_inertia(name: &str, body: &MassProperties) -> Result<(), ModelError> {
-    const ROUNDING: f64 = 1e-12;
     let tensor = &body.inertia;
-    let slack = ROUNDING * tensor.amax();
-    if (tensor - tensor.transpose()).amax() > slack {
+    if (tensor - tensor.transpose()).amax() > ROUNDING * tensor.amax() {
         return Err(ModelError::AsymmetricInertia { name: name.to_owned() });
     }
-    let moments: [f64; 3] = SymmetricEigen::new(*tensor).eigenvalues.into();
-    let total: f64 = moments.iter().sum();
-    let possible = moments.iter().all(|&m| m >= -slack && 2.0 * m <= total + 4.0 * slack);
-    if possible && (body.mass > 0.0 || tensor.amax() == 0.0) {
-        Ok(())
-    } else {
-        Err(ModelError::NonPhysicalInertia { name: name.to_owned(), mass: body.mass, moments })
+    if body.is_possible() {
+        return Ok(());
     }
+    let moments = body.principal_moments();
+    Err(ModelError::NonPhysicalInertia { name: name.to_owned(), mass: body.mass, moments })
 }

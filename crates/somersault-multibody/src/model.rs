@@ -1,9 +1,11 @@
 //! The immutable description of a tree.
 
-use crate::error::DynamicsError;
+use crate::coupling::{Coupling, Source, sources};
+use crate::error::{DynamicsError, ModelError};
 use crate::inertia::SpatialInertia;
 use crate::joint::{Joint, Mechanism};
 use crate::link::Link;
+use crate::mimic::Mimic;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
 use somersault_core::Scalar;
@@ -18,21 +20,34 @@ pub(crate) struct Body<T> {
     pub(crate) parent: Option<usize>,
     pub(crate) mechanism: Mechanism<T>,
     pub(crate) inertia: SpatialInertia<T>,
-    /// First number in q.
+    /// First number in q_t.
     pub(crate) q: usize,
-    /// Degrees of freedom of the joint.
+    /// Degrees of freedom of the joint in v_t.
+    pub(crate) dofs: Range<usize>,
+}
+
+/// Where a joint has its numbers in q and in v; nowhere if it follows another.
+#[derive(Debug, Clone)]
+pub(crate) struct Place {
+    pub(crate) q: Range<usize>,
     pub(crate) dofs: Range<usize>,
 }
 
 /// A tree of rigid bodies: bodies are numbered so that a parent comes before its children.
 ///
-/// Immutable; what an algorithm writes goes to a [`Data`](crate::Data).
+/// Immutable; what an algorithm writes goes to a [`Data`](crate::Data). Joints may follow others ([`Mimic`]); q and v have the numbers
+/// of those that follow none.
 #[derive(Debug, Clone)]
 pub struct Model<T = f64> {
     links: Arc<[Link]>,
     pub(crate) standard_gravity: Vector3<f64>,
     pub(crate) gravity: Vector3<T>,
     pub(crate) bodies: Vec<Body<T>>,
+    pub(crate) places: Vec<Place>,
+    /// Where the numbers of each joint come from.
+    sources: Arc<[Source]>,
+    /// Where joints follow others.
+    pub(crate) coupling: Option<Coupling<T>>,
     /// The columns of all motion subspaces, in body axes.
     pub(crate) directions: Vec<Direction<T>>,
     /// Viscous friction of each degree of freedom.
@@ -40,16 +55,18 @@ pub struct Model<T = f64> {
     /// The degree of freedom before each one on the way to the root (Featherstone's λ, expanded).
     pub(crate) dof_parent: Vec<Option<usize>>,
     n_positions: usize,
+    n_velocities: usize,
 }
 
 impl Model {
-    pub(crate) fn from_links(links: Vec<Link>, gravity: Vector3<f64>) -> Self {
-        Self::compile(links.into(), gravity)
+    pub(crate) fn from_links(links: Vec<Link>, gravity: Vector3<f64>) -> Result<Self, ModelError> {
+        let sources = sources(&links)?;
+        Ok(Self::compile(links.into(), sources.into(), gravity))
     }
 }
 
 impl<T: Scalar> Model<T> {
-    fn compile(links: Arc<[Link]>, standard_gravity: Vector3<f64>) -> Self {
+    fn compile(links: Arc<[Link]>, sources: Arc<[Source]>, standard_gravity: Vector3<f64>) -> Self {
         let mut bodies: Vec<Body<T>> = Vec::with_capacity(links.len());
         let (mut directions, mut damping, mut dof_parent) = (Vec::new(), Vec::new(), Vec::new());
         // the last degree of freedom on the way from the root to each body
@@ -87,27 +104,46 @@ impl<T: Scalar> Model<T> {
             });
             q += link.joint.n_positions();
         }
+        let (mut q, mut v) = (0, 0);
+        let place = |link: &Link| {
+            let leads = usize::from(link.mimic.is_none());
+            let (n_q, n_v) = (link.joint.n_positions() * leads, link.joint.n_velocities() * leads);
+            (q, v) = (q + n_q, v + n_v);
+            Place { q: q - n_q..q, dofs: v - n_v..v }
+        };
+        let places = links.iter().map(place).collect();
+        let sizes: Vec<_> = links.iter().map(|l| (l.joint.n_positions(), l.joint.n_velocities())).collect();
+        let coupling = Coupling::new(&sources, &sizes, &dof_parent);
         Self {
             links,
             standard_gravity,
             gravity: nalgebra::convert(standard_gravity),
             bodies,
+            places,
+            sources,
+            coupling,
             directions,
             damping,
             dof_parent,
             n_positions: q,
+            n_velocities: v,
         }
     }
 
     /// The same tree over another scalar, say dual numbers.
     pub fn cast<U: Scalar>(&self) -> Model<U> {
-        Model::compile(self.links.clone(), self.standard_gravity)
+        Model::compile(self.links.clone(), self.sources.clone(), self.standard_gravity)
     }
 
     /// The bodies with their joints as they were given, in the order of their numbers; axes and rotations of
     /// unit length.
     pub fn links(&self) -> &[Link] {
         &self.links
+    }
+
+    /// The joints that have numbers in q and v, in their order.
+    pub(crate) fn own_joints(&self) -> impl Iterator<Item = &Joint> {
+        self.links.iter().filter(|link| link.mimic.is_none()).map(|link| &link.joint)
     }
 
     /// Number of bodies.
@@ -122,7 +158,7 @@ impl<T: Scalar> Model<T> {
 
     /// Degrees of freedom: numbers in v, in accelerations and in joint forces.
     pub fn n_velocities(&self) -> usize {
-        self.directions.len()
+        self.n_velocities
     }
 
     /// Gravitational acceleration in the world frame, m/s².
@@ -156,23 +192,35 @@ impl<T: Scalar> Model<T> {
         self.links.get(i).map(Link::placement)
     }
 
-    /// Where the joint of body `i` has its numbers in q; empty if there is no such body.
+    /// Where the joint of body `i` has its numbers in q; empty if it follows another joint, and if there is no such body.
     pub fn positions_of(&self, i: usize) -> Range<usize> {
-        match (self.bodies.get(i), self.joint(i)) {
-            (Some(body), Some(joint)) => body.q..body.q + joint.n_positions(),
-            (None, _) | (_, None) => 0..0,
-        }
+        self.places.get(i).map_or(0..0, |place| place.q.clone())
     }
 
     /// Where the joint of body `i` has a quaternion (x, y, z, w) in q; `None` if it has none or there is no such body.
     pub fn quaternion_of(&self, i: usize) -> Option<Range<usize>> {
-        let (first, found) = (self.bodies.get(i)?.q, self.joint(i)?.kind().quaternion()?);
+        let (first, found) = (self.places.get(i)?.q.start, self.joint(i)?.kind().quaternion()?);
         Some(first + found.start..first + found.end)
     }
 
-    /// Where the joint of body `i` has its numbers in v; empty if there is no such body.
+    /// Where the joint of body `i` has its numbers in v; empty if it follows another joint, and if there is no such body.
     pub fn velocities_of(&self, i: usize) -> Range<usize> {
-        self.bodies.get(i).map_or(0..0, |b| b.dofs.clone())
+        self.places.get(i).map_or(0..0, |place| place.dofs.clone())
+    }
+
+    /// The same, and of the joint that leads it for one that follows.
+    pub(crate) fn leading_velocities_of(&self, i: usize) -> Range<usize> {
+        self.sources.get(i).map_or(0..0, |source| self.velocities_of(source.body))
+    }
+
+    /// Which joint that of body `i` follows, if it follows any.
+    pub fn mimic(&self, i: usize) -> Option<&Mimic> {
+        self.links.get(i).and_then(|l| l.mimic.as_ref())
+    }
+
+    /// For each body the one whose joint moves its own, with the multiplier between them.
+    pub(crate) fn sources(&self) -> &[Source] {
+        &self.sources
     }
 
     /// Lower and upper limit of the joint of body `i`, if it was given any.
@@ -193,8 +241,14 @@ impl<T: Scalar> Model<T> {
     /// S v: the velocity of body `i` relative to its parent, in body axes.
     #[inline(always)]
     pub(crate) fn relative(&self, body: &Body<T>, v: &[T]) -> Motion<T> {
+        self.own_motion(body, &v[body.dofs.clone()])
+    }
+
+    /// The same of the numbers of the joint alone.
+    #[inline(always)]
+    pub(crate) fn own_motion(&self, body: &Body<T>, v: &[T]) -> Motion<T> {
         let mut motion = Motion::zero();
-        for (direction, &rate) in self.directions[body.dofs.clone()].iter().zip(&v[body.dofs.clone()]) {
+        for (direction, &rate) in self.directions[body.dofs.clone()].iter().zip(v) {
             direction.add_to(&mut motion, rate);
         }
         motion

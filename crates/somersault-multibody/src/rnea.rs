@@ -3,7 +3,7 @@
 //! Outwards: v_i = X v_λ + S q̇, a_i = X a_λ + S q̈ + v_i × S q̇, f_i = I a_i + v_i ×* I v_i − f_ext,
 //! with a = −g for the world; inwards: τ_i = Sᵀ f_i + d q̇, f_λ += Xᵀ f_i. Cost O(n).
 
-use crate::data::{Data, Node};
+use crate::data::{Data, Node, TreeData};
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
@@ -26,24 +26,31 @@ impl<T: Scalar> Model<T> {
         self.expect_state(data, q, v)?;
         expect_length("a", a.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
-        self.newton_euler::<true>(&mut data.nodes, &mut data.torque, q, v, a, wrenches);
-        Ok(&data.torque)
+        let Data { tree: TreeData { nodes, torque, .. }, room, .. } = data;
+        let q = self.spread_positions(q, &mut room.q);
+        let (v, a) = (self.spread(v, &mut room.v), self.spread(a, &mut room.a));
+        self.newton_euler::<true>(nodes, torque, q, v, a, wrenches);
+        Ok(self.gather(torque, &mut room.torque))
     }
 
     /// h(q, v): the joint forces of inverse dynamics at zero acceleration and without wrenches, that is
     /// Coriolis and centrifugal forces, damping and weight.
     pub fn bias<'d>(&self, data: &'d mut Data<T>, q: &[T], v: &[T]) -> Result<&'d [T], DynamicsError> {
         self.expect_state(data, q, v)?;
-        self.newton_euler::<true>(&mut data.nodes, &mut data.torque, q, v, &data.zeros, &[]);
-        Ok(&data.torque)
+        let Data { tree: TreeData { nodes, torque, zeros, .. }, room, .. } = data;
+        let (q, v) = (self.spread_positions(q, &mut room.q), self.spread(v, &mut room.v));
+        self.newton_euler::<true>(nodes, torque, q, v, zeros, &[]);
+        Ok(self.gather(torque, &mut room.torque))
     }
 
     /// g(q): the joint forces that hold the tree at rest against gravity.
     pub fn gravity_forces<'d>(&self, data: &'d mut Data<T>, q: &[T]) -> Result<&'d [T], DynamicsError> {
         data.expect_for(self)?;
         expect_length("q", q.len(), self.n_positions())?;
-        self.newton_euler::<false>(&mut data.nodes, &mut data.torque, q, &data.zeros, &data.zeros, &[]);
-        Ok(&data.torque)
+        let Data { tree: TreeData { nodes, torque, zeros, .. }, room, .. } = data;
+        let q = self.spread_positions(q, &mut room.q);
+        self.newton_euler::<false>(nodes, torque, q, zeros, zeros, &[]);
+        Ok(self.gather(torque, &mut room.torque))
     }
 
     /// `MOVES` is false where v and a are zero.

@@ -1,9 +1,11 @@
 //! Prints dynamics of URDF models in random states as JSON, for comparison with another package:
 //! `cargo run --release -p somersault-testkit --example dump_urdf -- 100 fixed tests/urdf/arm.urdf`, read
-//! by `tests/python/compare_urdf_with_pinocchio.py`. The base is `fixed`, `planar` or `free`.
+//! by `tests/python/compare_urdf_with_pinocchio.py`, with what was repaired of the document and the bodies that stand for
+//! what it has. The base is `fixed`, `planar` or `free`. A document that is refused is the reason.
 
+use somersault_multibody::robot::{Change, Repair, Robot};
 use somersault_multibody::urdf::{self, Base, UrdfOptions};
-use somersault_multibody::{Data, Model};
+use somersault_multibody::{Data, MassProperties, Model};
 use somersault_testkit::trees::{Random, random_configuration};
 use std::error::Error;
 
@@ -20,6 +22,14 @@ fn state(model: &Model, random: &mut Random) -> Result<String, Box<dyn Error>> {
     Ok(format!("{{{}}}", fields.join(",")))
 }
 
+fn repaired(repair: &Repair) -> String {
+    let at = match &repair.change {
+        Change::Locked { at } => format!("{at:?}"),
+        _ => "null".to_owned(),
+    };
+    format!(r#"{{"element":{:?},"text":{:?},"at":{at}}}"#, repair.element, repair.to_string())
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [count, base, path] = arguments.as_slice() else {
@@ -32,14 +42,34 @@ fn main() -> Result<(), Box<dyn Error>> {
         _ => return Err("the base is fixed, planar or free".into()),
     };
     let options = UrdfOptions { base, ..UrdfOptions::default() };
-    let model = urdf::read(&std::fs::read_to_string(path)?, &options)?;
+    let Robot { model, repairs, geometry, .. } = match urdf::read(&std::fs::read_to_string(path)?, &options) {
+        Ok(robot) => robot,
+        Err(reason) => {
+            println!(r#"{{"refused":{:?}}}"#, reason.to_string());
+            return Ok(());
+        }
+    };
+    let repairs: Vec<String> = repairs.iter().map(repaired).collect();
     let mut bodies = Vec::new();
-    for i in 0..model.n_bodies() {
+    for (i, link) in model.links().iter().enumerate() {
         let (nq, nv) = (model.positions_of(i).len(), model.velocities_of(i).len());
-        bodies.push(format!(r#"{{"name":{:?},"nq":{nq},"nv":{nv}}}"#, model.name(i).unwrap_or_default()));
+        let MassProperties { mass, center, inertia } = link.mass_properties();
+        bodies.push(format!(
+            r#"{{"name":{:?},"nq":{nq},"nv":{nv},"follows":{},"mass":{mass:?},"center":{:?},"inertia":{:?}}}"#,
+            link.name(),
+            link.mimic().is_some(),
+            center.as_slice(),
+            inertia.as_slice()
+        ));
     }
     let mut random = Random::new(1);
     let states = (0..count.parse()?).map(|_| state(&model, &mut random)).collect::<Result<Vec<_>, _>>()?;
-    println!(r#"{{"bodies":[{}],"states":[{}]}}"#, bodies.join(","), states.join(",\n"));
+    println!(
+        r#"{{"repairs":[{}],"n_shapes":{},"bodies":[{}],"states":[{}]}}"#,
+        repairs.join(","),
+        geometry.len(),
+        bodies.join(","),
+        states.join(",\n")
+    );
     Ok(())
 }

@@ -158,6 +158,28 @@ pub fn diver() -> State {
     State { model, q, v, a, torque }
 }
 
+/// The same diver, whose left elbow follows the right one.
+///
+/// # Panics
+/// If the diver is refused, which its construction rules out.
+pub fn geared_diver() -> State {
+    let State { model, mut q, mut v, mut a, mut torque } = diver();
+    let mut builder = Model::builder().with_gravity(*model.gravity());
+    for link in model.links() {
+        let link = link.clone();
+        let follows = link.name() == "left_forearm";
+        builder
+            .add(if follows { link.following("right_forearm", -1.0, 0.0) } else { link })
+            .expect("a link of a tree");
+    }
+    let model = builder.build().expect("a tree");
+    q.truncate(model.n_positions());
+    for numbers in [&mut v, &mut a, &mut torque] {
+        numbers.truncate(model.n_velocities());
+    }
+    State { model, q, v, a, torque }
+}
+
 /// A humanoid with the 27 degrees of freedom of thesis Table 3.2 in 18 bodies: a free torso, waist and
 /// pelvis with a hinge each, four hinges in each leg, one in the neck, ball joints in the shoulders, a
 /// hinge in each elbow and wrist. Boxes for bodies; made for timing, not for anatomy.

@@ -14,8 +14,8 @@ use crate::articulated::{AllPassive, Roles, Split};
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Force;
-use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
+use somersault_core::scalar::{Scalar, constant};
 
 /// out ← out − Σ c x, with each x given by the number of a column of `columns`.
 ///
@@ -58,6 +58,46 @@ fn apply<T: Scalar>(roles: &impl Roles, relatives: &[Vec<usize>], w: &[T], d: &[
         }
         subtract(out, w, relatives.iter().filter(|&&k| !roles.is_active(k)).map(|&k| (k, d[k])));
     }
+}
+
+/// M_pp = LᵀL (Featherstone 2008, table 6.3), L by rows that start at their diagonal; `above` becomes the nearest passive
+/// degree of freedom on each one's way to the root.
+pub(crate) fn factorize<T: Scalar>(
+    model: &Model<T>,
+    roles: &impl Roles,
+    mass: &[T],
+    above: &mut [Option<usize>],
+    factor: &mut [T],
+) -> Result<(), DynamicsError> {
+    let (n, parents) = (above.len(), model.elimination_parents());
+    for k in 0..n {
+        above[k] = parents[k].and_then(|p| if roles.is_active(p) { above[p] } else { Some(p) });
+        for (at, entry) in way(above, Some(k)).zip(&mut factor[k * n..]) {
+            *entry = mass[k * n + at];
+        }
+    }
+    for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
+        let (inner, row) = factor.split_at_mut(k * n);
+        let length = way(above, Some(k)).count();
+        let row = &mut row[..length];
+        let square = row[0];
+        let rounding = mass[k * n + k] * constant(4.0 * f64::EPSILON);
+        if !(square > rounding && square.is_finite()) {
+            let joint = (0..model.n_bodies()).find(|&i| model.velocities_of(i).contains(&k));
+            let joint = joint.and_then(|i| model.name(i)).unwrap_or_default().to_owned();
+            return Err(DynamicsError::Singular { joint });
+        }
+        let inverse = T::one() / square.sqrt();
+        row.iter_mut().for_each(|x| *x *= inverse);
+        // the way from an ancestor is the rest of the way from k
+        for (at, rest) in way(above, above[k]).zip(1..) {
+            let c = row[rest];
+            for (entry, &x) in inner[at * n..].iter_mut().zip(&row[rest..]) {
+                *entry -= x * c;
+            }
+        }
+    }
+    Ok(())
 }
 
 impl<T: Scalar> Model<T> {
@@ -107,7 +147,8 @@ impl<T: Scalar> Model<T> {
         self.eliminate(split, work, q, v, wrenches)?;
         let n = self.n_velocities();
         let DerivativeData { data, relatives, response, input, .. } = &mut *work;
-        apply(split, relatives, response.as_slice(), data.mass_matrix.as_slice(), input.as_mut_slice());
+        let mass = self.gathered(&data.tree.mass_matrix, &data.room.mass_matrix);
+        apply(split, relatives, response.as_slice(), mass.as_slice(), input.as_mut_slice());
         for k in (0..n).filter(|&k| !split.is_active(k)) {
             input.column_mut(k).copy_from(&response.column(k));
         }
@@ -128,45 +169,14 @@ impl<T: Scalar> Model<T> {
         let done = self.inverse_dynamics_partials(work, q, v, &acceleration, wrenches).map(|_| ());
         work.acceleration = acceleration;
         done?;
-        self.factorize(roles, work)?;
+        let DerivativeData { data, above, factor, .. } = &mut *work;
+        let mass = self.gathered(&data.tree.mass_matrix, &data.room.mass_matrix);
+        factorize(self, roles, mass.as_slice(), above, factor.as_mut_slice())?;
         self.respond(roles, work);
-        let DerivativeData { relatives, inverse, forward, response, .. } = work;
-        apply(roles, relatives, response.as_slice(), inverse.q.as_slice(), forward.q.as_mut_slice());
-        apply(roles, relatives, response.as_slice(), inverse.v.as_slice(), forward.v.as_mut_slice());
-        Ok(())
-    }
-
-    /// M_pp = LᵀL (Featherstone 2008, table 6.3).
-    fn factorize(&self, roles: &impl Roles, work: &mut DerivativeData<T>) -> Result<(), DynamicsError> {
-        let n = self.n_velocities();
-        let DerivativeData { data, above, factor, .. } = work;
-        let (mass, factor) = (data.mass_matrix.as_slice(), factor.as_mut_slice());
-        for k in 0..n {
-            above[k] = self.dof_parent[k].and_then(|p| if roles.is_active(p) { above[p] } else { Some(p) });
-            for (at, entry) in way(above, Some(k)).zip(&mut factor[k * n..]) {
-                *entry = mass[k * n + at];
-            }
-        }
-        for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
-            let (inner, row) = factor.split_at_mut(k * n);
-            let length = way(above, Some(k)).count();
-            let row = &mut row[..length];
-            let square = row[0];
-            if !(square > T::zero() && square.is_finite()) {
-                let joint = self.bodies.iter().position(|b| b.dofs.contains(&k));
-                let joint = joint.and_then(|i| self.name(i)).unwrap_or_default().to_owned();
-                return Err(DynamicsError::Singular { joint });
-            }
-            let inverse = T::one() / square.sqrt();
-            row.iter_mut().for_each(|x| *x *= inverse);
-            // the way from an ancestor is the rest of the way from k
-            for (at, rest) in way(above, above[k]).zip(1..) {
-                let c = row[rest];
-                for (entry, &x) in inner[at * n..].iter_mut().zip(&row[rest..]) {
-                    *entry -= x * c;
-                }
-            }
-        }
+        let DerivativeData { relatives, inverse, gathered, forward, response, .. } = work;
+        let (by_q, by_v) = (self.gathered(&inverse.q, &gathered.q), self.gathered(&inverse.v, &gathered.v));
+        apply(roles, relatives, response.as_slice(), by_q.as_slice(), forward.q.as_mut_slice());
+        apply(roles, relatives, response.as_slice(), by_v.as_slice(), forward.v.as_mut_slice());
         Ok(())
     }
 
@@ -174,8 +184,10 @@ impl<T: Scalar> Model<T> {
     fn respond(&self, roles: &impl Roles, work: &mut DerivativeData<T>) {
         let n = self.n_velocities();
         let DerivativeData { data, above, factor, response, .. } = work;
+        let (parents, mass) =
+            (self.elimination_parents(), self.gathered(&data.tree.mass_matrix, &data.room.mass_matrix));
         response.fill_with_identity();
-        let (mass, factor, w) = (data.mass_matrix.as_slice(), factor.as_slice(), response.as_mut_slice());
+        let (mass, factor, w) = (mass.as_slice(), factor.as_slice(), response.as_mut_slice());
         // M_pp⁻¹ is symmetric: its rows are treated as columns, which lie in one piece. Row k of L⁻ᵀ starts at k.
         for k in (0..n).rev().filter(|&k| !roles.is_active(k)) {
             let (inner, row) = w.split_at_mut(k * n);
@@ -198,7 +210,7 @@ impl<T: Scalar> Model<T> {
             row.iter_mut().for_each(|x| *x *= inverse);
         }
         for k in 0..n {
-            let mut ancestor = self.dof_parent[k];
+            let mut ancestor = parents[k];
             while let Some(j) = ancestor {
                 let (active, passive) = if roles.is_active(k) { (k, j) } else { (j, k) };
                 if roles.is_active(active) && !roles.is_active(passive) {
@@ -208,7 +220,7 @@ impl<T: Scalar> Model<T> {
                         column[active] += reached;
                     }
                 }
-                ancestor = self.dof_parent[j];
+                ancestor = parents[j];
             }
         }
     }

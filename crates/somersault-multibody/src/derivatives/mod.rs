@@ -22,12 +22,12 @@
 //! Singh, Russell and Wensing, *Efficient analytical derivatives of rigid-body dynamics using spatial
 //! vector algebra*, IEEE RA-L 7 (2022). The compact 2B is this crate's.
 
-mod elimination;
+pub(crate) mod elimination;
 mod momentum;
 
 pub use momentum::MomentumPartials;
 
-use crate::data::Data;
+use crate::data::{Data, TreeData};
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
 use crate::model::Model;
@@ -60,6 +60,10 @@ pub struct DerivativeData<T: Scalar = f64> {
     bodies: Vec<Outward<T>>,
     columns: Vec<Column<T>>,
     inverse: Tables<T>,
+    /// What `inverse`, `center` and `momentum` are in independent coordinates; empty where no joint follows another.
+    gathered: Tables<T>,
+    gathered_center: DMatrix<T>,
+    gathered_momentum: DMatrix<T>,
     torque: Vec<T>,
     acceleration: Vec<T>,
     /// Of each degree of freedom those on one way to the root with it, itself among them.
@@ -141,14 +145,16 @@ impl<T: Scalar> AddAssign for Coriolis<T> {
 impl<T: Scalar> DerivativeData<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
-        let n = model.n_velocities();
+        let (n, n_tree) = (model.n_velocities(), model.directions.len());
+        let n_gathered = model.coupling.as_ref().map_or(0, |_| n);
+        let parents = model.elimination_parents();
         let mut relatives: Vec<Vec<usize>> = vec![Vec::new(); n];
         for k in 0..n {
-            let mut ancestor = model.dof_parent[k];
+            let mut ancestor = parents[k];
             while let Some(j) = ancestor {
                 relatives[k].push(j);
                 relatives[j].push(k);
-                ancestor = model.dof_parent[j];
+                ancestor = parents[j];
             }
             relatives[k].push(k);
         }
@@ -156,22 +162,26 @@ impl<T: Scalar> DerivativeData<T> {
         let coriolis = Coriolis { momentum: Vector3::zeros(), angular: Matrix3::zeros() };
         let body = Outward { velocity: motion, acceleration: motion, force, coriolis };
         let (vector, square) = (vec![T::zero(); n], DMatrix::zeros(n, n));
-        let tables = Tables { value: vector.clone(), q: square.clone(), v: square.clone() };
+        let tables =
+            |n| Tables { value: vec![T::zero(); n], q: DMatrix::zeros(n, n), v: DMatrix::zeros(n, n) };
         Self {
             data: Data::new(model),
             bodies: vec![body; model.n_bodies()],
-            columns: vec![Column { first: motion, second: motion, rate: motion }; n],
-            inverse: tables.clone(),
+            columns: vec![Column { first: motion, second: motion, rate: motion }; n_tree],
+            inverse: tables(n_tree),
+            gathered: tables(n_gathered),
+            gathered_center: DMatrix::zeros(3, n_gathered),
+            gathered_momentum: DMatrix::zeros(6, n_gathered),
             torque: vector.clone(),
             acceleration: vector,
             relatives,
             above: vec![None; n],
             factor: square.clone(),
             response: square.clone(),
-            forward: tables,
+            forward: tables(n),
             input: square,
-            center: DMatrix::zeros(3, n),
-            momentum: DMatrix::zeros(6, n),
+            center: DMatrix::zeros(3, n_tree),
+            momentum: DMatrix::zeros(6, n_tree),
         }
     }
 }
@@ -189,16 +199,32 @@ impl<T: Scalar> Model<T> {
         self.expect_state(&work.data, q, v)?;
         expect_length("a", a.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
-        self.place(&mut work.data, q);
-        self.spread(work, v, a, wrenches);
-        self.collect(work, v);
-        let Tables { value, q, v } = &work.inverse;
-        Ok(Partials { value, q, v, input: &work.data.mass_matrix })
+        let DerivativeData { data: Data { tree, room, .. }, bodies, columns, inverse, gathered, .. } = work;
+        self.place(tree, self.spread_positions(q, &mut room.q));
+        let (v, a) = (self.spread(v, &mut room.v), self.spread(a, &mut room.a));
+        self.sweep_outwards(tree, bodies, columns, v, a, wrenches);
+        self.collect(tree, bodies, columns, inverse, v);
+        Ok(Partials {
+            value: self.gather(&inverse.value, &mut gathered.value),
+            q: self.gather_square(&inverse.q, &mut gathered.q),
+            v: self.gather_square(&inverse.v, &mut gathered.v),
+            input: self.gather_square(&tree.mass_matrix, &mut room.mass_matrix),
+        })
     }
 
     /// Outwards: velocities, accelerations, forces and columns in the common frame.
-    fn spread(&self, work: &mut DerivativeData<T>, v: &[T], a: &[T], wrenches: &[Force<T>]) {
-        let DerivativeData { data, bodies, columns, .. } = work;
+    ///
+    /// Not inlined: where `v` may be spread or given, only the arguments of a function are known not to overlap.
+    #[inline(never)]
+    fn sweep_outwards(
+        &self,
+        data: &mut TreeData<T>,
+        bodies: &mut [Outward<T>],
+        columns: &mut [Column<T>],
+        v: &[T],
+        a: &[T],
+        wrenches: &[Force<T>],
+    ) {
         let world = Motion::new(-self.gravity, Vector3::zeros());
         for (i, body) in self.bodies.iter().enumerate() {
             let (outer_velocity, outer_acceleration) =
@@ -230,9 +256,17 @@ impl<T: Scalar> Model<T> {
     }
 
     /// Inwards: sums over subtrees, and all entries of a joint with its ancestors.
-    fn collect(&self, work: &mut DerivativeData<T>, v: &[T]) {
-        let n = self.n_velocities();
-        let DerivativeData { data, bodies, columns, inverse: Tables { value, q: by_q, v: by_v }, .. } = work;
+    #[inline(never)]
+    fn collect(
+        &self,
+        data: &mut TreeData<T>,
+        bodies: &mut [Outward<T>],
+        columns: &[Column<T>],
+        tables: &mut Tables<T>,
+        v: &[T],
+    ) {
+        let n = self.directions.len();
+        let Tables { value, q: by_q, v: by_v } = tables;
         let (by_q, by_v) = (by_q.as_mut_slice(), by_v.as_mut_slice());
         let mass = data.mass_matrix.as_mut_slice();
         for (i, body) in self.bodies.iter().enumerate().rev() {

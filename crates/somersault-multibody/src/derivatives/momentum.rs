@@ -5,6 +5,7 @@
 //! part of I^C_i S_k over the mass, and the angular momentum about it by δ(n − c × l) = δn − δc × l − c × δl.
 
 use super::DerivativeData;
+use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
@@ -39,6 +40,8 @@ impl<T: Scalar> Model<T> {
         let centroidal = self.centroidal(&mut work.data, q)?;
         let (center_of_mass, momentum) = (centroidal.center_of_mass, centroidal.momentum(v)?);
         let DerivativeData { data, bodies, center, momentum: by_q, .. } = work;
+        let Data { tree: data, room, .. } = data;
+        let v = self.spread(v, &mut room.v);
         let whole = data.nodes[0].composite;
         let middle = whole.first_moment / whole.mass;
         for (i, body) in self.bodies.iter().enumerate() {
@@ -68,10 +71,10 @@ impl<T: Scalar> Model<T> {
         }
         Ok(MomentumPartials {
             center_of_mass,
-            center_of_mass_q: center,
+            center_of_mass_q: self.gather_columns(center, &mut work.gathered_center),
             momentum,
-            q: by_q,
-            v: &data.momentum_matrix,
+            q: self.gather_columns(by_q, &mut work.gathered_momentum),
+            v: self.gather_columns(&data.momentum_matrix, &mut room.momentum_matrix),
         })
     }
 }

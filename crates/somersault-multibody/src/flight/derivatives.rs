@@ -44,7 +44,7 @@ impl<T: Scalar> Flight<'_, T> {
     ) -> Result<FlightDerivatives<'d, T>, DynamicsError> {
         let Reduced { turn, center, inverse_inertia, momentum, velocity } = self.reduce(data, q, v)?;
         let answer = |change: Force<T>| inverse_inertia * -change.about(&center).angular;
-        let FlightData { nodes, by_shape, by_shape_velocity } = data;
+        let FlightData { nodes, by_shape, by_shape_velocity, gathered: [shape, shape_velocity], .. } = data;
         for (node, body) in nodes.iter().zip(&self.model.bodies) {
             let Some(parent) = body.parent else { continue };
             let outer = velocity + nodes[parent].velocity;
@@ -58,8 +58,13 @@ impl<T: Scalar> Flight<'_, T> {
         }
         Ok(FlightDerivatives {
             angular_velocity: velocity.angular,
-            by_shape,
-            by_shape_velocity,
+            by_shape: self.model.gather_from(self.n_root(), by_shape, Vector3::zeros(), shape),
+            by_shape_velocity: self.model.gather_from(
+                self.n_root(),
+                by_shape_velocity,
+                Vector3::zeros(),
+                shape_velocity,
+            ),
             by_orientation: inverse_inertia * hat(&momentum),
             by_angular_momentum: inverse_inertia * turn.transpose(),
         })

@@ -27,7 +27,7 @@ mod system;
 pub use derivatives::FlightDerivatives;
 pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
 
-use crate::data::Data;
+use crate::data::{Data, Room};
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
 use crate::joint::{Group, Joint};
@@ -100,8 +100,12 @@ pub struct Flight<'m, T: Scalar = f64> {
 #[derive(Debug, Clone)]
 pub struct FlightData<T: Scalar = f64> {
     nodes: Vec<Node<T>>,
+    /// In tree coordinates.
     by_shape: Vec<Vector3<T>>,
     by_shape_velocity: Vec<Vector3<T>>,
+    /// In independent ones, where joints follow others.
+    gathered: [Vec<Vector3<T>>; 2],
+    room: Room<T>,
 }
 
 /// One body, in the axes of the root about its origin, the root at rest.
@@ -138,8 +142,17 @@ impl<T: Scalar> FlightData<T> {
             inertia: SpatialInertia::zero(),
             momentum: Force::zero(),
         };
-        let shape = vec![Vector3::zeros(); model.n_velocities() - model.velocities_of(0).len()];
-        Self { nodes: vec![node; model.n_bodies()], by_shape: shape.clone(), by_shape_velocity: shape }
+        let n_root = model.velocities_of(0).len();
+        let shape = vec![Vector3::zeros(); model.directions.len() - n_root];
+        let n_gathered = model.coupling.as_ref().map_or(0, |_| model.n_velocities() - n_root);
+        let gathered = vec![Vector3::zeros(); n_gathered];
+        Self {
+            nodes: vec![node; model.n_bodies()],
+            by_shape: shape.clone(),
+            by_shape_velocity: shape,
+            gathered: [gathered.clone(), gathered],
+            room: Room::new(model),
+        }
     }
 }
 
@@ -264,10 +277,14 @@ impl<'m, T: Scalar> Flight<'m, T> {
         let model = self.model;
         expect_length("q", q.len(), model.n_positions())?;
         expect_length("v", v.len(), model.n_velocities())?;
-        if data.nodes.len() != model.n_bodies() || data.by_shape.len() + self.n_root() != v.len() {
+        if data.nodes.len() != model.n_bodies()
+            || data.by_shape.len() + self.n_root() != model.directions.len()
+        {
             return Err(DynamicsError::ForeignData);
         }
-        self.gather(&mut data.nodes, q, v);
+        let Room { q: q_room, v: v_room, .. } = &mut data.room;
+        let (tree_q, tree_v) = (model.spread_positions(q, q_room), model.spread(v, v_room));
+        self.gather(&mut data.nodes, tree_q, tree_v);
         let Node { inertia, momentum: of_shape, .. } = &data.nodes[0];
         let center = inertia.first_moment / inertia.mass;
         let about_center = inertia.rotational.full()

@@ -6,7 +6,7 @@
 use crate::coordinates::{Coordinates, Factor, Layout};
 use crate::error::DynamicsError;
 use crate::joint::{Group, Joint, JointKind, Turning};
-use crate::model::{Body, Model};
+use crate::model::{Body, Model, Place};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
 use somersault_core::lie::so3::from_xyzw;
@@ -24,7 +24,7 @@ impl Model {
         self.normalize(&mut q)?;
         let mut rates = v.to_vec();
         self.turn_linear_parts(&q, &mut rates, |turn, part, _| turn * part);
-        let layout = Layout::new(self.links().iter().flat_map(|link| factors(&link.joint)));
+        let layout = Layout::new(self.own_joints().flat_map(factors));
         let (configuration, rate) = layout.state(q, rates);
         Ok(State { configuration, rate })
     }
@@ -43,8 +43,8 @@ impl Model {
     /// out ← the rates of the rates for joint velocities `v` and accelerations `a`; lengths must fit.
     pub(crate) fn second_rates(&self, q: &[f64], v: &[f64], a: &[f64], out: &mut [f64]) {
         out.copy_from_slice(a);
-        self.turn_linear_parts(q, out, |turn, part, body| {
-            let velocity = self.relative(body, v);
+        self.turn_linear_parts(q, out, |turn, part, (body, place)| {
+            let velocity = self.own_motion(body, &v[place.dofs.clone()]);
             turn * (part + velocity.angular.cross(&velocity.linear))
         });
     }
@@ -54,19 +54,20 @@ impl Model {
         &self,
         q: &[f64],
         numbers: &mut [f64],
-        map: impl Fn(&UnitQuaternion<f64>, Vector3<f64>, &Body<f64>) -> Vector3<f64>,
+        map: impl Fn(&UnitQuaternion<f64>, Vector3<f64>, (&Body<f64>, &Place)) -> Vector3<f64>,
     ) {
-        for (body, link) in self.bodies.iter().zip(self.links()) {
+        for ((body, place), link) in self.bodies.iter().zip(&self.places).zip(self.links()) {
             let kind = link.joint.kind();
-            let (n_linear, q) = (kind.n_linear, &q[body.q + kind.n_linear..]);
+            let n_linear = kind.n_linear;
+            let orientation = place.q.start + n_linear;
             let turn = match kind.group() {
                 Group::Vector | Group::Rotations => continue,
-                Group::PlanarMotions => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[0]),
-                Group::Motions => from_xyzw(q),
+                Group::PlanarMotions => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[orientation]),
+                Group::Motions => from_xyzw(&q[orientation..]),
             };
-            let part = self.relative(body, numbers).linear;
-            let mapped = map(&turn, part, body);
-            numbers[body.dofs.clone()][..n_linear].copy_from_slice(&mapped.as_slice()[..n_linear]);
+            let part = self.own_motion(body, &numbers[place.dofs.clone()]).linear;
+            let mapped = map(&turn, part, (body, place));
+            numbers[place.dofs.clone()][..n_linear].copy_from_slice(&mapped.as_slice()[..n_linear]);
         }
     }
 }

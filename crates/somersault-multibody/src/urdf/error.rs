@@ -88,13 +88,15 @@ pub enum UrdfError {
         /// The type, at most 40 characters of it.
         found: String,
     },
-    /// The joint follows another one, which closes a loop.
-    #[error("{element} (line {line}) mimics another joint, which is not supported")]
-    Mimic {
+    /// A joint mimics one that the document does not have.
+    #[error("{element} (line {line}) mimics the joint `{joint}`, which does not exist")]
+    UnknownJoint {
         /// The joint.
         element: String,
         /// Line of the document.
         line: u32,
+        /// The joint that was to lead.
+        joint: String,
     },
     /// Two links or two joints of one name.
     #[error("{element} (line {line}) has the name of an earlier one")]

@@ -3,6 +3,7 @@
 use super::UrdfError;
 use crate::joint::Joint;
 use crate::link::Link;
+use crate::mimic::Mimic;
 use crate::model::Model;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::fmt::Write;
@@ -15,7 +16,7 @@ const WORLD: &str = "world";
 /// A root that is fixed at the world's origin, or floats from there, is the root link: reading it back
 /// takes the same [`Base`](super::Base). Any other hangs on a massless link `world`. Gravity is not part
 /// of the format. Fails for spherical joints, which URDF does not have, and for names that XML
-/// cannot hold.
+/// cannot hold. What a [`Robot`](crate::robot::Robot) has besides its tree is not written.
 pub fn write(model: &Model, name: &str) -> Result<String, UrdfError> {
     let mut out = format!("<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n", escaped(name)?);
     let links = model.links();
@@ -79,6 +80,15 @@ fn joint(out: &mut String, link: &Link, parent: &str) -> Result<(), UrdfError> {
     }
     if link.damping > 0.0 {
         put(out, format_args!("    <dynamics damping=\"{:?}\"/>\n", link.damping));
+    }
+    if let Some(Mimic { leader, multiplier, offset }) = link.mimic() {
+        let leader = escaped(leader)?;
+        put(
+            out,
+            format_args!(
+                "    <mimic joint=\"{leader}\" multiplier=\"{multiplier:?}\" offset=\"{offset:?}\"/>\n"
+            ),
+        );
     }
     out.push_str("  </joint>\n");
     Ok(())

@@ -69,6 +69,11 @@ impl<'a> Element<'a> {
         self.node.document().text_pos_at(self.node.range().start).row
     }
 
+    /// The byte of the document at which it starts.
+    pub(super) fn start(&self) -> usize {
+        self.node.range().start
+    }
+
     pub(super) fn rejected(&self, source: ModelError) -> UrdfError {
         UrdfError::Rejected { element: self.to_string(), line: self.line(), source }
     }
@@ -95,7 +100,17 @@ impl<'a> Element<'a> {
         self.node.attribute(attribute).ok_or_else(|| self.missing(attribute))
     }
 
-    fn missing(&self, attribute: &'static str) -> UrdfError {
+    pub(super) fn attribute_or_none(&self, attribute: &'static str) -> Option<&'a str> {
+        self.node.attribute(attribute)
+    }
+
+    /// Those of its children that have this tag.
+    pub(super) fn all(self, child: &'static str) -> impl Iterator<Item = Self> {
+        let found = self.node.children().filter(move |n| n.is_element() && n.tag_name().name() == child);
+        found.map(move |node| Self { node, ..self })
+    }
+
+    pub(super) fn missing(&self, attribute: &'static str) -> UrdfError {
         UrdfError::MissingAttribute { element: self.to_string(), line: self.line(), attribute }
     }
 

@@ -58,6 +58,9 @@ const KINDS: &str = "'fixed', 'revolute', 'prismatic', 'spherical', 'planar' or 
 ///     Viscous friction in each degree of freedom, N s/m or N m s.
 /// limits : tuple of float, optional
 ///     Range of a revolute or prismatic joint, rad or m; recorded, not enforced.
+/// mimic : tuple of (str, float, float), optional
+///     Lets a revolute or prismatic joint follow that of the body of this name: its coordinate is the first number times that of
+///     the leader, plus the second. It has no numbers in q and v.
 ///
 /// Raises
 /// ------
@@ -96,6 +99,10 @@ value! {
         damping: f64 = |own| own.0.damping();
         /// tuple of float or None: Range of a revolute or prismatic joint, rad or m.
         limits: Option<(f64, f64)> = |own| own.0.limits().map(|[lower, upper]| (lower, upper));
+        /// tuple of (str, float, float) or None: The body whose joint this one follows, multiplier and offset.
+        mimic: Option<PickledMimic> = |own| {
+            own.0.mimic().map(|m| (m.leader.clone(), m.multiplier, m.offset))
+        };
     }
 }
 
@@ -104,7 +111,7 @@ impl Link {
     #[new]
     #[pyo3(signature = (
         name, joint, *, parent=None, axis=None, mass=None, center=None, inertia=None, body=None, origin=None,
-        orientation=None, damping=0.0, limits=None
+        orientation=None, damping=0.0, limits=None, mimic=None
     ))]
     fn new(
         name: &str,
@@ -119,6 +126,7 @@ impl Link {
         orientation: Option<&Bound<'_, PyAny>>,
         damping: f64,
         limits: Option<[f64; 2]>,
+        mimic: Option<PickledMimic>,
     ) -> Result<Self, Error> {
         let vector = |argument, value: Option<&Bound<'_, PyAny>>| {
             value.map_or(Ok(Vector3::zeros()), |value| any_vector(argument, value))
@@ -148,6 +156,9 @@ impl Link {
         link = link.with_damping(damping);
         if let Some([lower, upper]) = limits {
             link = link.with_limits(lower, upper);
+        }
+        if let Some((leader, multiplier, offset)) = mimic {
+            link = link.following(leader, multiplier, offset);
         }
         // All that can be said of a body without its parent.
         ModelBuilder::new().add(link.clone())?;
@@ -179,7 +190,7 @@ impl Link {
         let quaternion = numpy::PyArray1::from_slice(py, &components(link.0.orientation()));
         let arguments = (
             (link.name(), link.joint(), link.parent(), link.axis(py), link.mass(), link.center(py)),
-            (link.inertia(py)?, link.origin(py), quaternion, link.damping(), link.limits()),
+            (link.inertia(py)?, link.origin(py), quaternion, link.damping(), link.limits(), link.mimic()),
         );
         by_restore(slf, arguments)
     }
@@ -192,7 +203,7 @@ impl Link {
         joint: PickledJoint<'_>,
     ) -> Result<Self, Error> {
         let (name, kind, parent, axis, mass, center) = &body;
-        let (inertia, origin, quaternion, damping, limits) = &joint;
+        let (inertia, origin, quaternion, damping, limits, mimic) = &joint;
         Self::new(
             name,
             kind,
@@ -206,6 +217,7 @@ impl Link {
             Some(quaternion),
             *damping,
             *limits,
+            mimic.clone(),
         )
     }
 }
@@ -213,8 +225,12 @@ impl Link {
 /// Name, joint, parent, axis, mass and centre of mass.
 type PickledBody<'py> = (String, String, Option<String>, Option<Bound<'py, PyAny>>, f64, Bound<'py, PyAny>);
 
-/// Inertia, origin, quaternion, damping and limits.
-type PickledJoint<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, f64, Option<[f64; 2]>);
+/// Inertia, origin, quaternion, damping, limits and what it follows.
+type PickledJoint<'py> =
+    (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, f64, Option<[f64; 2]>, Option<PickledMimic>);
+
+/// Leader, multiplier and offset.
+type PickledMimic = (String, f64, f64);
 
 fn joint_of(kind: &str, axis: Option<&Bound<'_, PyAny>>) -> Result<Joint, Error> {
     let given = axis.is_some();

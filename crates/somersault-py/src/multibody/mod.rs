@@ -8,6 +8,7 @@ pub(crate) mod model;
 pub(crate) mod models;
 pub(crate) mod motion;
 pub(crate) mod partials;
+pub(crate) mod robot;
 pub(crate) mod urdf;
 
 /// Articulated bodies and their dynamics.
@@ -26,6 +27,8 @@ pub(crate) mod module {
     use crate::multibody::models::Diver;
     #[pymodule_export]
     use crate::multibody::motion::{TreeDenseOutput, TreeSolution, integrate_tree};
+    #[pymodule_export]
+    use crate::multibody::robot::{Geometry, Robot};
 
     #[pymodule_init]
     fn add_models(module: &Bound<'_, PyModule>) -> PyResult<()> {

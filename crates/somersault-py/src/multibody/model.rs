@@ -270,7 +270,7 @@ impl Model {
             random.call_method1("uniform", (lower, upper))?.extract()
         };
         let mut q = Vec::with_capacity(self.model.n_positions());
-        for (i, link) in self.model.links().iter().enumerate() {
+        for (i, link) in self.model.links().iter().enumerate().filter(|(_, link)| link.mimic().is_none()) {
             let within = |most: f64| {
                 let [lower, upper] = self.model.limits(i).unwrap_or([-most, most]);
                 uniform(

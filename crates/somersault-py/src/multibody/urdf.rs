@@ -7,7 +7,12 @@ use pyo3::prelude::*;
 use somersault::multibody::urdf::{self, Base, UrdfOptions};
 use std::path::PathBuf;
 
-fn read(text: &str, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Model, Error> {
+/// What a document does not say.
+pub(crate) fn options(
+    base: &str,
+    gravity: Option<&Bound<'_, PyAny>>,
+    strict: bool,
+) -> Result<UrdfOptions, Error> {
     let base = match base {
         "fixed" => Base::Fixed,
         "planar" => Base::Planar,
@@ -17,16 +22,18 @@ fn read(text: &str, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Mo
         }
     };
     let gravity = vector_or("gravity", gravity, UrdfOptions::default().gravity)?;
-    Ok(Model::of(urdf::read(text, &UrdfOptions { base, gravity })?))
+    Ok(UrdfOptions { base, gravity, strict })
+}
+
+fn read(text: &str, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Model, Error> {
+    Ok(Model::of(urdf::read(text, &options(base, gravity, true)?)?.model))
 }
 
 #[pymethods]
 impl Model {
     /// The tree of a URDF document.
     ///
-    /// Links, their inertials, and joints of all types with origin, axis, limits and damping are read. Bodies
-    /// have the names of links; q and v follow the joints depth first in the order of the document.
-    /// Documents may come from anywhere: entities are refused and nesting costs no stack.
+    /// It is read as `Robot.from_urdf` reads it, and refused where that repairs.
     ///
     /// Parameters
     /// ----------
@@ -44,14 +51,14 @@ impl Model {
     /// Raises
     /// ------
     /// ReadError
-    ///     If the document is not a tree of bodies; the message names the element and its line.
+    ///     If the document is not a tree of bodies that can be; the message names the element and its line.
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
     fn from_urdf(text: &str, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
         read(text, base, gravity)
     }
 
-    /// The tree of a URDF file, as `from_urdf` reads it.
+    /// The tree of a URDF file, as `from_urdf` reads it: `Robot.read_urdf` repairs what this refuses.
     ///
     /// Parameters
     /// ----------

@@ -1,0 +1,99 @@
+//! From independent coordinates to those of the tree and back, around the kernels; see [`coupling`](crate::coupling).
+
+use crate::model::Model;
+use nalgebra::DMatrix;
+use somersault_core::Scalar;
+use std::ops::{AddAssign, Mul};
+
+/// From independent numbers to those of the tree and back. `room` is for the result, if there is a coupling.
+impl<T: Scalar> Model<T> {
+    /// q_t = G q + o.
+    #[inline(always)]
+    pub(crate) fn spread_positions<'a>(&self, q: &'a [T], room: &'a mut [T]) -> &'a [T] {
+        let Some(coupling) = &self.coupling else { return q };
+        for (out, row) in room.iter_mut().zip(&coupling.positions) {
+            *out = q[row.at] * row.factor + row.offset;
+        }
+        room
+    }
+
+    /// v_t = G v, for velocities and accelerations.
+    #[inline(always)]
+    pub(crate) fn spread<'a>(&self, v: &'a [T], room: &'a mut [T]) -> &'a [T] {
+        let Some(coupling) = &self.coupling else { return v };
+        for (out, row) in room.iter_mut().zip(&coupling.velocities) {
+            *out = v[row.at] * row.factor;
+        }
+        room
+    }
+
+    /// τ = Gᵀ τ_t.
+    #[inline(always)]
+    pub(crate) fn gather<'a>(&self, tree: &'a [T], room: &'a mut [T]) -> &'a [T] {
+        self.gather_from(0, tree, T::zero(), room)
+    }
+
+    /// Of whatever there is one for each degree of freedom from `first` on; followers come later.
+    #[inline(always)]
+    pub(crate) fn gather_from<'a, X: Copy + AddAssign + Mul<T, Output = X>>(
+        &self,
+        first: usize,
+        tree: &'a [X],
+        zero: X,
+        room: &'a mut [X],
+    ) -> &'a [X] {
+        let Some(coupling) = &self.coupling else { return tree };
+        room.fill(zero);
+        coupling.add(first, tree, room);
+        room
+    }
+
+    /// A G, column by column.
+    #[inline(always)]
+    pub(crate) fn gather_columns<'a>(
+        &self,
+        tree: &'a DMatrix<T>,
+        room: &'a mut DMatrix<T>,
+    ) -> &'a DMatrix<T> {
+        let Some(coupling) = &self.coupling else { return tree };
+        room.fill(T::zero());
+        for (row, column) in coupling.velocities.iter().zip(tree.column_iter()) {
+            let mut out = room.column_mut(row.at);
+            out.zip_apply(&column, |out, x| *out += x * row.factor);
+        }
+        room
+    }
+
+    /// Gᵀ A G.
+    #[inline(always)]
+    pub(crate) fn gather_square<'a>(&self, tree: &'a DMatrix<T>, room: &'a mut DMatrix<T>) -> &'a DMatrix<T> {
+        let Some(coupling) = &self.coupling else { return tree };
+        room.fill(T::zero());
+        for (row, column) in coupling.velocities.iter().zip(tree.column_iter()) {
+            let mut out = room.column_mut(row.at);
+            for (x, other) in column.iter().zip(&coupling.velocities) {
+                out[other.at] += *x * (other.factor * row.factor);
+            }
+        }
+        room
+    }
+
+    /// What was gathered before, if there is a coupling.
+    #[inline(always)]
+    pub(crate) fn gathered<'a>(&self, tree: &'a DMatrix<T>, room: &'a DMatrix<T>) -> &'a DMatrix<T> {
+        if self.coupling.is_some() { room } else { tree }
+    }
+
+    /// The column of a Jacobian to which degree of freedom `k` of the tree adds, and with what factor, where joints
+    /// follow others.
+    #[inline(always)]
+    pub(crate) fn shared_column(&self, k: usize) -> Option<(usize, T)> {
+        self.coupling.as_ref().map(|coupling| (coupling.velocities[k].at, coupling.velocities[k].factor))
+    }
+
+    /// The degree of freedom before each one on the way to the root of the elimination tree of M: where no joint follows
+    /// another that of the joints.
+    pub(crate) fn elimination_parents(&self) -> &[Option<usize>] {
+        self.coupling.as_ref().map_or(&self.dof_parent, |coupling| &coupling.parents)
+    }
+}

@@ -1,0 +1,126 @@
+//! What a file has of a robot: the tree, its geometry, and what had to be repaired to have a tree.
+
+use crate::model::Model;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::fmt;
+
+/// A tree read from a file, with what else the file has.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    /// Its name; empty if it has none.
+    pub name: String,
+    /// The tree.
+    pub model: Model,
+    /// What the file says otherwise; empty if the tree is that of the file.
+    pub repairs: Vec<Repair>,
+    /// What its bodies look like and collide with, in the order of the bodies. No calculation reads it.
+    pub geometry: Vec<Geometry>,
+}
+
+/// Something of a file that no tree can have, and what is in its place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Repair {
+    /// The element, as in "link `hand`".
+    pub element: String,
+    /// Line of the document.
+    pub line: u32,
+    /// What was changed.
+    pub change: Change,
+}
+
+/// The kinds of repairs.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Change {
+    /// No distribution of mass has these principal moments;
+    /// [`MassProperties::nearest_possible`](crate::MassProperties::nearest_possible) stands for them.
+    Inertia {
+        /// Principal moments in the file, kg m².
+        found: [f64; 3],
+        /// Principal moments in the model, kg m².
+        nearest: [f64; 3],
+    },
+    /// The joint moves no mass, nor do those that follow it: it is fixed, since nothing determines its acceleration.
+    Locked {
+        /// Its coordinate: the one in its limits that is nearest to zero, or what it follows makes of that; rad or m.
+        at: f64,
+    },
+    /// A fixed joint that is to follow another one stays fixed.
+    FixedFollower,
+}
+
+impl fmt::Display for Repair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { element, line, change } = self;
+        write!(f, "{element} (line {line}) ")?;
+        match change {
+            Change::Inertia { found, nearest } => {
+                write!(f, "cannot have the principal moments {found:?}; the nearest possible are {nearest:?}")
+            }
+            Change::Locked { at } => write!(f, "moves no mass and is fixed at {at}"),
+            Change::FixedFollower => write!(f, "is fixed and does not follow another joint"),
+        }
+    }
+}
+
+/// What a shape is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum GeometryPurpose {
+    /// To be seen.
+    Visual,
+    /// To be touched.
+    Collision,
+}
+
+/// A shape that is fixed in a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Geometry {
+    /// Number of the body in the model.
+    pub body: usize,
+    /// What it is for.
+    pub purpose: GeometryPurpose,
+    /// Its name, if it has one.
+    pub name: Option<String>,
+    /// Where it is in the body, m.
+    pub position: Vector3<f64>,
+    /// How it is turned: its axes → those of the body.
+    pub orientation: UnitQuaternion<f64>,
+    /// The shape.
+    pub shape: GeometryShape,
+}
+
+/// Shapes about their centres; axes of symmetry are along z.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GeometryShape {
+    /// A box.
+    Box {
+        /// Lengths of its edges, m.
+        size: Vector3<f64>,
+    },
+    /// A cylinder.
+    Cylinder {
+        /// Its radius, m.
+        radius: f64,
+        /// Its length, m.
+        length: f64,
+    },
+    /// A cylinder with half a sphere at each end.
+    Capsule {
+        /// Its radius, m.
+        radius: f64,
+        /// Length of the cylinder, m.
+        length: f64,
+    },
+    /// A sphere.
+    Sphere {
+        /// Its radius, m.
+        radius: f64,
+    },
+    /// A surface in a file of its own, which is not opened.
+    Mesh {
+        /// Where it is, as the document says it.
+        file: String,
+        /// Factors along its axes.
+        scale: Vector3<f64>,
+    },
+}
