@@ -56,8 +56,10 @@ pictures: $(VENV)/.extension
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/crate_graph.py
 
-# The lists of public names of the package and of the crates, written anew; tests show what a change adds or removes.
+# Tests hold both against what there is, and so show what a change adds or removes.
+# The lists of public names, and the parts of stubs that follow from the extension, written anew.
 public-names: $(VENV)/.extension-dev
+	$(BIN)/python tests/python/stubs.py
 	$(BIN)/python tests/python/public_names.py
 	$(BIN)/python tests/python/rust_names.py
 

@@ -1,13 +1,16 @@
 //! Time per step of the spinning top of thesis 7.3.2: without contacts, with the guard of its tip watched in
-//! flight, and with the contact active; and the time of one second with its seven events, with fixed and with
-//! adapted steps.
+//! flight, and with the contact active; the time of one second with its seven events, with fixed and with adapted
+//! steps; and that of a box dropped on a corner, whose friction is a law asked through its object.
 //!
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use somersault::contact::models::SpinningTop;
-use somersault::integrators::driver::Adaptive;
-use somersault::integrators::events::{Location, integrate_located, integrate_located_adaptive};
+use somersault::contact::laws::ContactLaw;
+use somersault::contact::laws::compliant::CompliantLaw;
+use somersault::contact::laws::regularised::RegularisedFriction;
+use somersault::contact::models::{FallingBox, SpinningTop};
+use somersault::integrators::driver::{Adaptive, Steps};
+use somersault::integrators::events::Location;
 use somersault::integrators::stepper::Scope;
 use somersault::prelude::*;
 use std::hint::black_box;
@@ -18,25 +21,21 @@ const STEPS: u64 = 1_000;
 fn steps(c: &mut Criterion) {
     let top = SpinningTop::thesis().expect("the top of the thesis");
     let free = RigidBodySystem::new(top.system.body, Gravity::earth());
-    let (options, location) = (Options::default(), Location::default());
+    let location = Location::default();
     // In 10 ms from the start the tip does not touch; after 0.2 s it never leaves.
     let grid = TimeGrid::try_with_steps(0.0, 0.01, STEPS).expect("a forward interval");
     let settle = TimeGrid::try_new(0.0, 0.2, 1e-4).expect("a forward interval");
-    let settled =
-        integrate_located(Method::RkmkB, options, &top.system, &top.start, &settle, &location, &mut ())
-            .expect("a run of the top");
+    let settled = Run::new(&top.system, Method::RkmkB, settle).locating(location).from(&top.start);
+    let settled = settled.expect("a run of the top");
     for method in Method::ALL.into_iter().filter(|m| m.info().scope != Scope::TorqueFree) {
         let mut group = c.benchmark_group(method.info().name);
         group.throughput(Throughput::Elements(STEPS));
         group.bench_function("contact_free", |b| {
-            b.iter(|| Run::new(&free, method, grid).with_options(options).from(black_box(&top.start)))
+            b.iter(|| Run::new(&free, method, grid).from(black_box(&top.start)))
         });
         for (name, start) in [("guarded", &top.start), ("in_contact", &settled.state)] {
             group.bench_function(name, |b| {
-                b.iter(|| {
-                    let start = black_box(start);
-                    integrate_located(method, options, &top.system, start, &grid, &location, &mut ())
-                })
+                b.iter(|| Run::new(&top.system, method, grid).locating(location).from(black_box(start)))
             });
         }
         group.finish();
@@ -46,33 +45,33 @@ fn steps(c: &mut Criterion) {
 fn one_second(c: &mut Criterion) {
     let top = SpinningTop::thesis().expect("the top of the thesis");
     let grid = TimeGrid::try_new(0.0, 1.0, 1e-3).expect("a forward interval");
+    let run = |method: Method, steps: Steps| {
+        Run::new(&top.system, method, steps).locating(Location::default()).from(black_box(&top.start))
+    };
     let mut group = c.benchmark_group("one_second_of_the_top");
     for method in [Method::RkmkB, Method::Rkmk5B, Method::Rkmk8B] {
-        group.bench_function(method.info().name, |b| {
-            b.iter(|| {
-                let (start, location) = (black_box(&top.start), Location::default());
-                integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ())
-            })
-        });
+        group.bench_function(method.info().name, |b| b.iter(|| run(method, grid.into())));
     }
     for (method, tolerance) in [(Method::Rkmk5B, 1e-9), (Method::Rkmk8B, 1e-9), (Method::Rkmk8B, 1e-11)] {
-        let settings = Adaptive::with_tolerances(tolerance, tolerance);
-        let options = Options::default();
-        group.bench_function(format!("{method}_adaptive_{tolerance:e}"), |b| {
-            b.iter(|| {
-                let (start, location) = (black_box(&top.start), Location::default());
-                let (system, interval) = (&top.system, (0.0, 1.0));
-                integrate_located_adaptive(
-                    method,
-                    options,
-                    system,
-                    start,
-                    interval,
-                    &settings,
-                    &location,
-                    &mut (),
-                )
-            })
+        let steps = Steps::adapted((0.0, 1.0), Adaptive::with_tolerances(tolerance, tolerance));
+        group.bench_function(format!("{method}_adaptive_{tolerance:e}"), |b| b.iter(|| run(method, steps)));
+    }
+    group.finish();
+}
+
+/// The box dropped on a corner: eight contacts, the steps of 0.1 ms of its first half second.
+fn box_with_regularised_friction(c: &mut Criterion) {
+    let normal = CompliantLaw::try_new(400.0, 4.0).expect("a spring and a damper");
+    let friction = RegularisedFriction::try_new(0.3, 0.1).expect("a coefficient and a speed");
+    let law = ContactLaw::from(normal).with_friction(friction);
+    let model = FallingBox::try_new(1.0, Vector3::new(0.3, 0.2, 0.1), law).expect("a box");
+    let (start, location) = (model.on_corner(0.1, 0.4), Location::default());
+    let grid = TimeGrid::try_new(0.0, 0.5, 1e-4).expect("a forward interval");
+    let mut group = c.benchmark_group("box_with_regularised_friction");
+    group.throughput(Throughput::Elements(grid.steps()));
+    for method in [Method::Rkmk, Method::RkmkB, Method::Rkmk8B] {
+        group.bench_function(method.info().name, |b| {
+            b.iter(|| Run::new(&model.system, method, grid).locating(location).from(black_box(&start)))
         });
     }
     group.finish();
@@ -84,6 +83,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_millis(600));
-    targets = steps, one_second
+    targets = steps, one_second, box_with_regularised_friction
 }
 criterion_main!(contact);

@@ -74,13 +74,12 @@ fn no_step_allocates_for_one_body_or_several() {
 #[test]
 fn located_steps_allocate_nothing_between_events() {
     use somersault::contact::models::SpinningTop;
-    use somersault::integrators::events::{Location, integrate_located};
+    use somersault::integrators::events::Location;
 
     let top = SpinningTop::thesis().unwrap();
-    let location = Location::default();
     let located = |method: Method, start: &RigidBodyState, steps| {
         let grid = TimeGrid::try_with_steps(0.0, 1e-5 * steps as f64, steps).unwrap();
-        integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ()).unwrap()
+        Run::new(&top.system, method, grid).locating(Location::default()).from(start).unwrap()
     };
     // In flight from the start; held for good after 0.2 s.
     let held = located(Method::RkmkB, &top.start, 20_000).state;
@@ -180,16 +179,13 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
 #[test]
 fn sensitivities_allocate_nothing_between_events() {
     use somersault::contact::models::SpinningTop;
-    use somersault::contact::sensitivity::{
-        Differentiation, Parameter, SensitivityError, differentiate_located,
-    };
-    use somersault::integrators::events::Location;
+    use somersault::contact::sensitivity::{Differentiation, Parameter, SensitivityError, SensitivityRun};
 
     let top = SpinningTop::thesis().unwrap();
-    let (by, location) = (Differentiation::by([Parameter::Mass]), Location::default());
+    let by = Differentiation::by([Parameter::Mass]);
     let run = |method: Method, start: &RigidBodyState, steps| {
         let grid = TimeGrid::try_with_steps(0.0, 1e-5 * steps as f64, steps).unwrap();
-        differentiate_located(method, Options::default(), &top.system, start, &by, &grid, &location, &mut ())
+        SensitivityRun::new(&top.system, &by, method, grid).from(start)
     };
     let held = run(Method::Rkmk, &top.start, 20_000).unwrap().run.state;
     for method in Method::ALL {

@@ -47,7 +47,7 @@ fn derivatives_of_the_orientation_are_differences() {
     let n = path.n_steps();
     let end = path.orientations()[n];
     let mut found = NodeDerivatives::new(coefficients.len());
-    path.node_derivatives(n, &mut found);
+    path.node_derivatives(n, &mut found).unwrap();
     let h = 1e-5;
     let difference = |plus: UnitQuaternion<f64>, minus: UnitQuaternion<f64>| {
         ((end.inverse() * plus).scaled_axis() - (end.inverse() * minus).scaled_axis()) / (2.0 * h)
@@ -90,12 +90,12 @@ fn the_adjoint_is_the_transpose_of_the_derivatives() {
         by_momentum: Vector3::zeros(),
         by_coefficients: vec![0.0; coefficients.len()],
     };
-    path.pull_back(&by_nodes, &mut pulled);
+    path.pull_back(&by_nodes, &mut pulled).unwrap();
     let (mut start, mut momentum) = (Vector3::zeros(), Vector3::zeros());
     let mut by_coefficients = vec![0.0; coefficients.len()];
     let mut at = NodeDerivatives::new(coefficients.len());
     for (node, weight) in by_nodes.iter().enumerate() {
-        path.node_derivatives(node, &mut at);
+        path.node_derivatives(node, &mut at).unwrap();
         start += at.by_start.tr_mul(weight);
         momentum += at.by_momentum.tr_mul(weight);
         by_coefficients.iter_mut().zip(&at.by_coefficients).for_each(|(sum, by)| *sum += by.dot(weight));
@@ -149,7 +149,7 @@ fn planar_derivatives_are_dual_numbers() {
     path.integrate(&coefficients, &[0.0], Vector3::y() * 80.0, true).unwrap();
     let n = path.n_steps();
     let mut found = NodeDerivatives::new(8);
-    path.node_derivatives(n, &mut found);
+    path.node_derivatives(n, &mut found).unwrap();
     let dual = model.cast::<Dual64>();
     for k in 0..9 {
         let mut c: Vec<Dual64> = coefficients.iter().map(|x| Dual64::from(*x)).collect();
@@ -565,7 +565,7 @@ fn a_path_is_the_same_whatever_was_integrated_before() {
     let derivatives = |path: &mut OrientationPath| {
         path.integrate(&c, &q, momentum, true).unwrap();
         let mut found = NodeDerivatives::new(c.len());
-        path.node_derivatives(path.n_steps(), &mut found);
+        path.node_derivatives(path.n_steps(), &mut found).unwrap();
         (path.orientations().to_vec(), found)
     };
     let expected = derivatives(&mut fresh.clone());

@@ -9,11 +9,9 @@ use somersault_contact::surface::{SignedDistance, Surface};
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, Status, Steps};
-use somersault_integrators::events::{
-    Frozen, Interruption, LocatedResult, Location, integrate_hybrid_adaptive, integrate_located_adaptive,
-};
+use somersault_integrators::events::{Interruption, LocatedResult, Location};
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
+use somersault_integrators::methods::{Dop853, Method, RungeKuttaMuntheKaas};
 use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState};
@@ -45,8 +43,8 @@ fn run(
     settings: &Adaptive,
     recorder: &mut Recorder<Pose>,
 ) -> LocatedResult<BodyInContact<Gravity>> {
-    let (options, location) = (Options::default(), Location::default());
-    integrate_located_adaptive(method, options, system, start, (0.0, end), settings, &location, recorder)
+    let run = Run::new(system, method, Steps::adapted((0.0, end), *settings));
+    run.locating(Location::default()).observed_by(recorder).from(start)
 }
 
 fn tolerance(tolerance: f64) -> Adaptive {
@@ -254,18 +252,9 @@ fn a_step_beyond_what_is_known_of_a_surface_is_taken_back() {
 fn any_embedded_stepper_on_any_system_with_modes_gives_what_the_table_gives() {
     let (ball, settings) = (ball(), tolerance(1e-8));
     let start = ball.at(DROP.x, DROP.v);
-    let frozen = Frozen::new(ball.system.clone(), 0.0, &start);
-    let (stepper, location) = (RungeKuttaMuntheKaas(Dop853), Location::default());
-    let own = integrate_hybrid_adaptive(
-        &frozen,
-        &stepper,
-        &start,
-        (0.0, 1.3),
-        &settings,
-        &location,
-        &mut recorder(&start),
-    )
-    .unwrap();
+    let (stepper, steps) = (RungeKuttaMuntheKaas(Dop853), Steps::adapted((0.0, 1.3), settings));
+    let own = Run::by_embedded_stepper(&ball.system, &stepper, steps).locating(Location::default());
+    let own = own.observed_by(&mut recorder(&start)).from(&start).unwrap();
     let table = run(Method::Rkmk8, &ball.system, &start, 1.3, &settings, &mut recorder(&start)).unwrap();
     assert_eq!((own.state, own.steps, own.trials), (table.state, table.steps, table.trials));
 }
@@ -275,19 +264,8 @@ fn adapted_runs_refuse_bad_input() {
     let ball = ball();
     let start = ball.at(DROP.x, DROP.v);
     let attempt = |method: Method, start: &RigidBodyState, interval: (f64, f64), settings: Adaptive| {
-        let (options, location) = (Options::default(), Location::default());
-        let mut recorder = recorder(start);
-        let system = &ball.system;
-        let run = integrate_located_adaptive(
-            method,
-            options,
-            system,
-            start,
-            interval,
-            &settings,
-            &location,
-            &mut recorder,
-        );
+        let run = Run::new(&ball.system, method, Steps::adapted(interval, settings));
+        let run = run.locating(Location::default()).observed_by(&mut recorder(start)).from(start);
         match run.unwrap_err().reason {
             Interruption::Integrate(error) => error,
             other => panic!("{other}"),

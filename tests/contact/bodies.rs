@@ -16,9 +16,10 @@ use somersault_core::argument::ArgumentError;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
-use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid, integrate_located};
+use somersault_integrators::events::{Frozen, Located, Location};
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::methods::{Dop853, Method, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, State, Twist};
 use somersault_integrators::stepper::Stepper;
 use somersault_integrators::system::{CountMismatch, Interaction};
@@ -42,16 +43,15 @@ fn pair(first: usize, second: usize, radii: (f64, f64), law: impl Into<ContactLa
     SpherePair::try_new(sphere(first, radii.0), sphere(second, radii.1), law).unwrap()
 }
 
-fn run<'a, M: Stepper<Frozen<&'a System>>>(
+fn run<M: for<'a> Stepper<Frozen<'a, System>>>(
     stepper: &M,
-    system: &'a System,
+    system: &System,
     start: &Bodies,
     end: f64,
     dt: f64,
 ) -> Located<Vec<Pose>, EventKind> {
-    let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
+    Run::by_stepper(system, stepper, grid).locating(Location::as_given()).from(start).unwrap()
 }
 
 /// Momentum, and angular momentum about the origin.
@@ -202,8 +202,8 @@ fn methods_of_the_table_in_every_form_keep_their_order_on_colliding_balls() {
     let exact = run(&RungeKuttaMuntheKaas(Dop853), &system, &start, 0.3, 2e-4);
     let error = |method: Method, n: u64| {
         let grid = TimeGrid::try_with_steps(0.0, 0.3, n).unwrap();
-        let (options, location) = (Options::default(), Location::as_given());
-        let found = integrate_located(method, options, &system, &start, &grid, &location, &mut ()).unwrap();
+        let run = Run::new(&system, method, grid).locating(Location::as_given());
+        let found = run.from(&start).unwrap();
         distance(&found.state, &exact.state)
     };
     for (method, order) in [

@@ -1,4 +1,4 @@
-//! The event-locating driver: what it guarantees in each kind of case.
+//! Runs that locate events: what they guarantee in each kind of case.
 
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
@@ -11,11 +11,11 @@ use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Status, Step, TimeGrid};
 use somersault_integrators::events::{
-    Crossing, Frozen, Guard, Hybrid, HybridBodies, Interruption, Located, Location, Sweep, integrate_hybrid,
-    integrate_located,
+    Crossing, Frozen, Guard, Hybrid, HybridBodies, Interruption, Located, Location, Sweep,
 };
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
-use somersault_integrators::methods::{Dop853, Method, Options, RungeKutta4, RungeKuttaMuntheKaas};
+use somersault_integrators::methods::{Dop853, Method, RungeKutta4, RungeKuttaMuntheKaas};
+use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 use somersault_integrators::stepper::{MethodInfo, Scheme, StepError, Stepper};
@@ -24,22 +24,21 @@ use somersault_testkit::bouncing_ball;
 use std::convert::Infallible;
 use std::sync::Arc;
 
-type Run = Located<Pose, EventKind>;
+type Found = Located<Pose, EventKind>;
 
-fn run(method: Method, system: &BodyInContact<Gravity>, start: &RigidBodyState, end: f64, dt: f64) -> Run {
-    let (grid, location) = (TimeGrid::try_new(0.0, end, dt).unwrap(), Location::default());
-    integrate_located(method, Options::default(), system, start, &grid, &location, &mut ()).unwrap()
+fn run(method: Method, system: &BodyInContact<Gravity>, start: &RigidBodyState, end: f64, dt: f64) -> Found {
+    let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
+    Run::new(system, method, grid).locating(Location::default()).from(start).unwrap()
 }
 
 /// By `rkmk8`, of any system, without instantiating the whole table for it.
-fn run8<F: ForceModel>(system: &BodyInContact<F>, start: &RigidBodyState, end: f64, dt: f64) -> Run {
+fn run8<F: ForceModel>(system: &BodyInContact<F>, start: &RigidBodyState, end: f64, dt: f64) -> Found {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    let frozen = Frozen::new(system, 0.0, start);
     let stepper = RungeKuttaMuntheKaas(Dop853);
-    integrate_hybrid(&frozen, &stepper, start, &grid, &Location::default(), &mut ()).unwrap()
+    Run::by_stepper(system, &stepper, grid).locating(Location::default()).from(start).unwrap()
 }
 
-fn kinds(run: &Run) -> Vec<EventKind> {
+fn kinds(run: &Found) -> Vec<EventKind> {
     run.events.iter().map(|e| e.kind).collect()
 }
 
@@ -162,7 +161,7 @@ fn of_two_points_that_touch_and_leave_in_one_step_the_earlier_is_found_first() {
         let system = with_tips(&tips);
         let fine = run(Method::Rkmk8B, &system, &start, 0.8, 1e-3);
         let coarse = run(Method::Rkmk8B, &system, &start, 0.8, 0.4);
-        let touched = |run: &Run| -> Vec<usize> {
+        let touched = |run: &Found| -> Vec<usize> {
             run.events.iter().filter(|e| e.kind == EventKind::TouchDown).map(|e| e.guard).collect()
         };
         assert_eq!(touched(&fine), order);
@@ -374,14 +373,14 @@ impl Scheme for ExactMotion {
     const INFO: MethodInfo = MethodInfo::explicit("exact_motion", "Parabola and harmonic", "", 1);
 }
 
-impl Stepper<Frozen<Bouncer>> for ExactMotion {
+impl Stepper<Frozen<'_, Bouncer>> for ExactMotion {
     type Memory = ();
-    fn start(&self, _: &Frozen<Bouncer>, _: &RigidBodyState) -> Result<(), StepError> {
+    fn start(&self, _: &Frozen<'_, Bouncer>, _: &RigidBodyState) -> Result<(), StepError> {
         Ok(())
     }
     fn step(
         &self,
-        system: &Frozen<Bouncer>,
+        system: &Frozen<'_, Bouncer>,
         _: f64,
         x: &RigidBodyState,
         h: f64,
@@ -420,9 +419,8 @@ fn a_million_contacts_complete_and_add_nothing_but_rounding() {
     let exact =
         (speed * 0.5 * fall - 0.125 * system.gravity * fall * fall, speed - 0.5 * system.gravity * fall);
     let grid = TimeGrid::try_new(0.0, end, 0.06).unwrap();
-    let frozen = Frozen::new(system, 0.0, &start);
     let location = Location { keep_events: false, ..Location::default() };
-    let run = integrate_hybrid(&frozen, &ExactMotion, &start, &grid, &location, &mut ()).unwrap();
+    let run = Run::by_stepper(&system, &ExactMotion, grid).locating(location).from(&start).unwrap();
     assert_eq!((run.event_count, run.events.len(), run.status), (2_000_002, 0, Status::Finished));
     let energy = |x: &RigidBodyState| 0.5 * x.velocity().z.powi(2) + 9.81 * x.position().z;
     let drift = energy(&run.state) / energy(&start) - 1.0;
@@ -441,8 +439,7 @@ fn a_hundred_thousand_contacts_by_a_method_of_the_table_keep_the_energy_to_its_o
     let location = Location { keep_events: false, ..Location::as_given() };
     let drift = |end: f64, dt: f64| {
         let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-        let (method, options) = (Method::Rkmk8B, Options::default());
-        let run = integrate_located(method, options, &system, &start, &grid, &location, &mut ()).unwrap();
+        let run = Run::new(&system, Method::Rkmk8B, grid).locating(location).from(&start).unwrap();
         let spring = system.forces.1.energy(&run.state);
         let energy = 0.5 * run.state.velocity().z.powi(2) + 9.81 * run.state.position().z + spring;
         (run.event_count, energy / (9.81 * 0.001) - 1.0)
@@ -493,11 +490,10 @@ impl Hybrid for DryFriction {
 fn chattering_ends_in_an_error_that_keeps_the_solution() {
     let mut start = RigidBodyState::default();
     start.rate.linear.x = 1.0;
-    let frozen = Frozen::new(DryFriction, 0.0, &start);
     let grid = TimeGrid::try_new(0.0, 2.0, 0.15).unwrap();
     let mut recorder = Recorder::new(0.0, &start, 1);
-    let error = integrate_hybrid(&frozen, &RungeKutta4, &start, &grid, &Location::default(), &mut recorder)
-        .unwrap_err();
+    let run = Run::by_stepper(&DryFriction, &RungeKutta4, grid).locating(Location::default());
+    let error = run.observed_by(&mut recorder).from(&start).unwrap_err();
     assert!(matches!(error.reason, Interruption::Chattering { .. }), "{error}");
     let (t, x) = (error.so_far.t, error.so_far.state);
     assert!((t - 1.0).abs() < 1e-9 && (x.position().x - 0.5).abs() < 1e-9 && x.velocity().x.abs() < 1e-9);
@@ -509,9 +505,9 @@ fn chattering_ends_in_an_error_that_keeps_the_solution() {
 fn any_stepper_on_any_system_with_modes_gives_what_the_table_gives() {
     let ball = ball();
     let start = ball.at(DROP.x, DROP.v);
-    let frozen = Frozen::new(ball.system.clone(), 0.0, &start);
     let grid = TimeGrid::try_new(0.0, 2.0, 0.01).unwrap();
-    let own = integrate_hybrid(&frozen, &RungeKutta4, &start, &grid, &Location::default(), &mut ()).unwrap();
+    let own = Run::by_stepper(&ball.system, &RungeKutta4, grid).locating(Location::default());
+    let own = own.from(&start).unwrap();
     let table = run(Method::Rk4, &ball.system, &start, 2.0, 0.01);
     assert_eq!((own.state, own.steps, own.trials), (table.state, table.steps, table.trials));
 }
@@ -526,10 +522,9 @@ fn an_observer_may_stop_a_run_with_events() {
     }
     let (ball, grid) = (ball(), TimeGrid::try_new(0.0, 2.0, 0.01).unwrap());
     let start = ball.at(DROP.x, DROP.v);
-    let frozen = Frozen::new(ball.system.clone(), 0.0, &start);
     let mut observer = Until(0.4);
-    let run =
-        integrate_hybrid(&frozen, &RungeKutta4, &start, &grid, &Location::default(), &mut observer).unwrap();
+    let run = Run::by_stepper(&ball.system, &RungeKutta4, grid).locating(Location::default());
+    let run = run.observed_by(&mut observer).from(&start).unwrap();
     assert!(run.status == Status::Stopped && (0.4..0.42).contains(&run.t) && run.events.len() == 1);
 }
 
@@ -552,9 +547,8 @@ fn a_surface_that_returns_nan_ends_the_run_and_keeps_the_solution() {
     let system = particle(400.0, 4.0, Arc::new(Torn), -9.81);
     let (start, grid) = (at(0.5, 0.0), TimeGrid::try_new(0.0, 1.0, 0.01).unwrap());
     let mut recorder = Recorder::new(0.0, &start, 1);
-    let frozen = Frozen::new(system, 0.0, &start);
-    let error = integrate_hybrid(&frozen, &RungeKutta4, &start, &grid, &Location::default(), &mut recorder)
-        .unwrap_err();
+    let run = Run::by_stepper(&system, &RungeKutta4, grid).locating(Location::default());
+    let error = run.observed_by(&mut recorder).from(&start).unwrap_err();
     // It falls below 0.2 m after 0.2473 s.
     assert!(
         matches!(error.reason, Interruption::NonFiniteGuard { guard: 0, t, .. } if (t - 0.25).abs() < 1e-12)
@@ -676,8 +670,7 @@ fn a_state_that_jumps_at_events_does_so_in_every_form() {
     let grid = TimeGrid::try_new(0.0, 1.3, 1e-2).unwrap();
     let system = Doubling(ball);
     for method in [Method::Rkmk, Method::RkmkL, Method::RkmkB, Method::Ab4L, Method::Lgvi] {
-        let (options, location) = (Options::default(), Location::default());
-        let run = integrate_located(method, options, &system, &start, &grid, &location, &mut ()).unwrap();
+        let run = Run::new(&system, method, grid).locating(Location::default()).from(&start).unwrap();
         // Two touch-downs and two releases.
         assert_eq!(run.event_count, 4, "{method}");
         assert!((run.state.angular_velocity().y - 12.0).abs() < 1e-12, "{method}: {:?}", run.state);

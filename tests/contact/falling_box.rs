@@ -14,10 +14,10 @@ use somersault_core::lie::so3;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
-use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid, integrate_located};
+use somersault_integrators::events::{Frozen, Located, Location};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{
-    Dop853, DormandPrince, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
+    Dop853, DormandPrince, Method, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
 };
 use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State};
@@ -31,16 +31,15 @@ type System = BodyInContact<Gravity>;
 
 const GRAVITY: f64 = 9.81;
 
-fn run<'a, M: Stepper<Frozen<&'a System>>>(
+fn run<M: for<'a> Stepper<Frozen<'a, System>>>(
     stepper: &M,
-    system: &'a System,
+    system: &System,
     start: &RigidBodyState,
     end: f64,
     dt: f64,
 ) -> Located<Pose, EventKind> {
-    let frozen = Frozen::new(system, 0.0, start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
+    Run::by_stepper(system, stepper, grid).locating(Location::as_given()).from(start).unwrap()
 }
 
 fn kinds(run: &Located<Pose, EventKind>) -> Vec<EventKind> {
@@ -114,8 +113,9 @@ fn every_method_that_takes_torque_has_at_least_its_order_on_the_box_dropped_on_a
     // A run whose events are others, or whose implicit step is too large, does not count.
     let error = |method: Method, n: u32| {
         let grid = TimeGrid::try_with_steps(0.0, END, n.into()).unwrap();
-        let (options, location) = (Options::default(), Location::as_given());
-        integrate_located(method, options, &model.system, &start, &grid, &location, &mut ())
+        Run::new(&model.system, method, grid)
+            .locating(Location::as_given())
+            .from(&start)
             .ok()
             .filter(|found| kinds(found) == kinds(&exact))
             .map_or(f64::NAN, |found| distance(&found.state, &exact.state))
@@ -171,7 +171,7 @@ fn without_location_the_box_falls_to_first_order() {
     assert!((slope(&points) - 1.0).abs() < 0.25, "{} {points:?}", slope(&points));
 }
 
-fn held_run<'a, M: Stepper<Frozen<WithStretches<&'a System>>>>(
+fn held_run<'a, M: for<'b> Stepper<Frozen<'b, WithStretches<&'a System>>>>(
     stepper: &M,
     system: &'a System,
     start: &RigidBodyState,
@@ -180,9 +180,8 @@ fn held_run<'a, M: Stepper<Frozen<WithStretches<&'a System>>>>(
 ) -> Located<Augmented<Pose>, EventKind> {
     let with = WithStretches(system);
     let start = with.unstretched(*start);
-    let frozen = Frozen::new(with, 0.0, &start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, &start, &grid, &Location::default(), &mut ()).unwrap()
+    Run::by_stepper(&with, stepper, grid).locating(Location::default()).from(&start).unwrap()
 }
 
 fn kinds_of(run: &Located<Augmented<Pose>, EventKind>) -> Vec<EventKind> {
@@ -311,11 +310,10 @@ fn watched(
 ) -> (Located<Augmented<Pose>, EventKind>, f64) {
     let with = WithStretches(system);
     let start = with.unstretched(*start);
-    let frozen = Frozen::new(with, 0.0, &start);
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     let mut watch = FullEnergy { system: with, growth: 0.0 };
-    let (stepper, location) = (RungeKuttaMuntheKaas4, Location::default());
-    let run = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut watch).unwrap();
+    let run = Run::by_stepper(&with, &RungeKuttaMuntheKaas4, grid).locating(Location::default());
+    let run = run.observed_by(&mut watch).from(&start).unwrap();
     (run, watch.growth)
 }
 

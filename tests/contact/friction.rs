@@ -16,13 +16,11 @@ use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
-use somersault_integrators::events::{
-    Frozen, Hybrid, Interruption, Located, Location, integrate_hybrid, integrate_located,
-    integrate_located_adaptive,
-};
+use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, Steps, TimeGrid};
+use somersault_integrators::events::{Hybrid, Interruption, Located, Location};
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
-use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::methods::{Dop853, Method, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::stepper::Scope;
 use somersault_integrators::system::{RigidBodySystem, RigidSystem, StateOf, System as _};
@@ -42,9 +40,10 @@ fn run<F: ForceModel>(
     interval: (f64, f64),
     dt: f64,
 ) -> Located<Augmented<Pose>, EventKind> {
-    let frozen = Frozen::new(WithStretches(system), interval.0, start);
     let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
-    integrate_hybrid(&frozen, &RungeKuttaMuntheKaas4, start, &grid, &Location::as_given(), &mut ()).unwrap()
+    let with = WithStretches(system);
+    let run = Run::by_stepper(&with, &RungeKuttaMuntheKaas4, grid);
+    run.locating(Location::as_given()).from(start).unwrap()
 }
 
 /// The same from a state without stretch.
@@ -198,10 +197,8 @@ fn given_stretches_are_laid_into_the_plane_of_contact_and_checked() {
 fn friction_with_a_stretch_is_refused_where_the_state_has_no_place_for_it() {
     let (system, start) = on_slope(Kind::Point, 0.1, 0.1, 0.0);
     let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
-    let (options, location) = (Options::default(), Location::as_given());
-    let error = integrate_located(Method::Rkmk, options, &system, &start, &grid, &location, &mut ())
-        .unwrap_err()
-        .reason;
+    let run = Run::new(&system, Method::Rkmk, grid).locating(Location::as_given());
+    let error = run.from(&start).unwrap_err().reason;
     assert!(matches!(error, Interruption::Integrate(IntegrateError::Variables { .. })), "{error}");
     assert!(error.to_string().contains("WithStretches"), "{error}");
 }
@@ -274,11 +271,9 @@ fn keeps_order(
 ) {
     let with = WithStretches(&system);
     let start = with.unstretched(start);
-    let frozen = Frozen::new(with, 0.0, &start);
     let grid = TimeGrid::try_with_steps(0.0, end, 16_000).unwrap();
-    let (options, location) = (Options::default(), Location::as_given());
-    let stepper = RungeKuttaMuntheKaas(Dop853);
-    let exact = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut ()).unwrap();
+    let (stepper, location) = (RungeKuttaMuntheKaas(Dop853), Location::as_given());
+    let exact = Run::by_stepper(&with, &stepper, grid).locating(location).from(&start).unwrap();
     let switches = kinds(&exact);
     println!("{switches:?}");
     assert!(switches.len() >= least && switches.contains(&EventKind::Stick));
@@ -294,8 +289,7 @@ fn keeps_order(
             for i in 0..3 {
                 let n = base + base * i / 10;
                 let grid = TimeGrid::try_with_steps(0.0, end, n).unwrap();
-                let run =
-                    integrate_located(method, options, &with, &start, &grid, &location, &mut ()).unwrap();
+                let run = Run::new(&with, method, grid).locating(location).from(&start).unwrap();
                 let misses = run.events.len() != exact.events.len();
                 sum += if misses { f64::INFINITY } else { distance(&run.state, &exact.state).powi(2) };
             }
@@ -340,19 +334,8 @@ fn adapted_steps_meet_their_tolerances_through_slip_stick_and_slip() {
     let run = |relative: f64| {
         let mut settings = Adaptive::default();
         (settings.tolerances.relative, settings.tolerances.absolute) = (relative, 1e-2 * relative);
-        let (options, location) = (Options::default(), Location::as_given());
-        let interval = (0.0, 1.4);
-        integrate_located_adaptive(
-            Method::Rkmk8B,
-            options,
-            &with,
-            &start,
-            interval,
-            &settings,
-            &location,
-            &mut (),
-        )
-        .unwrap()
+        let run = Run::new(&with, Method::Rkmk8B, Steps::adapted((0.0, 1.4), settings));
+        run.locating(Location::as_given()).from(&start).unwrap()
     };
     let exact = run(1e-13);
     for tolerance in [1e-6, 1e-8, 1e-10] {
@@ -699,11 +682,10 @@ fn energy_never_grows_while_a_block_sticks_and_slips_or_a_ball_rolls_in_a_bowl()
     for (system, start) in &cases {
         let with = WithStretches(system);
         let start = with.unstretched(*start);
-        let frozen = Frozen::new(with, 0.0, &start);
         let grid = TimeGrid::try_new(0.0, 2.0, 2e-4).unwrap();
         let mut energy = Energy { system: with, growth: 0.0 };
-        let (stepper, location) = (RungeKuttaMuntheKaas4, Location::as_given());
-        let run = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut energy).unwrap();
+        let run = Run::by_stepper(&with, &RungeKuttaMuntheKaas4, grid).locating(Location::as_given());
+        let run = run.observed_by(&mut energy).from(&start).unwrap();
         println!("{} events, growth {:e}", run.events.len(), energy.growth);
         assert!(energy.growth < 1e-12 && !run.events.is_empty(), "{:e}", energy.growth);
     }

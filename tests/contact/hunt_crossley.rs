@@ -8,12 +8,11 @@ use somersault_contact::laws::hunt_crossley::{Elastic, HuntCrossley};
 use somersault_contact::surface::HalfSpace;
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, TimeGrid};
-use somersault_integrators::events::{
-    Frozen, Located, Location, integrate_hybrid, integrate_hybrid_adaptive,
-};
+use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
+use somersault_integrators::events::{Frozen, Located, Location};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, DormandPrince, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::Stepper;
 use somersault_testkit::order::slope;
@@ -21,16 +20,15 @@ use std::sync::Arc;
 
 type System = BodyInContact<Gravity>;
 
-fn run<'a, M: Stepper<Frozen<&'a System>>>(
+fn run<M: for<'a> Stepper<Frozen<'a, System>>>(
     stepper: &M,
-    system: &'a System,
+    system: &System,
     start: &RigidBodyState,
     times: (f64, f64),
     dt: f64,
 ) -> Located<Pose, EventKind> {
-    let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), &mut ()).unwrap()
+    Run::by_stepper(system, stepper, grid).locating(Location::as_given()).from(start).unwrap()
 }
 
 /// A body of 1 kg that meets the ground at 1 m/s under no weight, with e = 0.7.
@@ -46,7 +44,7 @@ fn impact() -> (System, RigidBodyState) {
 }
 
 /// How far the speed it leaves with is from e, run over the given times one step after the other.
-fn impact_error<M: for<'a> Stepper<Frozen<&'a System>>>(stepper: &M, times: &[f64]) -> f64 {
+fn impact_error<M: for<'a> Stepper<Frozen<'a, System>>>(stepper: &M, times: &[f64]) -> f64 {
     let (system, mut x) = impact();
     for pair in times.windows(2) {
         x = run(stepper, &system, &x, (pair[0], pair[1]), pair[1] - pair[0]).state;
@@ -76,7 +74,7 @@ fn times(duration: f64, m: u32, r: f64) -> Vec<f64> {
     times
 }
 
-fn impact_order<M: for<'a> Stepper<Frozen<&'a System>>>(stepper: &M, sizes: [u32; 5], r: f64) -> f64 {
+fn impact_order<M: for<'a> Stepper<Frozen<'a, System>>>(stepper: &M, sizes: [u32; 5], r: f64) -> f64 {
     let duration = duration();
     let points: Vec<_> = sizes
         .into_iter()
@@ -113,13 +111,11 @@ fn adapted_steps_grade_themselves() {
     let (system, x) = impact();
     let points: Vec<_> = (6..=11)
         .map(|digits| {
-            let frozen = Frozen::new(&system, 0.0, &x);
             let settings = Adaptive::with_tolerances(10f64.powi(-digits), 10f64.powi(-digits));
-            let (stepper, location) = (RungeKuttaMuntheKaas(DormandPrince), Location::default());
-            let interval = (0.0, 0.1);
-            let run =
-                integrate_hybrid_adaptive(&frozen, &stepper, &x, interval, &settings, &location, &mut ())
-                    .unwrap();
+            let (stepper, steps) =
+                (RungeKuttaMuntheKaas(DormandPrince), Steps::adapted((0.0, 0.1), settings));
+            let run = Run::by_embedded_stepper(&system, &stepper, steps).locating(Location::default());
+            let run = run.from(&x).unwrap();
             (1.0 / run.steps as f64, (run.state.velocity().z - 0.7).abs())
         })
         .collect();

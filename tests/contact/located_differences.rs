@@ -4,14 +4,15 @@ use nalgebra::SVector;
 use somersault_contact::contacts::BodyInContact;
 use somersault_contact::event::EventKind;
 use somersault_contact::sensitivity::{
-    Differentiation, Parameter, Sensitivities, Undifferentiated, differentiate_hybrid,
+    Differentiation, Parameter, Sensitivities, SensitivityRun, Undifferentiated,
 };
 use somersault_contact::stretches::WithStretches;
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::driver::TimeGrid;
-use somersault_integrators::events::{Event, Frozen, Located, Location, integrate_hybrid};
+use somersault_integrators::events::{Event, Located, Location};
 use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Configuration, Pose, RigidBodyState, Twist};
 use somersault_integrators::variation::Tangent;
 
@@ -29,7 +30,7 @@ pub(crate) fn differentiate<F: ForceModel>(
 ) -> Result<Sensitivities, Box<Undifferentiated>> {
     let grid = TimeGrid::try_new(interval.0, interval.1, dt).unwrap();
     let by = Differentiation::by(by);
-    differentiate_hybrid(&RKMK8, system, start, &by, &grid, &Location::as_given(), &mut ())
+    SensitivityRun::by_stepper(system, &by, &RKMK8, grid).locating(Location::as_given()).from(start)
 }
 
 /// A run by [`RKMK8`] from time 0, its contacts unstretched.
@@ -42,8 +43,7 @@ pub(crate) fn located<F: ForceModel>(
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
     let with = WithStretches(&system);
     let start = with.unstretched(*start);
-    let frozen = Frozen::new(with, 0.0, &start);
-    let run = integrate_hybrid(&frozen, &RKMK8, &start, &grid, &Location::as_given(), &mut ()).unwrap();
+    let run = Run::by_stepper(&with, &RKMK8, grid).locating(Location::as_given()).from(&start).unwrap();
     let bare = |event: Event<Augmented<Pose>, EventKind>| {
         let Event { t, guard, kind, impulse, state } = event;
         Event { t, guard, kind, impulse, state: state.base() }

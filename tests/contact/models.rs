@@ -9,9 +9,10 @@ use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::laws::regularised::RegularisedFriction;
 use somersault_contact::models::{FallingBox, ModelError, RollingDisk, TippeTop};
 use somersault_integrators::driver::{Flow, Observer, Step, TimeGrid};
-use somersault_integrators::events::{Frozen, Located, Location, integrate_hybrid};
+use somersault_integrators::events::{Frozen, Located, Location};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::RungeKuttaMuntheKaas4;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::Stepper;
 use somersault_testkit::order::slope;
@@ -20,22 +21,22 @@ type System = BodyInContact<Gravity>;
 
 const GRAVITY: f64 = 9.81;
 
-fn run_from<'a, M: Stepper<Frozen<&'a System>>>(
+fn run_from<M: for<'a> Stepper<Frozen<'a, System>>>(
     stepper: &M,
-    system: &'a System,
+    system: &System,
     start: &RigidBodyState,
     times: (f64, f64),
     dt: f64,
     observer: &mut impl Observer<Pose>,
 ) -> Located<Pose, EventKind> {
-    let frozen = Frozen::new(system, times.0, start);
     let grid = TimeGrid::try_new(times.0, times.1, dt).unwrap();
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::as_given(), observer).unwrap()
+    let run = Run::by_stepper(system, stepper, grid).locating(Location::as_given());
+    run.observed_by(observer).from(start).unwrap()
 }
 
-fn run<'a, M: Stepper<Frozen<&'a System>>>(
+fn run<M: for<'a> Stepper<Frozen<'a, System>>>(
     stepper: &M,
-    system: &'a System,
+    system: &System,
     start: &RigidBodyState,
     end: f64,
     dt: f64,

@@ -12,7 +12,7 @@ use somersault_core::argument::ArgumentError;
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, TimeGrid};
-use somersault_integrators::events::{Interruption, Located, LocatedResult, Location, integrate_located};
+use somersault_integrators::events::{Interruption, Located, LocatedResult, Location};
 use somersault_integrators::force::{ForceModel, Gravity};
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::run::Run;
@@ -35,7 +35,7 @@ fn try_run<F: ForceModel>(
     observer: &mut impl Observer<Pose>,
 ) -> LocatedResult<BodyInContact<F>> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_located(method, Options::default(), system, start, &grid, &Location::as_given(), observer)
+    Run::new(system, method, grid).locating(Location::as_given()).observed_by(observer).from(start)
 }
 
 fn run<F: ForceModel>(
@@ -468,9 +468,8 @@ fn runs_refuse_bad_input() {
     let grid = TimeGrid::try_new(0.0, 0.1, 1e-3).unwrap();
     let attempt = |method: Method, start: &RigidBodyState, max_event_rate| {
         let location = Location { max_event_rate, ..Location::default() };
-        integrate_located(method, Options::default(), &top.system, start, &grid, &location, &mut ())
-            .map(|_| ())
-            .map_err(|e| e.reason)
+        let run = Run::new(&top.system, method, grid).locating(location).from(start);
+        run.map(|_| ()).map_err(|e| e.reason)
     };
     for rate in [0.0, -1.0, f64::NAN] {
         assert!(matches!(

@@ -10,19 +10,18 @@ use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::{CompliantLaw, damping_ratio, restitution};
 use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::sensitivity::{
-    Differentiation, FrozenVariational, Parameter, VariedPose, VariedState, differentiate_hybrid,
-    differentiate_hybrid_adaptive, differentiate_located, differentiate_located_adaptive,
+    Differentiation, Parameter, SensitivityRun, Variational, VariedPose, VariedState,
 };
 use somersault_contact::surface::{
     CylindricalSurface, HalfSpace, SignedDistance, Solid, SphericalSurface, Surface,
 };
 use somersault_core::lie::so3;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, TimeGrid};
-use somersault_integrators::events::Location;
+use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, Steps, TimeGrid};
+use somersault_integrators::events::Frozen;
 use somersault_integrators::force::{Drag, Gravity, Spring, Wrench};
 use somersault_integrators::methods::{
-    AdamsBashforth4, DormandPrince, Heun, Method, Options, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
+    AdamsBashforth4, DormandPrince, Heun, Method, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4,
 };
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::stepper::Stepper;
@@ -194,9 +193,8 @@ fn columns_jump_by_the_saltation_matrix_at_touch_down_and_not_at_release() {
     let grid = TimeGrid::try_new(0.0, 1.3, 1e-2).unwrap();
     let mut jumps = Jumps(Vec::new(), 0);
     let (start, by) = (ball.at(DROP.x, DROP.v), Differentiation::by(ball_parameters()));
-    let location = Location::default();
-    let found =
-        differentiate_hybrid(&RKMK8, &ball.system, &start, &by, &grid, &location, &mut jumps).unwrap();
+    let run = SensitivityRun::by_stepper(&ball.system, &by, &RKMK8, grid);
+    let found = run.observed_by(&mut jumps).from(&start).unwrap();
     let kinds: Vec<EventKind> = found.run.events.iter().map(|e| e.kind).collect();
     use EventKind::{Release, TouchDown};
     assert_eq!(kinds, [TouchDown, Release, TouchDown, Release]);
@@ -304,7 +302,7 @@ fn the_derivative_of_an_undamped_motion_is_symplectic_through_events() {
 fn sensitivities_have_the_order_of_the_method() {
     fn check<M>(stepper: &M, bases: [u32; 4])
     where
-        M: for<'a> Stepper<FrozenVariational<'a, Gravity>>,
+        M: for<'a, 'b> Stepper<Frozen<'b, Variational<'a, Gravity>>>,
     {
         let order = f64::from(M::INFO.orders.rotation_with_torque.unwrap());
         let (system, start) = top(TOP_DAMPING, 0, 0.0);
@@ -315,9 +313,8 @@ fn sensitivities_have_the_order_of_the_method() {
             for i in 0..5 {
                 let dt = 0.1 / f64::from(base + base * i / 10);
                 let grid = TimeGrid::try_new(0.0, 0.1, dt).unwrap();
-                let (by, location) = (Differentiation::by(top_parameters()), Location::default());
-                let found =
-                    differentiate_hybrid(stepper, &system, &start, &by, &grid, &location, &mut ()).unwrap();
+                let by = Differentiation::by(top_parameters());
+                let found = SensitivityRun::by_stepper(&system, &by, stepper, grid).from(&start).unwrap();
                 errors[0] += (found.state - exact.state).norm_squared();
                 errors[1] += (found.parameters - &exact.parameters).norm_squared();
                 errors[2] += (found.event_times - &exact.event_times).norm_squared();
@@ -461,45 +458,24 @@ fn points_that_touch_down_at_once_have_a_derivative() {
 #[test]
 fn the_derivative_by_name_and_with_adapted_steps_is_that_by_the_stepper() {
     let (system, start) = top(TOP_DAMPING, 0, 0.0);
-    let (by, location) = (Differentiation::by(top_parameters()), Location::default());
+    let by = Differentiation::by(top_parameters());
     let grid = TimeGrid::try_new(0.0, 0.1, 1e-4).unwrap();
-    let own = differentiate_hybrid(&RKMK8, &system, &start, &by, &grid, &location, &mut ()).unwrap();
-    let options = Options::default();
-    let named =
-        differentiate_located(Method::Rkmk8, options, &system, &start, &by, &grid, &location, &mut ())
-            .unwrap();
-    assert_eq!((named.state, &named.parameters), (own.state, &own.parameters));
-    assert_eq!((named.run.state, named.event_times), (own.run.state, own.event_times.clone()));
+    let named = |method, steps: Steps| SensitivityRun::new(&system, &by, method, steps).from(&start).unwrap();
+    let own = SensitivityRun::by_stepper(&system, &by, &RKMK8, grid).from(&start).unwrap();
+    let same = named(Method::Rkmk8, grid.into());
+    assert_eq!((same.state, &same.parameters), (own.state, &own.parameters));
+    assert_eq!((same.run.state, same.event_times), (own.run.state, own.event_times.clone()));
     let settings = Adaptive { max_step: 1e-3, ..Adaptive::with_tolerances(1e-10, 1e-12) };
-    let interval = (0.0, 0.1);
-    let adapted =
-        differentiate_hybrid_adaptive(&RKMK8, &system, &start, &by, interval, &settings, &location, &mut ())
-            .unwrap();
+    let steps = Steps::adapted((0.0, 0.1), settings);
+    let adapted = SensitivityRun::by_embedded_stepper(&system, &by, &RKMK8, steps).from(&start).unwrap();
     let error = (adapted.state - own.state).norm() / own.state.norm();
     let time_error = (adapted.event_times - &own.event_times).norm() / own.event_times.norm();
     println!("{error:.1e} {time_error:.1e} in {} steps", adapted.run.steps);
     assert!(error < 1e-8 && time_error < 1e-8 && adapted.run.steps < 400, "{error:e} {time_error:e}");
     // The named run is the same, and methods in body variables agree with those of the world.
-    let named = |method| {
-        differentiate_located_adaptive(
-            method,
-            options,
-            &system,
-            &start,
-            &by,
-            interval,
-            &settings,
-            &location,
-            &mut (),
-        )
-        .unwrap()
-    };
-    let again = named(Method::Rkmk8);
+    let again = named(Method::Rkmk8, steps);
     assert_eq!((again.state, again.run.state), (adapted.state, adapted.run.state));
-    let body =
-        differentiate_located(Method::Rkmk8B, options, &system, &start, &by, &grid, &location, &mut ())
-            .unwrap();
-    for found in [&body, &named(Method::Rkmk8B)] {
+    for found in [named(Method::Rkmk8B, grid.into()), named(Method::Rkmk8B, steps)] {
         let error = (found.state - own.state).norm() / own.state.norm();
         let of_parameters = (&found.parameters - &own.parameters).norm() / own.parameters.norm();
         let time_error = (&found.event_times - &own.event_times).norm() / own.event_times.norm();

@@ -5,15 +5,14 @@ use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::models::BouncingBall;
 use somersault_contact::sensitivity::{
-    Differentiation, Parameter, SensitivityError, Side, Undifferentiated, differentiate_hybrid,
-    differentiate_located, differentiate_located_adaptive,
+    Differentiation, Parameter, SensitivityError, SensitivityRun, Side, Undifferentiated,
 };
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, IntegrateError, TimeGrid};
-use somersault_integrators::events::{Interruption, Location};
+use somersault_integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
+use somersault_integrators::events::Interruption;
 use somersault_integrators::force::{Gravity, Wrench};
-use somersault_integrators::methods::{Dop853, Method, Options, RungeKuttaMuntheKaas};
+use somersault_integrators::methods::{Dop853, Method, RungeKuttaMuntheKaas};
 use somersault_integrators::state::RigidBodyState;
 use std::sync::Arc;
 
@@ -43,9 +42,9 @@ fn a_graze_is_an_error_that_keeps_the_solution() {
     // Turned around at a depth, or at a height above the ground where that is negative.
     let dip = |depth: f64| at(0.25, -(4.0 * (0.25 + depth)).sqrt());
     let run = |damping, depth, grazing| {
-        let (location, grid) = (Location::default(), TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap());
+        let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
         let by = Differentiation { grazing, ..Differentiation::default() };
-        differentiate_hybrid(&RKMK8, &system(damping), &dip(depth), &by, &grid, &location, &mut ())
+        SensitivityRun::by_stepper(&system(damping), &by, &RKMK8, grid).from(&dip(depth))
     };
     let grazing_of = |error: Box<Undifferentiated>| match error.reason {
         SensitivityError::Grazing(grazing) => grazing,
@@ -81,9 +80,7 @@ fn bad_input_is_refused_with_the_start_kept() {
     let ball = ball();
     let grid = TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap();
     let attempt = |start: &RigidBodyState, by: Differentiation| {
-        let location = Location::default();
-        let error =
-            differentiate_hybrid(&RKMK8, &ball.system, start, &by, &grid, &location, &mut ()).unwrap_err();
+        let error = SensitivityRun::by_stepper(&ball.system, &by, &RKMK8, grid).from(start).unwrap_err();
         assert_eq!((error.so_far.run.t, error.so_far.run.steps), (0.0, 0));
         assert!(error.so_far.run.events.is_empty() && error.so_far.event_times.is_empty());
         error.reason
@@ -117,10 +114,8 @@ fn a_derivative_that_is_not_a_number_ends_the_run_and_keeps_it() {
         force: if t > 0.2 { force } else { Vector3::zeros() },
         torque: Vector3::zeros(),
     }));
-    let (by, location) = (Differentiation::by([by]), Location::default());
-    let start = ball.at(0.5, 0.0);
-    let error =
-        differentiate_hybrid(&RKMK8, &ball.system, &start, &by, &grid, &location, &mut ()).unwrap_err();
+    let (by, start) = (Differentiation::by([by]), ball.at(0.5, 0.0));
+    let error = SensitivityRun::by_stepper(&ball.system, &by, &RKMK8, grid).from(&start).unwrap_err();
     let at = |e: &Undifferentiated| match e.reason {
         SensitivityError::Run(Interruption::Integrate(IntegrateError::NonFinite { t })) => t,
         _ => f64::NAN,
@@ -132,13 +127,11 @@ fn a_derivative_that_is_not_a_number_ends_the_run_and_keeps_it() {
 #[test]
 fn methods_parameters_and_steps_that_cannot_be_are_refused() {
     let ball = ball();
-    let (grid, location) = (TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap(), Location::default());
+    let grid = TimeGrid::try_new(0.0, 0.5, 1e-2).unwrap();
     let attempt = |method: Method, by: &[Parameter]| {
         let (start, by) = (ball.at(0.5, 0.0), Differentiation::by(by));
-        let options = Options::default();
-        differentiate_located(method, options, &ball.system, &start, &by, &grid, &location, &mut ())
-            .map_err(|error| error.reason)
-            .map(|found| found.run.t)
+        let found = SensitivityRun::new(&ball.system, &by, method, grid).from(&start);
+        found.map_err(|error| error.reason).map(|found| found.run.t)
     };
     for method in [Method::Lgvi, Method::Rk4L, Method::Split4] {
         let error = attempt(method, &[]).unwrap_err();
@@ -149,28 +142,16 @@ fn methods_parameters_and_steps_that_cannot_be_are_refused() {
     assert_eq!(error, SensitivityError::NoFriction { contact: 0 });
     let adaptive = |method: Method| {
         let (start, by) = (ball.at(0.5, 0.0), Differentiation::default());
-        let (options, settings, interval) = (Options::default(), Adaptive::default(), (0.0, 0.5));
-        differentiate_located_adaptive(
-            method,
-            options,
-            &ball.system,
-            &start,
-            &by,
-            interval,
-            &settings,
-            &location,
-            &mut (),
-        )
-        .map_err(|error| error.reason)
-        .map(|found| found.run.t)
+        let steps = Steps::adapted((0.0, 0.5), Adaptive::default());
+        let found = SensitivityRun::new(&ball.system, &by, method, steps).from(&start);
+        found.map_err(|error| error.reason).map(|found| found.run.t)
     };
     assert_eq!(adaptive(Method::Rkmk8B), Ok(0.5));
     let error = adaptive(Method::Heun).unwrap_err();
     assert!(error.to_string().contains("no error estimate"), "{error}");
     let stretches = vec![Vector3::zeros(); 3];
     let by = Differentiation { stretches, ..Differentiation::default() };
-    let error =
-        differentiate_hybrid(&RKMK8, &ball.system, &ball.at(0.5, 0.0), &by, &grid, &location, &mut ())
-            .unwrap_err();
+    let run = SensitivityRun::by_stepper(&ball.system, &by, &RKMK8, grid);
+    let error = run.from(&ball.at(0.5, 0.0)).unwrap_err();
     assert!(error.to_string().starts_with("`stretches` must have"), "{error}");
 }

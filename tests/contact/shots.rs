@@ -15,9 +15,7 @@ use somersault_contact::surface::{HalfSpace, SignedDistance, Solid, SphericalSur
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, Steps, TimeGrid};
-use somersault_integrators::events::{
-    Frozen, Hybrid, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
-};
+use somersault_integrators::events::{Frozen, Hybrid, LocatedResult, Location};
 use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{Gravity, Wrench};
 use somersault_integrators::methods::{
@@ -122,19 +120,18 @@ impl ShotSteps {
 
     /// The run of a shot.
     fn run<H: Hybrid>(self, system: &H, start: &StateOf<H>) -> LocatedResult<H> {
-        struct Locate<'a, H: Hybrid>(&'a Frozen<&'a H>, &'a StateOf<H>);
-        impl<'a, H: Hybrid> Use<Frozen<&'a H>> for Locate<'a, H> {
+        struct Locate<'a, H: Hybrid>(&'a H, &'a StateOf<H>);
+        impl<'a, H: Hybrid> Use<Frozen<'a, H>> for Locate<'a, H> {
             type Output = LocatedResult<H>;
-            fn fixed(self, stepper: &impl Stepper<Frozen<&'a H>>, grid: &TimeGrid) -> Self::Output {
-                integrate_hybrid(self.0, stepper, self.1, grid, &Location::default(), &mut ())
+            fn fixed(self, stepper: &impl Stepper<Frozen<'a, H>>, grid: &TimeGrid) -> Self::Output {
+                Run::by_stepper(self.0, stepper, *grid).locating(Location::default()).from(self.1)
             }
-            fn adapted(self, stepper: &impl EmbeddedStepper<Frozen<&'a H>>) -> Self::Output {
-                let (settings, location) = (Adaptive::default(), Location::default());
-                integrate_hybrid_adaptive(self.0, stepper, self.1, (0.0, END), &settings, &location, &mut ())
+            fn adapted(self, stepper: &impl EmbeddedStepper<Frozen<'a, H>>) -> Self::Output {
+                let steps = Steps::adapted((0.0, END), Adaptive::default());
+                Run::by_embedded_stepper(self.0, stepper, steps).locating(Location::default()).from(self.1)
             }
         }
-        let frozen = Frozen::new(system, 0.0, start);
-        self.with(Locate(&frozen, start))
+        self.with(Locate(system, start))
     }
 
     /// Whether the shot touches, how many steps it took and how many were tried in addition; nothing where the run

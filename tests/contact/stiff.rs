@@ -11,11 +11,10 @@ use somersault_contact::surface::HalfSpace;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
-use somersault_integrators::events::{
-    HybridBodies, Interruption, LocatedResult, Location, StiffSteps, integrate_located,
-};
+use somersault_integrators::events::{HybridBodies, Interruption, LocatedResult, Location, StiffSteps};
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State};
 use somersault_integrators::system::StateOf;
 use std::sync::Arc;
@@ -48,7 +47,7 @@ fn run<H: HybridBodies>(
 ) -> LocatedResult<H> {
     let location = Location { stiff, ..Location::default() };
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_located(method, Options::default(), system, start, &grid, &location, &mut ())
+    Run::new(system, method, grid).locating(location).from(start)
 }
 
 /// The energy at the end relative to that at the start, or nothing where the run is refused by name.

@@ -7,12 +7,11 @@ use somersault_contact::event::EventKind;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::surface::{SignedDistance, Solid, SphericalSurface, Surface, SurfaceFault};
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, TimeGrid};
-use somersault_integrators::events::{
-    Frozen, Interrupted, Interruption, Location, integrate_hybrid, integrate_hybrid_adaptive,
-};
+use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
+use somersault_integrators::events::{Interrupted, Interruption, Location};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State};
 use std::sync::Arc;
 
@@ -47,14 +46,12 @@ fn drop_on(surface: impl Surface + 'static) -> [Ended; 2] {
     let system = BodyInContact::new(body, (Gravity::earth(), Contacts::new(vec![contact])));
     let mut start = RigidBodyState::default();
     start.configuration.position = Vector3::new(0.0, 0.0, 0.5);
-    let frozen = Frozen::new(&system, 0.0, &start);
-    let (stepper, location) = (RungeKuttaMuntheKaas(Dop853), Location::default());
+    let stepper = RungeKuttaMuntheKaas(Dop853);
     let grid = TimeGrid::try_new(0.0, 0.5, 0.01).unwrap();
-    let fixed = integrate_hybrid(&frozen, &stepper, &start, &grid, &location, &mut ());
-    let settings = Adaptive::default();
-    let adapted =
-        integrate_hybrid_adaptive(&frozen, &stepper, &start, (0.0, 0.5), &settings, &location, &mut ());
-    [fixed, adapted].map(|run| run.map(|run| run.event_count))
+    [grid.into(), Steps::adapted((0.0, 0.5), Adaptive::default())].map(|steps| {
+        let run = Run::by_embedded_stepper(&system, &stepper, steps).locating(Location::default());
+        run.from(&start).map(|run| run.event_count)
+    })
 }
 
 fn fault(ended: &Ended) -> SurfaceFault {
@@ -134,11 +131,10 @@ fn spheres_with_one_centre_are_named() {
     let body = RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap();
     let system = BodiesInContact::try_new(vec![body, body], vec![Gravity::earth(); 2], contacts).unwrap();
     let start = State { configuration: vec![Pose::default(); 2], rate: vec![Default::default(); 2] };
-    let frozen = Frozen::new(&system, 0.0, &start);
     let grid = TimeGrid::try_new(0.0, 0.1, 0.01).unwrap();
     let stepper = RungeKuttaMuntheKaas(Dop853);
-    let broken =
-        integrate_hybrid(&frozen, &stepper, &start, &grid, &Location::default(), &mut ()).unwrap_err();
+    let run = Run::by_stepper(&system, &stepper, grid).locating(Location::default());
+    let broken = run.from(&start).unwrap_err();
     let Interruption::Refused { guard: 0, fault, .. } = broken.reason else { panic!("{}", broken.reason) };
     assert_eq!(fault, SurfaceFault::Concentric { point: [0.0; 3] });
 }

@@ -16,9 +16,10 @@ use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
-use somersault_integrators::events::{Hybrid, Located, Location, integrate_located};
+use somersault_integrators::events::{Hybrid, Located, Location};
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::variation::Tangent;
 use somersault_testkit::order::slope;
@@ -147,8 +148,7 @@ fn run(
     dt: f64,
 ) -> Located<Pose, EventKind> {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    integrate_located(method, Options::default(), system, start, &grid, &Location::default(), &mut ())
-        .unwrap()
+    Run::new(system, method, grid).locating(Location::default()).from(start).unwrap()
 }
 
 const LAW: Hardening = Hardening { k: 400.0, b: 3000.0, c: 9.0 };
@@ -305,8 +305,7 @@ fn a_users_law_that_is_one_of_the_librarys_gives_its_motion() {
         let moving = |v: f64| Twist { linear: Vector3::x() * v, ..Twist::default() };
         let start = State { configuration: vec![at(0.0), at(0.25)], rate: vec![moving(1.0), moving(-1.0)] };
         let grid = TimeGrid::try_new(0.0, 0.1, 1e-4).unwrap();
-        let (options, location) = (Options::default(), Location::default());
-        integrate_located(Method::Rkmk5, options, &system, &start, &grid, &location, &mut ()).unwrap()
+        Run::new(&system, Method::Rkmk5, grid).locating(Location::default()).from(&start).unwrap()
     };
     let (a, b) = (impact(users.into()), impact(librarys));
     assert_eq!(a.event_count, 2);
@@ -333,16 +332,16 @@ fn a_users_friction_may_have_a_stretch() {
     let with = WithStretches(&system);
     let start = with.unstretched(at(-MASS * G / 2e3, Vector3::x() * speed));
     let grid = TimeGrid::try_new(0.0, end, 1e-3).unwrap();
-    let (options, location) = (Options::default(), Location::default());
-    let found = integrate_located(Method::Rkmk8, options, &with, &start, &grid, &location, &mut ()).unwrap();
+    let location = Location::default();
+    let found = Run::new(&with, Method::Rkmk8, grid).locating(location).from(&start).unwrap();
     let (bound, x) = (mu * MASS * G, found.state.base());
     let work = bound * (x.position().x - bound / k * (1.0 - (-k * x.position().x / bound).exp()));
     let lost = 0.5 * MASS * (speed * speed - x.velocity().x.powi(2));
     assert!((work - lost).abs() < 1e-11, "{work} {lost}");
     assert!((found.state.variables()[0].x - bound / k).abs() < 1e-12);
     assert!(with.energy(&found.state) > 0.5 * k * (bound / k).powi(2));
-    let refused =
-        integrate_located(Method::Rkmk8, options, &system, &at(0.0, Vector3::x()), &grid, &location, &mut ());
+    let run = Run::new(&system, Method::Rkmk8, grid).locating(location);
+    let refused = run.from(&at(0.0, Vector3::x()));
     assert!(refused.unwrap_err().to_string().contains("WithStretches"));
 }
 

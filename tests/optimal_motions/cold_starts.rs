@@ -76,7 +76,8 @@ impl Task {
         let line: Vec<f64> = (0..self.n_coefficients)
             .map(|k| self.from[0] + (self.to[0] - self.from[0]) * k as f64 / last)
             .collect();
-        z[layout.parameters[0].clone()].copy_from_slice(&shooting.motion(0).parameters_of(&line));
+        z[layout.parameters[0].clone()]
+            .copy_from_slice(&shooting.motions().next().unwrap().parameters_of(&line));
         for (s, lifted) in (1..).zip(&layout.lifted) {
             let share = f64::from(s) / self.n_segments as f64;
             let ends = self.from.iter().zip(&self.to).skip(1);

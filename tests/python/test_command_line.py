@@ -382,6 +382,26 @@ def test_what_was_perhaps_meant_is_said(
     assert "did you mean two_link_arm?" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("laws", "is_valid"),
+    [
+        ({"law": {"stiffness": 1e3}}, True),
+        ({"law": {"kind": "hunt_crossley", "stiffness": 1e3, "damping": 0.1}}, True),
+        ({"law": {"kind": "compliant"}}, False),
+        ({"law": {"kind": "plastic", "stiffness": 1e3}}, False),
+        ({"friction": {"kind": "coulomb", "coefficient": 0.3, "stiffness": 0.0, "damping": 1.0}}, True),
+        ({"friction": {"kind": "regularised", "coefficient": 0.3, "speed": 0.1}}, True),
+        ({"friction": {"kind": "regularised", "coefficient": 0.3, "speed": 0.1, "damping": 1.0}}, False),
+        ({"friction": {"coefficient": 0.3, "speed": 0.1}}, False),
+    ],
+)
+def test_a_law_of_a_document_has_the_constants_of_its_class(laws: dict[str, Any], is_valid: bool) -> None:
+    contact = {"point": [0, 0, 0], "surface": {"kind": "half_space"}, "law": {"stiffness": 1.0}} | laws
+    run = {"interval": [0, 1], "dt": 0.1}
+    document = {"body": {"mass": 1, "sphere": 0.1}, "contacts": [contact], "run": run}
+    assert Draft202012Validator(schema("integrate")).is_valid(document) == is_valid
+
+
 def test_a_reader_may_stop_reading() -> None:
     command = [sys.executable, "-m", "somersault", "integrate", str(EXAMPLES / "ball.toml")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -11,6 +11,7 @@ from typing import Any
 
 import public_names
 import pytest
+import stubs
 
 import somersault
 from somersault import _somersault
@@ -61,6 +62,11 @@ assert module.__name__ == "somersault._somersault.{name}"
 assert all(getattr(module, listed).__module__.startswith("somersault") for listed in module.__all__)
 """
         subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_stubs_are_up_to_date() -> None:
+    for path, text in stubs.stubs().items():
+        assert path.read_text(encoding="utf-8") == text, f"`make public-names` writes {path.name} anew"
 
 
 def test_the_stubs_are_the_modules() -> None:

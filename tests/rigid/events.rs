@@ -1,16 +1,18 @@
 //! User-defined events on systems that are no bodies in contact: times in closed form.
 
-use somersault_integrators::driver::{Adaptive, TimeGrid};
+use somersault_integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use somersault_integrators::events::{
-    Crossing, Frozen, Guard, Hybrid, Interruption, LocatedResult, Location, integrate_hybrid,
-    integrate_hybrid_adaptive,
+    Crossing, Frozen, Guard, Hybrid, Interruption, LocatedResult, Location,
 };
 use somersault_integrators::methods::{AdamsBashforth4, Dop853, RungeKutta4, RungeKuttaMuntheKaas, StartUp};
+use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 use somersault_integrators::stepper::Stepper;
-use somersault_integrators::system::{OneForm, System};
+use somersault_integrators::system::{Fault, OneForm, System};
+use std::cell::Cell;
 use std::convert::Infallible;
 use std::fmt;
+use std::num::ParseFloatError;
 
 /// A point on a line.
 fn at(x: f64, v: f64) -> RigidBodyState {
@@ -27,19 +29,19 @@ fn along(acceleration: f64) -> Twist {
 
 fn fixed<H: Hybrid<Configuration = Pose>>(
     system: H,
-    stepper: &impl Stepper<Frozen<H>>,
+    stepper: &impl for<'a> Stepper<Frozen<'a, H>>,
     start: &RigidBodyState,
     end: f64,
     dt: f64,
 ) -> LocatedResult<H> {
-    let (frozen, grid) = (Frozen::new(system, 0.0, start), TimeGrid::try_new(0.0, end, dt).unwrap());
-    integrate_hybrid(&frozen, stepper, start, &grid, &Location::default(), &mut ())
+    let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
+    Run::by_stepper(&system, stepper, grid).locating(Location::default()).from(start)
 }
 
 fn adapted<H: Hybrid<Configuration = Pose>>(system: H, start: &RigidBodyState, end: f64) -> LocatedResult<H> {
-    let (frozen, settings) = (Frozen::new(system, 0.0, start), Adaptive::with_tolerances(1e-12, 1e-12));
-    let (stepper, interval) = (RungeKuttaMuntheKaas(Dop853), (0.0, end));
-    integrate_hybrid_adaptive(&frozen, &stepper, start, interval, &settings, &Location::default(), &mut ())
+    let steps = Steps::adapted((0.0, end), Adaptive::with_tolerances(1e-12, 1e-12));
+    let stepper = RungeKuttaMuntheKaas(Dop853);
+    Run::by_embedded_stepper(&system, &stepper, steps).locating(Location::default()).from(start)
 }
 
 // ------------------------------------------------------------------------------------ a table that switches
@@ -125,6 +127,61 @@ fn a_table_switches_at_the_times_of_its_closed_form() {
         check_table(fixed(table(), &adams, &at(0.0, 0.0), 13.5, dt), 3, 1e-12, "ab4");
     }
     check_table(adapted(table(), &at(0.0, 0.0), 13.5), 3, 1e-12, "rkmk8");
+}
+
+/// A table whose last row cannot be read, with what was wrong.
+struct Torn(Table, Cell<Option<Fault>>);
+
+impl System for Torn {
+    type Configuration = Pose;
+    type Forms = OneForm;
+    type Workspace = ();
+    fn workspace(&self) {}
+    fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+        self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.1.take()
+    }
+}
+
+impl Hybrid for Torn {
+    type Mode = usize;
+    type Kind = RowChange;
+    type Fault = Infallible;
+    fn mode(&self, t: f64, x: &RigidBodyState) -> usize {
+        self.0.mode(t, x)
+    }
+    fn guards(&self, row: &usize, t: f64, x: &RigidBodyState, out: &mut Vec<Guard>) {
+        self.0.guards(row, t, x, out);
+    }
+    fn acceleration_in(&self, row: &usize, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
+        if *row < self.0.ends.len() {
+            self.0.acceleration_in(row, w, t, x, out);
+        } else if let Err(error) = "–".parse::<f64>() {
+            self.1.set(Some(Fault::new(error)));
+            *out = along(f64::NAN);
+        }
+    }
+    fn event_kind(&self, guard: usize, a: &Guard, b: &Guard, rows: (&usize, &usize)) -> RowChange {
+        self.0.event_kind(guard, a, b, rows)
+    }
+}
+
+#[test]
+fn a_system_without_a_value_in_some_mode_says_why_and_the_solution_up_to_there_is_kept() {
+    let broken = [
+        fixed(Torn(table(), Cell::default()), &RungeKutta4, &at(0.0, 0.0), 3.0, 0.13).unwrap_err(),
+        adapted(Torn(table(), Cell::default()), &at(0.0, 0.0), 3.0).unwrap_err(),
+    ];
+    for broken in broken {
+        let Interruption::Integrate(IntegrateError::Fault { source, .. }) = &broken.reason else {
+            panic!("{}", broken.reason)
+        };
+        assert!(source.downcast_ref::<ParseFloatError>().is_some(), "{source}");
+        // It passes 2.5 after 2 s.
+        assert!(broken.so_far.event_count == 2 && (broken.so_far.t - 2.0).abs() < 1e-12);
+    }
 }
 
 #[test]

@@ -5,8 +5,9 @@
 use somersault_contact::models::SpinningTop;
 use somersault_contact::studies::{Stepping, convergence, errors, spinning_top};
 use somersault_integrators::driver::TimeGrid;
-use somersault_integrators::events::{Location, integrate_located};
+use somersault_integrators::events::Location;
 use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::run::Run;
 use somersault_integrators::stepper::Scope;
 use somersault_integrators::studies::silent;
 
@@ -30,15 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (early, late) = (spinning_top(&top, 0.1)?, spinning_top(&top, 1.0)?);
 
     let grid = TimeGrid::try_new(0.0, 1.0, 1e-4)?;
-    let run = integrate_located(
-        Method::Rkmk8B,
-        options,
-        &top.system,
-        &top.start,
-        &grid,
-        &Location::default(),
-        &mut (),
-    )?;
+    let run = Run::new(&top.system, Method::Rkmk8B, grid).locating(Location::default()).from(&top.start)?;
     println!("{} switches in 1 s:", run.events.len());
     for event in &run.events {
         println!("  {:.12} s {:?}", event.t, event.kind);

@@ -13,10 +13,11 @@ use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::stretches::WithStretches;
 use somersault_contact::surface::HalfSpace;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::Adaptive;
-use somersault_integrators::events::{Location, integrate_located_adaptive};
+use somersault_integrators::driver::{Adaptive, Steps};
+use somersault_integrators::events::Location;
 use somersault_integrators::force::{ForceModel, Wrench};
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use somersault_integrators::state::RigidBodyState;
 use std::error::Error;
 use std::sync::Arc;
@@ -66,7 +67,6 @@ fn block(
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let settings = Adaptive::default();
     let location = Location { keep_events: false, ..Location::default() };
     for kind in [Kind::Point, Kind::Box, Kind::Varying] {
         let (mut worst, mut held, mut slid, mut most_events, mut steps) = (0.0f64, 0, 0.0f64, 0, 0);
@@ -85,17 +85,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                     start.rate.linear.x = thrown;
                     let start = system.unstretched(start);
                     let run = |from: &_, interval| {
-                        let (method, options) = (Method::Rkmk8B, Options::default());
-                        integrate_located_adaptive(
-                            method,
-                            options,
-                            &system,
-                            from,
-                            interval,
-                            &settings,
-                            &location,
-                            &mut (),
-                        )
+                        let steps = Steps::adapted(interval, Adaptive::default());
+                        Run::new(&system, Method::Rkmk8B, steps).locating(location).from(from)
                     };
                     let at_90 = run(&start, (0.0, 90.0)).map_err(|e| e.reason)?;
                     let at_100 = run(&at_90.state, (90.0, 100.0)).map_err(|e| e.reason)?;

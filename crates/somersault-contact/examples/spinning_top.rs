@@ -6,9 +6,10 @@
 
 use nalgebra::Vector3;
 use somersault_contact::models::SpinningTop;
-use somersault_integrators::driver::{Adaptive, TimeGrid};
-use somersault_integrators::events::{Location, integrate_located, integrate_located_adaptive};
-use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
+use somersault_integrators::events::Location;
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
 use std::hint::black_box;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -20,28 +21,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let (method, size, runs): (Method, f64, u64) = (method.parse()?, size.parse()?, runs.parse()?);
     let top = SpinningTop::thesis()?;
-    let (options, location) = (Options::default(), Location::default());
+    let steps = if stepping == "adaptive" {
+        Steps::adapted((0.0, 1.0), Adaptive::with_tolerances(size, size))
+    } else {
+        TimeGrid::try_new(0.0, 1.0, size)?.into()
+    };
     let mut state = top.start;
     for _ in 0..runs {
-        let start = black_box(&top.start);
-        let run = if stepping == "adaptive" {
-            let settings = Adaptive::with_tolerances(size, size);
-            let interval = (0.0, 1.0);
-            integrate_located_adaptive(
-                method,
-                options,
-                &top.system,
-                start,
-                interval,
-                &settings,
-                &location,
-                &mut (),
-            )
-        } else {
-            let grid = TimeGrid::try_new(0.0, 1.0, size)?;
-            integrate_located(method, options, &top.system, start, &grid, &location, &mut ())
-        };
-        state = black_box(run?.state);
+        let run = Run::new(&top.system, method, steps).locating(Location::default());
+        state = black_box(run.from(black_box(&top.start))?.state);
     }
     let axis = state.orientation() * Vector3::z();
     println!("{:e} {:e} {:e}", axis.x, axis.y, axis.z);

@@ -219,8 +219,8 @@ pub(crate) fn about_centre(arm: &Vector3<f64>, effort: &Wrench) -> Wrench {
 /// The contacts of a body.
 ///
 /// As a [`ForceModel`] it switches each contact by its state, as the thesis does: that costs any method
-/// its order. As part of a [`BodyInContact`] it has modes, one a contact, for
-/// [`integrate_located`](somersault_integrators::events::integrate_located). Friction with a stretch needs a state that has it,
+/// its order. As part of a [`BodyInContact`] it has modes, one a contact, for runs that locate events
+/// ([`Run::locating`](somersault_integrators::run::Run::locating)). Friction with a stretch needs a state that has it,
 /// [`WithStretches`]; as a [`ForceModel`] the stretch is zero.
 ///
 /// ```
@@ -231,16 +231,16 @@ pub(crate) fn about_centre(arm: &Vector3<f64>, effort: &Wrench) -> Wrench {
 /// use somersault_contact::models::SlidingBlock;
 /// use somersault_contact::stretches::WithStretches;
 /// use somersault_integrators::driver::TimeGrid;
-/// use somersault_integrators::events::{Location, integrate_located};
-/// use somersault_integrators::methods::{Method, Options};
+/// use somersault_integrators::events::Location;
+/// use somersault_integrators::methods::Method;
+/// use somersault_integrators::run::Run;
 ///
 /// let law = CompliantLaw::from_frequency(1.0, 140.0, 0.2)?;
 /// let friction = CoulombFriction::try_new(0.4, 1e4, 200.0)?;
 /// let block = SlidingBlock::try_new(1.0, Vector3::new(0.2, 0.1, 0.06), law, friction)?;
 /// let system = WithStretches(&block.system);
 /// let (start, grid) = (system.unstretched(block.sliding(3.0)), TimeGrid::try_new(0.0, 1.0, 1e-3)?);
-/// let (method, options, location) = (Method::RkmkB, Options::default(), Location::default());
-/// let run = integrate_located(method, options, &system, &start, &grid, &location, &mut ())?;
+/// let run = Run::new(&system, Method::RkmkB, grid).locating(Location::default()).from(&start)?;
 /// // It slips, and sticks once it has stopped, after about v/(μ g).
 /// assert_eq!(run.events[0].kind, EventKind::Stick);
 /// assert!((run.events[0].t - 3.0 / (0.4 * 9.81)).abs() < 1e-2);

@@ -15,13 +15,13 @@
 //! ```
 //! use somersault_contact::models::SpinningTop;
 //! use somersault_integrators::driver::TimeGrid;
-//! use somersault_integrators::events::{Location, integrate_located};
-//! use somersault_integrators::methods::{Method, Options};
+//! use somersault_integrators::events::Location;
+//! use somersault_integrators::methods::Method;
+//! use somersault_integrators::run::Run;
 //!
 //! let top = SpinningTop::thesis()?;
 //! let grid = TimeGrid::try_new(0.0, 0.1, 1e-4)?;
-//! let (method, options, location) = (Method::RkmkB, Options::default(), Location::default());
-//! let run = integrate_located(method, options, &top.system, &top.start, &grid, &location, &mut ())?;
+//! let run = Run::new(&top.system, Method::RkmkB, grid).locating(Location::default()).from(&top.start)?;
 //! assert!(run.events[0].t > 0.0 && run.t == 0.1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

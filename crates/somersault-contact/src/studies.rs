@@ -28,7 +28,7 @@ use crate::contacts::BodyInContact;
 use crate::models::SpinningTop;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::driver::{Flow, IntegrateError, TimeGrid};
-use somersault_integrators::events::{HybridBodies, Interruption, Location, integrate_located};
+use somersault_integrators::events::{HybridBodies, Interruption, Location};
 use somersault_integrators::force::Gravity;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::run::Run;
@@ -42,7 +42,7 @@ use somersault_integrators::system::StateOf;
 /// What steps do about events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stepping {
-    /// They end at events, [`integrate_located`].
+    /// They end at events, [`Run::locating`].
     Located,
     /// They go across, the force switching with the state as in the thesis.
     Straddling,
@@ -59,8 +59,7 @@ pub fn with_located_run<H: HybridBodies>(
     dt: f64,
 ) -> Result<Problem<H>, StudyError> {
     let (grid, location) = (TimeGrid::try_new(0.0, t_end, dt)?, Location::default());
-    let run = integrate_located(method, Options::default(), &system, &initial, &grid, &location, &mut ());
-    let reference = match run {
+    let reference = match Run::new(&system, method, grid).locating(location).from(&initial) {
         Ok(run) => run.state,
         Err(broken) => return Err(interrupted(broken.reason).into()),
     };
@@ -87,17 +86,15 @@ pub fn errors<H: HybridBodies>(
     steps: u64,
 ) -> Result<Errors, StudyError> {
     let grid = TimeGrid::try_with_steps(0.0, problem.t_end(), steps)?;
-    let (system, initial) = (problem.system(), problem.initial());
+    let initial = problem.initial();
+    let run = Run::new(problem.system(), method, grid).with_options(options);
     let state = match stepping {
         Stepping::Located => {
             let location = Location { keep_events: false, ..Location::as_given() };
-            integrate_located(method, options, system, initial, &grid, &location, &mut ())
-                .map(|run| run.state)
-                .map_err(|broken| interrupted(broken.reason))
+            let located = run.locating(location).from(initial);
+            located.map(|run| run.state).map_err(|broken| interrupted(broken.reason))
         }
-        Stepping::Straddling => {
-            Run::new(system, method, grid).with_options(options).from(initial).map(|run| run.state)
-        }
+        Stepping::Straddling => run.from(initial).map(|run| run.state),
     };
     Ok(forgive(state)?.map_or(Errors::INFINITE, |state| problem.errors(&state)))
 }

@@ -91,12 +91,14 @@ impl UniformBasis {
     /// `fraction`, and returns the index of the first of them. Cost O(d²), independent of n.
     ///
     /// Fractions outside of [0, 1] continue the outermost polynomials. At a knot, up to rounding of the fraction, the highest
-    /// derivative is that to the right of it, at the end that to the left.
-    ///
-    /// # Panics
-    /// Where `out` is shorter than `n_active`.
+    /// derivative is that to the right of it, at the end that to the left. NaN is written to `out` where it is shorter than
+    /// `n_active`.
     pub fn evaluate(&self, fraction: f64, derivative: usize, out: &mut [f64]) -> usize {
         let d = self.degree;
+        if out.len() <= d {
+            out.fill(f64::NAN);
+            return 0;
+        }
         let out = &mut out[..=d];
         let n_intervals = self.n_intervals();
         let x = at_knot(fraction * n_intervals as f64);

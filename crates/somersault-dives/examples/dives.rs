@@ -121,12 +121,12 @@ fn show(
     let angles = program.angles(&found.z)?;
     println!("  t/T   somersaults  tilt  twists  {}", names.join("     "));
     for k in 0..=25 {
-        let share = f64::from(k) / 25.0;
-        motion.channels_into(&coefficients, share, 0, &mut weights);
-        let at = angles[(share * (angles.len() - 1) as f64).round() as usize];
+        let fraction = f64::from(k) / 25.0;
+        motion.channels_into(&coefficients, fraction, 0, &mut weights);
+        let at = angles[(fraction * (angles.len() - 1) as f64).round() as usize];
         let weights: Vec<String> = weights.iter().map(|w| format!("{w:5.2}")).collect();
         println!(
-            "  {share:.2}  {:6.3}    {:7.2}°  {:6.3}  {}",
+            "  {fraction:.2}  {:6.3}    {:7.2}°  {:6.3}  {}",
             at.somersault / TAU,
             at.tilt.to_degrees(),
             at.twist / TAU,

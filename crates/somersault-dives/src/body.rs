@@ -74,7 +74,7 @@ impl Body {
                     let placement = model.placement(model.body(child)?);
                     placement.map(|p| Vector3::new(0.0, 0.0, p.translation.z))
                 }
-                End::Span(share) => Some(center / *share),
+                End::Span(fraction) => Some(center / *fraction),
                 End::None => None,
             };
             let volume = inertia.mass() / density;

@@ -27,7 +27,7 @@ pub(crate) fn bezier_points(basis: &UniformBasis, pieces: usize) -> Vec<BezierPo
     let mut values = vec![0.0; basis.n_active()];
     for interval in 0..n_intervals {
         for piece in 0..pieces {
-            let share = (interval * pieces + piece) as f64 / (n_intervals * pieces) as f64;
+            let fraction = (interval * pieces + piece) as f64 / (n_intervals * pieces) as f64;
             // derivatives by the fraction of a piece, over j!
             let length = 1.0 / (n_intervals * pieces) as f64;
             let mut scale = 1.0;
@@ -36,7 +36,7 @@ pub(crate) fn bezier_points(basis: &UniformBasis, pieces: usize) -> Vec<BezierPo
                 if j > 0 {
                     scale *= length / j as f64;
                 }
-                let first = basis.evaluate(share, j, &mut values);
+                let first = basis.evaluate(fraction, j, &mut values);
                 debug_assert_eq!(first, interval);
                 taylor.push(values.iter().map(|b| b * scale).collect::<Vec<_>>());
             }
@@ -86,16 +86,16 @@ mod tests {
             assert_eq!(points.len(), n_pieces * degree + 1);
             let mut values = vec![0.0; degree + 1];
             for sample in 0..=50 {
-                let share = f64::from(sample) / 50.0;
-                let first = basis.evaluate(share, 0, &mut values);
+                let fraction = f64::from(sample) / 50.0;
+                let first = basis.evaluate(fraction, 0, &mut values);
                 let expected: f64 = values.iter().zip(&coefficients[first..]).map(|(b, c)| b * c).sum();
-                let piece = ((share * n_pieces as f64) as usize).min(n_pieces - 1);
-                let u = share * n_pieces as f64 - piece as f64;
+                let piece = ((fraction * n_pieces as f64) as usize).min(n_pieces - 1);
+                let u = fraction * n_pieces as f64 - piece as f64;
                 let mut casteljau = points[piece * degree..=(piece + 1) * degree].to_vec();
                 while casteljau.len() > 1 {
                     casteljau = casteljau.windows(2).map(|w| (1.0 - u) * w[0] + u * w[1]).collect();
                 }
-                assert!((casteljau[0] - expected).abs() < 1e-13, "{degree} {pieces} {share}");
+                assert!((casteljau[0] - expected).abs() < 1e-13, "{degree} {pieces} {fraction}");
             }
         }
     }

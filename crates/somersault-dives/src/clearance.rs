@@ -27,7 +27,7 @@ pub(crate) struct ClearanceRows {
     /// Least value of the rows of each pair, m.
     bounds: Vec<f64>,
     /// Fractions of the duration.
-    shares: Vec<f64>,
+    fractions: Vec<f64>,
     /// Columns on which the posture at each time depends, and their parameters.
     columns: Vec<Vec<(usize, usize)>>,
     /// Where the Jacobian has the entries, row by row.
@@ -70,13 +70,13 @@ impl ClearanceRows {
         body.retain_pairs(|k| near[k] < clearance.distance + FAR);
         let n_times = clearance.n_times;
         let equidistant = (1..=n_times).map(|k| k as f64 / (n_times + 1) as f64);
-        let shares: Vec<f64> = equidistant.chain(added.iter().copied()).collect();
+        let fractions: Vec<f64> = equidistant.chain(added.iter().copied()).collect();
         let n = motion.basis().n_coefficients();
         let mut basis = vec![0.0; motion.basis().n_active()];
-        let columns = shares
+        let columns = fractions
             .iter()
-            .map(|share| {
-                let first = motion.basis().evaluate(*share, 0, &mut basis);
+            .map(|fraction| {
+                let first = motion.basis().evaluate(*fraction, 0, &mut basis);
                 let is_active = |c: usize| (first..first + basis.len()).contains(&(c % n));
                 let of_parameter = |(_, p, _): (usize, usize, f64)| column_of[p].map(|column| (column, p));
                 let mut found: Vec<(usize, usize)> =
@@ -99,7 +99,7 @@ impl ClearanceRows {
             body,
             whole,
             first_row,
-            shares,
+            fractions,
             columns,
             places: Vec::new(),
             data,
@@ -114,13 +114,13 @@ impl ClearanceRows {
     }
 
     /// Fractions of the duration at which the clearance is a constraint.
-    pub(crate) fn shares(&self) -> &[f64] {
-        &self.shares
+    pub(crate) fn fractions(&self) -> &[f64] {
+        &self.fractions
     }
 
     /// Least value of each row.
     pub(crate) fn bounds(&self) -> impl Iterator<Item = f64> {
-        self.shares.iter().flat_map(|_| self.bounds.iter().copied())
+        self.fractions.iter().flat_map(|_| self.bounds.iter().copied())
     }
 
     /// Row and column of what may be other than zero in the Jacobian, row by row.
@@ -145,7 +145,7 @@ impl ClearanceRows {
         out: &mut [f64],
     ) -> Result<(), DynamicsError> {
         let n_pairs = self.distances.len();
-        for time in 0..self.shares.len() {
+        for time in 0..self.fractions.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
             self.body.distances(
@@ -168,7 +168,7 @@ impl ClearanceRows {
         let n_joints = motion.base().n_joints();
         let n_pairs = self.distances.len();
         let mut first = 0;
-        for time in 0..self.shares.len() {
+        for time in 0..self.fractions.len() {
             self.pose(motion, coefficients, time);
             let positions = model.positions(&mut self.data, &self.q)?;
             self.body.distances(&positions, PREFERENCE, &mut self.distances, Some(&mut self.gradients))?;
@@ -259,7 +259,7 @@ impl ClearanceRows {
     /// Leaves what a gradient by the channels at a time is for the parameters.
     fn pull_back(&mut self, motion: &SplineMotion, time: usize) {
         let n = motion.basis().n_coefficients();
-        let first = motion.basis().evaluate(self.shares[time], 0, &mut self.basis);
+        let first = motion.basis().evaluate(self.fractions[time], 0, &mut self.basis);
         self.by_coefficient.fill(0.0);
         for (channel, by_channel) in self.by_channel.iter().enumerate() {
             let row = &mut self.by_coefficient[channel * n + first..];
@@ -270,7 +270,7 @@ impl ClearanceRows {
     }
 
     fn pose(&mut self, motion: &SplineMotion, coefficients: &[f64], time: usize) {
-        motion.channels_into(coefficients, self.shares[time], 0, &mut self.channels);
+        motion.channels_into(coefficients, self.fractions[time], 0, &mut self.channels);
         self.place(motion);
     }
 

@@ -21,8 +21,8 @@ impl Quadratic {
         let mut values = vec![0.0; basis.n_active()];
         for interval in 0..n_intervals {
             for (node, weight) in GAUSS_5 {
-                let share = (interval as f64 + node) / n_intervals as f64;
-                let first = basis.evaluate(share, derivative, &mut values);
+                let fraction = (interval as f64 + node) / n_intervals as f64;
+                let first = basis.evaluate(fraction, derivative, &mut values);
                 for (i, a) in values.iter().enumerate() {
                     for (j, b) in values.iter().enumerate() {
                         gram[(first + i, first + j)] += weight / n_intervals as f64 * a * b;

@@ -170,11 +170,11 @@ impl DiveProgram {
         let h = duration / n_steps as f64;
         let mut along = Vec::with_capacity(n_steps + 1);
         for step in 0..=n_steps {
-            let share = step as f64 / n_steps as f64;
-            motion.channels_into(&coefficients, share, 0, &mut channels);
+            let fraction = step as f64 / n_steps as f64;
+            motion.channels_into(&coefficients, fraction, 0, &mut channels);
             motion.base().positions_into(&channels, &mut q[3..]);
             for (derivative, out) in [(1, &mut v), (2, &mut a)] {
-                motion.channels_into(&coefficients, share, derivative, &mut channels);
+                motion.channels_into(&coefficients, fraction, derivative, &mut channels);
                 channels.iter_mut().for_each(|c| *c /= duration.powi(derivative as i32));
                 motion.base().rates_into(&channels, &mut out[3..]);
             }

@@ -95,11 +95,11 @@ impl DiveProgram {
             angular_momentum: Vec::new(),
         };
         for node in 0..=path.n_steps() {
-            let share = node as f64 / path.n_steps() as f64;
-            motion.channels_into(&coefficients, share, 0, &mut channels);
+            let fraction = node as f64 / path.n_steps() as f64;
+            motion.channels_into(&coefficients, fraction, 0, &mut channels);
             motion.base().positions_into(&channels, &mut q[q_root..]);
             found.channels.extend_from_slice(&channels);
-            motion.channels_into(&coefficients, share, 1, &mut channels);
+            motion.channels_into(&coefficients, fraction, 1, &mut channels);
             channels.iter_mut().for_each(|rate| *rate /= duration);
             motion.base().rates_into(&channels, &mut v[v_root..]);
             found.channel_rates.extend_from_slice(&channels);
@@ -108,8 +108,8 @@ impl DiveProgram {
             } else {
                 q[3..7].copy_from_slice(path.arrival(node).coords.as_slice());
             }
-            flight.complete(&mut room, duration * share, &mut q, &mut v)?;
-            motion.channels_into(&coefficients, share, 2, &mut channels);
+            flight.complete(&mut room, duration * fraction, &mut q, &mut v)?;
+            motion.channels_into(&coefficients, fraction, 2, &mut channels);
             channels.iter_mut().for_each(|rate| *rate /= duration * duration);
             motion.base().rates_into(&channels, &mut acceleration[v_root..]);
             torque.fill(0.0);
@@ -122,7 +122,7 @@ impl DiveProgram {
                 self.counting().rates(path.arrival(node), &Vector3::new(v[3], v[4], v[5]))
             });
             found.angular_momentum.push(model.centroidal(&mut data, &q)?.momentum(&v)?.angular);
-            found.times.push(duration * share);
+            found.times.push(duration * fraction);
             found.positions.extend_from_slice(&q);
             found.velocities.extend_from_slice(&v);
         }

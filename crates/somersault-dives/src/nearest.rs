@@ -28,7 +28,7 @@ pub(crate) struct Approach {
     /// Of the body.
     pub(crate) pair: usize,
     /// Fraction of the duration.
-    pub(crate) share: f64,
+    pub(crate) fraction: f64,
 }
 
 /// Distances along a motion.
@@ -82,15 +82,15 @@ impl<'a> Approaches<'a> {
     /// The minimum distance of all pairs: none is nearer, and one at that time at most [`RESOLUTION`] farther. None without
     /// pairs.
     pub(crate) fn least(mut self) -> Result<Option<Approach>, DynamicsError> {
-        let (shares, samples) = self.samples()?;
+        let (fractions, samples) = self.samples()?;
         let n_pairs = self.body.pairs().len();
         let of_sample =
-            |k: usize| Approach { distance: samples[k], pair: k % n_pairs, share: shares[k / n_pairs] };
+            |k: usize| Approach { distance: samples[k], pair: k % n_pairs, fraction: fractions[k / n_pairs] };
         let nearest = (0..samples.len()).map(of_sample).min_by(|a, b| a.distance.total_cmp(&b.distance));
         let Some(mut least) = nearest else { return Ok(None) };
         for pair in 0..n_pairs {
-            for k in 0..shares.len() - 1 {
-                self.descend(&mut least, pair, self.ends(&shares, &samples, pair, k))?;
+            for k in 0..fractions.len() - 1 {
+                self.descend(&mut least, pair, self.ends(&fractions, &samples, pair, k))?;
             }
         }
         // no two surfaces overlap by more than both are thick
@@ -101,16 +101,16 @@ impl<'a> Approaches<'a> {
 
     /// For each pair the minimum distance of each run of intervals in which it is below `distance`, and its time.
     pub(crate) fn below(mut self, distance: f64) -> Result<Vec<Approach>, DynamicsError> {
-        let (shares, samples) = self.samples()?;
+        let (fractions, samples) = self.samples()?;
         let mut found: Vec<Approach> = Vec::new();
         for pair in 0..self.body.pairs().len() {
             let mut run: Option<Approach> = None;
-            for k in 0..shares.len() - 1 {
-                let ends = self.ends(&shares, &samples, pair, k);
-                let mut least = Approach { distance, pair, share: f64::NAN };
-                for (share, distance) in ends {
+            for k in 0..fractions.len() - 1 {
+                let ends = self.ends(&fractions, &samples, pair, k);
+                let mut least = Approach { distance, pair, fraction: f64::NAN };
+                for (fraction, distance) in ends {
                     if distance < least.distance {
-                        least = Approach { distance, pair, share };
+                        least = Approach { distance, pair, fraction };
                     }
                 }
                 self.descend(&mut least, pair, ends)?;
@@ -129,19 +129,19 @@ impl<'a> Approaches<'a> {
     fn samples(&mut self) -> Result<(Vec<f64>, Vec<f64>), DynamicsError> {
         let n = INTERVALS.next_multiple_of(self.motion.basis().n_intervals());
         let n_pairs = self.body.pairs().len();
-        let shares: Vec<f64> = (0..=n).map(|k| k as f64 / n as f64).collect();
-        let mut samples = vec![0.0; shares.len() * n_pairs];
-        for (share, row) in shares.iter().zip(samples.chunks_exact_mut(n_pairs.max(1))) {
-            self.pose(*share);
+        let fractions: Vec<f64> = (0..=n).map(|k| k as f64 / n as f64).collect();
+        let mut samples = vec![0.0; fractions.len() * n_pairs];
+        for (fraction, row) in fractions.iter().zip(samples.chunks_exact_mut(n_pairs.max(1))) {
+            self.pose(*fraction);
             self.body.distances(&self.model.positions(&mut self.data, &self.q)?, 0.0, row, None)?;
         }
-        Ok((shares, samples))
+        Ok((fractions, samples))
     }
 
     /// Fraction and distance at both ends of interval `k`.
-    fn ends(&self, shares: &[f64], samples: &[f64], pair: usize, k: usize) -> [(f64, f64); 2] {
+    fn ends(&self, fractions: &[f64], samples: &[f64], pair: usize, k: usize) -> [(f64, f64); 2] {
         let n_pairs = self.body.pairs().len();
-        [k, k + 1].map(|k| (shares[k], samples[k * n_pairs + pair]))
+        [k, k + 1].map(|k| (fractions[k], samples[k * n_pairs + pair]))
     }
 
     /// Lowers `least` to the minimum distance of a pair between two fractions, or to less than [`RESOLUTION`] above it.
@@ -170,7 +170,7 @@ impl<'a> Approaches<'a> {
             self.pose(middle);
             let distance = self.body.distance(&self.model.positions(&mut self.data, &self.q)?, pair)?;
             if distance < least.distance {
-                *least = Approach { distance, pair, share: middle };
+                *least = Approach { distance, pair, fraction: middle };
             }
             let halves = [[(from, near), (middle, distance)], [(middle, distance), (to, far)]];
             // the half with the smaller end comes first
@@ -197,8 +197,8 @@ impl<'a> Approaches<'a> {
     }
 
     /// Leaves the posture at a fraction of the duration.
-    fn pose(&mut self, share: f64) {
-        self.motion.channels_into(self.coefficients, share, 0, &mut self.channels);
+    fn pose(&mut self, fraction: f64) {
+        self.motion.channels_into(self.coefficients, fraction, 0, &mut self.channels);
         let n_root = self.q.len() - self.motion.base().n_joints();
         self.motion.base().positions_into(&self.channels, &mut self.q[n_root..]);
     }
@@ -230,11 +230,11 @@ mod tests {
                 body.distances(&positions, 0.0, &mut distances, None).unwrap();
                 least = distances.iter().fold(least, |least, d| least.min(*d));
                 if k > 0 {
-                    let share = f64::from(k) / f64::from(n);
+                    let fraction = f64::from(k) / f64::from(n);
                     for (pair, (now, before)) in distances.iter().zip(&before).enumerate() {
                         let rate = (now - before).abs() * f64::from(n);
-                        let bound = at.speed(share - 1.0 / f64::from(n), share, pair);
-                        assert!(rate <= bound + 1e-6, "{pair} at {share}: {rate} {bound}");
+                        let bound = at.speed(fraction - 1.0 / f64::from(n), fraction, pair);
+                        assert!(rate <= bound + 1e-6, "{pair} at {fraction}: {rate} {bound}");
                         fastest = fastest.max(rate);
                     }
                 }

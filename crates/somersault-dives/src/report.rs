@@ -228,8 +228,8 @@ impl DiveProgram {
         let mut defects = Vec::with_capacity(n_steps + 1);
         let mut full_dynamics_defect: f64 = 0.0;
         for node in 0..=n_steps {
-            let share = node as f64 / n_steps as f64;
-            let (flown, by_full) = (reduced.at(share)?, full.at(share)?);
+            let fraction = node as f64 / n_steps as f64;
+            let (flown, by_full) = (reduced.at(fraction)?, full.at(fraction)?);
             full_dynamics_defect = full_dynamics_defect.max(flown.apart(&by_full));
             defects.push(if is_planar {
                 flown.apart(&Attitude::Angle(path.angles()[node]))
@@ -257,8 +257,8 @@ impl DiveProgram {
         let mut greatest_sum = f64::NEG_INFINITY;
         let mut values = vec![0.0; motion.n_channels()];
         for k in 0..TIMES {
-            let share = k as f64 / (TIMES - 1) as f64;
-            motion.channels_into(&coefficients, share, 0, &mut values);
+            let fraction = k as f64 / (TIMES - 1) as f64;
+            motion.channels_into(&coefficients, fraction, 0, &mut values);
             least_channel = values.iter().fold(least_channel, |least, w| least.min(*w));
             greatest_sum = greatest_sum.max(values.iter().sum());
         }
@@ -308,11 +308,11 @@ impl DiveProgram {
         let (path, coefficients) = (self.path(), self.coefficients(z));
         let found = Approaches::new(rows.whole_body(), path.model(), path.motion(), &coefficients)
             .below(clearance.distance)?;
-        let mut shares: Vec<f64> = found.iter().map(|approach| approach.share).collect();
-        shares.sort_unstable_by(f64::total_cmp);
-        shares.dedup_by(|a, b| (*a - *b).abs() < APART);
-        shares.retain(|share| rows.shares().iter().all(|known| (share - known).abs() > SAME));
-        Ok(shares)
+        let mut fractions: Vec<f64> = found.iter().map(|approach| approach.fraction).collect();
+        fractions.sort_unstable_by(f64::total_cmp);
+        fractions.dedup_by(|a, b| (*a - *b).abs() < APART);
+        fractions.retain(|fraction| rows.fractions().iter().all(|known| (fraction - known).abs() > SAME));
+        Ok(fractions)
     }
 
     /// Limbs nearest to each other, where the dive has a clearance.
@@ -323,10 +323,10 @@ impl DiveProgram {
         let body = rows.whole_body();
         let path = self.path();
         let least = Approaches::new(body, path.model(), path.motion(), coefficients).least()?;
-        Ok(least.map(|Approach { distance, pair, share }| Nearest {
+        Ok(least.map(|Approach { distance, pair, fraction }| Nearest {
             distance,
             limbs: body.names(pair).map(str::to_owned),
-            time: share * duration,
+            time: fraction * duration,
             clearance: clearance.distance,
         }))
     }
@@ -341,10 +341,10 @@ impl DiveProgram {
     ) -> Result<(Vector3<f64>, Vector3<f64>), DiveError> {
         let (model, motion) = (self.path().model(), self.path().motion());
         let mut data = Data::new(model);
-        let mut from = |share: f64, node: usize, part: &[&str]| -> Result<Vector3<f64>, DiveError> {
+        let mut from = |fraction: f64, node: usize, part: &[&str]| -> Result<Vector3<f64>, DiveError> {
             let mut q = model.neutral();
             let mut channels = vec![0.0; motion.n_channels()];
-            motion.channels_into(coefficients, share, 0, &mut channels);
+            motion.channels_into(coefficients, fraction, 0, &mut channels);
             let n_root = q.len() - motion.base().n_joints();
             motion.base().positions_into(&channels, &mut q[n_root..]);
             if program.path().is_planar() {
@@ -465,8 +465,8 @@ struct Flown {
 }
 
 impl Flown {
-    fn at(&self, share: f64) -> Result<Attitude, DiveError> {
-        let within = (share < 1.0).then(|| self.solution.at(self.duration * share));
+    fn at(&self, fraction: f64) -> Result<Attitude, DiveError> {
+        let within = (fraction < 1.0).then(|| self.solution.at(self.duration * fraction));
         let state = match within {
             Some(state) => state.ok_or_else(|| DiveError::Undefined("the integration ended early".into()))?,
             None => self.end.clone(),

@@ -6,7 +6,7 @@
 //! torques. Methods advance them as they advance velocities, with the same weights at the same stages, so that
 //! they have the order that the method has for velocities under forces that depend on them.
 
-use crate::scratch::Storage;
+use crate::scratch::{OnHeap, Storage};
 use crate::state::{Configuration, ErrorSum, Poses, Rate, State, Tolerances};
 use nalgebra::Vector3;
 
@@ -44,11 +44,11 @@ impl<Q: Configuration> State<Augmented<Q>> {
 }
 
 impl<Q> Storage for Augmented<Q> {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl<V> Storage for AugmentedRate<V> {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl<V: Rate> Rate for AugmentedRate<V> {

@@ -10,7 +10,7 @@
 
 use crate::dense::{Decoded, Interpolant};
 use crate::error::IntegrateError;
-use crate::scratch::Storage;
+use crate::scratch::{Allocation, Storage};
 use crate::state::{Configuration, State, Tolerances};
 use crate::step_size::{Adaptive, StepSizeControl};
 use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
@@ -239,7 +239,7 @@ where
                 outcome = Err(IntegrateError::NonFinite { t: t + h });
                 break;
             }
-            if StateOf::<B>::ON_STACK {
+            if <StateOf<B> as Storage>::Allocation::ON_STACK {
                 before.assign(&after);
             } else {
                 std::mem::swap(&mut before, &mut after);

@@ -9,6 +9,7 @@ pub mod augmented;
 pub mod batch;
 pub mod body;
 mod cancellation;
+pub mod counted;
 pub mod dense;
 pub mod driver;
 pub mod engine;

@@ -1,7 +1,7 @@
 //! One way to run: a [`Run`] of a system by a method with steps, from a state to an [`Outcome`].
 //!
 //! One body, many bodies, a tree and any other system run alike; which methods of the table take it says the system
-//! ([`System::Forms`]).
+//! ([`System::Forms`]). Where its equations change at events, these are located ([`Run::locating`]).
 //!
 //! ```
 //! use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
@@ -31,13 +31,16 @@ use crate::system::{StateOf, System, Unchanged};
 
 /// A run of a system by a method: from a state on, with the steps chosen, seen by an observer.
 ///
-/// The method is one of the table ([`Run::new`]) or user-defined ([`Run::by_stepper`], [`Run::by_embedded_stepper`]).
+/// The method is one of the table ([`Run::new`]) or user-defined ([`Run::by_stepper`], [`Run::by_embedded_stepper`]). `L` says
+/// how events are located: not at all by default, and as a [`Location`](crate::events::Location) has it after
+/// [`Run::locating`].
 #[must_use = "a run begins with a state, `from`"]
-pub struct Run<'a, S: System, M> {
-    system: &'a S,
-    method: M,
-    steps: Steps,
-    observer: Option<&'a mut dyn Observer<S::Configuration>>,
+pub struct Run<'a, S: System, M, L = ()> {
+    pub(crate) system: &'a S,
+    pub(crate) method: M,
+    pub(crate) steps: Steps,
+    pub(crate) location: L,
+    pub(crate) observer: Option<&'a mut dyn Observer<S::Configuration>>,
 }
 
 /// What makes an [`Engine`] of a method and a system.
@@ -57,8 +60,17 @@ pub trait Engages<S: System> {
 /// By a method of the table.
 #[derive(Debug, Clone, Copy)]
 pub struct ByMethod {
-    method: Method,
-    options: Options,
+    /// The method.
+    pub method: Method,
+    /// Its options.
+    pub options: Options,
+}
+
+impl From<Method> for ByMethod {
+    /// With the default options.
+    fn from(method: Method) -> Self {
+        Self { method, options: Options::default() }
+    }
 }
 
 impl<S: System<Forms: Forms<S>>> Engages<S> for ByMethod {
@@ -80,7 +92,7 @@ impl<S: System<Forms: Forms<S>>> Engages<S> for ByMethod {
 
 /// By a user-defined method, whose estimate of its error is not used if it has one.
 #[derive(Debug, Clone, Copy)]
-pub struct ByStepper<'a, M>(&'a M);
+pub struct ByStepper<'a, M>(pub &'a M);
 
 impl<S: System, M: Stepper<S>> Engages<S> for ByStepper<'_, M> {
     fn engage<R>(
@@ -99,7 +111,7 @@ impl<S: System, M: Stepper<S>> Engages<S> for ByStepper<'_, M> {
 
 /// By a user-defined method that estimates its error.
 #[derive(Debug, Clone, Copy)]
-pub struct ByEmbeddedStepper<'a, M>(&'a M);
+pub struct ByEmbeddedStepper<'a, M>(pub &'a M);
 
 impl<S: System, M: EmbeddedStepper<S>> Engages<S> for ByEmbeddedStepper<'_, M> {
     fn engage<R>(
@@ -117,34 +129,42 @@ impl<S: System, M: EmbeddedStepper<S>> Engages<S> for ByEmbeddedStepper<'_, M> {
 impl<'a, S: System> Run<'a, S, ByMethod> {
     /// By a method of the table, with the default [`Options`].
     pub fn new(system: &'a S, method: Method, steps: impl Into<Steps>) -> Self {
-        let method = ByMethod { method, options: Options::default() };
-        Self { system, method, steps: steps.into(), observer: None }
+        Self::by(system, method.into(), steps)
     }
+}
 
+impl<'a, S: System, L> Run<'a, S, ByMethod, L> {
     /// The same with other options.
     pub fn with_options(self, options: Options) -> Self {
         Self { method: ByMethod { options, ..self.method }, ..self }
     }
 }
 
-impl<'a, S: System, M> Run<'a, S, ByStepper<'a, M>> {
+impl<'a, 'm, S: System, M> Run<'a, S, ByStepper<'m, M>> {
     /// By any method; its steps are fixed.
-    pub fn by_stepper(system: &'a S, stepper: &'a M, steps: impl Into<Steps>) -> Self {
-        Self { system, method: ByStepper(stepper), steps: steps.into(), observer: None }
+    pub fn by_stepper(system: &'a S, stepper: &'m M, steps: impl Into<Steps>) -> Self {
+        Self::by(system, ByStepper(stepper), steps)
     }
 }
 
-impl<'a, S: System, M> Run<'a, S, ByEmbeddedStepper<'a, M>> {
+impl<'a, 'm, S: System, M> Run<'a, S, ByEmbeddedStepper<'m, M>> {
     /// By any method that estimates its error; its steps are fixed or adapted.
-    pub fn by_embedded_stepper(system: &'a S, stepper: &'a M, steps: impl Into<Steps>) -> Self {
-        Self { system, method: ByEmbeddedStepper(stepper), steps: steps.into(), observer: None }
+    pub fn by_embedded_stepper(system: &'a S, stepper: &'m M, steps: impl Into<Steps>) -> Self {
+        Self::by(system, ByEmbeddedStepper(stepper), steps)
+    }
+}
+
+impl<'a, S: System, M, L> Run<'a, S, M, L> {
+    /// Shows each step to an observer, which may stop the run.
+    pub fn observed_by(self, observer: &'a mut dyn Observer<S::Configuration>) -> Self {
+        Self { observer: Some(observer), ..self }
     }
 }
 
 impl<'a, S: System, M> Run<'a, S, M> {
-    /// Shows each step to an observer, which may stop the run.
-    pub fn observed_by(self, observer: &'a mut dyn Observer<S::Configuration>) -> Self {
-        Self { observer: Some(observer), ..self }
+    /// By a method of any of the three kinds: [`ByMethod`], [`ByStepper`] or [`ByEmbeddedStepper`].
+    pub fn by(system: &'a S, method: M, steps: impl Into<Steps>) -> Self {
+        Self { system, method, steps: steps.into(), location: (), observer: None }
     }
 
     /// Runs from a state.
@@ -155,17 +175,9 @@ impl<'a, S: System, M> Run<'a, S, M> {
     where
         M: Engages<S>,
     {
-        let Self { system, method, steps, observer } = self;
+        let Self { system, method, steps, observer, .. } = self;
         check_state(initial)?;
-        let mut nobody = ();
-        let observer: &mut dyn Observer<_> = match observer {
-            Some(observer) => observer,
-            None => &mut nobody,
-        };
-        // What was wrong before is not what goes wrong now.
-        system.take_fault();
-        let is_adapted = matches!(steps, Steps::Adapted { .. });
-        let run = method.engage(system, initial, is_adapted, &mut |engine| match &steps {
+        let run = drive(&method, system, initial, &steps, observer, &mut |engine, observer| match &steps {
             Steps::Fixed(grid) => run_fixed(engine, initial, grid, observer),
             Steps::Adapted { interval, settings } => {
                 run_adaptive(engine, initial, *interval, settings, observer)
@@ -175,8 +187,31 @@ impl<'a, S: System, M> Run<'a, S, M> {
     }
 }
 
+/// What makes steps by an engine and shows them to an observer.
+pub(crate) type Driver<'a, Q, R> = &'a mut dyn FnMut(&mut dyn Engine<Q>, &mut dyn Observer<Q>) -> R;
+
+/// Hands an engine for some steps from a finite state to a driver, with the observer if there is one.
+pub(crate) fn drive<S: System, M: Engages<S>, R>(
+    method: &M,
+    system: &S,
+    initial: &StateOf<S>,
+    steps: &Steps,
+    observer: Option<&mut dyn Observer<S::Configuration>>,
+    driver: Driver<'_, S::Configuration, R>,
+) -> Result<R, IntegrateError> {
+    let mut nobody = ();
+    let observer: &mut dyn Observer<_> = match observer {
+        Some(observer) => observer,
+        None => &mut nobody,
+    };
+    // What was wrong before is not what goes wrong now.
+    system.take_fault();
+    let is_adapted = matches!(steps, Steps::Adapted { .. });
+    method.engage(system, initial, is_adapted, &mut |engine| driver(engine, &mut *observer))
+}
+
 /// Puts the reason that a system has no value in the place of what it led to.
-fn explain<S: System>(system: &S, error: IntegrateError) -> IntegrateError {
+pub(crate) fn explain<S: System>(system: &S, error: IntegrateError) -> IntegrateError {
     let t = match error {
         IntegrateError::NonFinite { t } => t,
         IntegrateError::Step(StepError::NotConverged { t, residual, .. }) if residual.is_nan() => t,

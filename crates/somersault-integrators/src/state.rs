@@ -4,7 +4,7 @@
 //! has a configuration of this kind. Rates are added and bracketed; configurations are moved by rates.
 //! Steps write into values that exist, so that a state that lives on the heap costs no allocation.
 
-use crate::scratch::Storage;
+use crate::scratch::{OnHeap, OnStack, Storage};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
 
@@ -155,7 +155,7 @@ impl<Q: Configuration> State<Q> {
 }
 
 impl<Q: Configuration> Storage for State<Q> {
-    const ON_STACK: bool = Q::ON_STACK;
+    type Allocation = Q::Allocation;
 }
 
 /// Linear and angular part of a velocity, an acceleration or a momentum, world frame.
@@ -254,7 +254,7 @@ fn finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
 }
 
 impl Storage for Twist {
-    const ON_STACK: bool = true;
+    type Allocation = OnStack;
 }
 
 impl Rate for Twist {
@@ -311,7 +311,7 @@ impl Rate for Twist {
 }
 
 impl Storage for Pose {
-    const ON_STACK: bool = true;
+    type Allocation = OnStack;
 }
 
 impl Configuration for Pose {
@@ -355,7 +355,7 @@ impl Configuration for Pose {
 pub struct InBody<T>(pub T);
 
 impl Storage for InBody<Twist> {
-    const ON_STACK: bool = true;
+    type Allocation = OnStack;
 }
 
 impl Rate for InBody<Twist> {
@@ -406,7 +406,7 @@ impl Rate for InBody<Twist> {
 }
 
 impl Storage for InBody<Pose> {
-    const ON_STACK: bool = true;
+    type Allocation = OnStack;
 }
 
 impl Configuration for InBody<Pose> {
@@ -444,7 +444,7 @@ impl Configuration for InBody<Pose> {
 }
 
 impl<T: Storage> Storage for Vec<T> {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl<V: Rate> Rate for Vec<V> {

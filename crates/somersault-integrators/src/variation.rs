@@ -20,7 +20,7 @@
 use crate::augmented::{Augmented, AugmentedRate};
 use crate::body::RigidBody;
 use crate::force::Wrench;
-use crate::scratch::Storage;
+use crate::scratch::{OnHeap, Storage};
 use crate::state::{Configuration, ErrorSum, Pose, Rate, RigidBodyState, State, Tolerances, Twist};
 use nalgebra::{Matrix3, SVector};
 use somersault_core::lie::so3;
@@ -115,7 +115,7 @@ impl<Q: Configuration> State<Varied<Q, AugmentedRate<Twist>>> {
 }
 
 impl<T, V> Storage for Varied<T, V> {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl<T: Rate, V: Rate> Rate for Varied<T, V> {

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 use somersault_core::lie::so3;
-use somersault_integrators::scratch::Storage;
+use somersault_integrators::scratch::{OnHeap, Storage};
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, Tolerances};
 use std::sync::Arc;
 
@@ -185,7 +185,7 @@ fn assign(to: &mut [f64], from: &[f64]) {
 }
 
 impl Storage for Rates {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl Rate for Rates {
@@ -239,7 +239,7 @@ impl Rate for Rates {
 }
 
 impl Storage for Coordinates {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl Configuration for Coordinates {

@@ -74,6 +74,18 @@ pub enum SolverError {
         /// Constraints of the program.
         found: usize,
     },
+    /// The equations of a step have no factors, whatever their numbers.
+    #[error(
+        "the equations of {n_variables} variables and {n_constraints} constraints have no factors: {reason}"
+    )]
+    Factorisation {
+        /// Variables of the program.
+        n_variables: usize,
+        /// Its constraints.
+        n_constraints: usize,
+        /// What the factorisation says.
+        reason: String,
+    },
     /// A function of the user failed; the solve stopped there.
     #[error("a function of the user failed: {source}")]
     Failed {

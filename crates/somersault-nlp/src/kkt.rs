@@ -15,6 +15,7 @@
 //! directions of slow convergence do not hold up. By
 //! Sylvester's law of inertia H + (σ + δ) 1 is positive definite on the null space of A where exactly n pivots are positive.
 
+use crate::error::SolverError;
 use crate::nlp::Pattern;
 use crate::program::max_norm;
 use clarabel::algebra::CscMatrix;
@@ -108,7 +109,7 @@ fn add_scaled(to: &mut [f64], factor: f64, x: &[f64]) {
 
 impl Kkt {
     /// For a Hessian and a Jacobian of these patterns.
-    pub(crate) fn new(hessian: &Pattern, jacobian: &Pattern) -> Self {
+    pub(crate) fn try_new(hessian: &Pattern, jacobian: &Pattern) -> Result<Self, SolverError> {
         let (n, m) = (jacobian.n_columns(), jacobian.n_rows);
         let diagonal = (0..n + m).map(|i| (i, i)).collect();
         let upper_left = hessian.entries().map(|(_, i, j)| (i, j)).collect();
@@ -118,11 +119,12 @@ impl Kkt {
         let n_entries = pattern.n_entries();
         let settings = QDLDLSettings { logical: true, regularize_enable: false, ..QDLDLSettings::default() };
         let matrix = CscMatrix::new(n + m, n + m, pattern.columns, pattern.rows, vec![1.0; n_entries]);
-        Self {
+        Ok(Self {
             n,
             m,
-            factors: QDLDLFactorisation::new(&matrix, Some(settings))
-                .expect("each column has its diagonal entry, and none below"),
+            factors: QDLDLFactorisation::new(&matrix, Some(settings)).map_err(|error| {
+                SolverError::Factorisation { n_variables: n, n_constraints: m, reason: error.to_string() }
+            })?,
             entries: (0..n_entries).collect(),
             values: vec![0.0; n_entries],
             hessian_at,
@@ -141,7 +143,7 @@ impl Kkt {
             start: vec![0.0; n + m],
             krylov: Krylov::new(n + m),
             count: 0,
-        }
+        })
     }
 
     /// Whether H + σ 1 is positive definite on the null space of the working set, by a margin that a solve can

@@ -110,7 +110,9 @@ pub use error::SolverError;
 pub use first_order::Limits;
 pub use gradient_descent::GradientDescent;
 pub use lbfgs::Lbfgs;
-pub use multi_start::{Failure, FailureCause, Minimum, MultiStart, MultiStartReport, samples};
+pub use multi_start::{
+    Failure, FailureCause, Minimum, MultiStart, MultiStartReport, latin_hypercube, samples,
+};
 pub use nlp::{Bounds, Curvature, EvaluationError, Nlp, NoEntry, NoHessian, Pattern, Structure};
 pub use report::{Counts, Iteration, KktResiduals, Report, Start, Status};
 pub use solver::NlpSolver;

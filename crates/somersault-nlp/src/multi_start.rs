@@ -175,17 +175,23 @@ pub fn samples(range: &Bounds, count: usize, seed: u64) -> Result<Vec<Start>, So
     check_bounds("range", range)?;
     check_vector("range.lower", &range.lower, range.len())?;
     check_vector("range.upper", &range.upper, range.len())?;
+    let ends: Vec<_> = range.lower.iter().copied().zip(range.upper.iter().copied()).collect();
+    Ok(latin_hypercube(&ends, count, seed).into_iter().map(Start::from).collect())
+}
+
+/// The points of [`samples`] in the box of the given ends, which are finite.
+pub fn latin_hypercube(ends: &[(f64, f64)], count: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut random = SplitMix64::new(seed);
-    let mut starts = vec![Start::from(vec![0.0; range.len()]); count];
+    let mut points = vec![vec![0.0; ends.len()]; count];
     let mut parts: Vec<usize> = (0..count).collect();
-    for i in 0..range.len() {
+    for (i, (lower, upper)) in ends.iter().enumerate() {
         for last in (1..count).rev() {
             parts.swap(last, (random.unit() * (last + 1) as f64) as usize);
         }
-        let width = (range.upper[i] - range.lower[i]) / count as f64;
-        for (start, &part) in starts.iter_mut().zip(&parts) {
-            start.z[i] = (range.lower[i] + (part as f64 + random.unit()) * width).min(range.upper[i]);
+        let width = (upper - lower) / count as f64;
+        for (point, &part) in points.iter_mut().zip(&parts) {
+            point[i] = (lower + (part as f64 + random.unit()) * width).min(*upper);
         }
     }
-    Ok(starts)
+    points
 }

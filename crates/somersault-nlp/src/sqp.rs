@@ -153,7 +153,7 @@ impl<'a> Run<'a> {
             hessian.restore(values);
         }
         Ok(Self {
-            subproblem: Subproblem::new(&program, &hessian),
+            subproblem: Subproblem::try_new(&program, &hessian)?,
             best: Best::new(&point, m, options.feasibility_tol),
             trial: point.clone(),
             point,

@@ -13,6 +13,7 @@
 
 mod restoration;
 
+use crate::error::SolverError;
 use crate::hessian::Hessian;
 use crate::interior_point::{InteriorPoint, Outcome, Quadratic};
 use crate::kkt::{Activity, Kkt};
@@ -85,11 +86,11 @@ pub(crate) struct Subproblem {
 }
 
 impl Subproblem {
-    pub(crate) fn new(program: &Program<'_>, hessian: &Hessian) -> Self {
+    pub(crate) fn try_new(program: &Program<'_>, hessian: &Hessian) -> Result<Self, SolverError> {
         let (n, m) = (program.n_variables(), program.n_constraints());
         let structure = program.structure.clone();
-        Self {
-            kkt: Kkt::new(&hessian.pattern, &structure.jacobian),
+        Ok(Self {
+            kkt: Kkt::try_new(&hessian.pattern, &structure.jacobian)?,
             hessian_pattern: hessian.pattern.clone(),
             convex: None,
             elastic: None,
@@ -114,7 +115,7 @@ impl Subproblem {
             left_violation: 0.0,
             n_quadratic_programs: 0,
             structure,
-        }
+        })
     }
 
     pub(crate) fn n_factorisations(&self) -> usize {

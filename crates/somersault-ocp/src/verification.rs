@@ -225,15 +225,15 @@ impl<'a> Leg<'a> {
 
     /// Writes what drives the joints at time `t`: accelerations, or forces.
     fn drive(&self, t: f64, out: &mut [f64]) {
-        let share = (t - self.start) / self.duration;
+        let fraction = (t - self.start) / self.duration;
         let mut channels = vec![0.0; self.motion.n_channels()];
         let mut joints = vec![0.0; self.driven.len()];
         if self.drive == Drive::Motion {
-            self.motion.channels_into(&self.coefficients, share, 2, &mut channels);
+            self.motion.channels_into(&self.coefficients, fraction, 2, &mut channels);
             self.motion.base().rates_into(&channels, &mut joints);
             joints.iter_mut().for_each(|a| *a /= self.duration * self.duration);
         } else {
-            self.motion.channels_into(&self.coefficients, share, 0, &mut channels);
+            self.motion.channels_into(&self.coefficients, fraction, 0, &mut channels);
             self.motion.base().positions_into(&channels, &mut joints);
         }
         self.driven.iter().zip(joints).for_each(|(dof, x)| out[*dof] = x);

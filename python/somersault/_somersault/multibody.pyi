@@ -27,6 +27,8 @@ _Base: TypeAlias = Literal["fixed", "planar", "free"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 
+_NAMED_MODELS: tuple[str, ...]
+
 @final
 class Link:
     def __new__(
@@ -253,13 +255,14 @@ def fly(
     on_interrupt: Literal["raise", "return"] = "raise",
     progress: bool = False,
 ) -> TreeSolution: ...
+
+# `make public-names` writes what follows, from the documentation of the extension.
+
 def cart_pendulum(
     cart_mass: float = 2.0, mass: float = 1.0, length: float = 1.0, gravity: float = 9.81
 ) -> Model: ...
-def two_link_arm(
-    masses: tuple[float, float] | Sequence[float] = ...,
-    lengths: tuple[float, float] | Sequence[float] = ...,
-    damping: tuple[float, float] | Sequence[float] = ...,
-) -> Model: ...
 def diver_planar(mass: float = 65.0, height: float = 1.7, gravity: float = 9.81) -> Diver: ...
 def diver_spatial(mass: float = 65.0, height: float = 1.7, gravity: float = 9.81) -> Diver: ...
+def two_link_arm(
+    masses: Sequence[float] = ..., lengths: Sequence[float] = ..., damping: Sequence[float] = ...
+) -> Model: ...

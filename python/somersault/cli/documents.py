@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from somersault.cli import positions
+from somersault.cli import kinds, positions
 from somersault.errors import InputError
 
 __all__ = ["Document", "DocumentError", "read", "schema"]
@@ -64,6 +64,8 @@ def schema(name: str) -> dict[str, Any]:
     """The JSON schema of the inputs of a command."""
     text = files("somersault.cli").joinpath("schemas", f"{name}.schema.json").read_text("utf-8")
     found: dict[str, Any] = json.loads(text)
+    if name == "integrate":
+        found["$defs"] |= kinds.definitions()
     return found
 
 

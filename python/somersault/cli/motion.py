@@ -11,7 +11,7 @@ import numpy as np
 
 import somersault
 from somersault import contact, forces, multibody
-from somersault.cli import tables
+from somersault.cli import kinds, tables
 from somersault.cli.documents import Document, read
 from somersault.errors import SomersaultError
 
@@ -26,11 +26,6 @@ _SURFACES = {
     "half_space": contact.HalfSpace,
     "sphere": contact.SphericalSurface,
     "cylinder": contact.CylindricalSurface,
-}
-_LAWS = {"compliant": contact.CompliantLaw, "hunt_crossley": contact.HuntCrossley}
-_FRICTION = {
-    "coulomb": contact.CoulombFriction,
-    "regularised": contact.RegularisedFriction,
 }
 
 
@@ -116,11 +111,11 @@ def _contact(document: Document, index: int, values: dict[str, Any]) -> contact.
     with document.at(*place, "surface"):
         surface = _made(_SURFACES, values["surface"])
     with document.at(*place, "law"):
-        law = _made(_LAWS, values["law"], "compliant")
+        law = _made(kinds.NORMAL_LAWS, values["law"], kinds.DEFAULT_LAW)
     friction = None
     if "friction" in values:
         with document.at(*place, "friction"):
-            friction = _made(_FRICTION, values["friction"])
+            friction = _made(kinds.FRICTION_LAWS, values["friction"])
     with document.at(*place):
         return contact.Contact(values["point"], surface, law, friction=friction)
 

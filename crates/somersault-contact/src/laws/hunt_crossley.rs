@@ -11,8 +11,7 @@
 //! x^{3/2} has no second derivative at x = 0. The step that begins there leaves an error of order h^{5/2} in
 //! the velocity, as does the one that ends there, whatever the method: located events keep an order of at
 //! most 5/2, unless the first and the last steps in contact are graded, as t = T (j/m)^r with r > p/(5/2)
-//! for a method of order p. [`integrate_located_adaptive`](somersault_integrators::events::integrate_located_adaptive) grades
-//! them by its tolerances, and so keeps the order.
+//! for a method of order p. Steps adapted to tolerances are graded by them, and so keep the order.
 //!
 //! K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440; H. Hertz, J. reine angew. Math. 92 (1882) 156.
 

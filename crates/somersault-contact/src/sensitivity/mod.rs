@@ -25,17 +25,14 @@
 //!
 //! ```
 //! use somersault_contact::models::SpinningTop;
-//! use somersault_contact::sensitivity::{Differentiation, Parameter, differentiate_located};
+//! use somersault_contact::sensitivity::{Differentiation, Parameter, SensitivityRun};
 //! use somersault_integrators::driver::TimeGrid;
-//! use somersault_integrators::events::Location;
-//! use somersault_integrators::methods::{Method, Options};
+//! use somersault_integrators::methods::Method;
 //!
 //! let top = SpinningTop::thesis()?;
 //! let by = Differentiation::by([Parameter::normal(0, "stiffness"), Parameter::Mass]);
-//! let (grid, location) = (TimeGrid::try_new(0.0, 0.1, 1e-4)?, Location::default());
-//! let (method, options) = (Method::Rkmk, Options::default());
-//! let found =
-//!     differentiate_located(method, options, &top.system, &top.start, &by, &grid, &location, &mut ())?;
+//! let grid = TimeGrid::try_new(0.0, 0.1, 1e-4)?;
+//! let found = SensitivityRun::new(&top.system, &by, Method::Rkmk, grid).from(&top.start)?;
 //! // A top that starts higher touches down later, by δz/ż.
 //! assert!(found.event_times[(0, 2)] > 0.0);
 //! // The height reached by the height of the start, and by the mass.
@@ -59,8 +56,5 @@ mod system;
 pub use grazing::{Grazing, Side};
 pub use outcome::{Sensitivities, SensitivityError, Undifferentiated};
 pub use parameter::{Differentiation, Parameter, WrenchDerivative};
-pub use run::{
-    SensitivityResult, differentiate_hybrid, differentiate_hybrid_adaptive, differentiate_located,
-    differentiate_located_adaptive,
-};
-pub use system::{FrozenVariational, Variational, VariedPose, VariedState};
+pub use run::{SensitivityResult, SensitivityRun};
+pub use system::{Variational, VariedForms, VariedPose, VariedState};

@@ -15,7 +15,7 @@ use somersault_integrators::state::Pose;
 /// frame, R_ε = exp(ε δφ̂) R), velocity (m/s) and angular velocity (rad/s), three components each.
 #[derive(Debug, Clone)]
 pub struct Sensitivities {
-    /// The run, as [`integrate_hybrid`](somersault_integrators::events::integrate_hybrid) leaves it without sensitivities.
+    /// The run, as a [`Run`](somersault_integrators::run::Run) that locates events leaves it without sensitivities.
     pub run: Located<Pose, EventKind>,
     /// Derivative of the state reached, at a fixed time, with respect to the initial state.
     pub state: SMatrix<f64, 12, 12>,

@@ -2,266 +2,172 @@
 
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
 use super::parameter::{Differentiation, FoundParameter, Parameter};
-use super::system::{FrozenVariational, InBodyAxes, Log, Variational, VariedPose, VariedState};
+use super::system::{Log, Variational, VariedPose, VariedState};
 use crate::contacts::{BodyInContact, Contact, Contacts};
 use crate::laws::LawParameter;
 use crate::stretches::WithStretches;
+use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
-use somersault_integrators::driver::{Adaptive, Flow, IntegrateError, Observer, Step, TimeGrid};
-use somersault_integrators::events::{
-    Frozen, Located, LocatedResult, Location, integrate_hybrid, integrate_hybrid_adaptive,
-    integrate_hybrid_form, integrate_hybrid_form_adaptive,
-};
+use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, Steps};
+use somersault_integrators::events::{Frozen, Interruption, Located, Location};
 use somersault_integrators::force::ForceModel;
-use somersault_integrators::methods::{Method, Options, Visitor};
+use somersault_integrators::methods::{Method, Options};
+use somersault_integrators::run::{ByEmbeddedStepper, ByMethod, ByStepper, Engages, Run};
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
-use somersault_integrators::stepper::{EmbeddedStepper, Stepper};
-use somersault_integrators::system::Form;
 use somersault_integrators::variation::Tangent;
 
 /// The outcome of a run with sensitivities.
 pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 
-/// Integrates a body in contact by a method of the table, with a fixed step, locating events, and the
-/// derivative of its state with respect to the initial state and to parameters.
+/// A run of a body in contact, with located events, that leaves the derivative of the state with respect to the initial state
+/// and to parameters beside the state: as a [`Run`], which it is of state and columns together.
 ///
-/// The method must be one for any system, in the variables of the world or of the body. The observer sees every
-/// committed step with its columns: the twelve of the initial state, then the parameters.
+/// The method is one of the table ([`SensitivityRun::new`]), which must be one for any system in the variables of the world or of
+/// the body, or user-defined.
 ///
-/// Errors keep the solution: those of [`integrate_located`](somersault_integrators::events::integrate_located), which also
-/// end runs whose columns stop being finite, a parameter of a contact or of friction that there is not, a
-/// start on a surface, and grazing.
+/// Adapted steps are those of the motion without columns, whose errors are not weighed.
 ///
 /// Cost: one and a half to two runs without columns for each column (the spinning top by `rkmk8` and `rkmk`),
 /// which is what central differences take.
-pub fn differentiate_located<F>(
-    method: Method,
-    options: Options,
-    system: &BodyInContact<F>,
-    initial: &RigidBodyState,
-    differentiation: &Differentiation,
-    grid: &TimeGrid,
-    location: &Location,
-    observer: &mut dyn Observer<VariedPose>,
-) -> SensitivityResult
-where
-    F: ForceModel,
-{
-    let interval = (grid.time(0), grid.time(grid.steps()));
-    let task = Task { system, initial, differentiation, interval, location, observer };
-    task.run(method.info().name, |run| {
-        method.visit_frames(options, run.frozen, InBodyAxes(run.frozen), Fixed { run, grid })
-    })
-}
-
-/// The same with steps adapted to tolerances, by a method that estimates its error; see [`differentiate_located`].
-///
-/// The steps are those of the motion without columns, whose errors are not weighed.
-pub fn differentiate_located_adaptive<F>(
-    method: Method,
-    options: Options,
-    system: &BodyInContact<F>,
-    initial: &RigidBodyState,
-    differentiation: &Differentiation,
-    interval: (f64, f64),
-    settings: &Adaptive,
-    location: &Location,
-    observer: &mut dyn Observer<VariedPose>,
-) -> SensitivityResult
-where
-    F: ForceModel,
-{
-    let task = Task { system, initial, differentiation, interval, location, observer };
-    if method.info().embedded.is_none() {
-        let error = IntegrateError::NoErrorEstimate { method: method.info().name };
-        return Err(refused(SensitivityError::Run(error.into()), interval.0, &task.unstretched()));
-    }
-    task.run(method.info().name, |run| {
-        let adapted = Adapted { run, interval, settings };
-        method.visit_frames(options, adapted.run.frozen, InBodyAxes(adapted.run.frozen), adapted)?
-    })
-}
-
-/// The same by any stepper; see [`differentiate_located`].
-pub fn differentiate_hybrid<'a, F, M>(
-    stepper: &M,
+#[must_use = "a run begins with a state, `from`"]
+pub struct SensitivityRun<'a, F, M> {
     system: &'a BodyInContact<F>,
-    initial: &RigidBodyState,
     differentiation: &'a Differentiation,
-    grid: &TimeGrid,
-    location: &Location,
-    observer: &mut dyn Observer<VariedPose>,
-) -> SensitivityResult
-where
-    F: ForceModel,
-    M: Stepper<FrozenVariational<'a, F>>,
-{
-    let interval = (grid.time(0), grid.time(grid.steps()));
-    Task { system, initial, differentiation, interval, location, observer }
-        .run(M::INFO.name, |run| Some(run.fixed(stepper, grid)))
+    method: M,
+    steps: Steps,
+    location: Location,
+    observer: Option<&'a mut dyn Observer<VariedPose>>,
 }
 
-/// The same by any stepper that estimates its error, with steps adapted to tolerances; see
-/// [`differentiate_located_adaptive`].
-pub fn differentiate_hybrid_adaptive<'a, F, M>(
-    stepper: &M,
-    system: &'a BodyInContact<F>,
-    initial: &RigidBodyState,
-    differentiation: &'a Differentiation,
-    interval: (f64, f64),
-    settings: &Adaptive,
-    location: &Location,
-    observer: &mut dyn Observer<VariedPose>,
-) -> SensitivityResult
-where
-    F: ForceModel,
-    M: EmbeddedStepper<FrozenVariational<'a, F>>,
-{
-    Task { system, initial, differentiation, interval, location, observer }
-        .run(M::INFO.name, |run| Some(run.adapted(stepper, interval, settings)))
-}
+impl<'a, F: ForceModel> SensitivityRun<'a, F, ByMethod> {
+    /// By a method of the table, with the default [`Options`].
+    pub fn new(
+        system: &'a BodyInContact<F>,
+        differentiation: &'a Differentiation,
+        method: Method,
+        steps: impl Into<Steps>,
+    ) -> Self {
+        Self::by(system, differentiation, method.into(), steps)
+    }
 
-/// What is to be integrated and differentiated.
-struct Task<'a, 'b, F> {
-    system: &'a BodyInContact<F>,
-    initial: &'b RigidBodyState,
-    differentiation: &'a Differentiation,
-    interval: (f64, f64),
-    location: &'b Location,
-    observer: &'b mut dyn Observer<VariedPose>,
-}
-
-/// A task begun.
-struct Begun<'a, 'b, F: ForceModel> {
-    frozen: &'b FrozenVariational<'a, F>,
-    start: &'b VariedState,
-    location: &'b Location,
-    observer: &'b mut dyn Observer<VariedPose>,
-}
-
-/// Shows each step to an observer, after contacts that it just missed have been looked for.
-struct Watching<'a, 'b, F: ForceModel> {
-    frozen: &'b FrozenVariational<'a, F>,
-    observer: &'b mut dyn Observer<VariedPose>,
-}
-
-impl<F: ForceModel> Observer<VariedPose> for Watching<'_, '_, F> {
-    fn observe(&mut self, step: &mut Step<'_, VariedPose>) -> Flow {
-        self.frozen.system().watch((step.t_before, step.before), (step.t_after, step.after));
-        self.observer.observe(step)
+    /// The same with other options.
+    pub fn with_options(self, options: Options) -> Self {
+        Self { method: ByMethod { options, ..self.method }, ..self }
     }
 }
 
-impl<'a, F: ForceModel> Begun<'a, '_, F> {
-    fn fixed<M: Stepper<FrozenVariational<'a, F>>>(
-        self,
-        stepper: &M,
-        grid: &TimeGrid,
-    ) -> LocatedResult<Variational<'a, F>> {
-        let Self { frozen, start, location, observer } = self;
-        integrate_hybrid(frozen, stepper, start, grid, location, &mut Watching { frozen, observer })
-    }
-
-    fn adapted<M: EmbeddedStepper<FrozenVariational<'a, F>>>(
-        self,
-        stepper: &M,
-        interval: (f64, f64),
-        settings: &Adaptive,
-    ) -> LocatedResult<Variational<'a, F>> {
-        let Self { frozen, start, location, observer } = self;
-        let mut watching = Watching { frozen, observer };
-        integrate_hybrid_adaptive(frozen, stepper, start, interval, settings, location, &mut watching)
+impl<'a, 'm, F: ForceModel, M> SensitivityRun<'a, F, ByStepper<'m, M>> {
+    /// By any method; its steps are fixed.
+    pub fn by_stepper(
+        system: &'a BodyInContact<F>,
+        differentiation: &'a Differentiation,
+        stepper: &'m M,
+        steps: impl Into<Steps>,
+    ) -> Self {
+        Self::by(system, differentiation, ByStepper(stepper), steps)
     }
 }
 
-/// Steps of fixed size by a method in one of two frames.
-struct Fixed<'a, 'b, F: ForceModel> {
-    run: Begun<'a, 'b, F>,
-    grid: &'b TimeGrid,
-}
-
-impl<'a, F: ForceModel> Visitor<VariedPose> for Fixed<'a, '_, F> {
-    type Output = LocatedResult<Variational<'a, F>>;
-
-    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let Begun { frozen, start, location, observer } = self.run;
-        let mut watching = Watching { frozen, observer };
-        let encode = |x: &_| form.encode(x);
-        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
-        integrate_hybrid_form(frozen, form, &stepper, start, self.grid, location, &mut watching)
+impl<'a, 'm, F: ForceModel, M> SensitivityRun<'a, F, ByEmbeddedStepper<'m, M>> {
+    /// By any method that estimates its error; its steps are fixed or adapted.
+    pub fn by_embedded_stepper(
+        system: &'a BodyInContact<F>,
+        differentiation: &'a Differentiation,
+        stepper: &'m M,
+        steps: impl Into<Steps>,
+    ) -> Self {
+        Self::by(system, differentiation, ByEmbeddedStepper(stepper), steps)
     }
 }
 
-/// Steps adapted to tolerances; none by a method that does not estimate its error.
-struct Adapted<'a, 'b, F: ForceModel> {
-    run: Begun<'a, 'b, F>,
-    interval: (f64, f64),
-    settings: &'b Adaptive,
-}
-
-impl<'a, F: ForceModel> Visitor<VariedPose> for Adapted<'a, '_, F> {
-    type Output = Option<LocatedResult<Variational<'a, F>>>;
-
-    fn visit<B: Form<VariedPose>, M: Stepper<B>>(self, _: B, _: M) -> Self::Output {
-        None
+impl<'a, F: ForceModel, M> SensitivityRun<'a, F, M> {
+    fn by(
+        system: &'a BodyInContact<F>,
+        differentiation: &'a Differentiation,
+        method: M,
+        steps: impl Into<Steps>,
+    ) -> Self {
+        let (steps, location) = (steps.into(), Location::default());
+        Self { system, differentiation, method, steps, location, observer: None }
     }
 
-    fn visit_embedded<B: Form<VariedPose>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let Begun { frozen, start, location, observer } = self.run;
-        let mut watching = Watching { frozen, observer };
-        let encode = |x: &_| form.encode(x);
-        let form = (&form, &encode as &dyn Fn(&_) -> _, form.decoder());
-        let steps = (self.interval, self.settings);
-        Some(integrate_hybrid_form_adaptive(frozen, form, &stepper, start, steps, location, &mut watching))
-    }
-}
-
-impl<'a, F: ForceModel> Task<'a, '_, F> {
-    fn unstretched(&self) -> VariedState {
-        let system = WithStretches(self.system);
-        varied(system.unstretched(*self.initial), self.differentiation.parameters.len())
+    /// Locates events otherwise than by default.
+    pub fn locating(self, location: Location) -> Self {
+        Self { location, ..self }
     }
 
-    /// Runs by a method of some name, which integrates what has begun unless it cannot integrate columns.
-    fn run(
-        self,
-        method: &'static str,
-        integrate: impl for<'b> FnOnce(Begun<'a, 'b, F>) -> Option<LocatedResult<Variational<'a, F>>>,
-    ) -> SensitivityResult {
-        let Self { system, differentiation, interval, location, .. } = self;
-        let unstretched = self.unstretched();
-        let refuse = |reason| Err(refused(reason, interval.0, &unstretched));
-        if let Some(reason) = refusal(system, differentiation, self.initial) {
+    /// Shows each committed step to an observer, which may stop the run: the states have their columns, the twelve of the
+    /// initial state, then those of the parameters.
+    pub fn observed_by(self, observer: &'a mut dyn Observer<VariedPose>) -> Self {
+        Self { observer: Some(observer), ..self }
+    }
+
+    /// Runs from a state.
+    ///
+    /// Errors keep the solution: those of a [`Run`] that locates events, which also end runs whose columns stop being finite, a
+    /// parameter of a contact or of friction that there is not, a start on a surface, and grazing.
+    pub fn from(self, initial: &RigidBodyState) -> SensitivityResult
+    where
+        M: for<'b> Engages<Frozen<'b, Variational<'a, F>>>,
+    {
+        let Self { system, differentiation, method, steps, location, observer } = self;
+        let (start, end) = steps.interval();
+        let held = WithStretches(system);
+        let count = differentiation.parameters.len();
+        let unstretched = varied(held.unstretched(*initial), count);
+        let refuse = |reason| Err(refused(reason, start, &unstretched));
+        if let Some(reason) = refusal(system, differentiation, initial) {
             return refuse(reason);
         }
         let parameters = match find(&differentiation.parameters, &system.forces.1) {
             Ok(parameters) => parameters,
             Err(reason) => return refuse(reason),
         };
-        let system = WithStretches(system);
-        let start = if differentiation.stretches.is_empty() {
+        let stretched = if differentiation.stretches.is_empty() {
             unstretched.clone()
         } else {
-            match system.stretched(*self.initial, differentiation.stretches.clone()) {
-                Ok(start) => varied(start, differentiation.parameters.len()),
+            match held.stretched(*initial, differentiation.stretches.clone()) {
+                Ok(stretched) => varied(stretched, count),
                 Err(error) => return refuse(error.into()),
             }
         };
-        let duration = interval.1 - interval.0;
         let grazing = differentiation.grazing;
-        let variational = Variational::new(system, parameters, grazing, duration, location.keep_events);
-        let frozen = Frozen::new(variational, interval.0, &start);
-        let begun = Begun { frozen: &frozen, start: &start, location, observer: self.observer };
-        let Some(run) = integrate(begun) else { return refuse(SensitivityError::Method { method }) };
-        let Log { times, grazing } = frozen.system().log.take();
+        let variational = Variational::new(held, parameters, grazing, end - start, location.keep_events);
+        let mut watching = Watching { system: &variational, observer };
+        let run = Run::by(&variational, method, steps).locating(location).observed_by(&mut watching);
+        let run = run.from(&stretched);
+        let Log { times, grazing } = variational.log.take();
         match (run, grazing) {
             (Ok(run), None) => Ok(collect(run, &times)),
             (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
-            (Err(interrupted), _) => Err((interrupted.reason.into(), interrupted.so_far)),
+            (Err(interrupted), _) => Err((why(interrupted.reason), interrupted.so_far)),
         }
         .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(run, &times) }))
+    }
+}
+
+/// Why there is no derivative of a run that was interrupted.
+fn why(reason: Interruption<SurfaceFault>) -> SensitivityError {
+    match reason {
+        Interruption::Integrate(IntegrateError::RigidBodiesOnly { method }) => {
+            SensitivityError::Method { method }
+        }
+        reason => SensitivityError::Run(reason),
+    }
+}
+
+/// Shows each step to an observer, after contacts that it just missed have been looked for.
+struct Watching<'a, 'b, F> {
+    system: &'b Variational<'a, F>,
+    observer: Option<&'a mut dyn Observer<VariedPose>>,
+}
+
+impl<F: ForceModel> Observer<VariedPose> for Watching<'_, '_, F> {
+    fn observe(&mut self, step: &mut Step<'_, VariedPose>) -> Flow {
+        self.system.watch((step.t_before, step.before), (step.t_after, step.after));
+        self.observer.as_mut().map_or(Flow::Continue, |observer| observer.observe(step))
     }
 }
 

@@ -12,8 +12,9 @@ use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::IntegrateError;
-use somersault_integrators::events::{Energy, Frozen, Guard, Hybrid, StepCurve, Sweep};
+use somersault_integrators::events::{Energy, Guard, Hybrid, StepCurve, Sweep};
 use somersault_integrators::force::ForceModel;
+use somersault_integrators::methods::{Forms, Method, Options, Visitor};
 use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
 use somersault_integrators::system::{Decoder, Form, OneForm, System, world_acceleration};
 use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
@@ -54,9 +55,6 @@ pub struct Variational<'a, F> {
     keep_events: bool,
     pub(super) log: RefCell<Log>,
 }
-
-/// A body in contact with columns, frozen in a mode: what steppers see.
-pub type FrozenVariational<'a, F> = Frozen<Variational<'a, F>>;
 
 impl<'a, F: ForceModel> Variational<'a, F> {
     pub(super) fn new(
@@ -189,7 +187,7 @@ impl<'a, F: ForceModel> Variational<'a, F> {
 
 impl<F: ForceModel> System for Variational<'_, F> {
     type Configuration = VariedPose;
-    type Forms = OneForm;
+    type Forms = VariedForms;
     type Workspace = ();
     fn workspace(&self) {}
 
@@ -345,14 +343,30 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
 }
 
 /// A state with columns whose base is in body axes; the columns stay in those of the world.
-pub(super) type BodyVariedPose = Varied<Augmented<InBody<Pose>>, AugmentedRate<Twist>>;
+type BodyVariedPose = Varied<Augmented<InBody<Pose>>, AugmentedRate<Twist>>;
 
-/// A body in contact with columns, its rotation in body axes.
-pub(super) struct InBodyAxes<'a, 'b, F: ForceModel>(pub(super) &'b FrozenVariational<'a, F>);
+/// The forms of a body with columns: in the variables of the world, and with its rotation in body axes. Methods for any
+/// system take both.
+#[derive(Debug, Clone, Copy)]
+pub struct VariedForms;
+
+impl<S: System<Configuration = VariedPose, Workspace = ()>> Forms<S> for VariedForms {
+    fn visit<V: Visitor<VariedPose>>(
+        method: Method,
+        options: Options,
+        system: &S,
+        visitor: V,
+    ) -> Option<V::Output> {
+        method.visit_frames(options, system, InBodyAxes(system), visitor)
+    }
+}
+
+/// A body with columns, its rotation in body axes.
+struct InBodyAxes<'a, S>(&'a S);
 
 /// Turns states with columns whose base is in body axes into those of the world.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct FromBodyAxes;
+struct FromBodyAxes;
 
 impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
     fn decode(&self, x: &State<BodyVariedPose>, out: &mut VariedState) {
@@ -365,7 +379,7 @@ impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
     }
 }
 
-impl<F: ForceModel> Form<VariedPose> for InBodyAxes<'_, '_, F> {
+impl<S: System<Configuration = VariedPose, Workspace = ()>> Form<VariedPose> for InBodyAxes<'_, S> {
     type Decoder = FromBodyAxes;
     fn encode(&self, x: &VariedState) -> State<BodyVariedPose> {
         State {
@@ -392,7 +406,7 @@ fn rate_in_body_axes(
     Varied { base, columns: rate.columns.clone() }
 }
 
-impl<F: ForceModel> System for InBodyAxes<'_, '_, F> {
+impl<S: System<Configuration = VariedPose, Workspace = ()>> System for InBodyAxes<'_, S> {
     type Configuration = BodyVariedPose;
     type Forms = OneForm;
     type Workspace = Option<(VariedState, VariedRate)>;

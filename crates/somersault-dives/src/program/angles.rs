@@ -105,28 +105,30 @@ impl DiveProgram {
         if self.path.is_planar() { 1 } else { 3 }
     }
 
-    /// Adds to `out` the gradient by z of these angles times `factors`, for the last flight.
-    pub(super) fn pull_back_angles(&mut self, z: &[f64], factors: &[f64], out: &mut [f64]) {
+    /// Leaves in `angle_row` the gradient by z of these angles times `factors`, for the last flight.
+    pub(super) fn pull_back_angles(&mut self, z: &[f64], factors: &[f64]) -> Result<(), DiveError> {
         let [last, arrival] = self.expand_angles(factors);
         self.by_nodes.fill(Vector3::zeros());
         self.by_nodes[self.path.n_steps()] = last.gradient;
         self.path_gradient.clear();
-        self.path.pull_back_arrival(&self.by_nodes, &arrival.gradient, &mut self.path_gradient);
+        self.path.pull_back_arrival(&self.by_nodes, &arrival.gradient, &mut self.path_gradient)?;
         let PathGradient { by_start, by_momentum, by_coefficients } = &self.path_gradient;
         self.row.fill(0.0);
         self.path.motion().pull_back(by_coefficients, &mut self.row);
-        for (parameter, out) in self.free.iter().zip(out.iter_mut()) {
+        self.angle_row.fill(0.0);
+        for (parameter, out) in self.free.iter().zip(&mut self.angle_row) {
             *out += self.row[*parameter];
         }
         if let Some(column) = self.extra.momentum {
-            out[column] += by_momentum.y * self.duration(z) * self.momentum_unit;
+            self.angle_row[column] += by_momentum.y * self.duration(z) * self.momentum_unit;
         }
         if let Some(column) = self.extra.duration {
-            out[column] += by_momentum.y * self.momentum(z);
+            self.angle_row[column] += by_momentum.y * self.momentum(z);
         }
         if let Some(column) = self.extra.lean {
-            out[column] += by_start.dot(&self.turn_by_lean());
+            self.angle_row[column] += by_start.dot(&self.turn_by_lean());
         }
+        Ok(())
     }
 
     /// Σ factors angles around the last flight, by displacements of the last node and of the arrival at the square-out.
@@ -193,10 +195,7 @@ impl DiveProgram {
             (0..=j).for_each(|i| hessian[entry(i, j)] += 0.5 * (second[(i, j)] + second[(j, i)]));
         }
         if let (Some(i), Some(j)) = (self.extra.momentum, self.extra.duration) {
-            self.angle_row.fill(0.0);
-            let mut gradient = std::mem::take(&mut self.angle_row);
-            self.pull_back_angles(z, factors, &mut gradient);
-            self.angle_row = gradient;
+            self.pull_back_angles(z, factors)?;
             hessian[entry(i, j)] += self.path_gradient.by_momentum.y * self.momentum_unit;
         }
         Ok(())

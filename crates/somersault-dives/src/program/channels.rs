@@ -65,8 +65,8 @@ pub(super) fn channel_rows(
         let mut constant = 0.0;
         for (coefficient, factor) in coefficients {
             constant += factor * motion.offset()[coefficient];
-            for (parameter, share) in &dependences[coefficient] {
-                dense[*parameter] += factor * share;
+            for (parameter, fraction) in &dependences[coefficient] {
+                dense[*parameter] += factor * fraction;
             }
         }
         let of_weight = |(_, factor): &(usize, f64)| factor.abs() > NO_DEPENDENCE;

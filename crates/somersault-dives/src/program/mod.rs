@@ -83,8 +83,8 @@ impl DiveProgram {
     }
 
     /// The same, with clearances as constraints at the given fractions of the duration, too.
-    pub(crate) fn with_clearance_at(&self, shares: &[f64]) -> Result<Self, DiveError> {
-        Self::with_times(&self.dive, [&self.added, shares].concat())
+    pub(crate) fn with_clearance_at(&self, fractions: &[f64]) -> Result<Self, DiveError> {
+        Self::with_times(&self.dive, [&self.added, fractions].concat())
     }
 
     /// Fractions of the duration at which clearances are constraints beside the equidistant ones.

@@ -74,15 +74,12 @@ impl Nlp for DiveProgram {
         self.cost(z, Some(gradient));
         jacobian.copy_from_slice(&self.jacobian);
         let n_angles = self.n_angles();
-        let mut row = std::mem::take(&mut self.angle_row);
         for k in 0..n_angles {
-            row.fill(0.0);
             let factors = [0, 1, 2].map(|i| f64::from(u8::from(i == k)));
-            self.pull_back_angles(z, &factors, &mut row);
-            let places = &self.angle_places[k * row.len()..];
-            places.iter().zip(&row).for_each(|(place, value)| jacobian[*place] = *value);
+            self.pull_back_angles(z, &factors).map_err(undefined)?;
+            let places = &self.angle_places[k * self.angle_row.len()..];
+            places.iter().zip(&self.angle_row).for_each(|(place, value)| jacobian[*place] = *value);
         }
-        self.angle_row = row;
         if let Some(clearance) = &mut self.clearance {
             let (model, motion) = (self.path.model(), self.path.motion());
             let found = clearance.differentiate(model, motion, &self.coefficients, jacobian);

@@ -10,7 +10,7 @@ use crate::system::{Piece, VectorField};
 use nalgebra::{DMatrix, DVector};
 use rows::{ANY, combine, identity, is_finite, multiply_add};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
-use switching::{Ahead, Watch};
+use switching::Watch;
 
 const STAGES: usize = 12;
 
@@ -224,8 +224,6 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         let n = if N == ANY { self.n } else { N };
         let square = if MATRIX { n * n } else { 0 };
         let mut rejected = false;
-        // a step to a minimum of a margin
-        let mut cut: Option<f64> = None;
         while self.t != end {
             if self.work.steps + self.work.rejected >= self.max_steps {
                 let (t, steps) = (self.t, self.work.steps);
@@ -233,11 +231,9 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             }
             self.report()?;
             let left = end - self.t;
-            let mut last = cut.is_none() && left.abs() <= 1.01 * self.h.abs();
+            let mut last = left.abs() <= 1.01 * self.h.abs();
             // two equal steps rather than a long and a tiny one
-            let mut h = if let Some(size) = cut.take() {
-                size
-            } else if last {
+            let mut h = if last {
                 left
             } else if left.abs() < 2.0 * self.h.abs() {
                 0.5 * left
@@ -264,20 +260,12 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             }
             // the piece that a step leads to, where it leads to another one
             let mut entered = None;
-            if self.system.n_switches() > 0 {
-                match self.ahead(h) {
-                    Ahead::Smooth => {}
-                    Ahead::Minimum(size) => {
-                        self.work.rejected += 1;
-                        cut = Some(size);
-                        continue;
-                    }
-                    Ahead::End(size) => {
-                        (last, h) = (last && size == h, size);
-                        self.trial::<V, N, SQUARE>(h, &integrand);
-                        entered = Some(self.system.next_piece(&self.piece, &self.next));
-                    }
-                }
+            if self.system.n_switches() > 0
+                && let Some(size) = self.end_of_piece(h)?
+            {
+                (last, h) = (last && size == h, size);
+                self.trial::<V, N, SQUARE>(h, &integrand);
+                entered = Some(self.system.next_piece(&self.piece, &self.next));
             }
             let gain = self.combine_scalar(self.tableau.weights());
             self.scratch.first_slope.copy_from_slice(&self.slopes[..n]);
@@ -307,15 +295,16 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             };
             rejected = false;
             match before {
-                Some(before) if before != self.piece => {
-                    self.work.switches += 1;
+                Some(before) => {
                     self.watch_here();
-                    if self.stops_at_switches && self.t != end {
-                        return Ok(Progress::Switched);
+                    // an end of the piece may lead back into it
+                    if before != self.piece {
+                        self.work.switches += 1;
+                        if self.stops_at_switches && self.t != end {
+                            return Ok(Progress::Switched);
+                        }
                     }
                 }
-                // an end of the piece that leads back into it
-                Some(_) => {}
                 None => self.watch.arrive(),
             }
             if MATRIX && growth.is_finite() && self.t != end && self.spread() > growth {

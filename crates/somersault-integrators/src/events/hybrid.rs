@@ -74,7 +74,7 @@ pub trait Hybrid: System {
         modes: (&Self::Mode, &Self::Mode),
     ) -> Self::Kind;
 
-    /// Why the system cannot be integrated as it stands, if it cannot; drivers ask before a run.
+    /// Why the system cannot be integrated as it stands, if it cannot; asked before a run that locates events.
     fn check(&self) -> Result<(), IntegrateError> {
         Ok(())
     }
@@ -250,34 +250,29 @@ impl<S: HybridBodies + ?Sized> HybridBodies for &S {
 
 /// A system frozen in one of its modes: smooth, and so fit for any method.
 ///
-/// Forms and steppers borrow it for a whole trajectory. The mode sits behind a cell that only the
-/// event-locating driver sets, between steps.
+/// It is what the method of a run that locates events sees ([`Run::locating`](crate::run::Run::locating)). Forms and steppers
+/// borrow it for a whole trajectory. The mode sits behind a cell that only the run sets, between steps.
 #[derive(Debug, Clone)]
-pub struct Frozen<H: Hybrid> {
-    system: H,
+pub struct Frozen<'a, H: Hybrid> {
+    system: &'a H,
     mode: RefCell<H::Mode>,
 }
 
-impl<H: Hybrid> Frozen<H> {
+impl<'a, H: Hybrid> Frozen<'a, H> {
     /// The system in the mode of a state.
-    pub fn new(system: H, t: f64, x: &StateOf<H>) -> Self {
+    pub fn new(system: &'a H, t: f64, x: &StateOf<H>) -> Self {
         let mode = RefCell::new(system.mode(t, x));
         Self { system, mode }
     }
 
     /// The system with its modes.
-    pub fn system(&self) -> &H {
-        &self.system
+    pub fn system(&self) -> &'a H {
+        self.system
     }
 
     /// The mode it is frozen in.
     pub fn mode(&self) -> H::Mode {
         self.mode.borrow().clone()
-    }
-
-    /// Reads the mode of a state, whatever went before, and freezes the system in it.
-    pub(super) fn freeze(&self, t: f64, x: &StateOf<H>) {
-        self.mode.replace(self.system.mode(t, x));
     }
 
     /// Freezes the system in the mode after an event; returns the mode before.
@@ -319,7 +314,7 @@ impl<H: Hybrid> Frozen<H> {
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<H: Hybrid> System for Frozen<H> {
+impl<H: Hybrid> System for Frozen<'_, H> {
     type Configuration = H::Configuration;
     type Forms = H::Forms;
     type Workspace = H::Workspace;
@@ -340,7 +335,7 @@ impl<H: Hybrid> System for Frozen<H> {
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<H: HybridBodies> RigidSystem for Frozen<H> {
+impl<H: HybridBodies> RigidSystem for Frozen<'_, H> {
     #[inline(always)]
     fn body(&self, i: usize) -> &RigidBody {
         self.system.body(i)

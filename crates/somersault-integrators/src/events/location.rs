@@ -1,6 +1,6 @@
 //! How events are located.
 
-/// Settings of the event-locating drivers.
+/// Settings of a run that locates events.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Location {
     /// Most events per unit of time and guard, averaged over the last 64 for each guard.

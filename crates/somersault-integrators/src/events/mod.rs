@@ -28,6 +28,7 @@
 //! Errors keep the solution up to where they arose: a state or a guard that is not finite, a failure of
 //! the method, events that follow each other faster than [`Location`] allows.
 //!
+//! A [`Run`](crate::run::Run) locates events on request ([`Run::locating`](crate::run::Run::locating)).
 //! [`EventSearch`] is the search by itself, for what steps in another way ([`Retrace`]).
 //!
 //! # A user-defined event
@@ -37,8 +38,9 @@
 //!
 //! ```
 //! use somersault_integrators::driver::TimeGrid;
-//! use somersault_integrators::events::{Crossing, Frozen, Guard, Hybrid, Location, integrate_hybrid};
-//! use somersault_integrators::methods::RungeKutta4;
+//! use somersault_integrators::events::{Crossing, Guard, Hybrid, Location};
+//! use somersault_integrators::methods::Method;
+//! use somersault_integrators::run::Run;
 //! use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 //! use somersault_integrators::system::{OneForm, System};
 //! use std::convert::Infallible;
@@ -86,8 +88,8 @@
 //! }
 //!
 //! let (system, start) = (Driven { ends: vec![1.0], forces: vec![2.0, -1.0] }, RigidBodyState::default());
-//! let (frozen, grid) = (Frozen::new(system, 0.0, &start), TimeGrid::try_new(0.0, 8.0, 0.3)?);
-//! let run = integrate_hybrid(&frozen, &RungeKutta4, &start, &grid, &Location::default(), &mut ())?;
+//! let grid = TimeGrid::try_new(0.0, 8.0, 0.3)?;
+//! let run = Run::new(&system, Method::Rk4, grid).locating(Location::default()).from(&start)?;
 //! // It passes 1 m after 1 s, turns at 3 m, and is back after 5 s; at 0 m it turns again.
 //! let events: Vec<_> = run.events.iter().map(|event| (event.t.round(), event.kind)).collect();
 //! assert_eq!(events, [(1.0, Crossing::Leaves), (5.0, Crossing::Enters), (7.0, Crossing::Leaves)]);
@@ -99,6 +101,7 @@ mod adaptive;
 mod fixed;
 mod guard;
 mod hybrid;
+mod locating;
 mod location;
 mod outcome;
 mod run;
@@ -108,8 +111,6 @@ mod stiff;
 mod sweep;
 mod worker;
 
-pub use adaptive::{integrate_hybrid_adaptive, integrate_hybrid_form_adaptive, integrate_located_adaptive};
-pub use fixed::{integrate_hybrid, integrate_hybrid_form, integrate_located};
 pub use guard::{Crossing, Guard};
 pub use hybrid::{Energy, Frozen, Hybrid, HybridBodies};
 pub use location::{Location, StiffSteps};

@@ -1,4 +1,4 @@
-//! A run in progress: what both drivers do with a step once it is made.
+//! A run in progress: what is done with a step, fixed or adapted, once it is made.
 
 use super::hybrid::{Frozen, Hybrid};
 use super::location::Location;
@@ -25,7 +25,7 @@ pub(super) struct Span {
 }
 
 /// A run in progress.
-pub(super) struct Run<'a, H: Hybrid> {
+pub(super) struct InProgress<'a, H: Hybrid> {
     pub(super) worker: Worker<'a, H>,
     /// The last state that was committed.
     pub(super) before: Box<Point<H::Configuration>>,
@@ -47,14 +47,14 @@ pub(super) struct Run<'a, H: Hybrid> {
 
 /// Runs `steps` of an engine from a state at `t`.
 pub(super) fn run<'a, H: Hybrid>(
-    frozen: &'a Frozen<H>,
+    frozen: &'a Frozen<'a, H>,
     engine: &'a mut dyn Engine<H::Configuration>,
     (t, initial): (f64, &StateOf<H>),
     location: &Location,
     observer: &'a mut dyn Observer<H::Configuration>,
-    steps: impl FnOnce(&mut Run<'a, H>) -> Result<Status, Interruption<H::Fault>>,
+    steps: impl FnOnce(&mut InProgress<'a, H>) -> Result<Status, Interruption<H::Fault>>,
 ) -> LocatedResult<H> {
-    let mut run = Run::start(frozen, engine, (t, initial), location, observer)
+    let mut run = InProgress::start(frozen, engine, (t, initial), location, observer)
         .map_err(|reason| broken_at_start::<H>(reason, t, initial))?;
     let outcome = steps(&mut run);
     let mut so_far = run.so_far;
@@ -91,9 +91,9 @@ pub(super) fn broken_at_start<H: Hybrid>(
     Box::new(Interrupted { reason, so_far: Located::at_start(t, initial) })
 }
 
-impl<'a, H: Hybrid> Run<'a, H> {
+impl<'a, H: Hybrid> InProgress<'a, H> {
     fn start(
-        frozen: &'a Frozen<H>,
+        frozen: &'a Frozen<'a, H>,
         engine: &'a mut dyn Engine<H::Configuration>,
         (t, initial): (f64, &StateOf<H>),
         location: &Location,

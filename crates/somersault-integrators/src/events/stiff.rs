@@ -64,7 +64,7 @@ impl Stiff {
     /// Begins a mode in a state at `t`.
     pub(super) fn enter<H: Hybrid>(
         &mut self,
-        frozen: &Frozen<H>,
+        frozen: &Frozen<'_, H>,
         t: f64,
         x: &StateOf<H>,
     ) -> Result<(), Interruption<H::Fault>> {
@@ -93,7 +93,7 @@ impl Stiff {
     /// the parts are halved and it is to be made again.
     pub(super) fn holds<H: Hybrid>(
         &mut self,
-        frozen: &Frozen<H>,
+        frozen: &Frozen<'_, H>,
         t: f64,
         x: &StateOf<H>,
     ) -> Result<bool, Interruption<H::Fault>> {
@@ -108,7 +108,7 @@ impl Stiff {
     /// made again.
     pub(super) fn accepts<H: Hybrid>(
         &mut self,
-        frozen: &Frozen<H>,
+        frozen: &Frozen<'_, H>,
         t: f64,
         x: &StateOf<H>,
     ) -> Result<bool, Interruption<H::Fault>> {

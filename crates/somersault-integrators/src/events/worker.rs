@@ -19,7 +19,7 @@ pub(super) struct Point<Q: Configuration> {
 
 /// A system with modes and a method that integrates it.
 pub(super) struct Worker<'a, H: Hybrid> {
-    pub(super) frozen: &'a Frozen<H>,
+    pub(super) frozen: &'a Frozen<'a, H>,
     pub(super) engine: &'a mut dyn Engine<H::Configuration>,
     /// The memory of steps that are tried.
     trial: Track,
@@ -27,7 +27,7 @@ pub(super) struct Worker<'a, H: Hybrid> {
 
 impl<'a, H: Hybrid> Worker<'a, H> {
     pub(super) fn start(
-        frozen: &'a Frozen<H>,
+        frozen: &'a Frozen<'a, H>,
         engine: &'a mut dyn Engine<H::Configuration>,
         x: &StateOf<H>,
     ) -> Result<Self, IntegrateError> {

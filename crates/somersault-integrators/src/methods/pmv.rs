@@ -94,12 +94,6 @@ where
         memory: &mut Self::Memory,
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
-        let preprocessing = const {
-            match Preprocessing::of_order(ORDER) {
-                Some(preprocessing) => preprocessing,
-                None => panic!("the orders are 4, 6, 8 and 10"),
-            }
-        };
-        memory.step::<Self>(Some(preprocessing), system, t, x, h, out)
+        memory.step::<Self>(const { Preprocessing::of_order(ORDER) }, system, t, x, h, out)
     }
 }

@@ -16,15 +16,13 @@
 use super::order::{Integrated, forgive};
 use super::problem::{Errors, Problem};
 use super::{Progress, StudyError, check_not_empty, report};
-use crate::body::RigidBody;
+use crate::counted::Counted;
 use crate::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use crate::methods::{Method, Options};
 use crate::run::Run;
-use crate::state::State;
 use crate::stepper::Stepper;
-use crate::system::{BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System};
+use crate::system::RigidSystem;
 use somersault_core::argument::expect_positive;
-use std::cell::Cell;
 use std::time::Instant;
 
 /// How the steps of a run are chosen.
@@ -80,7 +78,7 @@ pub fn work_precision<S: RigidSystem>(
     progress: &mut Progress<'_>,
 ) -> Result<Vec<WorkPoint>, StudyError> {
     let counted = Counted::new(problem.system());
-    let bench = Bench { problem, calls: &counted.calls, nominal: method.info().evaluations, repeats };
+    let bench = Bench { problem, counted: &counted, nominal: method.info().evaluations, repeats };
     bench.run(choices, progress, &|steps, counting| {
         if counting {
             Run::new(&counted, method, steps).with_options(options).from(problem.initial())
@@ -100,11 +98,11 @@ pub fn work_precision_of<S, M>(
 ) -> Result<Vec<WorkPoint>, StudyError>
 where
     S: RigidSystem,
-    M: Stepper<S> + for<'a> Stepper<Counted<'a, S>>,
+    M: Stepper<S> + for<'a> Stepper<Counted<&'a S>>,
 {
     let counted = Counted::new(problem.system());
     let choices: Vec<_> = dts.iter().map(|dt| StepChoice::Fixed(*dt)).collect();
-    let bench = Bench { problem, calls: &counted.calls, nominal: M::INFO.evaluations, repeats };
+    let bench = Bench { problem, counted: &counted, nominal: M::INFO.evaluations, repeats };
     bench.run(&choices, progress, &|steps, counting| {
         if counting {
             Run::by_stepper(&counted, stepper, steps).from(problem.initial())
@@ -116,7 +114,7 @@ where
 
 struct Bench<'a, S: RigidSystem> {
     problem: &'a Problem<S>,
-    calls: &'a Cell<u64>,
+    counted: &'a Counted<&'a S>,
     nominal: u8,
     repeats: usize,
 }
@@ -170,10 +168,10 @@ impl<S: RigidSystem> Bench<'_, S> {
             }
         }
         let Some(outcome) = end else { return Ok(failed) };
-        self.calls.set(0);
+        self.counted.reset();
         forgive(go(steps, true))?;
         let tried = outcome.steps + outcome.rejected;
-        let evaluations = match self.calls.get() {
+        let evaluations = match self.counted.calls() {
             0 => tried * u64::from(self.nominal),
             counted => counted,
         };
@@ -185,77 +183,5 @@ impl<S: RigidSystem> Bench<'_, S> {
             evaluations,
             seconds,
         })
-    }
-}
-
-/// A system that counts how often it is evaluated, and does not say that it is free.
-#[derive(Debug, Clone)]
-pub struct Counted<'a, S> {
-    system: &'a S,
-    calls: Cell<u64>,
-}
-
-impl<'a, S> Counted<'a, S> {
-    /// The system with its count at 0.
-    pub fn new(system: &'a S) -> Self {
-        Self { system, calls: Cell::new(0) }
-    }
-
-    /// Evaluations so far.
-    pub fn calls(&self) -> u64 {
-        self.calls.get()
-    }
-}
-
-#[deny(clippy::missing_trait_methods)]
-impl<S: RigidSystem> System for Counted<'_, S> {
-    type Configuration = S::Configuration;
-    type Forms = RigidForms;
-    type Workspace = S::Workspace;
-    fn workspace(&self) -> S::Workspace {
-        self.system.workspace()
-    }
-    fn velocity(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.system.velocity(w, t, x, out);
-    }
-    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.calls.set(self.calls.get() + 1);
-        self.system.acceleration(w, t, x, out);
-    }
-    fn take_fault(&self) -> Option<Fault> {
-        self.system.take_fault()
-    }
-}
-
-#[deny(clippy::missing_trait_methods)]
-impl<S: RigidSystem> RigidSystem for Counted<'_, S> {
-    fn body(&self, i: usize) -> &RigidBody {
-        self.system.body(i)
-    }
-    fn rest(&self) -> StateOf<S> {
-        self.system.rest()
-    }
-    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
-        self.calls.set(self.calls.get() + 1);
-        self.system.wrenches(t, x, out);
-    }
-    fn body_wrenches(
-        &self,
-        t: f64,
-        x: &State<BodyPoses<S>>,
-        world: &mut (StateOf<S>, RateOf<S>),
-        out: &mut BodyRate<S>,
-    ) {
-        self.calls.set(self.calls.get() + 1);
-        self.system.body_wrenches(t, x, world, out);
-    }
-    fn is_free(&self) -> bool {
-        false
-    }
-    fn is_torque_free(&self) -> bool {
-        self.system.is_torque_free()
-    }
-    fn depends_on_velocity(&self) -> bool {
-        self.system.depends_on_velocity()
     }
 }

@@ -166,17 +166,14 @@ impl GroupComparison {
         self.panel
     }
 
-    /// The motions of group `g`, a row each.
-    ///
-    /// # Panics
-    /// Where there is no such group.
-    pub fn series(&self, g: usize) -> DMatrix<f64> {
-        let group = &self.groups[g];
-        DMatrix::from_fn(group.len(), self.n_frames, |i, j| group[i][j])
+    /// The motions of each group, a row each.
+    pub fn series(&self) -> impl ExactSizeIterator<Item = DMatrix<f64>> {
+        let n = self.n_frames;
+        self.groups.iter().map(move |group| DMatrix::from_fn(group.len(), n, |i, j| group[i][j]))
     }
 
     /// Mean and spread of each group.
     pub fn bands(&self) -> Result<Vec<Band>, AnalysisError> {
-        (0..self.groups.len()).map(|g| Band::of(&self.series(g))).collect()
+        self.series().map(|series| Band::of(&series)).collect()
     }
 }

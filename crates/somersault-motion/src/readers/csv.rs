@@ -12,7 +12,7 @@
 //!             0.01,0,0,0.9,,,\n";
 //! let recording = csv::read(text, &MarkerOptions::default())?;
 //! assert_eq!(recording.names(), ["hip", "knee"]);
-//! assert_eq!(recording.frame(1)[1], None);
+//! assert_eq!(recording.frame(1).map(|markers| markers[1]), Some(None));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

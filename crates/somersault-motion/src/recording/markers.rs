@@ -52,12 +52,9 @@ impl MarkerRecording {
         self.times.len()
     }
 
-    /// All markers in frame `i`, in the order of the names.
-    ///
-    /// # Panics
-    /// Where there is no such frame.
-    pub fn frame(&self, i: usize) -> &[Option<Vector3<f64>>] {
-        &self.points[i * self.n_markers()..(i + 1) * self.n_markers()]
+    /// All markers in frame `i`, in the order of the names, if there is such a frame.
+    pub fn frame(&self, i: usize) -> Option<&[Option<Vector3<f64>>]> {
+        (i < self.n_frames()).then(|| &self.points[i * self.n_markers()..(i + 1) * self.n_markers()])
     }
 
     /// The frames in turn.
@@ -160,7 +157,7 @@ impl MarkerRecording {
 
     /// The spline through marker `k` where it is present.
     fn spline(&self, k: usize, frames: std::ops::Range<usize>) -> Result<CubicSpline<3>, RecordingError> {
-        let present = frames.filter_map(|i| Some((self.times[i], self.frame(i)[k]?)));
+        let present = frames.filter_map(|i| Some((self.times[i], self.points[i * self.n_markers() + k]?)));
         let (times, values) = present.unzip();
         CubicSpline::try_new(times, values)
     }
@@ -191,12 +188,12 @@ mod tests {
         for (i, &t) in asked.iter().enumerate() {
             let gap = (t > 0.2 && t < 0.5 - 1e-12) || (t > 0.8 + 1e-12 && t < 1.0 - 1e-12);
             // three frames make a parabola and two a line, which leaves h²/8 max‖f″‖ at most
-            match found.frame(i)[0] {
+            match found.frame(i).unwrap()[0] {
                 None => assert!(gap, "at {t}"),
                 Some(p) if (0.5..=0.8).contains(&t) => assert!((p - cubic(t)).norm() < 1e-13, "at {t}"),
                 Some(p) => assert!(!gap && (p - cubic(t)).norm() < 0.01 / 8.0 * 7.0, "at {t}"),
             }
-            assert_eq!(found.frame(i)[1].is_some(), (0.2..=0.5).contains(&t), "at {t}");
+            assert_eq!(found.frame(i).unwrap()[1].is_some(), (0.2..=0.5).contains(&t), "at {t}");
         }
     }
 
@@ -206,10 +203,10 @@ mod tests {
         assert_eq!(recording.n_missing(), 3 + 8);
         let short = recording.fill_gaps(0.21).unwrap();
         assert_eq!(short.column(0).map(|p| p.is_none()).collect::<Vec<_>>()[3..5], [true, true]);
-        assert!((short.frame(9)[0].unwrap() - cubic(0.9)).norm() < 1e-14);
+        assert!((short.frame(9).unwrap()[0].unwrap() - cubic(0.9)).norm() < 1e-14);
         let all = recording.fill_gaps(0.31).unwrap();
         for (i, &t) in recording.times().iter().enumerate() {
-            assert!((all.frame(i)[0].unwrap() - cubic(t)).norm() < 1e-14);
+            assert!((all.frame(i).unwrap()[0].unwrap() - cubic(t)).norm() < 1e-14);
         }
         assert_eq!(all.n_missing(), 8, "no marker is extrapolated before its first or after its last frame");
     }

@@ -139,36 +139,38 @@ impl SkeletonRecording {
         self.times.len()
     }
 
-    /// Place and rotation of every joint against its parent in frame `i`.
-    ///
-    /// # Panics
-    /// Where there is no such frame.
-    pub fn frame(&self, i: usize) -> impl Iterator<Item = (Vector3<f64>, UnitQuaternion<f64>)> {
-        let mut rotations = self.rotations[i * self.skeleton.n_turning..].iter();
-        let mut places = self.places[i * self.skeleton.n_moving..].iter();
-        assert!(i < self.n_frames());
-        self.skeleton.joints.iter().map(move |joint| {
-            let place = if joint.moves { places.next() } else { None };
-            let rotation = if joint.turns { rotations.next() } else { None };
-            (place.copied().unwrap_or(joint.offset), rotation.copied().unwrap_or_default())
+    /// Place and rotation of every joint against its parent in frame `i`, if there is such a frame.
+    pub fn frame(&self, i: usize) -> Option<impl Iterator<Item = (Vector3<f64>, UnitQuaternion<f64>)>> {
+        (i < self.n_frames()).then(|| {
+            let mut rotations = self.rotations[i * self.skeleton.n_turning..].iter();
+            let mut places = self.places[i * self.skeleton.n_moving..].iter();
+            self.skeleton.joints.iter().map(move |joint| {
+                let place = if joint.moves { places.next() } else { None };
+                let rotation = if joint.turns { rotations.next() } else { None };
+                (place.copied().unwrap_or(joint.offset), rotation.copied().unwrap_or_default())
+            })
         })
     }
 
-    /// Frame `i` as a configuration q of [`Skeleton::model`].
-    ///
-    /// # Panics
-    /// Where there is no such frame.
-    pub fn configuration(&self, i: usize) -> Vec<f64> {
-        let mut q = Vec::new();
-        for (k, ((place, rotation), joint)) in self.frame(i).zip(&self.skeleton.joints).enumerate() {
-            if k == 0 || joint.moves {
-                q.extend_from_slice(place.as_slice());
+    /// The frames in turn, each as [`frame`](Self::frame) has it.
+    pub fn frames(&self) -> impl Iterator<Item = impl Iterator<Item = (Vector3<f64>, UnitQuaternion<f64>)>> {
+        (0..self.n_frames()).filter_map(|i| self.frame(i))
+    }
+
+    /// The frames in turn as configurations q of [`Skeleton::model`].
+    pub fn configurations(&self) -> impl Iterator<Item = Vec<f64>> {
+        self.frames().map(|frame| {
+            let mut q = Vec::new();
+            for (k, ((place, rotation), joint)) in frame.zip(&self.skeleton.joints).enumerate() {
+                if k == 0 || joint.moves {
+                    q.extend_from_slice(place.as_slice());
+                }
+                if k == 0 || joint.moves || joint.turns {
+                    q.extend_from_slice(rotation.coords.as_slice());
+                }
             }
-            if k == 0 || joint.moves || joint.turns {
-                q.extend_from_slice(rotation.coords.as_slice());
-            }
-        }
-        q
+            q
+        })
     }
 
     /// Where all joints were: a marker for each, of its name. Forward kinematics, O(joints × frames); fails only
@@ -176,9 +178,9 @@ impl SkeletonRecording {
     pub fn joint_centres(&self) -> Result<MarkerRecording, RecordingError> {
         let mut points = Vec::with_capacity(self.n_frames() * self.skeleton.joints.len());
         let mut poses: Vec<(Vector3<f64>, UnitQuaternion<f64>)> = Vec::new();
-        for i in 0..self.n_frames() {
+        for frame in self.frames() {
             poses.clear();
-            for ((place, rotation), joint) in self.frame(i).zip(&self.skeleton.joints) {
+            for ((place, rotation), joint) in frame.zip(&self.skeleton.joints) {
                 let pose = match joint.parent.map(|p| poses[p]) {
                     Some((origin, axes)) => (origin + axes * place, axes * rotation),
                     None => (place, rotation),
@@ -249,9 +251,9 @@ mod tests {
         assert!((model.mass() - 70.0).abs() < 1e-12);
         let centres = recording.joint_centres().unwrap();
         let mut data = Data::new(&model);
-        for i in 0..recording.n_frames() {
-            let positions = model.positions(&mut data, &recording.configuration(i)).unwrap();
-            for (k, centre) in centres.frame(i).iter().enumerate() {
+        for (i, q) in recording.configurations().enumerate() {
+            let positions = model.positions(&mut data, &q).unwrap();
+            for (k, centre) in centres.frame(i).unwrap().iter().enumerate() {
                 let body = model.body(&centres.names()[k]).unwrap();
                 let expected = positions.pose(body).unwrap().translation;
                 assert!((centre.unwrap() - expected).norm() < 1e-14, "{k} in frame {i}");
@@ -265,12 +267,12 @@ mod tests {
         let at: Vec<f64> = recording.times()[..5].iter().flat_map(|t| [*t, t + 0.03]).collect();
         let found = recording.resample(&at).unwrap();
         for i in 0..5 {
-            for (a, b) in recording.frame(i).zip(found.frame(2 * i)) {
+            for (a, b) in recording.frame(i).unwrap().zip(found.frame(2 * i).unwrap()) {
                 assert!((a.0 - b.0).norm() < 1e-15 && a.1.angle_to(&b.1) < 1e-7);
             }
             // the places are cubics
             let t = at[2 * i + 1];
-            let place = found.frame(2 * i + 1).next().unwrap().0;
+            let place = found.frame(2 * i + 1).unwrap().next().unwrap().0;
             assert!((place - Vector3::new(t, t * t, 1.0)).norm() < 1e-14);
         }
     }

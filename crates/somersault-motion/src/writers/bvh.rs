@@ -40,8 +40,8 @@ pub fn write(recording: &SkeletonRecording, convention: &Convention) -> Result<S
         open.extend(children[k].iter().rev().map(|&i| (Some(i), depth + 1)));
     }
     text.push_str(&format!("MOTION\nFrames: {}\nFrame Time: {step}\n", recording.n_frames()));
-    for i in 0..recording.n_frames() {
-        let poses: Vec<_> = recording.frame(i).collect();
+    for (i, frame) in recording.frames().enumerate() {
+        let poses: Vec<_> = frame.collect();
         let mut numbers = Vec::new();
         for &k in &order {
             let (place, rotation) = &poses[k];

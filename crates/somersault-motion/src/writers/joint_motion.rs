@@ -36,10 +36,10 @@ pub fn write(recording: &SkeletonRecording) -> Result<String, WriteError> {
     let times = recording.times();
     let durations: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).collect();
     let mut frames = Vec::with_capacity(times.len());
-    for i in 0..times.len() {
+    for (i, frame) in recording.frames().enumerate() {
         let mut numbers = [0.0; WIDTH];
         numbers[0] = durations.get(i).or(durations.last()).copied().unwrap_or_default();
-        let poses = recording.frame(i).zip(recording.skeleton().joints());
+        let poses = frame.zip(recording.skeleton().joints());
         let mut turns = TURNS.iter().zip(JOINTS);
         for (k, ((place, rotation), joint)) in poses.enumerate() {
             if k == 0 {

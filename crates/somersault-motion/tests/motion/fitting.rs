@@ -388,7 +388,7 @@ fn what_cannot_be_fitted_is_refused() {
 
 /// The frame of a recording alone, begun as `options` say.
 fn alone(model: &Model, set: &MarkerSet, recording: &MarkerRecording, i: usize, options: FitOptions) -> f64 {
-    let (names, points) = (recording.names().to_vec(), recording.frame(i).to_vec());
+    let (names, points) = (recording.names().to_vec(), recording.frame(i).unwrap().to_vec());
     let one = MarkerRecording::try_new(names, vec![0.0], points).unwrap();
     MarkerFit::try_new(model, set.clone(), options).unwrap().fit(&one).unwrap().rms().unwrap()
 }

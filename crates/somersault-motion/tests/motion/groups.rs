@@ -96,7 +96,7 @@ fn the_four_panels_are_mean_and_spread_in_closed_form() {
     for (panel, value, spread) in panels {
         let found = GroupComparison::try_new(&model, &[&first, &second], panel, 60).unwrap();
         assert_eq!(found.panel(), panel);
-        assert_eq!(found.series(0).shape(), (3, 60));
+        assert_eq!(found.series().next().unwrap().shape(), (3, 60));
         let bands = found.bands().unwrap();
         for i in 0..60 {
             let u = i as f64 / 59.0;
@@ -124,7 +124,7 @@ fn frames_without_markers_are_left_out_of_the_panels() {
     gapped.frames[11].rms = None;
     gapped.frames[11].estimate.scale = 77.0;
     let [a, b] = [whole, gapped].map(|motion| {
-        GroupComparison::try_new(&planar(), &[&[&motion]], Panel::Scale, 60).unwrap().series(0)
+        GroupComparison::try_new(&planar(), &[&[&motion]], Panel::Scale, 60).unwrap().series().next().unwrap()
     });
     assert!((a - b).amax() < 1e-12);
 }

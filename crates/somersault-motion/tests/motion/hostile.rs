@@ -164,6 +164,6 @@ fn nesting_costs_no_stack() {
     );
     let recording = bvh::read(&text, &Convention::z_up(LengthUnit::Metre)).unwrap();
     let centres = recording.joint_centres().unwrap();
-    assert_eq!(centres.frame(0)[depth].unwrap().z, depth as f64);
+    assert_eq!(centres.frame(0).unwrap()[depth].unwrap().z, depth as f64);
     assert!(bvh::read(&text.replace("} ", ""), &Convention::z_up(LengthUnit::Metre)).is_err());
 }

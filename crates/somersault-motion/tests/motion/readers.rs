@@ -31,7 +31,7 @@ fn a_bvh_is_read_with_any_order_of_channels() {
     assert_eq!(recording.times(), [0.0, 0.0083333]);
 
     let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
-    let frame: Vec<_> = recording.frame(1).collect();
+    let frame: Vec<_> = recording.frame(1).unwrap().collect();
     assert_eq!(frame[0].0, Vector3::new(9.3722, 17.8693, -17.3198));
     assert_eq!(frame[4].0, Vector3::new(0.0, 0.25, -0.2), "a position channel stands for one component");
     let expected = [
@@ -66,9 +66,9 @@ fn a_trc_is_read_to_the_last_digit() {
     let recording = trc::read(TRC, &options).unwrap();
     assert_eq!(recording.names(), ["hip", "knee"]);
     assert_eq!(recording.times(), [0.0, 0.01, 0.02]);
-    assert_eq!(recording.frame(0)[0], Some(Vector3::new(0.0105, 0.003, 0.90025)));
-    assert_eq!(recording.frame(1)[1], None);
-    assert_eq!(recording.frame(2)[1], Some(Vector3::new(0.001, -0.004, 0.002)));
+    assert_eq!(recording.frame(0).unwrap()[0], Some(Vector3::new(0.0105, 0.003, 0.90025)));
+    assert_eq!(recording.frame(1).unwrap()[1], None);
+    assert_eq!(recording.frame(2).unwrap()[1], Some(Vector3::new(0.001, -0.004, 0.002)));
     assert_eq!(trc::read(&TRC.replace('\n', "\r\n"), &options), Ok(recording));
 }
 
@@ -76,8 +76,8 @@ fn a_trc_is_read_to_the_last_digit() {
 fn a_csv_is_read_to_the_last_digit() {
     let recording = csv::read(CSV, &MarkerOptions::default()).unwrap();
     assert_eq!(recording.names(), ["hip", "knee"]);
-    assert_eq!(recording.frame(0)[1], Some(Vector3::new(0.01, -0.02, 0.5)));
-    assert_eq!(recording.frame(1)[1], None);
+    assert_eq!(recording.frame(0).unwrap()[1], Some(Vector3::new(0.01, -0.02, 0.5)));
+    assert_eq!(recording.frame(1).unwrap()[1], None);
     let nan = CSV.replace(",,,", ",NaN,nan,NaN");
     let lenient = MarkerOptions { nan_is_gap: true, ..MarkerOptions::default() };
     assert_eq!(csv::read(&nan, &lenient), Ok(recording));
@@ -112,7 +112,7 @@ fn a_joint_motion_has_the_lengths_of_the_diver() {
     let times = [0.0, 0.05, 0.1];
     assert!(recording.times().iter().zip(times).all(|(a, b)| (a - b).abs() < 1e-15));
     let centres = recording.joint_centres().unwrap();
-    let at = |name: &str| centres.frame(0)[centres.marker(name).unwrap()].unwrap();
+    let at = |name: &str| centres.frame(0).unwrap()[centres.marker(name).unwrap()].unwrap();
     assert_eq!(at("root"), Vector3::new(0.0, 0.0, 0.9));
     let chest = Vector3::new(0.0, 0.0, 0.9 + 0.14227 * scale);
     assert!((at("chest") - chest).norm() < 1e-15);
@@ -265,7 +265,7 @@ fn nan_in_a_c3d_is_a_gap_if_asked_for() {
     nan(&mut file, 1);
     nan(&mut file, 2);
     let found = c3d::read(&file, &lenient).unwrap();
-    assert_eq!(found.frame(0).iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true]);
+    assert_eq!(found.frame(0).unwrap().iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, true]);
     assert!(c3d::read(&file, &c3d::C3dOptions::default()).is_err());
 }
 
@@ -368,7 +368,10 @@ fn a_c3d_whose_parameters_end_nowhere_or_whose_unit_is_cut_is_read() {
     assert_eq!(read(&file), read(&whole));
     let unit = whole.windows(4).position(|w| w == b"mm  ").unwrap();
     file[unit..unit + 4].copy_from_slice(b"mete");
-    assert_eq!(read(&file).frame(0)[0].unwrap(), read(&whole).frame(0)[0].unwrap() * 1000.0);
+    assert_eq!(
+        read(&file).frame(0).unwrap()[0].unwrap(),
+        read(&whole).frame(0).unwrap()[0].unwrap() * 1000.0
+    );
 }
 
 #[test]

@@ -90,7 +90,7 @@ fn recorded_motions_are_fitted_by_the_spatial_diver() {
         // no frame stays in a minimum that is worse than what it finds alone
         let centres = recording.joint_centres().unwrap();
         for i in (0..centres.n_frames()).step_by(5) {
-            let (names, points) = (centres.names().to_vec(), centres.frame(i).to_vec());
+            let (names, points) = (centres.names().to_vec(), centres.frame(i).unwrap().to_vec());
             let options = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
             let one = MarkerRecording::try_new(names, vec![0.0], points).unwrap();
             let alone = MarkerFit::try_new(&model, markers(&model), options).unwrap().fit(&one).unwrap();

@@ -95,7 +95,7 @@ fn assert_same_motion(a: &SkeletonRecording, b: &SkeletonRecording) {
     assert_eq!(a.skeleton(), b.skeleton());
     for i in 0..a.n_frames() {
         assert!((a.times()[i] - b.times()[i]).abs() < 1e-12);
-        for (a, b) in a.frame(i).zip(b.frame(i)) {
+        for (a, b) in a.frame(i).unwrap().zip(b.frame(i).unwrap()) {
             assert!((a.0 - b.0).norm() < 1e-13 && angle_between(&a.1, &b.1) < 1e-13, "frame {i}");
         }
     }

@@ -62,6 +62,12 @@ pub enum FlightError {
         /// Name of the argument.
         argument: &'static str,
     },
+    /// The last run of a path was made without the derivatives that something reads.
+    #[error("`{reader}` reads the derivatives of the last run, which was made without them")]
+    NoDerivatives {
+        /// What reads them.
+        reader: &'static str,
+    },
     /// An argument does not fit the tree.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),

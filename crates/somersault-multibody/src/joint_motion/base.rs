@@ -88,26 +88,34 @@ impl EigenpostureBase {
         self.directions.as_view()
     }
 
-    /// Joint positions for `weights`.
-    ///
-    /// # Panics
-    /// Where a length is wrong, as do the two that follow.
+    /// Joint positions for `weights`; NaN where a length is wrong, as from the two that follow.
     #[inline]
     pub fn positions_into(&self, weights: &[f64], out: &mut [f64]) {
-        out.copy_from_slice(self.fundamental.as_slice());
-        self.add(weights, out);
+        if self.fits(weights, out) {
+            out.copy_from_slice(self.fundamental.as_slice());
+            self.add(weights, out);
+        } else {
+            out.fill(f64::NAN);
+        }
     }
 
     /// Joint velocities for rates of the weights, or accelerations for their second rates.
     #[inline]
     pub fn rates_into(&self, weight_rates: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
-        self.add(weight_rates, out);
+        if self.fits(weight_rates, out) {
+            out.fill(0.0);
+            self.add(weight_rates, out);
+        } else {
+            out.fill(f64::NAN);
+        }
     }
 
     /// Adds to `weights` what a gradient by the joints is for them.
     #[inline]
     pub fn pull_back(&self, joints: &[f64], weights: &mut [f64]) {
+        if !self.fits(weights, joints) {
+            return weights.fill(f64::NAN);
+        }
         let columns = self.directions.as_slice().chunks_exact(self.n_joints());
         for (weight, column) in weights.iter_mut().zip(columns) {
             *weight += column.iter().zip(joints).map(|(a, b)| a * b).sum::<f64>();
@@ -132,8 +140,12 @@ impl EigenpostureBase {
     }
 
     #[inline]
+    fn fits(&self, weights: &[f64], joints: &[f64]) -> bool {
+        weights.len() == self.n_weights() && joints.len() == self.n_joints()
+    }
+
+    #[inline]
     fn add(&self, weights: &[f64], out: &mut [f64]) {
-        assert!(weights.len() == self.n_weights() && out.len() == self.n_joints());
         let columns = self.directions.as_slice().chunks_exact(self.n_joints());
         for (weight, column) in weights.iter().zip(columns) {
             for (value, direction) in out.iter_mut().zip(column) {
@@ -159,6 +171,16 @@ mod tests {
         assert_eq!(q, [0.1, 0.2, 0.3]);
         base().positions_into(&[0.0, 1.0], &mut q);
         assert_eq!(q, [0.0, 2.0, 0.3]);
+    }
+
+    #[test]
+    fn lengths_that_are_wrong_give_nan() {
+        let (mut q, mut weights) = ([0.0; 3], [0.0; 2]);
+        base().positions_into(&[0.0], &mut q);
+        assert!(q.iter().all(|q| q.is_nan()));
+        base().rates_into(&[0.0, 1.0], &mut q[..2]);
+        base().pull_back(&[1.0; 4], &mut weights);
+        assert!(q.iter().chain(&weights).all(|x| x.is_nan()));
     }
 
     #[test]

@@ -135,12 +135,11 @@ impl SplineMotion {
         self.parameters.len()
     }
 
-    /// Writes the coefficients C₀ + E p.
-    ///
-    /// # Panics
-    /// Where a length is wrong, as do the following.
+    /// Writes the coefficients C₀ + E p; NaN where a length is wrong, as from the following.
     pub fn coefficients_into(&self, p: &[f64], out: &mut [f64]) {
-        assert_eq!(p.len(), self.n_parameters());
+        if !self.fits(p, out) {
+            return out.fill(f64::NAN);
+        }
         out.copy_from_slice(&self.offset);
         for term in &self.terms {
             out[term.coefficient] += term.factor * p[term.parameter];
@@ -149,10 +148,16 @@ impl SplineMotion {
 
     /// Adds to `p` what a gradient by the coefficients is for the parameters: Eᵀ g.
     pub fn pull_back(&self, coefficients: &[f64], p: &mut [f64]) {
-        assert_eq!(coefficients.len(), self.n_coefficients());
+        if !self.fits(p, coefficients) {
+            return p.fill(f64::NAN);
+        }
         for term in &self.terms {
             p[term.parameter] += term.factor * coefficients[term.coefficient];
         }
+    }
+
+    fn fits(&self, p: &[f64], coefficients: &[f64]) -> bool {
+        p.len() == self.n_parameters() && coefficients.len() == self.n_coefficients()
     }
 
     /// The entries of E: coefficient, parameter, factor.
@@ -167,8 +172,7 @@ impl SplineMotion {
 
     /// The parameters of the motion that has the given coefficients, as far as its conditions allow.
     pub fn parameters_of(&self, coefficients: &[f64]) -> Vec<f64> {
-        assert_eq!(coefficients.len(), self.n_coefficients());
-        self.parameters.iter().map(|k| coefficients[*k]).collect()
+        self.parameters.iter().map(|k| coefficients.get(*k).copied().unwrap_or(f64::NAN)).collect()
     }
 
     /// The `derivative`-th rate of the channels at `fraction`. Cost O(degree² + channels × degree).
@@ -257,6 +261,16 @@ mod tests {
                 "{fraction} {derivative} {channels:?}"
             );
         }
+    }
+
+    #[test]
+    fn lengths_that_are_wrong_give_nan() {
+        let motion = motion();
+        let (mut coefficients, mut p) = (vec![0.0; 18], vec![0.0; 12]);
+        motion.coefficients_into(&p[..11], &mut coefficients);
+        motion.pull_back(&[0.0; 17], &mut p);
+        let found = motion.parameters_of(&[]);
+        assert!(coefficients.iter().chain(&p).chain(&found).all(|x| x.is_nan()));
     }
 
     #[test]

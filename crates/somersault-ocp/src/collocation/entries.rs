@@ -68,8 +68,10 @@ pub(super) struct Writer<'a> {
 impl Sink for Writer<'_> {
     #[inline(always)]
     fn add(&mut self, _: usize, _: usize, value: f64) {
-        let &Slot { at, factor } = self.slots.next().expect("both runs of a loop have the same entries");
-        if at != NOWHERE {
+        // both runs of a loop have the same entries
+        if let Some(&Slot { at, factor }) = self.slots.next()
+            && at != NOWHERE
+        {
             self.values[at] += factor * value;
         }
     }

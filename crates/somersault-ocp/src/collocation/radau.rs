@@ -84,7 +84,8 @@ impl Radau {
     /// D without its first column.
     pub fn integration(&self) -> DMatrix<f64> {
         let inner = self.differentiation.columns(1, self.len()).into_owned();
-        inner.try_inverse().expect("only constants have the derivative zero, and they do not vanish at −1")
+        // only constants have the derivative zero, and they do not vanish at −1
+        inner.try_inverse().unwrap_or_else(|| DMatrix::from_element(self.len(), self.len(), f64::NAN))
     }
 
     /// The Lagrange polynomials of the state nodes at τ: N + 1 numbers.

@@ -3,7 +3,7 @@
 use super::problem::Phase;
 use super::solution::{PhaseSolution, combine};
 use somersault_integrators::nalgebra::Vector3;
-use somersault_integrators::scratch::Storage;
+use somersault_integrators::scratch::{OnHeap, Storage};
 use somersault_integrators::state::{Configuration, ErrorSum, Rate, State, Tolerances};
 use somersault_integrators::system::{OneForm, System};
 use somersault_nlp::EvaluationError;
@@ -14,7 +14,7 @@ use std::cell::RefCell;
 pub(super) struct Vector(pub(super) Vec<f64>);
 
 impl Storage for Vector {
-    const ON_STACK: bool = false;
+    type Allocation = OnHeap;
 }
 
 impl Vector {

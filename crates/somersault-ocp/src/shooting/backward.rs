@@ -101,8 +101,8 @@ impl<D: HybridDynamics> Shooting<D> {
             let (mut by_duration, mut by_start) = (later, 0.0);
             for (k, weight) in phase.quadrature.iter().enumerate() {
                 let node = phase.first_node + k;
-                let share = k as f64 / phase.n_steps as f64;
-                by_duration += weight * by.weights[node] + share * by.nodes[node].time;
+                let fraction = k as f64 / phase.n_steps as f64;
+                by_duration += weight * by.weights[node] + fraction * by.nodes[node].time;
                 by_start += by.nodes[node].time;
             }
             if let Some(variable) = variable {

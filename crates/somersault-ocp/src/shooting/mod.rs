@@ -207,8 +207,8 @@ impl<D: HybridDynamics> Shooting<D> {
         let mut n_nodes = 0;
         for (i, phase) in phases.iter().enumerate() {
             let n_points = self.scheme.points_per_step() * phase.n_steps;
-            let shares = (0..=n_points).map(|k| k as f64 / n_points as f64);
-            let table = Table::new(&phase.motion, shares);
+            let fractions = (0..=n_points).map(|k| k as f64 / n_points as f64);
+            let table = Table::new(&phase.motion, fractions);
             let fixed_duration = match phase.duration {
                 Duration::Fixed(duration) => duration,
                 Duration::Free { .. } => f64::NAN,
@@ -312,11 +312,13 @@ impl<D: HybridDynamics> Shooting<D> {
         self.driven.iter().map(|(dof, _)| *dof)
     }
 
-    /// The channels of a phase.
-    ///
-    /// # Panics
-    /// Where there is no such phase.
-    pub fn motion(&self, phase: usize) -> &SplineMotion {
+    /// The channels of each phase.
+    pub fn motions(&self) -> impl ExactSizeIterator<Item = &SplineMotion> {
+        self.phases.iter().map(|phase| &phase.motion)
+    }
+
+    /// The channels of a phase that there is.
+    pub(crate) fn motion(&self, phase: usize) -> &SplineMotion {
         &self.phases[phase].motion
     }
 

@@ -3,8 +3,8 @@
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
 
-/// For each fraction and channel the parameters that act there, with the basis functions and their first two derivatives by the
-/// fraction; conditions at the ends are part of them.
+/// For each fraction and channel the parameters that act there, with the basis functions and their first two derivatives by
+/// the fraction; conditions at the ends are part of them.
 #[derive(Debug, Clone)]
 pub(super) struct Table {
     n_channels: usize,
@@ -22,7 +22,7 @@ pub(super) struct Entry {
 }
 
 impl Table {
-    pub(super) fn new(motion: &SplineMotion, shares: impl Iterator<Item = f64>) -> Self {
+    pub(super) fn new(motion: &SplineMotion, fractions: impl Iterator<Item = f64>) -> Self {
         let basis = motion.basis();
         let n = basis.n_coefficients();
         let mut of_coefficient = vec![Vec::new(); motion.n_coefficients()];
@@ -36,10 +36,10 @@ impl Table {
             offsets: Vec::new(),
         };
         let mut room = [[0.0; MAX_DEGREE + 1]; 3];
-        for share in shares {
+        for fraction in fractions {
             let mut first = 0;
             for (derivative, values) in room.iter_mut().enumerate() {
-                first = basis.evaluate(share, derivative, values);
+                first = basis.evaluate(fraction, derivative, values);
             }
             for channel in 0..motion.n_channels() {
                 let mut offset = [0.0; 3];

@@ -159,10 +159,10 @@ impl Passes {
                 }
                 self.add_stage(k * n_stages + s, if s == 0 { weight } else { 0.0 }, tangents, n, hessian);
                 let Tangents { sum, stage: [_, v, a], .. } = tangents;
-                let share = h * if n_stages == 1 { 1.0 } else { WEIGHTS[s] };
+                let fraction = h * if n_stages == 1 { 1.0 } else { WEIGHTS[s] };
                 for j in 0..n {
-                    sum[0][j] += share * v[j];
-                    sum[1][j] += share * a[j];
+                    sum[0][j] += fraction * v[j];
+                    sum[1][j] += fraction * a[j];
                 }
             }
             if !last {

@@ -196,13 +196,13 @@ impl CartPendulumProblem {
         expect_length("z", z.len(), from.n_parameters())?;
         let mut coefficients = vec![0.0; from.n_coefficients()];
         from.coefficients_into(z, &mut coefficients);
-        let shares: Vec<f64> = (0..=400).map(|k| f64::from(k) / 400.0).collect();
-        let sample = |share: &f64| {
+        let fractions: Vec<f64> = (0..=400).map(|k| f64::from(k) / 400.0).collect();
+        let sample = |fraction: &f64| {
             let mut r = [0.0];
-            from.channels_into(&coefficients, *share, 0, &mut r);
+            from.channels_into(&coefficients, *fraction, 0, &mut r);
             r
         };
-        let samples: Vec<[f64; 1]> = shares.iter().map(sample).collect();
-        Ok(to.fit(&shares, &samples)?)
+        let samples: Vec<[f64; 1]> = fractions.iter().map(sample).collect();
+        Ok(to.fit(&fractions, &samples)?)
     }
 }

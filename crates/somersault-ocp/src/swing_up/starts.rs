@@ -4,7 +4,7 @@ use super::SwingUp;
 use super::lifted::ERROR;
 use crate::error::OcpError;
 use somersault_core::argument::{expect_finite, expect_length, expect_positive};
-use somersault_nlp::{Bounds, Start, samples};
+use somersault_nlp::{Start, latin_hypercube};
 use std::f64::consts::PI;
 
 /// Half waves over the straight line of the cart.
@@ -25,9 +25,9 @@ impl SwingUp {
         let [[_, from, ..], [_, to, ..]] = [self.passes.start, self.passes.target];
         let n = motion.n_coefficients();
         let value = |k: usize| {
-            let share = k as f64 / (n - 1) as f64;
-            let wave = |(m, a): (usize, &f64)| a * ((m + 1) as f64 * PI * share).sin();
-            from + (to - from) * share + amplitudes.iter().enumerate().map(wave).sum::<f64>()
+            let fraction = k as f64 / (n - 1) as f64;
+            let wave = |(m, a): (usize, &f64)| a * ((m + 1) as f64 * PI * fraction).sin();
+            from + (to - from) * fraction + amplitudes.iter().enumerate().map(wave).sum::<f64>()
         };
         motion.parameters_of(&(0..n).map(value).collect::<Vec<f64>>())
     }
@@ -38,8 +38,8 @@ impl SwingUp {
         let mut z = parameters.to_vec();
         let [[from, ..], [to, ..]] = [self.passes.start, self.passes.target];
         for segment in &self.segments[1..] {
-            let share = segment.steps.start as f64 / self.passes.n_steps as f64;
-            z.extend([from + share * (to - from), 0.0]);
+            let fraction = segment.steps.start as f64 / self.passes.n_steps as f64;
+            z.extend([from + fraction * (to - from), 0.0]);
         }
         z.extend([0.0; ERROR]);
         Ok(z.into())
@@ -78,10 +78,9 @@ impl SwingUp {
         let waves = (1..=WAVES).map(|m| reach / m as f64);
         let nodes = self.segments[1..].iter().flat_map(|_| [SWING, SWING / segment]);
         let sizes: Vec<f64> = waves.chain(nodes).collect();
-        let range = Bounds { lower: vec![-1.0; sizes.len()], upper: vec![1.0; sizes.len()] };
-        let drawn = samples(&range, count.saturating_sub(1), seed).expect("the range is finite");
+        let drawn = latin_hypercube(&vec![(-1.0, 1.0); sizes.len()], count.saturating_sub(1), seed);
         let mut starts = vec![self.start(&self.straight_line())?];
-        for Start { z: mut deviation, .. } in drawn {
+        for mut deviation in drawn {
             deviation.iter_mut().zip(&sizes).for_each(|(d, size)| *d *= size);
             let (amplitudes, nodes) = deviation.split_at(WAVES);
             let mut start = self.start(&self.waving(amplitudes))?;

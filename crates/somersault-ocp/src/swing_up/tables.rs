@@ -75,8 +75,8 @@ impl Tables {
         out.fill(0.0);
         let parameters = &self.parameters[self.first[place]..];
         for (factor, parameters) in self.factors[derivative][place].iter().zip(parameters) {
-            for (parameter, share) in parameters {
-                out[parameter - first_parameter] += factor * share;
+            for (parameter, fraction) in parameters {
+                out[parameter - first_parameter] += factor * fraction;
             }
         }
     }

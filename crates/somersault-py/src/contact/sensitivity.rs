@@ -18,11 +18,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::sensitivity::{
-    self, Differentiation, Parameter, Undifferentiated, VariedState, differentiate_located,
-    differentiate_located_adaptive,
+    self, Differentiation, Parameter, SensitivityRun, Undifferentiated, VariedState,
 };
 use somersault::contact::stretches::WithStretches;
-use somersault::integrators::driver::Steps;
 use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::DMatrix;
@@ -271,13 +269,9 @@ pub(crate) fn differentiate(
     };
     let initial = VariedState::varied(initial, []);
     let mut monitor = Monitor::try_new(&plan, &initial, 0, None, None, failure)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| match &plan.steps {
-        Steps::Fixed(grid) => {
-            differentiate_located(method, options, &system, &state.0, &by, grid, &location, monitor)
-        }
-        Steps::Adapted { interval, settings } => differentiate_located_adaptive(
-            method, options, &system, &state.0, &by, *interval, settings, &location, monitor,
-        ),
+    let outcome = monitor.supervise(py, &plan, |monitor| {
+        let run = SensitivityRun::new(&system, &by, method, steps).with_options(options);
+        run.locating(location).observed_by(monitor).from(&state.0)
     })?;
     let (found, status) = match outcome {
         Ok(found) => {

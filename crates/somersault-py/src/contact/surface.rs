@@ -328,7 +328,8 @@ impl surface::Surface for CallableSurface {
                     a_type(returned)
                 ))
             })?;
-            let gradient = any_vector(&format!("{}(point)[1]", self.name), &gradient)?;
+            let gradient = any_vector("returned", &gradient)
+                .map_err(|error| error.with_names(&[("returned", &format!("{}(point)[1]", self.name))]))?;
             if !(distance.is_finite() && gradient.iter().all(|x| x.is_finite())) {
                 return Err(Error::input(format!(
                     "`{}` returned a distance or gradient that is NaN or infinite at {:?}",

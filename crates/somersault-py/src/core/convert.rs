@@ -146,8 +146,12 @@ pub(crate) fn positive(argument: &str, value: f64) -> Result<f64, Error> {
     }
 }
 
-fn check_finite(argument: &str, values: &[f64]) -> Result<(), Error> {
-    match values.iter().find(|x| !x.is_finite()) {
+/// Refuses numbers that are not finite.
+pub(crate) fn check_finite<'a>(
+    argument: &str,
+    values: impl IntoIterator<Item = &'a f64>,
+) -> Result<(), Error> {
+    match values.into_iter().find(|x| !x.is_finite()) {
         None => Ok(()),
         Some(x) => Err(Error::input(format!("`{argument}` must be finite, found {x}"))),
     }
@@ -228,8 +232,14 @@ pub(crate) fn quaternions(
 
 /// A finite number.
 pub(crate) fn finite(argument: &str, value: f64) -> Result<f64, Error> {
-    check_finite(argument, &[value])?;
+    check_finite(argument, [&value])?;
     Ok(value)
+}
+
+/// Numbers that are finite.
+pub(crate) fn finite_all(argument: &str, values: Vec<f64>) -> Result<Vec<f64>, Error> {
+    check_finite(argument, &values)?;
+    Ok(values)
 }
 
 /// Three principal moments, or a 3×3 tensor.

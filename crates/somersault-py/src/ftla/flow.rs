@@ -4,10 +4,11 @@ use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
 use super::error::of_motion;
-use super::run::{Run, attend};
+use super::run::attend;
 use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
 use super::system::System;
+use super::watched::Watched;
 use crate::core::convert::{array, real_numbers};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
@@ -18,9 +19,8 @@ use pyo3::types::PyType;
 use rayon::prelude::*;
 use somersault::ftla::flow::{self, FlowTolerances};
 use somersault::ftla::nalgebra::DVector;
-use somersault::ftla::spectrum::TimeDirection;
+use somersault::ftla::spectrum::spectra;
 use somersault::ftla::system::{Piece, Side, VectorField};
-use std::sync::Arc;
 
 /// Integrates a system with its transition matrix, forward and, for a negative duration, backward.
 ///
@@ -60,38 +60,13 @@ pub(crate) struct VariationalFlow {
     pub(crate) settings: Settings,
 }
 
-fn states(
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    p: &DVector<f64>,
-    durations: &[f64],
-) -> Result<Vec<DVector<f64>>, Error> {
-    let system = system.watched(run)?;
-    let flow = settings.flow(&system)?;
-    Ok(durations.par_iter().map(|&duration| flow.state(p, duration)).collect::<Result<_, _>>()?)
-}
-
-fn cost(
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    p: &DVector<f64>,
-    duration: f64,
-) -> Result<(DVector<f64>, f64), Error> {
-    let system = system.watched(run)?;
-    Ok(settings.flow(&system)?.cost(p, duration)?)
-}
-
+/// Transitions from points, one after the other, in parallel.
 fn transitions(
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
+    flow: &flow::VariationalFlow<'_, Watched>,
     points: &[f64],
     duration: f64,
 ) -> Result<Vec<Transition>, Error> {
-    let system = system.watched(run)?;
-    let (flow, n) = (settings.flow(&system)?, system.dimension());
+    let n = flow.system().dimension();
     let propagated = points.par_chunks_exact(n).enumerate().map(|(row, p)| {
         let which = if points.len() == n { String::new() } else { format!("row {row}: ") };
         flow.transition(&vector(p), duration).map(Transition::of).map_err(|error| of_motion(&which, error))
@@ -99,55 +74,27 @@ fn transitions(
     propagated.collect()
 }
 
-fn switches(
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    p: &DVector<f64>,
-    duration: f64,
-) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
-    let watched = system.watched(run)?;
-    let found = settings.flow(&watched)?.switches(p, duration)?;
-    let named = |(t, piece): (f64, Piece)| {
-        let side = |i: usize| match piece.side(i) {
-            Side::Lower => "lower",
-            Side::Free => "free",
-            Side::Upper => "upper",
-        };
-        (t, (0..system.n_controls).map(side).collect())
+/// What Python calls the sides of switches.
+fn sides(piece: &Piece, n_controls: usize) -> Vec<&'static str> {
+    let named = |i: usize| match piece.side(i) {
+        Side::Lower => "lower",
+        Side::Free => "free",
+        Side::Upper => "upper",
     };
-    Ok(found.into_iter().map(named).collect())
-}
-
-fn chain(
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    p: &DVector<f64>,
-    times: &[f64],
-    growth: f64,
-) -> Result<Chain, Error> {
-    let system = system.watched(run)?;
-    let mut chain = flow::Chain::new();
-    settings.flow(&system)?.chain_into(p, times, growth, &mut chain)?;
-    Ok(Chain::of(system.dimension(), &chain))
-}
-
-fn spectra(
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    p: &DVector<f64>,
-    times: &[f64],
-    direction: TimeDirection,
-) -> Result<Vec<Spectrum>, Error> {
-    let system = system.watched(run)?;
-    let flow = settings.flow(&system)?;
-    let found = somersault::ftla::spectrum::spectra(&flow, p, direction, times)?;
-    Ok(found.into_iter().map(|spectrum| Spectrum { spectrum }).collect())
+    (0..n_controls).map(named).collect()
 }
 
 impl VariationalFlow {
+    /// Calculates with the flow of the library, in a run of its own.
+    pub(super) fn attend<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(flow::VariationalFlow<'_, Watched>) -> Result<T, Error> + Send,
+    ) -> Result<T, Error> {
+        let (system, settings) = (self.system.get(), self.settings);
+        attend(py, |run| work(settings.flow(&system.watched(run)?)?))
+    }
+
     /// A point of the system's dimension.
     pub(crate) fn point(&self, name: &'static str, p: &Bound<'_, PyAny>) -> Result<DVector<f64>, Error> {
         let rows = Rows::extract(name, &[self.system.get().dimension], p)?;
@@ -200,13 +147,14 @@ impl VariationalFlow {
     ) -> Result<Bound<'py, PyAny>, Error> {
         let (p, (single, durations)) =
             (self.point("p", p)?, crate::core::convert::times("duration", duration)?);
-        let system = self.system.get();
-        let n = system.dimension;
-        let ends = attend(py, |run| states(system, self.settings, run, &p, &durations))?;
+        let ends = self.attend(py, |flow| {
+            let ends = durations.par_iter().map(|&duration| flow.state(&p, duration));
+            Ok(ends.collect::<Result<Vec<_>, _>>()?)
+        })?;
         if single {
             return Ok(PyArray1::from_slice(py, ends[0].as_slice()).into_any());
         }
-        Ok(rows_array(py, &ends, n)?)
+        Ok(rows_array(py, &ends, p.len())?)
     }
 
     /// p(t + T) and the cost on the way, by the weights of the steps; backward in time it is negative.
@@ -227,8 +175,8 @@ impl VariationalFlow {
         p: &Bound<'py, PyAny>,
         duration: f64,
     ) -> Result<(Bound<'py, PyAny>, f64), Error> {
-        let (p, system) = (self.point("p", p)?, self.system.get());
-        let (end, cost) = attend(py, |run| cost(system, self.settings, run, &p, duration))?;
+        let p = self.point("p", p)?;
+        let (end, cost) = self.attend(py, |flow| Ok(flow.cost(&p, duration)?))?;
         Ok((PyArray1::from_slice(py, end.as_slice()).into_any(), cost))
     }
 
@@ -244,8 +192,8 @@ impl VariationalFlow {
     /// -------
     /// Transition
     fn transition(&self, py: Python<'_>, p: &Bound<'_, PyAny>, duration: f64) -> Result<Transition, Error> {
-        let (p, system) = (self.point("p", p)?, self.system.get());
-        let mut found = attend(py, |run| transitions(system, self.settings, run, p.as_slice(), duration))?;
+        let p = self.point("p", p)?;
+        let mut found = self.attend(py, |flow| transitions(&flow, p.as_slice(), duration))?;
         Ok(found.remove(0))
     }
 
@@ -269,11 +217,10 @@ impl VariationalFlow {
         points: &Bound<'py, PyAny>,
         duration: f64,
     ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
-        let system = self.system.get();
-        let n = system.dimension;
+        let n = self.system.get().dimension;
         let rows = Rows::extract("points", &[n], points)?;
         let all = rows.all()?;
-        let found = attend(py, |run| transitions(system, self.settings, run, all, duration))?;
+        let found = self.attend(py, |flow| transitions(&flow, all, duration))?;
         let ends = found.iter().flat_map(|t| t.transition.end.iter().copied()).collect();
         let matrices = found.iter().flat_map(Transition::matrix_by_rows).collect();
         let m = found.len();
@@ -300,8 +247,9 @@ impl VariationalFlow {
         p: &Bound<'_, PyAny>,
         duration: f64,
     ) -> Result<Vec<(f64, Vec<&'static str>)>, Error> {
-        let (p, system) = (self.point("p", p)?, self.system.get());
-        attend(py, |run| switches(system, self.settings, run, &p, duration))
+        let (p, n_controls) = (self.point("p", p)?, self.system.get().n_controls);
+        let found = self.attend(py, |flow| Ok(flow.switches(&p, duration)?))?;
+        Ok(found.into_iter().map(|(t, piece)| (t, sides(&piece, n_controls))).collect())
     }
 
     /// Factors of Φ that keep its small singular values.
@@ -325,8 +273,12 @@ impl VariationalFlow {
         times: &Bound<'_, PyAny>,
         growth: f64,
     ) -> Result<Chain, Error> {
-        let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
-        attend(py, |run| chain(system, self.settings, run, &p, &times, growth))
+        let (p, times) = (self.point("p", p)?, real_numbers("times", times)?);
+        self.attend(py, |flow| {
+            let mut chain = flow::Chain::new();
+            flow.chain_into(&p, &times, growth, &mut chain)?;
+            Ok(Chain::of(p.len(), &chain))
+        })
     }
 
     /// Finite-time Lyapunov exponents and vectors for many averaging times, from one run.
@@ -350,8 +302,9 @@ impl VariationalFlow {
         direction: &str,
     ) -> Result<Vec<Spectrum>, Error> {
         let direction = direction_of(direction)?;
-        let (p, times, system) = (self.point("p", p)?, real_numbers("times", times)?, self.system.get());
-        attend(py, |run| spectra(system, self.settings, run, &p, &times, direction))
+        let (p, times) = (self.point("p", p)?, real_numbers("times", times)?);
+        let found = self.attend(py, |flow| Ok(spectra(&flow, &p, direction, &times)?))?;
+        Ok(found.into_iter().map(|spectrum| Spectrum { spectrum }).collect())
     }
 
     /// Finite-time Lyapunov exponents and vectors for one averaging time.

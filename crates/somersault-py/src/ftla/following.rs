@@ -2,18 +2,14 @@
 
 use super::flow::VariationalFlow;
 use super::placement::{Placement, status_named, status_of};
-use super::run::{Run, attend};
-use super::settings::Settings;
 use super::shooting::Extremal;
-use super::system::System;
 use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
-use somersault::ftla::nalgebra::DVector;
+use somersault::ftla::placement;
 use somersault::ftla::spectrum::TimeDirection;
-use std::sync::Arc;
 
 /// Growth of one initial error, as `Placement.following` finds it.
 #[pyclass(frozen, module = "somersault.ftla", get_all)]
@@ -56,28 +52,11 @@ impl Following {
     }
 }
 
-fn following(
-    placement: &Placement,
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    optimum: &Extremal,
-    error: &DVector<f64>,
-    sizes: &[f64],
-    bound: f64,
-) -> Result<Vec<Following>, Error> {
-    let placement = placement.typed(system.dimension, TimeDirection::Forward)?;
-    let system = system.watched(run)?;
-    let flow = settings.flow(&system)?;
-    let found = placement.following(&flow, &optimum.extremal, error, sizes, bound)?;
-    let plain = |each: somersault::ftla::placement::Following| Following {
-        size: each.size,
-        without_placement: each.without_placement,
-        with_placement: each.with_placement,
-        status: status_of(&each.status),
-        left: each.left,
-    };
-    Ok(found.into_iter().map(plain).collect())
+impl Following {
+    fn of(found: &placement::Following) -> Self {
+        let placement::Following { size, without_placement, with_placement, ref status, left } = *found;
+        Self { size, without_placement, with_placement, status: status_of(status), left }
+    }
 }
 
 #[pymethods]
@@ -108,9 +87,12 @@ impl Placement {
         bound: f64,
     ) -> Result<Vec<Following>, Error> {
         let (error, sizes) = (flow.point("error", error)?, real_numbers("sizes", sizes)?);
-        let (system, settings) = (flow.system.get(), flow.settings);
         positive("bound", bound)?;
-        optimum.expect_dimension(system.dimension)?;
-        attend(py, |run| following(self, system, settings, run, optimum, &error, &sizes, bound))
+        optimum.expect_dimension(error.len())?;
+        let found = flow.attend(py, |flow| {
+            let placement = self.typed(error.len(), TimeDirection::Forward)?;
+            Ok(placement.following(&flow, &optimum.extremal, &error, &sizes, bound)?)
+        })?;
+        Ok(found.iter().map(Following::of).collect())
     }
 }

@@ -4,10 +4,9 @@ use super::argument::{whole, wholes};
 use super::dimension::rows_array;
 use super::flow::VariationalFlow;
 use super::placement::Placement;
-use super::run::{Run, attend};
 use super::settings::limits_of;
 use super::watched::Watched;
-use crate::core::convert::{positive, real_numbers, with_shape};
+use crate::core::convert::{finite_all, positive, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
@@ -16,7 +15,6 @@ use somersault::ftla::flow;
 use somersault::ftla::matching::{self, GridSearch, LeastSquares, MatchStatus};
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::TimeDirection;
-use std::sync::Arc;
 
 /// A motion from the start matched with one from the end on the centre manifold (thesis 10.2).
 ///
@@ -82,11 +80,7 @@ fn numbers(p: &DVector<f64>) -> Vec<f64> {
 
 /// Finite numbers, so many of them.
 pub(super) fn entries(name: &'static str, n: usize, value: &Bound<'_, PyAny>) -> Result<Vec<f64>, Error> {
-    let values = with_shape(name, &[n], value)?;
-    match values.iter().find(|x| !x.is_finite()) {
-        Some(found) => Err(Error::input(format!("`{name}` must be finite, found {found}"))),
-        None => Ok(values),
-    }
+    finite_all(name, with_shape(name, &[n], value)?)
 }
 
 /// What is done with a match.
@@ -125,16 +119,18 @@ impl Matching {
     fn run(self_: &Bound<'_, Self>, search: &Search) -> Result<MatchingResult, Error> {
         let (py, matching) = (self_.py(), self_.get());
         let owner = self_.clone().unbind();
-        let mut found = attend(py, |run| search_in(matching, run, search))?;
+        let mut found = matching.flow.get().attend(py, |flow| search_in(matching, flow, search))?;
         found.matching = Some(owner);
         Ok(found)
     }
 }
 
-fn search_in(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<MatchingResult, Error> {
-    let flow = matching.flow.get();
-    let system = flow.system.get().watched(run)?;
-    let typed = matching.typed(flow.settings.flow(&system)?)?;
+fn search_in(
+    matching: &Matching,
+    flow: flow::VariationalFlow<'_, Watched>,
+    search: &Search,
+) -> Result<MatchingResult, Error> {
+    let typed = matching.typed(flow)?;
     let found = match search {
         Search::Check => return Ok(MatchingResult::default()),
         Search::Grid(search) => search.run(&typed)?,
@@ -151,18 +147,6 @@ fn search_in(matching: &Matching, run: &Arc<Run>, search: &Search) -> Result<Mat
         courses: found.courses,
         matching: None,
     })
-}
-
-fn nodes_in(
-    matched: &MatchingResult,
-    matching: &Matching,
-    run: &Arc<Run>,
-    times: &[f64],
-) -> Result<Vec<DVector<f64>>, Error> {
-    let flow = matching.flow.get();
-    let system = flow.system.get().watched(run)?;
-    let typed = matching.typed(flow.settings.flow(&system)?)?;
-    Ok(typed.nodes(&matched.courses, times)?)
 }
 
 #[pymethods]
@@ -200,7 +184,7 @@ impl Matching {
             },
             corrections: corrections.map_or(Ok(Vec::new()), |times| real_numbers("corrections", times))?,
         };
-        attend(py, |run| search_in(&matching, run, &Search::Check))?;
+        matching.flow.get().attend(py, |flow| search_in(&matching, flow, &Search::Check))?;
         Ok(matching)
     }
 
@@ -383,7 +367,10 @@ impl MatchingResult {
             return Err(Error::input(format!("`times` must be from 0 to the horizon, found {t}")));
         }
         let n = matching.dimension();
-        let nodes = attend(py, |run| nodes_in(self, matching, run, &times))?;
+        let nodes = matching
+            .flow
+            .get()
+            .attend(py, |flow| Ok(matching.typed(flow)?.nodes(&self.courses, &times)?))?;
         Ok(rows_array(py, &nodes, n)?)
     }
 

@@ -4,22 +4,18 @@ use super::argument::{triple, whole, wholes};
 use super::dimension::{dims_of, expect_dimension};
 use super::error::told;
 use super::flow::VariationalFlow;
-use super::run::{Run, attend};
-use super::settings::{Settings, limits_of};
+use super::settings::limits_of;
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
-use super::system::System;
 use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
-use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::FlowError;
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::placement::{self, Method, PlacementError, PlacementStatus, Schedule};
 use somersault::ftla::spectrum::{SplittingDims, TimeDirection};
-use std::sync::Arc;
 
 /// How points are placed on the slow manifolds by their costates (thesis 10.1).
 ///
@@ -99,21 +95,6 @@ fn check(placement: &Placement, dimension: usize) -> Result<(), Error> {
         (Err(error), Err(_)) => Err(error.into()),
         (Ok(_), _) | (_, Ok(_)) => Ok(()),
     }
-}
-
-fn place(
-    placement: &Placement,
-    system: &System,
-    settings: Settings,
-    run: &Arc<Run>,
-    p: &DVector<f64>,
-    direction: TimeDirection,
-    limits: Limits,
-) -> Result<PlacementResult, Error> {
-    let placement = placement.typed(system.dimension, direction)?;
-    let system = system.watched(run)?;
-    let budget = limits.start();
-    Ok(PlacementResult::of(placement.place(&settings.flow(&system)?.within(&budget), p)))
 }
 
 value! {
@@ -205,9 +186,12 @@ impl Placement {
         max_time: Option<&Bound<'_, PyAny>>,
         max_evaluations: Option<&Bound<'_, PyAny>>,
     ) -> Result<PlacementResult, Error> {
-        let (p, system, settings) = (flow.point("p", p)?, flow.system.get(), flow.settings);
+        let p = flow.point("p", p)?;
         let (direction, limits) = (direction_of(direction)?, limits_of(max_time, max_evaluations)?);
-        attend(py, |run| place(self, system, settings, run, &p, direction, limits))
+        flow.attend(py, |flow| {
+            let placement = self.typed(p.len(), direction)?;
+            Ok(PlacementResult::of(placement.place(&flow.within(&limits.start()), &p)))
+        })
     }
 
     fn __repr__(&self) -> String {

@@ -6,7 +6,7 @@ use super::dimension::{rows_array, vector};
 use super::run::{Run, attend};
 use super::settings::{Plain, Settings, limits_of, tolerances_of};
 use super::system::System;
-use crate::core::convert::{array, real_numbers, times};
+use crate::core::convert::{array, check_finite, finite_all, real_numbers, times};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
 use crate::core::value::{Pickled, by_restore, value};
@@ -58,9 +58,7 @@ pub(crate) fn end_of(name: &str, n: usize, states: &EndStates) -> Result<End, Er
     if states.len() != n {
         return Err(Error::input(format!("`{name}` must have {n} entries, found {}", states.len())));
     }
-    if let Some(found) = states.iter().flatten().find(|x| !x.is_finite()) {
-        return Err(Error::input(format!("`{name}` must be finite, found {found}")));
-    }
+    check_finite(name, states.iter().flatten())?;
     // what is free is given first, and then freed
     let given: Vec<f64> = states.iter().map(|x| x.unwrap_or(0.0)).collect();
     let mut end = End::try_state(&given)?;
@@ -289,10 +287,7 @@ impl Extremal {
 
 fn finite_times(t: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
     let (single, found) = times("t", t)?;
-    match found.iter().find(|t| !t.is_finite()) {
-        Some(t) => Err(Error::input(format!("`t` must be finite, found {t}"))),
-        None => Ok((single, found)),
-    }
+    Ok((single, finite_all("t", found)?))
 }
 
 fn shaped(

@@ -423,10 +423,12 @@ impl force::ForceModel for CallableForce {
         call(&self.failure, Wrench { force: NAN, torque: NAN }, |py| {
             let returned = self.callable.call1(py, (t, State(*x)))?;
             let (force, torque) = pair(&self.name, "(3,)", returned.bind(py))?;
-            let wrench = Wrench {
-                force: any_vector(&format!("{}(t, state)[0]", self.name), &force)?,
-                torque: any_vector(&format!("{}(t, state)[1]", self.name), &torque)?,
+            let vector = |part: usize, value| {
+                any_vector("returned", value).map_err(|error| {
+                    error.with_names(&[("returned", &format!("{}(t, state)[{part}]", self.name))])
+                })
             };
+            let wrench = Wrench { force: vector(0, &force)?, torque: vector(1, &torque)? };
             check_returned(&self.name, t, (wrench.force + wrench.torque).iter().all(|x| x.is_finite()))?;
             Ok(wrench)
         })
@@ -570,8 +572,11 @@ impl Interaction for CallableInteraction {
             let returned = callable.call1(py, (t, states_list(py, x)?))?;
             let shape = format!("({}, 3)", out.len());
             let (forces, torques) = pair(name, &shape, returned.bind(py))?;
-            let forces = any_vectors(&format!("{name}(t, states)[0]"), &[out.len()], &forces)?;
-            let torques = any_vectors(&format!("{name}(t, states)[1]"), &[out.len()], &torques)?;
+            let vectors = |part: usize, value| {
+                any_vectors("returned", &[out.len()], value)
+                    .map_err(|error| error.with_names(&[("returned", &format!("{name}(t, states)[{part}]"))]))
+            };
+            let (forces, torques) = (vectors(0, &forces)?, vectors(1, &torques)?);
             let finite = forces.iter().chain(&torques).all(|v| v.iter().all(|x| x.is_finite()));
             check_returned(name, t, finite)?;
             let twists = forces.into_iter().zip(torques);

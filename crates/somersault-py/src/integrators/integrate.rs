@@ -5,7 +5,7 @@ use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
 use crate::integrators::forces::Reader;
-use crate::integrators::located::{CountedForces, InContact};
+use crate::integrators::located::InContact;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
@@ -17,11 +17,11 @@ use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
+use somersault::integrators::counted::Counted;
 use somersault::integrators::events::{Location, StiffSteps};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
-use somersault::integrators::studies::work_precision::Counted;
 use somersault::integrators::system::{
     BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
 };
@@ -299,7 +299,7 @@ pub(crate) fn integrate<'py>(
         if let Some(contacts) = contacts {
             if locate {
                 let count = contacts.len();
-                let system = BodyInContact::new(body, (CountedForces::new(models), contacts));
+                let system = BodyInContact::new(body, (Counted::new(models), contacts));
                 let system = WithStretches(system);
                 let initial = stretched(&system, stretches, interval.0, initial[0])?;
                 let bodies = InContact { system, contacts: count, location };
@@ -333,7 +333,7 @@ pub(crate) fn integrate<'py>(
                 return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
             }
             let count = contacts.len();
-            let each = each.into_iter().map(CountedForces::new).collect();
+            let each = each.into_iter().map(Counted::new).collect();
             let system = WithStretches(BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?);
             let initial = stretched(&system, stretches, interval.0, initial)?;
             let bodies = InContact { system, contacts: count, location };

@@ -9,65 +9,14 @@ use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
-use somersault::integrators::body::RigidBody;
-use somersault::integrators::driver::Steps;
-use somersault::integrators::events::{
-    HybridBodies, Interrupted, Located, LocatedResult, Location, integrate_located,
-    integrate_located_adaptive,
-};
-use somersault::integrators::force::{BoxedForce, ForceModel, Reach, Wrench, WrenchBound};
-use somersault::integrators::state::{RigidBodyState, State, Twist};
-use somersault::integrators::system::{StateOf, System};
-use somersault::integrators::variation::Tangent;
-use std::sync::atomic::{AtomicU64, Ordering};
+use somersault::integrators::counted::Counted;
+use somersault::integrators::events::{Interrupted, Located, Location};
+use somersault::integrators::force::BoxedForce;
+use somersault::integrators::state::State;
+use somersault::integrators::system::System;
 
 /// Models that add up and count how often they are evaluated.
-pub(crate) struct CountedForces {
-    models: Vec<BoxedForce>,
-    calls: AtomicU64,
-}
-
-impl CountedForces {
-    /// The sum of `models`.
-    pub(crate) fn new(models: Vec<BoxedForce>) -> Self {
-        Self { models, calls: AtomicU64::new(0) }
-    }
-}
-
-#[deny(clippy::missing_trait_methods)]
-impl ForceModel for CountedForces {
-    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
-        self.calls.fetch_add(1, Ordering::Relaxed);
-        self.models.wrench(t, body, x)
-    }
-    fn is_free(&self) -> bool {
-        self.models.is_free()
-    }
-    fn is_torque_free(&self) -> bool {
-        self.models.is_torque_free()
-    }
-    fn depends_on_velocity(&self) -> bool {
-        self.models.depends_on_velocity()
-    }
-    fn wrench_variation(
-        &self,
-        t: f64,
-        body: &RigidBody,
-        x: &RigidBodyState,
-        along: &Tangent<Twist>,
-    ) -> Wrench {
-        self.models.wrench_variation(t, body, x, along)
-    }
-    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
-        self.models.mass_derivative(t, body, x)
-    }
-    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
-        self.models.bound(body, reach)
-    }
-    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
-        self.models.potential(body, x)
-    }
-}
+type CountedForces = Counted<Vec<BoxedForce>>;
 
 /// Bodies with contacts whose events are located.
 pub(crate) struct InContact<S> {
@@ -87,14 +36,14 @@ pub(crate) trait Evaluated {
 
 impl Evaluated for BodyInContact<CountedForces> {
     fn evaluations(&self) -> u64 {
-        self.forces.0.calls.load(Ordering::Relaxed)
+        self.forces.0.calls()
     }
 }
 
 impl Evaluated for BodiesInContact<CountedForces> {
     fn evaluations(&self) -> u64 {
         // Every evaluation asks for the forces on every body.
-        self.forces().first().map_or(0, |forces| forces.calls.load(Ordering::Relaxed))
+        self.forces().first().map_or(0, |forces| forces.calls())
     }
 }
 
@@ -110,7 +59,8 @@ impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S
         plan: &Plan,
         observer: &mut Monitor<Held<S>>,
     ) -> Ended<Held<S>> {
-        let (status, located) = match plan.locate(&self.system, initial, &self.location, observer) {
+        let run = plan.run(&self.system).locating(self.location).observed_by(observer);
+        let (status, located) = match run.from(initial) {
             Ok(located) => (Ok(located.status), located),
             Err(interrupted) => {
                 let Interrupted { reason, so_far } = *interrupted;
@@ -122,25 +72,5 @@ impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S
         let events =
             Events { trials, substeps, count: event_count, contacts: self.contacts, events, stretches };
         Ended { status, rejected, nfev: self.system.0.evaluations(), events }
-    }
-}
-
-impl Plan {
-    fn locate<S: HybridBodies<Configuration: Seen>>(
-        &self,
-        system: &S,
-        initial: &StateOf<S>,
-        location: &Location,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> LocatedResult<S> {
-        let Self { method, options, .. } = *self;
-        match &self.steps {
-            Steps::Fixed(grid) => {
-                integrate_located(method, options, system, initial, grid, location, observer)
-            }
-            Steps::Adapted { interval, settings } => integrate_located_adaptive(
-                method, options, system, initial, *interval, settings, location, observer,
-            ),
-        }
     }
 }

@@ -173,11 +173,12 @@ impl GroupComparison {
     /// -------
     /// ndarray, shape (n_motions, n_frames)
     fn series<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
-        let number = self.names.iter().position(|known| known == name).ok_or_else(|| {
+        let mut series = self.names.iter().zip(self.comparison.series());
+        let (_, found) = series.find(|(known, _)| *known == name).ok_or_else(|| {
             let known = self.names.join(", ");
             Error::input(format!("`name` must be one of the groups {known}, found '{name}'"))
         })?;
-        Ok(matrix_array(py, &self.comparison.series(number))?)
+        Ok(matrix_array(py, &found)?)
     }
 
     /// Mean and spread of each group.
@@ -195,9 +196,8 @@ impl GroupComparison {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let groups = 0..own.names.len();
-        let series: Vec<_> =
-            groups.map(|g| matrix_array(py, &own.comparison.series(g))).collect::<PyResult<_>>()?;
+        let series = own.comparison.series().map(|series| matrix_array(py, &series));
+        let series: Vec<_> = series.collect::<PyResult<_>>()?;
         let weight = match own.comparison.panel() {
             Panel::Eigenweight(weight) => weight,
             _ => 0,

@@ -227,8 +227,8 @@ impl SkeletonRecording {
     fn rotations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let joints = self.recording.skeleton().joints();
         let mut values = Vec::new();
-        for i in 0..self.recording.n_frames() {
-            let turning = self.recording.frame(i).zip(joints).filter(|(_, joint)| joint.turns);
+        for frame in self.recording.frames() {
+            let turning = frame.zip(joints).filter(|(_, joint)| joint.turns);
             values.extend(turning.flat_map(|((_, rotation), _)| components(&rotation)));
         }
         let shape = [self.recording.n_frames(), self.recording.skeleton().n_turning(), 4];
@@ -240,8 +240,8 @@ impl SkeletonRecording {
     fn places<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let joints = self.recording.skeleton().joints();
         let mut values = Vec::new();
-        for i in 0..self.recording.n_frames() {
-            let moving = self.recording.frame(i).zip(joints).filter(|(_, joint)| joint.moves);
+        for frame in self.recording.frames() {
+            let moving = frame.zip(joints).filter(|(_, joint)| joint.moves);
             values.extend(moving.flat_map(|((place, _), _)| <[f64; 3]>::from(place)));
         }
         let shape = [self.recording.n_frames(), self.recording.skeleton().n_moving(), 3];
@@ -252,7 +252,7 @@ impl SkeletonRecording {
     #[getter]
     fn configurations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.recording.n_frames();
-        let values: Vec<f64> = (0..n).flat_map(|i| self.recording.configuration(i)).collect();
+        let values: Vec<f64> = self.recording.configurations().flatten().collect();
         let width = values.len() / n;
         Ok(array(py, values, &[n, width])?.into_any())
     }

@@ -1,7 +1,7 @@
 //! Momentum-reduced flight of trees.
 
 use crate::core::callable::{Failure, call, callable_name, check_callable};
-use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
+use crate::core::convert::{finite_all, integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
 use crate::integrators::methods;
@@ -9,7 +9,7 @@ use crate::integrators::monitor::{Finish, Monitor, ProgressBar};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
-use crate::multibody::motion::{TreeSolution, finite};
+use crate::multibody::motion::TreeSolution;
 use pyo3::prelude::*;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::system::System;
@@ -47,8 +47,8 @@ impl ShapeMotion for Shape {
                     Error::input(format!("`{name}` must return a pair (q, v) of shapes ({n},) and ({m},)"))
                 })?;
             let (in_q, in_v) = (format!("{}(t)[0]", self.name), format!("{}(t)[1]", self.name));
-            let of_q = finite(&in_q, with_shape(&in_q, &[q.len()], &of_q)?)?;
-            Ok((of_q, finite(&in_v, with_shape(&in_v, &[v.len()], &of_v)?)?))
+            let of_q = finite_all(&in_q, with_shape(&in_q, &[q.len()], &of_q)?)?;
+            Ok((of_q, finite_all(&in_v, with_shape(&in_v, &[v.len()], &of_v)?)?))
         });
         q.copy_from_slice(&found.0);
         v.copy_from_slice(&found.1);
@@ -119,8 +119,8 @@ pub(crate) fn fly<'py>(
     let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
     let steps = arguments.steps(method, interval)?;
-    let mut q = finite("q", with_shape("q", &[tree.n_positions()], q)?)?;
-    let v = finite("v", with_shape("v", &[tree.n_velocities()], v)?)?;
+    let mut q = finite_all("q", with_shape("q", &[tree.n_positions()], q)?)?;
+    let v = finite_all("v", with_shape("v", &[tree.n_velocities()], v)?)?;
     tree.normalize(&mut q)?;
     check_callable("shape", "f(t) -> (q, v)", shape)?;
     let failure = Failure::default();

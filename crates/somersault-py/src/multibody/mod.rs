@@ -14,6 +14,7 @@ pub(crate) mod urdf;
 #[pyo3::pymodule(name = "multibody", module = "somersault._somersault", submodule)]
 pub(crate) mod module {
     use pyo3::prelude::*;
+    use pyo3::types::PyTuple;
 
     #[pymodule_export]
     use crate::multibody::flight::fly;
@@ -28,6 +29,8 @@ pub(crate) mod module {
 
     #[pymodule_init]
     fn add_models(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        crate::multibody::models::add_functions(module)
+        use crate::multibody::models::{NAMES, add_functions};
+        module.setattr("_NAMED_MODELS", PyTuple::new(module.py(), NAMES)?)?;
+        add_functions(module)
     }
 }

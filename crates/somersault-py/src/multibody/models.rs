@@ -1,72 +1,12 @@
-//! Trees with a name in the literature.
+//! Trees with a name in the literature: a function of `functions!` for each.
 
 use crate::core::error::Error;
+use crate::core::functions::functions;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::multibody::models::{self, CartPendulum, Dimension, Posture, TwoLinkArm};
-
-/// Adds the functions that make them to the module of Python.
-pub(crate) fn add_functions(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_function(wrap_pyfunction!(cart_pendulum, module)?)?;
-    module.add_function(wrap_pyfunction!(diver_planar, module)?)?;
-    module.add_function(wrap_pyfunction!(diver_spatial, module)?)?;
-    module.add_function(wrap_pyfunction!(two_link_arm, module)?)
-}
-
-/// The pendulum on a cart (thesis appendix A).
-///
-/// q = (r, θ) with r along x and θ from the upright towards −x.
-///
-/// Parameters
-/// ----------
-/// cart_mass, mass : float, optional
-///     Masses of the cart and of the point at the end of the pendulum, kg.
-/// length : float, optional
-///     Length of the pendulum, m.
-/// gravity : float, optional
-///     Acceleration along −z, m/s².
-///
-/// Returns
-/// -------
-/// Model
-///     Bodies ``'cart'`` and ``'pendulum'``.
-///
-/// Examples
-/// --------
-/// >>> from somersault import multibody
-/// >>> multibody.cart_pendulum().mass_matrix([0.0, 0.0])
-/// array([[ 3., -1.],
-///        [-1.,  1.]])
-#[pyfunction]
-#[pyo3(signature = (cart_mass=2.0, mass=1.0, length=1.0, gravity=9.81))]
-pub(crate) fn cart_pendulum(cart_mass: f64, mass: f64, length: f64, gravity: f64) -> Result<Model, Error> {
-    Ok(Model::of(CartPendulum { cart_mass, mass, length, gravity }.model()?))
-}
-
-/// The two-link robot arm on a horizontal plane (thesis 8.2).
-///
-/// q = (θ₁, θ₂) about z; the links lie along x at q = 0 and are uniform rods.
-///
-/// Parameters
-/// ----------
-/// masses : tuple of float, optional
-///     m₁, m₂, kg.
-/// lengths : tuple of float, optional
-///     L₁, L₂, m.
-/// damping : tuple of float, optional
-///     c₁, c₂, N m s.
-///
-/// Returns
-/// -------
-/// Model
-///     Bodies ``'upper'`` and ``'lower'``.
-#[pyfunction]
-#[pyo3(signature = (masses=[0.5, 0.5], lengths=[2.0, 0.5], damping=[0.2, 0.0]))]
-pub(crate) fn two_link_arm(masses: [f64; 2], lengths: [f64; 2], damping: [f64; 2]) -> Result<Model, Error> {
-    Ok(Model::of(TwoLinkArm { masses, lengths, damping }.model()?))
-}
 
 /// A diver of a given size, as `diver_planar` and `diver_spatial` make them.
 ///
@@ -163,48 +103,99 @@ impl Diver {
     }
 }
 
-/// The planar diver, with 12 degrees of freedom (thesis Table 3.1): limbs move in pairs.
-///
-/// Parameters
-/// ----------
-/// mass, height : float, optional
-///     Mass, kg, and stature, m.
-/// gravity : float, optional
-///     Acceleration along −z, m/s².
-///
-/// Returns
-/// -------
-/// Diver
-///
-/// Examples
-/// --------
-/// >>> from somersault import multibody
-/// >>> diver = multibody.diver_planar(mass=60.0, height=1.65)
-/// >>> diver.model.n_velocities, diver.postures
-/// (12, ('A', 'B', 'F', 'G', 'H'))
-#[pyfunction]
-#[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
-pub(crate) fn diver_planar(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
-    Diver::of(py, models::Diver { mass, height, gravity, ..models::Diver::planar() })
-}
+functions! {
+    /// The pendulum on a cart (thesis appendix A).
+    ///
+    /// q = (r, θ) with r along x and θ from the upright towards −x.
+    ///
+    /// Parameters
+    /// ----------
+    /// cart_mass, mass : float, optional
+    ///     Masses of the cart and of the point at the end of the pendulum, kg.
+    /// length : float, optional
+    ///     Length of the pendulum, m.
+    /// gravity : float, optional
+    ///     Acceleration along −z, m/s².
+    ///
+    /// Returns
+    /// -------
+    /// Model
+    ///     Bodies ``'cart'`` and ``'pendulum'``.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> multibody.cart_pendulum().mass_matrix([0.0, 0.0])
+    /// array([[ 3., -1.],
+    ///        [-1.,  1.]])
+    #[pyo3(signature = (cart_mass=2.0, mass=1.0, length=1.0, gravity=9.81))]
+    fn cart_pendulum(cart_mass: f64, mass: f64, length: f64, gravity: f64) -> Result<Model, Error> {
+        Ok(Model::of(CartPendulum { cart_mass, mass, length, gravity }.model()?))
+    }
 
-/// The spatial diver, with 27 degrees of freedom (thesis Table 3.2).
-///
-/// With an arm straight out sideways, as in postures C and G, two axes of the shoulder coincide: dynamics
-/// there need the shoulders among the active degrees of freedom.
-///
-/// Parameters
-/// ----------
-/// mass, height : float, optional
-///     Mass, kg, and stature, m.
-/// gravity : float, optional
-///     Acceleration along −z, m/s².
-///
-/// Returns
-/// -------
-/// Diver
-#[pyfunction]
-#[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
-pub(crate) fn diver_spatial(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
-    Diver::of(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() })
+    /// The two-link robot arm on a horizontal plane (thesis 8.2).
+    ///
+    /// q = (θ₁, θ₂) about z; the links lie along x at q = 0 and are uniform rods.
+    ///
+    /// Parameters
+    /// ----------
+    /// masses : tuple of float, optional
+    ///     m₁, m₂, kg.
+    /// lengths : tuple of float, optional
+    ///     L₁, L₂, m.
+    /// damping : tuple of float, optional
+    ///     c₁, c₂, N m s.
+    ///
+    /// Returns
+    /// -------
+    /// Model
+    ///     Bodies ``'upper'`` and ``'lower'``.
+    #[pyo3(signature = (masses=[0.5, 0.5], lengths=[2.0, 0.5], damping=[0.2, 0.0]))]
+    fn two_link_arm(masses: [f64; 2], lengths: [f64; 2], damping: [f64; 2]) -> Result<Model, Error> {
+        Ok(Model::of(TwoLinkArm { masses, lengths, damping }.model()?))
+    }
+
+    /// The planar diver, with 12 degrees of freedom (thesis Table 3.1): limbs move in pairs.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass, height : float, optional
+    ///     Mass, kg, and stature, m.
+    /// gravity : float, optional
+    ///     Acceleration along −z, m/s².
+    ///
+    /// Returns
+    /// -------
+    /// Diver
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> diver = multibody.diver_planar(mass=60.0, height=1.65)
+    /// >>> diver.model.n_velocities, diver.postures
+    /// (12, ('A', 'B', 'F', 'G', 'H'))
+    #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
+    fn diver_planar(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
+        Diver::of(py, models::Diver { mass, height, gravity, ..models::Diver::planar() })
+    }
+
+    /// The spatial diver, with 27 degrees of freedom (thesis Table 3.2).
+    ///
+    /// With an arm straight out sideways, as in postures C and G, two axes of the shoulder coincide: dynamics
+    /// there need the shoulders among the active degrees of freedom.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass, height : float, optional
+    ///     Mass, kg, and stature, m.
+    /// gravity : float, optional
+    ///     Acceleration along −z, m/s².
+    ///
+    /// Returns
+    /// -------
+    /// Diver
+    #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
+    fn diver_spatial(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
+        Diver::of(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() })
+    }
 }

@@ -1,7 +1,7 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
 use crate::core::callable::{Failure, call, callable_name, check_callable};
-use crate::core::convert::{array, integer, integer_or_none, interval_of, times, with_shape};
+use crate::core::convert::{array, finite_all, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::returns_interrupted;
@@ -44,7 +44,7 @@ impl Given {
             Some(value) if value.is_callable() => {
                 Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
             }
-            Some(value) => Source::Numbers(finite(argument, with_shape(argument, &[n], value)?)?),
+            Some(value) => Source::Numbers(finite_all(argument, with_shape(argument, &[n], value)?)?),
         };
         Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
     }
@@ -66,19 +66,11 @@ impl Given {
                     let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
                     let returned = callable.call1(py, arguments)?;
                     let what = format!("{name}(t, q, v)");
-                    finite(&what, with_shape(&what, &[v.len()], returned.bind(py))?)
+                    finite_all(&what, with_shape(&what, &[v.len()], returned.bind(py))?)
                 });
                 all(out, &found);
             }
         }
-    }
-}
-
-/// The numbers, which must be finite.
-pub(crate) fn finite(argument: &str, numbers: Vec<f64>) -> Result<Vec<f64>, Error> {
-    match numbers.iter().find(|x| !x.is_finite()) {
-        None => Ok(numbers),
-        Some(x) => Err(Error::input(format!("`{argument}` must be finite, found {x}"))),
     }
 }
 
@@ -339,8 +331,8 @@ pub(crate) fn integrate_tree<'py>(
     let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
     let steps = arguments.steps(method, interval)?;
-    let q = finite("q", with_shape("q", &[tree.n_positions()], q)?)?;
-    let v = finite("v", with_shape("v", &[n], v)?)?;
+    let q = finite_all("q", with_shape("q", &[tree.n_positions()], q)?)?;
+    let v = finite_all("v", with_shape("v", &[n], v)?)?;
     let initial = tree.state(&q, &v)?;
     if acceleration.is_some() && active.is_none() {
         return Err(Error::input(

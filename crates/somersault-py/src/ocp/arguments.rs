@@ -90,11 +90,3 @@ pub(crate) fn number_or_range(argument: &str, value: &Bound<'_, PyAny>) -> Resul
     };
     Ok(range)
 }
-
-/// Numbers that are finite, by the name of their argument.
-pub(crate) fn finite_all(argument: &str, values: Vec<f64>) -> Result<Vec<f64>, Error> {
-    match values.iter().find(|x| !x.is_finite()) {
-        None => Ok(values),
-        Some(found) => Err(Error::input(format!("`{argument}` must be finite, found {found}"))),
-    }
-}

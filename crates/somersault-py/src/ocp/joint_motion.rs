@@ -1,7 +1,7 @@
 //! Eigenpostures, and joint motions made of splines.
 
-use super::arguments::{count, finite_all, index};
-use crate::core::convert::{a_type, array, entries, integer, real_numbers, times, with_shape};
+use super::arguments::{count, index};
+use crate::core::convert::{a_type, array, entries, finite_all, integer, real_numbers, times, with_shape};
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::value::{Pickled, by_restore, value};

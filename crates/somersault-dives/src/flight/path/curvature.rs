@@ -47,9 +47,6 @@ impl OrientationPath {
     /// Second derivatives of a number with the given derivatives at the last node and at the arrival at a restart, by
     /// variables in which all that the path depends on is linear: `inputs` has rows for the displacement of the start, the
     /// turn momentum and the coefficients, in this order.
-    ///
-    /// # Panics
-    /// Where the last [`integrate`](Self::integrate) had no derivatives.
     pub(crate) fn curvature(
         &self,
         last: &NodeExpansion,
@@ -67,7 +64,7 @@ impl OrientationPath {
                 let weight = past.dot(&restart.lateral());
                 at_arrival += restart.counting.curvature(&restart.before, [weight, 0.0, 0.0]);
             }
-        });
+        })?;
         let dual = self.model.cast::<Dual64>();
         let zero = Vector3::repeat(Dual64::from_re(0.0));
         let take_off = TakeOff {

@@ -3,6 +3,9 @@
 use super::{OrientationPath, SAMPLE_OF, SAMPLES};
 use crate::flight::step::{SIMPSON, STAGES};
 use nalgebra::{Matrix3, Vector3};
+use somersault_core::argument::{expect_length, expect_range};
+use somersault_multibody::DynamicsError;
+use somersault_multibody::flight::FlightError;
 
 /// Derivatives of the orientation at a node.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -59,11 +62,11 @@ impl PathGradient {
 
 impl OrientationPath {
     /// The derivatives of the orientation at a node: of its displacement in axes of the root there.
-    ///
-    /// # Panics
-    /// Where the last [`integrate`](Self::integrate) had no derivatives, or an argument has the wrong size.
-    pub fn node_derivatives(&self, node: usize, out: &mut NodeDerivatives) {
-        assert!(self.is_derived, "the last run had no derivatives");
+    pub fn node_derivatives(&self, node: usize, out: &mut NodeDerivatives) -> Result<(), FlightError> {
+        self.expect_derived("node_derivatives")?;
+        let (allowed, inside) = ("at most the number of steps", |_| node <= self.n_steps);
+        expect_range("node", node as f64, allowed, inside).map_err(DynamicsError::from)?;
+        self.expect_coefficients("out.by_coefficients", out.by_coefficients.len())?;
         out.by_coefficients.fill(Vector3::zeros());
         out.by_momentum = Matrix3::zeros();
         let mut transition = Matrix3::identity();
@@ -82,6 +85,12 @@ impl OrientationPath {
             transition *= derivative.by_start;
         }
         out.by_start = transition;
+        Ok(())
+    }
+
+    /// Refuses to read derivatives that the last run has not made.
+    fn expect_derived(&self, reader: &'static str) -> Result<(), FlightError> {
+        if self.is_derived { Ok(()) } else { Err(FlightError::NoDerivatives { reader }) }
     }
 
     /// Takes the derivatives at the start of a step to where it arrives.
@@ -114,11 +123,12 @@ impl OrientationPath {
 
     /// Adds to `gradient` what a gradient by displacements of the orientation at each node, after a restart, is for the start, the
     /// turn momentum and the coefficients. Costs two sweeps of the steps, whatever the number of parameters.
-    ///
-    /// # Panics
-    /// As [`node_derivatives`](Self::node_derivatives).
-    pub fn pull_back(&self, by_nodes: &[Vector3<f64>], gradient: &mut PathGradient) {
-        self.pull_back_arrival(by_nodes, &Vector3::zeros(), gradient);
+    pub fn pull_back(
+        &self,
+        by_nodes: &[Vector3<f64>],
+        gradient: &mut PathGradient,
+    ) -> Result<(), FlightError> {
+        self.pull_back_arrival(by_nodes, &Vector3::zeros(), gradient)
     }
 
     /// The same, and what a gradient by a displacement with which the path arrives at its restart is.
@@ -127,8 +137,8 @@ impl OrientationPath {
         by_nodes: &[Vector3<f64>],
         by_arrival: &Vector3<f64>,
         gradient: &mut PathGradient,
-    ) {
-        assert_eq!(by_nodes.len(), self.n_steps + 1);
+    ) -> Result<(), FlightError> {
+        self.expect_coefficients("gradient.by_coefficients", gradient.by_coefficients.len())?;
         let at_start = self.sweep_back(by_nodes, by_arrival, |step, _, adjoint| {
             let derivative = &self.derivatives[step];
             for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
@@ -138,8 +148,9 @@ impl OrientationPath {
                     gradient.by_coefficients[coefficient] += by.dot(&weight);
                 });
             }
-        });
+        })?;
         gradient.by_start += at_start;
+        Ok(())
     }
 
     /// Hands out the adjoints of a number at the end of each step, last first: past a restart there, and before it.
@@ -149,8 +160,9 @@ impl OrientationPath {
         by_nodes: &[Vector3<f64>],
         by_arrival: &Vector3<f64>,
         mut visit: impl FnMut(usize, &Vector3<f64>, &Vector3<f64>),
-    ) -> Vector3<f64> {
-        assert!(self.is_derived, "the last run had no derivatives");
+    ) -> Result<Vector3<f64>, FlightError> {
+        self.expect_derived("pull_back")?;
+        expect_length("by_nodes", by_nodes.len(), self.n_steps + 1).map_err(DynamicsError::from)?;
         let mut adjoint = by_nodes[self.n_steps];
         for step in (0..self.n_steps).rev() {
             let past = adjoint;
@@ -160,7 +172,7 @@ impl OrientationPath {
             visit(step, &past, &adjoint);
             adjoint = self.derivatives[step].by_start.tr_mul(&adjoint) + by_nodes[step];
         }
-        adjoint
+        Ok(adjoint)
     }
 
     /// Whether a stage repeats another.

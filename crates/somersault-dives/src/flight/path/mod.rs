@@ -8,7 +8,7 @@ pub use derivatives::{NodeDerivatives, PathGradient};
 
 use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use somersault_core::argument::ArgumentError;
+use somersault_core::argument::expect_length;
 use somersault_core::lie::so3::normalized_xyzw;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::counting::Counting;
@@ -85,14 +85,9 @@ impl OrientationPath {
         Flight::try_new(&model, AT_REST)?;
         let is_planar = model.joint(0).map(Joint::group) == Some(Group::PlanarMotions);
         let n_joints = model.n_velocities() - model.velocities_of(0).len();
-        let expect = |argument, expected, found| {
-            if expected == found {
-                return Ok(());
-            }
-            Err(DynamicsError::Argument(ArgumentError::Length { argument, expected, found }))
-        };
-        expect("joints of motion", n_joints, motion.base().n_joints())?;
-        expect("positions of the joints", n_joints, model.n_positions() - model.positions_of(0).len())?;
+        expect_length("joints of motion", motion.base().n_joints(), n_joints).map_err(DynamicsError::from)?;
+        let n_positions = model.n_positions() - model.positions_of(0).len();
+        expect_length("positions of the joints", n_positions, n_joints).map_err(DynamicsError::from)?;
         let n_intervals = motion.basis().n_intervals();
         let per_interval = n_steps.div_ceil(n_intervals).max(1);
         let n_steps = per_interval * n_intervals;
@@ -138,8 +133,13 @@ impl OrientationPath {
         self
     }
 
+    /// Refuses a number of coefficients that is not that of the splines.
+    fn expect_coefficients(&self, argument: &'static str, found: usize) -> Result<(), FlightError> {
+        Ok(expect_length(argument, found, self.coefficients.len()).map_err(DynamicsError::from)?)
+    }
+
     /// The orientation with which the path arrives at a node, before a restart.
-    pub fn arrival(&self, node: usize) -> &UnitQuaternion<f64> {
+    pub(crate) fn arrival(&self, node: usize) -> &UnitQuaternion<f64> {
         match &self.restart {
             Some(restart) if restart.node == node => &restart.before,
             _ => &self.orientations[node],
@@ -189,11 +189,7 @@ impl OrientationPath {
         with_derivatives: bool,
     ) -> Result<(), FlightError> {
         let at = if self.is_planar { 2..3 } else { 3..7 };
-        if orientation.len() != at.len() {
-            let (expected, found) = (at.len(), orientation.len());
-            let argument = "orientation";
-            return Err(DynamicsError::from(ArgumentError::Length { argument, expected, found }).into());
-        }
+        expect_length("orientation", orientation.len(), at.len()).map_err(DynamicsError::from)?;
         if !orientation.iter().chain(coefficients).all(|x| x.is_finite()) {
             return Err(FlightError::NonFinite { argument: "orientation and coefficients" });
         }
@@ -206,6 +202,7 @@ impl OrientationPath {
         if is_known {
             return Ok(());
         }
+        self.expect_coefficients("coefficients", coefficients.len())?;
         self.coefficients.copy_from_slice(coefficients);
         self.turn_momentum = turn_momentum;
         (self.orientations[0], self.angles[0]) = (start, angle);
@@ -325,10 +322,10 @@ fn sample_basis(motion: &SplineMotion, per_interval: usize) -> (Vec<usize>, Vec<
         let interval = step / per_interval;
         first.push(interval);
         for sample in 0..SAMPLES {
-            let share = (2 * step + sample) as f64 / (2 * n_steps) as f64;
+            let fraction = (2 * step + sample) as f64 / (2 * n_steps) as f64;
             samples.push([0, 1].map(|derivative| {
                 let mut values = [0.0; MAX_DEGREE + 1];
-                let found = basis.evaluate(share, derivative, &mut values);
+                let found = basis.evaluate(fraction, derivative, &mut values);
                 // the end of a step on a knot belongs to the next interval, whose last function is zero there
                 values.rotate_right(found - interval);
                 values

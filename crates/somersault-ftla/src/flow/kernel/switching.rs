@@ -1,30 +1,40 @@
 //! Steps that end where a field goes from one smooth piece to the next.
 //!
-//! A step stays in the piece that it began in. If a margin is negative at its end, the step is made again to where the margin
-//! changes sign, by steps of the method itself, so that a crossing has the accuracy of any other point. If a margin has a
-//! minimum inside the step near zero, the step is made to that minimum: what is left has margins that rise or fall, whose
-//! signs at the ends tell all.
+//! A step stays in the piece that it began in. The margins of the piece are guards, and the first of them to change its sign
+//! is found as any other event is ([`EventSearch`]): the step is made again in parts, so that a crossing has the accuracy of
+//! any other point. The search steps the state alone, and is compiled once for all systems.
 
 use super::rows::{ANY, combine};
 use super::{Kernel, STAGES};
+use crate::flow::FlowError;
 use crate::system::{Piece, VectorField};
-use somersault_core::roots;
+use somersault_integrators::events::{EventSearch, Guard, Retrace, Trail};
+use somersault_integrators::tableau::Tableau;
 
-/// Margins of a piece at a point of the motion, and their rates along it.
-#[derive(Debug, Clone)]
-struct Margins {
-    values: Vec<f64>,
-    rates: Vec<f64>,
+/// The margins of the piece that a motion is in.
+pub(super) struct Watch {
+    seen: Seen,
+    scratch: WatchScratch,
 }
 
-/// Margins where the motion is and at the end of the step that is looked at, with room for what they are made of.
-#[derive(Debug)]
-pub(super) struct Watch {
-    here: Margins,
-    then: Margins,
-    ahead: Vec<f64>,
+/// What has been seen of the margins.
+struct Seen {
+    /// Where the motion is.
+    here: Vec<Guard>,
+    /// At the end of the step that is looked at.
+    then: Vec<Guard>,
+    trail: Trail<Vec<Guard>>,
+}
+
+/// What margins are made of.
+struct WatchScratch {
+    /// At a point, ahead of it and behind it.
+    margins: [Vec<f64>; 3],
+    beside: Vec<f64>,
     point: Vec<f64>,
+    /// At the point.
     slope: Vec<f64>,
+    /// Those of the stages.
     slopes: Vec<f64>,
 }
 
@@ -32,145 +42,158 @@ impl Watch {
     /// For a number of switches; where there are none, without any room.
     pub(super) fn new(switches: usize, dimension: usize) -> Self {
         let n = if switches > 0 { dimension } else { 0 };
-        let none = Margins { values: vec![f64::INFINITY; switches], rates: vec![0.0; switches] };
-        Self {
-            here: none.clone(),
-            then: none,
-            ahead: vec![f64::INFINITY; switches],
-            point: vec![0.0; n],
-            slope: vec![0.0; n],
-            slopes: vec![0.0; STAGES * n],
-        }
+        let guards = || vec![Guard::default(); switches];
+        let zeros = |size: usize| vec![0.0; size];
+        let seen = Seen { here: guards(), then: guards(), trail: Trail::new(guards()) };
+        let margins = [zeros(switches), zeros(switches), zeros(switches)];
+        let (beside, point, slope, slopes) = (zeros(n), zeros(n), zeros(n), zeros(STAGES * n));
+        Self { seen, scratch: WatchScratch { margins, beside, point, slope, slopes } }
     }
 
     /// The step that was looked at last is made.
     pub(super) fn arrive(&mut self) {
-        std::mem::swap(&mut self.here, &mut self.then);
+        std::mem::swap(&mut self.seen.here, &mut self.seen.then);
     }
 }
 
-/// What lies within a step.
-pub(super) enum Ahead {
-    /// No end of the piece.
-    Smooth,
-    /// A minimum of a margin that may be below zero.
-    Minimum(f64),
-    /// The end of the piece; a step of this size ends just beyond it.
-    End(f64),
+/// What a search asks of a field, and so all that is compiled of it for the search.
+trait Pieces {
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]);
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]);
 }
 
-/// Part of a step within which a minimum is the same as an end of the step.
-const BESIDE: f64 = 1e-4;
+impl<S: VectorField> Pieces for S {
+    fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        VectorField::field_in(self, piece, p, h);
+    }
 
-/// The margins of `piece` at `p` with slope `slope`, their rates by central differences over 1e-5 of `h`; `ahead` and `point`
-/// are scratch.
-fn look<S: VectorField>(
-    system: &S,
-    piece: &Piece,
-    [p, slope]: [&[f64]; 2],
+    fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
+        VectorField::margins_into(self, piece, p, margins);
+    }
+}
+
+/// The state alone of a step, to be made again in any part.
+struct StateStep<'a> {
+    system: &'a dyn Pieces,
+    piece: &'a Piece,
+    tableau: &'static Tableau,
+    t: f64,
+    state: &'a [f64],
+    /// At the start.
+    slope: &'a [f64],
+    /// Where the step led as it was made.
+    next: &'a [f64],
+    /// With the sign of the direction.
     h: f64,
-    margins: &mut Margins,
-    [ahead, point]: [&mut [f64]; 2],
-) {
-    let Margins { values, rates } = margins;
-    let reach = 1e-5 * h;
-    let mut beside = |s: f64, out: &mut [f64]| {
-        point.iter_mut().zip(p.iter().zip(slope)).for_each(|(q, (p, slope))| *q = p + slope * s);
-        system.margins_into(piece, point, out);
-    };
-    system.margins_into(piece, p, values);
-    beside(reach, ahead);
-    beside(-reach, rates);
-    for ((rate, ahead), value) in rates.iter_mut().zip(ahead.iter()).zip(values) {
-        // an infinite margin has no rate
-        *rate = if value.is_finite() { (*ahead - *rate) / (2.0 * reach) } else { 0.0 };
+    scratch: &'a mut WatchScratch,
+}
+
+impl StateStep<'_> {
+    /// The margins at the start. The piece holds there, whatever the last digits of a margin say.
+    fn look_at_start(&mut self, guards: &mut [Guard]) {
+        self.scratch.point.copy_from_slice(self.state);
+        self.scratch.slope.copy_from_slice(self.slope);
+        self.look(guards);
+        guards.iter_mut().for_each(|guard| guard.gap = guard.gap.max(f64::MIN_POSITIVE));
+    }
+
+    /// The margins at the end.
+    fn look_at_end(&mut self, guards: &mut [Guard]) {
+        self.scratch.point.copy_from_slice(self.next);
+        self.look_along(guards);
+    }
+
+    /// The margins at the point in the scratch, whose slope is not known yet.
+    fn look_along(&mut self, guards: &mut [Guard]) {
+        let WatchScratch { point, slope, .. } = &mut *self.scratch;
+        self.system.field_in(self.piece, point, slope);
+        self.look(guards);
+    }
+
+    /// The margins at the point in the scratch and their rates, by central differences over 1e-5 of the step.
+    fn look(&mut self, guards: &mut [Guard]) {
+        let Self { system, piece, h, .. } = *self;
+        let WatchScratch { margins: [here, ahead, behind], beside, point, slope, .. } = &mut *self.scratch;
+        let mut look_beside = |reach: f64, margins: &mut [f64]| {
+            let line = point.iter().zip(&*slope);
+            beside.iter_mut().zip(line).for_each(|(q, (p, slope))| *q = p + slope * reach);
+            system.margins_into(piece, beside, margins);
+        };
+        look_beside(1e-5 * h, ahead);
+        look_beside(-1e-5 * h, behind);
+        system.margins_into(piece, point, here);
+        for (i, guard) in guards.iter_mut().enumerate() {
+            // an infinite margin has no rate, and no cubic; where it is zero the piece holds
+            let rate = if here[i].is_finite() { (ahead[i] - behind[i]) / (2e-5 * h.abs()) } else { 0.0 };
+            let gap = if here[i] == 0.0 { f64::MIN_POSITIVE } else { here[i].min(f64::MAX) };
+            *guard = Guard { gap, rate, lag: 0.0 };
+        }
+    }
+}
+
+impl Retrace for StateStep<'_> {
+    type Point = Vec<Guard>;
+    type Error = FlowError;
+
+    fn guards(point: &Vec<Guard>) -> &[Guard] {
+        point
+    }
+
+    fn room(&mut self) -> Vec<Guard> {
+        vec![Guard::default(); self.scratch.margins[0].len()]
+    }
+
+    fn make(&mut self, size: f64, out: &mut Vec<Guard>) -> Result<(), FlowError> {
+        let (n, h) = (self.state.len(), size.copysign(self.h));
+        let WatchScratch { point, slopes, .. } = &mut *self.scratch;
+        slopes[..n].copy_from_slice(self.slope);
+        for i in 1..STAGES {
+            combine::<pulp::Scalar, ANY>(Some(self.state), slopes, self.tableau.row(i), h, point);
+            self.system.field_in(self.piece, point, &mut slopes[i * n..(i + 1) * n]);
+        }
+        combine::<pulp::Scalar, ANY>(Some(self.state), slopes, self.tableau.weights(), h, point);
+        self.look_along(out);
+        Ok(())
+    }
+
+    /// Not requested: cubics, by which margins without bounds are judged, are doubted a few times only.
+    fn unproved(&self, _h: f64, _parts: u32) -> FlowError {
+        FlowError::StepUnderflow { t: self.t, state: self.state.to_vec() }
+    }
+}
+
+impl Seen {
+    /// The part of a step that ends just beyond the end of the piece, if the piece ends in it.
+    fn end_of_piece(&mut self, mut step: StateStep<'_>) -> Result<Option<f64>, FlowError> {
+        let Self { here, then, trail } = self;
+        step.look_at_end(then);
+        let (t, h) = (step.t, step.h);
+        let tolerance = 2.0 * f64::EPSILON * t.abs().max(h.abs());
+        let mut search = EventSearch { step, trail, before: here, graze: 0.0, tolerance };
+        Ok(search.earliest(h.abs(), then)?.map(|size| size.copysign(h)))
     }
 }
 
 impl<S: VectorField, const MATRIX: bool> Kernel<'_, S, MATRIX> {
     /// Looks at the margins where the motion is.
     pub(super) fn watch_here(&mut self) {
-        let Watch { here, ahead, point, .. } = &mut self.watch;
-        let at: [&[f64]; 2] = [&self.state, &self.slopes[..self.n]];
-        look(self.system, &self.piece, at, self.h, here, [ahead, point]);
+        let (mut step, seen) = self.state_step(self.h);
+        step.look_at_start(&mut seen.here);
     }
 
-    /// What a step of `h` to `next` contains.
-    pub(super) fn ahead(&mut self, h: f64) -> Ahead {
-        let value = self.least(None);
-        if value < 0.0 {
-            let near = self.inside(h, value);
-            let tolerance = 2.0 * f64::EPSILON * self.t.abs().max(h.abs());
-            let guess = near.0 + (h - near.0) * near.1 / (near.1 - value);
-            let infallible = |size| Ok::<_, std::convert::Infallible>(self.least(Some(size)));
-            let Ok((_, beyond)) = roots::bracket(infallible, near, (h, value), guess, tolerance);
-            return Ahead::End(beyond);
-        }
-        let Watch { here, then, ahead, point, slope, .. } = &mut self.watch;
-        self.system.field_in(&self.piece, &self.next, slope);
-        look(self.system, &self.piece, [&self.next, slope], h, then, [ahead, point]);
-        let minimum = (0..then.values.len())
-            .filter_map(|i| lowest([here.values[i], then.values[i]], [h * here.rates[i], h * then.rates[i]]))
-            .fold(f64::INFINITY, f64::min);
-        if minimum < 1.0 - BESIDE { Ahead::Minimum(h * minimum) } else { Ahead::Smooth }
+    /// The part of the step of `h` to `next` that ends just beyond the end of the piece, if the piece ends in it.
+    // once, and not in the loops of every size
+    #[inline(never)]
+    pub(super) fn end_of_piece(&mut self, h: f64) -> Result<Option<f64>, FlowError> {
+        let (step, seen) = self.state_step(h);
+        seen.end_of_piece(step)
     }
 
-    /// The least margin at the end of the step that was tried, or after a step of another size.
-    fn least(&mut self, size: Option<f64>) -> f64 {
-        if let Some(size) = size {
-            self.state_after(size);
-        }
-        let Watch { ahead, point, .. } = &mut self.watch;
-        let p: &[f64] = if size.is_some() { point } else { &self.next };
-        self.system.margins_into(&self.piece, p, ahead);
-        ahead.iter().copied().fold(f64::INFINITY, f64::min)
+    /// The state alone of the step of `h` from here, and what has been seen of the margins.
+    fn state_step(&mut self, h: f64) -> (StateStep<'_>, &mut Seen) {
+        let Watch { seen, scratch } = &mut self.watch;
+        let (system, piece, tableau, t) = (self.system, &self.piece, self.tableau, self.t);
+        let (state, slope, next) = (&self.state, &self.slopes[..self.n], &self.next);
+        (StateStep { system, piece, tableau, t, state, slope, next, h, scratch }, seen)
     }
-
-    /// Where in a step of `h`, at whose end the least margin is `value`, the piece surely holds, with the margin there.
-    ///
-    /// A margin that has only just changed its sign is zero to rounding at the start, and rises: it is looked at near the
-    /// top of the parabola through what is known.
-    fn inside(&mut self, h: f64, value: f64) -> (f64, f64) {
-        let Margins { values, rates } = &self.watch.here;
-        let lowest = (0..values.len()).min_by(|&i, &j| values[i].total_cmp(&values[j]));
-        // without switches no margin is below zero
-        let Some(lowest) = lowest else { return (0.0, 0.0) };
-        let (start, rise) = (values[lowest], h * rates[lowest]);
-        if start < 1e-3 * rise {
-            let mut size = h * 0.5 * rise / (rise - value);
-            for _ in 0..8 {
-                let margin = self.least(Some(size));
-                if margin > 0.0 {
-                    return (size, margin);
-                }
-                size *= 0.25;
-            }
-        }
-        (0.0, start.max(0.0))
-    }
-
-    /// The state alone after a step of `h`, to the scratch of the watch.
-    fn state_after(&mut self, h: f64) {
-        let n = self.n;
-        let Watch { point, slopes, .. } = &mut self.watch;
-        slopes[..n].copy_from_slice(&self.slopes[..n]);
-        for i in 1..STAGES {
-            combine::<pulp::Scalar, ANY>(Some(&self.state), slopes, self.tableau.row(i), h, point);
-            self.system.field_in(&self.piece, point, &mut slopes[i * n..(i + 1) * n]);
-        }
-        combine::<pulp::Scalar, ANY>(Some(&self.state), slopes, self.tableau.weights(), h, point);
-    }
-}
-
-/// Where in (0, 1) the cubic with these values and slopes at 0 and 1 has a minimum that may be below zero.
-fn lowest([m0, m1]: [f64; 2], [r0, r1]: [f64; 2]) -> Option<f64> {
-    let control = (m0 + r0 / 3.0).min(m1 - r1 / 3.0);
-    if !(r0 < 0.0 && r1 > 0.0) || control > 0.5 * m0.min(m1) {
-        return None;
-    }
-    // m' = r0 + 2 b s + 3 a s², from negative to positive
-    let a = 2.0 * (m0 - m1) + r0 + r1;
-    let b = 3.0 * (m1 - m0) - 2.0 * r0 - r1;
-    let root = -r0 / (b + (b * b - 3.0 * a * r0).max(0.0).sqrt());
-    (root > BESIDE).then_some(root)
 }

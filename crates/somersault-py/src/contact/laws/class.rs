@@ -3,12 +3,14 @@
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use pyo3::pyclass::boolean_struct::True;
-use pyo3::types::PyType;
+use pyo3::types::{PyDict, PyType};
 use somersault::contact::laws::{FrictionLaw, NormalLaw};
 use std::sync::Arc;
 
 /// A class that stands for a type of laws.
 pub(crate) trait LawClass: PyClass<Frozen = True> + Into<PyClassInitializer<Self>> + Sync {
+    /// What it is called in the documents of the command line.
+    const KIND: &'static str;
     /// The type.
     type Law: Clone;
     /// An object for a law.
@@ -19,8 +21,9 @@ pub(crate) trait LawClass: PyClass<Frozen = True> + Into<PyClassInitializer<Self
 
 /// Lets a class around a law stand for its type.
 macro_rules! law_class {
-    ($class:ident: $law:ty) => {
+    ($class:ident = $kind:literal: $law:ty) => {
         impl crate::contact::laws::class::LawClass for $class {
+            const KIND: &'static str = $kind;
             type Law = $law;
             fn of(law: $law) -> Self {
                 Self(law)
@@ -35,8 +38,8 @@ pub(super) use law_class;
 
 /// The same for a normal law, with its force and energy as methods.
 macro_rules! normal_law_class {
-    ($class:ident: $law:ty) => {
-        crate::contact::laws::class::law_class!($class: $law);
+    ($class:ident = $kind:literal: $law:ty) => {
+        crate::contact::laws::class::law_class!($class = $kind: $law);
 
         #[pymethods]
         impl $class {
@@ -74,6 +77,7 @@ pub(super) use normal_law_class;
 
 /// A row of the table of classes that stand for laws of a kind, `dyn NormalLaw` or `dyn FrictionLaw`.
 pub(super) struct Row<L: ?Sized> {
+    kind: &'static str,
     class: fn(Python<'_>) -> Bound<'_, PyType>,
     add: fn(&Bound<'_, PyModule>) -> PyResult<()>,
     /// The law of an object, if it is of the class.
@@ -85,6 +89,7 @@ pub(super) struct Row<L: ?Sized> {
 /// The row of a class of normal laws.
 pub(super) const fn normal<C: LawClass<Law: NormalLaw>>() -> Row<dyn NormalLaw> {
     Row {
+        kind: C::KIND,
         class: |py| py.get_type::<C>(),
         add: |module| module.add_class::<C>(),
         read: |value| Some(Arc::new(value.cast::<C>().ok()?.get().law())),
@@ -95,6 +100,7 @@ pub(super) const fn normal<C: LawClass<Law: NormalLaw>>() -> Row<dyn NormalLaw> 
 /// The row of a class of friction laws.
 pub(super) const fn friction<C: LawClass<Law: FrictionLaw>>() -> Row<dyn FrictionLaw> {
     Row {
+        kind: C::KIND,
         class: |py| py.get_type::<C>(),
         add: |module| module.add_class::<C>(),
         read: |value| Some(Arc::new(value.cast::<C>().ok()?.get().law())),
@@ -106,9 +112,14 @@ fn object<'py, C: LawClass>(py: Python<'py>, law: &C::Law) -> PyResult<Bound<'py
     Ok(Bound::new(py, C::of(law.clone()))?.into_any())
 }
 
-/// Adds the classes to the module of the extension.
-pub(super) fn add<L: ?Sized>(table: &[Row<L>], module: &Bound<'_, PyModule>) -> PyResult<()> {
-    table.iter().try_for_each(|row| (row.add)(module))
+/// Adds the classes to the module of the extension, and under `name` a dictionary of them by their kinds.
+pub(super) fn add<L: ?Sized>(table: &[Row<L>], name: &str, module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let classes = PyDict::new(module.py());
+    for row in table {
+        (row.add)(module)?;
+        classes.set_item(row.kind, (row.class)(module.py()))?;
+    }
+    module.setattr(name, classes)
 }
 
 /// The law of an argument.

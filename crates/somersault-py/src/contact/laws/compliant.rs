@@ -99,7 +99,7 @@ impl CompliantLaw {
     }
 }
 
-normal_law_class!(CompliantLaw: compliant::CompliantLaw);
+normal_law_class!(CompliantLaw = "compliant": compliant::CompliantLaw);
 
 /// Coefficient of restitution at a damping ratio ζ ≥ 0, where contact ends as the force returns to zero.
 ///

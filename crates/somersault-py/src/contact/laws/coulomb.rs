@@ -60,4 +60,4 @@ impl CoulombFriction {
     }
 }
 
-law_class!(CoulombFriction: coulomb::CoulombFriction);
+law_class!(CoulombFriction = "coulomb": coulomb::CoulombFriction);

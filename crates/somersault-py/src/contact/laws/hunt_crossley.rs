@@ -101,4 +101,4 @@ impl HuntCrossley {
     }
 }
 
-normal_law_class!(HuntCrossley: hunt_crossley::HuntCrossley);
+normal_law_class!(HuntCrossley = "hunt_crossley": hunt_crossley::HuntCrossley);

@@ -16,21 +16,20 @@ pub(crate) use resistance::Resistance;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
 use class::{Row, add, kinds, read, show};
-use hunt_crossley::HuntCrossley;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use regularised::RegularisedFriction;
 use somersault::contact::laws::{ContactLaw, FrictionLaw, NormalLaw};
 
-static NORMAL: &[Row<dyn NormalLaw>] = &[class::normal::<CompliantLaw>(), class::normal::<HuntCrossley>()];
+static NORMAL: &[Row<dyn NormalLaw>] =
+    &[class::normal::<CompliantLaw>(), class::normal::<hunt_crossley::HuntCrossley>()];
 
 static FRICTION: &[Row<dyn FrictionLaw>] =
-    &[class::friction::<CoulombFriction>(), class::friction::<RegularisedFriction>()];
+    &[class::friction::<CoulombFriction>(), class::friction::<regularised::RegularisedFriction>()];
 
 /// Adds the classes of laws to the module of the extension.
 pub(super) fn add_classes(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    add(NORMAL, module)?;
-    add(FRICTION, module)
+    add(NORMAL, "_NORMAL_LAWS", module)?;
+    add(FRICTION, "_FRICTION_LAWS", module)
 }
 
 /// All laws of a contact.

@@ -39,4 +39,4 @@ impl RegularisedFriction {
     }
 }
 
-law_class!(RegularisedFriction: regularised::RegularisedFriction);
+law_class!(RegularisedFriction = "regularised": regularised::RegularisedFriction);

@@ -1,6 +1,6 @@
 //! States, weights and bounds as Python gives them.
 
-use crate::core::convert::{a_type, numbers_or_one};
+use crate::core::convert::{a_type, finite_all, numbers_or_one};
 use crate::core::error::Error;
 use crate::ocp::arguments::number_or_range;
 use pyo3::prelude::*;
@@ -42,11 +42,7 @@ pub(super) fn finite_numbers(
     default: f64,
 ) -> Result<Vec<f64>, Error> {
     let Some(value) = value else { return Ok(vec![default; n]) };
-    let numbers = numbers_or_one(argument, n, value)?;
-    match numbers.iter().find(|x| !x.is_finite()) {
-        Some(found) => Err(Error::input(format!("`{argument}` must be finite, found {found}"))),
-        None => Ok(numbers),
-    }
+    finite_all(argument, numbers_or_one(argument, n, value)?)
 }
 
 pub(super) fn weights(

@@ -2,9 +2,8 @@
 
 use super::arguments::rows_of;
 use super::result::CollocationResult;
-use crate::core::convert::{a_type, real_numbers, with_shape};
+use crate::core::convert::{a_type, finite_all, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::ocp::arguments::finite_all;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use somersault::ocp::collocation::{Guess, Interval};

@@ -5,11 +5,11 @@ use super::guess::guess_of;
 use super::search::SearchOptions;
 use super::terms::Quadratic;
 use super::{CollocationResult, NAMES};
-use crate::core::convert::{a_type, integer, integer_or_none, with_shape};
+use crate::core::convert::{a_type, finite, finite_all, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
-use crate::ocp::arguments::{finite_all, number_or_range};
+use crate::ocp::arguments::number_or_range;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::multibody;
@@ -186,9 +186,7 @@ impl CollocationProblem {
             }
             None => (0..n).collect(),
         };
-        if !time_weight.is_finite() {
-            return Err(Error::input(format!("`time_weight` must be finite, found {time_weight}")));
-        }
+        finite("time_weight", time_weight)?;
         let m = actuated.len();
         let (lower, upper) = number_or_range("duration", duration)?;
         // a NaN is not below

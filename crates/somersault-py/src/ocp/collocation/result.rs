@@ -1,7 +1,7 @@
 //! What a search found of one phase.
 
 use super::CollocationOutcome;
-use crate::core::convert::{array, times};
+use crate::core::convert::{array, check_finite, times};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
@@ -63,9 +63,7 @@ impl CollocationResult {
         value: impl Fn(&PhaseSolution, f64) -> Vec<f64>,
     ) -> Result<Bound<'py, PyAny>, Error> {
         let (single, times) = times("t", t)?;
-        if let Some(found) = times.iter().find(|t| !t.is_finite()) {
-            return Err(Error::input(format!("`t` must be finite, found {found}")));
-        }
+        check_finite("t", &times)?;
         let rows: Vec<Vec<f64>> = times.iter().map(|&t| value(self.phase(), t)).collect();
         match (single, rows.first()) {
             (true, Some(row)) => Ok(numpy::PyArray1::from_slice(py, row).into_any()),

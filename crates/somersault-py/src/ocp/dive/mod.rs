@@ -10,9 +10,9 @@ pub(crate) use plan::{dive_107b, dive_5174d};
 pub(crate) use solution::DiveSolution;
 pub(crate) use verification::DiveVerification;
 
-use super::arguments::{count, finite_all, limit, seed_of, tolerance};
+use super::arguments::{count, limit, seed_of, tolerance};
 use super::solver::{Watcher, deadline};
-use crate::core::convert::{entries_or_none, integer, integer_or_none, with_shape};
+use crate::core::convert::{entries_or_none, finite_all, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted};

@@ -1,10 +1,9 @@
 //! Parts of the cost.
 
 use super::place::Place;
-use crate::core::convert::{integer_or_none, numbers_or_one, real_numbers};
+use crate::core::convert::{finite_all, integer_or_none, numbers_or_one, real_numbers};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore};
-use crate::ocp::arguments::finite_all;
 use crate::ocp::term::Term;
 use pyo3::prelude::*;
 use pyo3::types::PyType;

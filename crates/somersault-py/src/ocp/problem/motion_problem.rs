@@ -3,13 +3,15 @@
 use super::recipe::Recipe;
 use super::shared::Shared;
 use super::{Constraint, Cost, Motion, Phase};
-use crate::core::convert::{array, entries, entries_or_none, integer, integer_or_none, with_shape};
+use crate::core::convert::{
+    array, entries, entries_or_none, finite_all, integer, integer_or_none, with_shape,
+};
 use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::returns_interrupted;
 use crate::multibody::model::Model;
-use crate::ocp::arguments::{count, finite_all, seed_of, starts_or_none};
+use crate::ocp::arguments::{count, seed_of, starts_or_none};
 use crate::ocp::search::{SearchArguments, SearchResult};
 use crate::ocp::solver::{Report, SolverArguments, deadline};
 use crate::ocp::swing_up::scheme_of;

@@ -1,19 +1,19 @@
 //! Rows that a callable of Python computes.
 
+use super::Term;
 use super::part::{name_of, part_of};
-use super::{Description, Term};
 use crate::core::callable::check_callable;
-use crate::core::convert::{a_type, entries_or_none, integer, with_shape};
+use crate::core::convert::{a_type, with_shape};
 use crate::core::error::Error;
 use crate::ocp::arguments::count;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyDict;
 use somersault::ocp::dynamics::Tree;
 use somersault::ocp::term::{self, Node, NodeGradient, Part, UserError};
-use somersault::ocp::transcription::NodeSizes;
 
-struct Function {
-    callable: Py<PyAny>,
+/// Rows and their gradient as callables, checked.
+pub(super) struct UserFunction {
+    rows: Py<PyAny>,
     gradient: Option<Py<PyAny>>,
     n_rows: usize,
     reads: Vec<Read>,
@@ -26,92 +26,67 @@ enum Read {
     Part(Part),
 }
 
-impl Description for Function {
-    fn made<'py>(&self, py: Python<'py>) -> PyResult<(&'static str, Bound<'py, PyTuple>)> {
-        let Self { callable, gradient, n_rows, reads } = self;
-        let names = reads.iter().map(|read| match read {
+impl UserFunction {
+    /// From the arguments of `function`.
+    pub(super) fn try_new(
+        rows: &Bound<'_, PyAny>,
+        n_rows: i64,
+        gradient: Option<&Bound<'_, PyAny>>,
+        reads: Option<Vec<String>>,
+    ) -> Result<Self, Error> {
+        let n_rows = count("n_rows", n_rows, 1)?;
+        check_callable("f", "f(node)", rows)?;
+        if let Some(gradient) = gradient {
+            check_callable("gradient", "gradient(node)", gradient)?;
+        }
+        let named = |name: String| match name.as_str() {
+            "position" => Ok(Read::Position),
+            other => Ok(Read::Part(part_of(other).map_err(|error| error.with_names(&[("part", "reads")]))?)),
+        };
+        let reads = match reads {
+            Some(reads) if reads.is_empty() && gradient.is_none() => {
+                return Err(Error::input("`reads` must have at least one part, found none"));
+            }
+            Some(reads) => reads.into_iter().map(named).collect::<Result<Vec<_>, Error>>()?,
+            None => vec![Read::Position, Read::Part(Part::Velocity)],
+        };
+        let gradient = gradient.map(|gradient| gradient.clone().unbind());
+        Ok(Self { rows: rows.clone().unbind(), gradient, n_rows, reads })
+    }
+
+    /// The term that the function `kind` makes of it.
+    pub(super) fn term(self, py: Python<'_>, kind: &'static str) -> PyResult<Term> {
+        let names = self.reads.iter().map(|read| match read {
             Read::Position => "position",
             Read::Part(part) => name_of(*part),
         });
-        let reads: Vec<_> = names.collect();
-        Ok(("function", (callable, *n_rows, gradient, reads).into_pyobject(py)?))
+        let named = PyDict::new(py);
+        named.set_item("gradient", &self.gradient)?;
+        named.set_item("reads", names.collect::<Vec<_>>())?;
+        let arguments = (self.rows.clone_ref(py), self.n_rows);
+        let made = Term::of((kind, "function"), py, arguments, move |py, tree, _| Ok(self.build(py, tree)))?;
+        Ok(Term { calls_python: true, arguments: (made.arguments.0, named.unbind()), ..made })
     }
 
-    fn what(&self) -> &'static str {
-        "function"
-    }
-
-    fn build(&self, py: Python<'_>, dynamics: &Tree, _: &NodeSizes) -> Result<Box<dyn term::Term>, Error> {
-        let Self { callable, gradient, n_rows, reads } = self;
-        let rows = rows_of(callable.clone_ref(py), *n_rows);
+    fn build(&self, py: Python<'_>, tree: &Tree) -> term::Function {
+        let Self { rows, gradient, n_rows, reads } = self;
+        let rows = rows_of(rows.clone_ref(py), *n_rows);
         if let Some(gradient) = gradient {
-            let pull_back = pull_back_of(gradient.clone_ref(py), *n_rows);
-            return Ok(Box::new(term::Function::new("function", *n_rows, rows, pull_back)));
+            return term::Function::new(
+                "function",
+                *n_rows,
+                rows,
+                pull_back_of(gradient.clone_ref(py), *n_rows),
+            );
         }
         let part = |read: &Read| match read {
             Read::Position => None,
             Read::Part(part) => Some(*part),
         };
         let parts: Vec<Part> = reads.iter().filter_map(part).collect();
-        let (by_position, tree) = (reads.contains(&Read::Position), dynamics.clone());
-        let made = term::Function::by_differences("function", *n_rows, tree, by_position, &parts, rows);
-        Ok(Box::new(made))
+        let by_position = reads.contains(&Read::Position);
+        term::Function::by_differences("function", *n_rows, tree.clone(), by_position, &parts, rows)
     }
-
-    fn calls_python(&self) -> bool {
-        true
-    }
-}
-
-/// Rows that a callable computes, with a gradient that another one computes, or by central differences.
-///
-/// Parameters
-/// ----------
-/// f : callable
-///     ``f(node)`` that returns `n_rows` numbers. `node` has the arrays ``position``, ``velocity``, ``acceleration``,
-///     ``torque``, ``channel``, ``channel_rate``, ``channel_second_rate`` and the float ``time``. Numbers that are not
-///     finite make a solver step back; an exception ends the solve.
-/// n_rows : int, optional
-/// gradient : callable, optional
-///     ``gradient(node)`` that returns a dict from the names of parts to arrays of shape (n_rows, size of the part);
-///     parts that are missing count as zero. For ``'position'`` a column stands for a displacement of a degree of
-///     freedom.
-/// reads : sequence of str, optional
-///     The parts by which differences are taken where no gradient is given; ``('position', 'velocity')`` unless given.
-///
-/// Returns
-/// -------
-/// Term
-#[pyfunction]
-#[pyo3(signature = (f, n_rows=1, *, gradient=None, reads=None))]
-pub(crate) fn function(
-    f: &Bound<'_, PyAny>,
-    #[pyo3(from_py_with = integer)] n_rows: i64,
-    gradient: Option<&Bound<'_, PyAny>>,
-    #[pyo3(from_py_with = entries_or_none)] reads: Option<Vec<String>>,
-) -> Result<Term, Error> {
-    let n_rows = count("n_rows", n_rows, 1)?;
-    check_callable("f", "f(node)", f)?;
-    if let Some(gradient) = gradient {
-        check_callable("gradient", "gradient(node)", gradient)?;
-    }
-    let named = |name: String| match name.as_str() {
-        "position" => Ok(Read::Position),
-        other => Ok(Read::Part(part_of(other).map_err(|error| error.with_names(&[("part", "reads")]))?)),
-    };
-    let reads = match reads {
-        Some(reads) if reads.is_empty() && gradient.is_none() => {
-            return Err(Error::input("`reads` must have at least one part, found none"));
-        }
-        Some(reads) => reads.into_iter().map(named).collect::<Result<Vec<_>, Error>>()?,
-        None => vec![Read::Position, Read::Part(Part::Velocity)],
-    };
-    Ok(Term::of(Function {
-        callable: f.clone().unbind(),
-        gradient: gradient.map(|g| g.clone().unbind()),
-        n_rows,
-        reads,
-    }))
 }
 
 /// A node as Python sees it.

@@ -1,0 +1,129 @@
+//! Counts of evaluations.
+
+use crate::body::RigidBody;
+use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
+use crate::state::{RigidBodyState, State, Twist};
+use crate::system::{BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System};
+use crate::variation::Tangent;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What counts how often it is evaluated, by one thread at a time: a system, borrowed, or forces.
+///
+/// An evaluation of a system is one call for the accelerations or the wrenches of all bodies; it does not say that it is
+/// free. One of forces is a call for the wrench on a body.
+#[derive(Debug)]
+pub struct Counted<T> {
+    inner: T,
+    calls: AtomicU64,
+}
+
+impl<T> Counted<T> {
+    /// With its count at 0.
+    pub fn new(inner: T) -> Self {
+        Self { inner, calls: AtomicU64::new(0) }
+    }
+
+    /// Evaluations so far.
+    pub fn calls(&self) -> u64 {
+        self.calls.load(Ordering::Relaxed)
+    }
+
+    /// Begins to count again.
+    pub fn reset(&self) {
+        self.calls.store(0, Ordering::Relaxed);
+    }
+
+    /// Apart from each other, load and store cost no more than with a plain number.
+    #[inline]
+    fn count(&self) {
+        self.calls.store(self.calls() + 1, Ordering::Relaxed);
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<S: RigidSystem> System for Counted<&S> {
+    type Configuration = S::Configuration;
+    type Forms = RigidForms;
+    type Workspace = S::Workspace;
+    fn workspace(&self) -> S::Workspace {
+        self.inner.workspace()
+    }
+    fn velocity(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.inner.velocity(w, t, x, out);
+    }
+    fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.count();
+        self.inner.acceleration(w, t, x, out);
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.inner.take_fault()
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<S: RigidSystem> RigidSystem for Counted<&S> {
+    fn body(&self, i: usize) -> &RigidBody {
+        self.inner.body(i)
+    }
+    fn rest(&self) -> StateOf<S> {
+        self.inner.rest()
+    }
+    fn wrenches(&self, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.count();
+        self.inner.wrenches(t, x, out);
+    }
+    fn body_wrenches(
+        &self,
+        t: f64,
+        x: &State<BodyPoses<S>>,
+        world: &mut (StateOf<S>, RateOf<S>),
+        out: &mut BodyRate<S>,
+    ) {
+        self.count();
+        self.inner.body_wrenches(t, x, world, out);
+    }
+    fn is_free(&self) -> bool {
+        false
+    }
+    fn is_torque_free(&self) -> bool {
+        self.inner.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.inner.depends_on_velocity()
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<F: ForceModel> ForceModel for Counted<F> {
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.count();
+        self.inner.wrench(t, body, x)
+    }
+    fn is_free(&self) -> bool {
+        self.inner.is_free()
+    }
+    fn is_torque_free(&self) -> bool {
+        self.inner.is_torque_free()
+    }
+    fn depends_on_velocity(&self) -> bool {
+        self.inner.depends_on_velocity()
+    }
+    fn wrench_variation(
+        &self,
+        t: f64,
+        body: &RigidBody,
+        x: &RigidBodyState,
+        along: &Tangent<Twist>,
+    ) -> Wrench {
+        self.inner.wrench_variation(t, body, x, along)
+    }
+    fn mass_derivative(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.inner.mass_derivative(t, body, x)
+    }
+    fn bound(&self, body: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
+        self.inner.bound(body, reach)
+    }
+    fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
+        self.inner.potential(body, x)
+    }
+}
