@@ -95,7 +95,7 @@ def touch() -> None:
 def optimise() -> None:
     """Two extremals of the arm."""
     figure = plt.figure(figsize=_SIZE, layout="constrained")
-    figure.suptitle("An arm turned over with least effort: two extremals", fontsize=11)
+    figure.suptitle("An arm turned over with minimum effort: two extremals", fontsize=11)
     motions = (
         (ocp.arm_motion(np.pi), "the thesis'"),
         (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "a cheaper one"),

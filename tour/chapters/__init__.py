@@ -26,7 +26,7 @@ class Part:
 PARTS = (
     Part(
         "A body that flips",
-        "A free body that spins about its middle axis turns over, again and again. The motion is known in"
+        "A free body that spins about its middle axis turns over, repeatedly. The motion is known in"
         " closed form, so every method can be measured against it: the one that most physics engines use is"
         " wrong after seconds, others are right to the last digits.",
         ("exact", "box", "accuracy", "beyond", "batch"),

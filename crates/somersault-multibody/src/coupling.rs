@@ -8,7 +8,7 @@
 //! ```
 //! exactly: G is constant, so that no velocity product and no derivative has a term of its own, and the power
 //! τ·v is that of the tree. Columns of Jacobians and of the momentum matrix add up as those of M do. A model
-//! without followers has no `Coupling`; then all of this hands on what it is given.
+//! without followers has no `Coupling`; then all of this returns its input.
 //!
 //! A follower in another branch than its leader couples the two, and M has entries that no tree of bodies
 //! shows. They lie on the ways to the root of the elimination tree, in which the parent of k is the last j < k
