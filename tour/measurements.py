@@ -146,7 +146,9 @@ class Measurements:
         tolerances = 10.0 ** np.arange(-3, -14, -1)
         return {
             info.name: Runs.of(
-                studies.work_precision(studies.Problem.case(2), info.name, tolerances=tolerances, repeats=5)
+                studies.work_precision(
+                    studies.Problem.case(2), info.name, tolerances=tolerances, repeats=self.setting.repeats
+                )
             )
             for info in self.methods
             if info.adaptive
@@ -158,7 +160,9 @@ class Measurements:
         tolerances = 10.0 ** np.arange(-3, -13, -1)
         return {
             info.name: Runs.of(
-                studies.work_precision(self._forced_problem, info.name, tolerances=tolerances, repeats=5)
+                studies.work_precision(
+                    self._forced_problem, info.name, tolerances=tolerances, repeats=self.setting.repeats
+                )
             )
             for info in self.methods
             if info.adaptive

@@ -62,7 +62,7 @@ def run_shell(code: str, names: dict[str, Any]) -> None:
             assert main(arguments) == 0, line
         elif command == "make":
             assert all(f"\n{target}:" in makefile for target in arguments), line
-        elif arguments[:2] == ["install", "somersault"]:
+        elif arguments in (["install", "somersault"], ["install", "."]):
             assert command == "pip"
         elif arguments[:1] == ["install"]:
             extras = re.fullmatch(r"somersault\[([\w,]+)\]", arguments[1])
@@ -237,7 +237,8 @@ def test_the_picture_of_the_crates_is_up_to_date() -> None:
 
 def test_pictures_are_small() -> None:
     for path in (DOCS / "images").iterdir():
-        assert path.stat().st_size < 150_000, path.name
+        allowed = 800_000 if path.suffix == ".webp" else 150_000  # films, and still pictures
+        assert path.stat().st_size < allowed, path.name
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def _reading(page: Page) -> None:
 
 
 def _fitted(
-    diver: multibody.Diver, t: Array, q: Array
+    diver: multibody.Diver, t: Array, q: Array, repeats: int
 ) -> tuple[motion.MotionFit, motion.MotionFit, float, motion.MarkerSet]:
     """Fits to clean and to blurred markers, and the seconds that the second one took."""
     markers = markers_on(diver.model)
@@ -107,7 +107,7 @@ def _fitted(
     clean = motion.MarkerFit(markers, starts=starts).fit(seen)
     noisy, fit = blurred(seen), motion.MarkerFit(markers, starts=starts, scale=1.0, noise=_NOISE)
     seconds = []
-    for _ in range(3):
+    for _ in range(repeats):
         began = time.perf_counter()
         found = fit.fit(noisy)
         seconds.append(time.perf_counter() - began)
@@ -140,13 +140,13 @@ def _scaled(fit: motion.MotionFit, q: Array) -> Array:
     return np.asarray(off / np.where(is_known, deviation, np.nan))
 
 
-def _known(page: Page, dives: dict[str, ocp.DiveSolution]) -> motion.MotionFit:
+def _known(page: Page, dives: dict[str, ocp.DiveSolution], repeats: int) -> motion.MotionFit:
     page.section("Fitting what is known")
     rows: list[list[str | Cell]] = []
     last: motion.MotionFit | None = None
     for name, dive in dives.items():
         diver = dive.dive.diver
-        clean, noisy, seconds, markers = _fitted(diver, dive.t, dive.q)
+        clean, noisy, seconds, markers = _fitted(diver, dive.t, dive.q, repeats)
         scaled = _scaled(noisy, dive.q)
         rows.append(
             [
@@ -268,6 +268,6 @@ def write(page: Page, measurements: Measurements) -> None:
         " itself predicts."
     )
     _reading(page)
-    fit = _known(page, {"107B, planar": pike, "5174D, spatial": twisting})
+    fit = _known(page, {"107B, planar": pike, "5174D, spatial": twisting}, measurements.setting.repeats)
     _fit_scene(page, twisting, fit)
     _components(page, twisting)

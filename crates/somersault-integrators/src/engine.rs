@@ -221,6 +221,17 @@ where
     }
 
     fn march(&mut self, t: f64, h: f64, steps: u64, slot: Slot) -> Result<(), IntegrateError> {
+        if B::IS_WATCHED {
+            let other = Slot(self.states.len());
+            self.states.push(self.states[slot.0].clone());
+            let outcome = (0..steps).try_for_each(|n| {
+                self.advance(Track::RUN, t + n as f64 * h, h, slot, other, None)?;
+                self.states.swap(slot.0, other.0);
+                Ok(())
+            });
+            self.states.pop();
+            return outcome;
+        }
         // On the stack the states of a body and the memory of a method stay in registers from step to step, and a copy
         // of a state there costs less than an exchange of two.
         let (form, stepper) = (self.form, self.stepper);

@@ -43,6 +43,8 @@ pub trait System {
     type Forms;
     /// Room for intermediate results, made once per trajectory.
     type Workspace;
+    /// Whether a run looks at every step, as where it locates events: then nothing is compiled for steps at which nobody looks.
+    const IS_WATCHED: bool = false;
     /// A workspace of the right size.
     fn workspace(&self) -> Self::Workspace;
     /// q̇ as a function of time and state; the rate itself unless the system says otherwise.
@@ -64,6 +66,7 @@ impl<S: System + ?Sized> System for &S {
     type Configuration = S::Configuration;
     type Forms = S::Forms;
     type Workspace = S::Workspace;
+    const IS_WATCHED: bool = S::IS_WATCHED;
     fn workspace(&self) -> Self::Workspace {
         (**self).workspace()
     }
@@ -505,6 +508,7 @@ impl<S: RigidSystem> System for MomentumForm<'_, S> {
     type Configuration = S::Configuration;
     type Forms = OneForm;
     type Workspace = StateOf<S>;
+    const IS_WATCHED: bool = S::IS_WATCHED;
     fn workspace(&self) -> StateOf<S> {
         self.0.rest()
     }
@@ -575,6 +579,7 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
     type Configuration = BodyPoses<S>;
     type Forms = OneForm;
     type Workspace = (StateOf<S>, RateOf<S>);
+    const IS_WATCHED: bool = S::IS_WATCHED;
     fn workspace(&self) -> Self::Workspace {
         let rest = self.0.rest();
         let wrenches = rest.rate.clone();

@@ -410,6 +410,7 @@ impl<S: System<Configuration = VariedPose, Workspace = ()>> System for InBodyAxe
     type Configuration = BodyVariedPose;
     type Forms = OneForm;
     type Workspace = Option<(VariedState, VariedRate)>;
+    const IS_WATCHED: bool = S::IS_WATCHED;
     fn workspace(&self) -> Self::Workspace {
         None
     }

@@ -318,6 +318,7 @@ impl<H: Hybrid> System for Frozen<'_, H> {
     type Configuration = H::Configuration;
     type Forms = H::Forms;
     type Workspace = H::Workspace;
+    const IS_WATCHED: bool = true;
     fn workspace(&self) -> H::Workspace {
         self.system.workspace()
     }
