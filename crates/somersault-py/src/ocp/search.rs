@@ -135,7 +135,7 @@ value! {
 
 #[pymethods]
 impl SearchResult {
-    /// Report: The minimum of lowest cost; where there is none, the best iterate of all starts.
+    /// Report: The local minimum with the lowest cost; if no start converged, the best iterate of all starts.
     #[getter]
     fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
         match self.minima.first().or(self.unfinished.first()) {
