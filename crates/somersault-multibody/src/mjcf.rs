@@ -190,9 +190,9 @@ fn leave_out<'a>(
         let tag = section.tag();
         if tag == "tendon" {
             for tendon in library.children(section) {
-                let styled: Styled = defaults.styled(tendon, defaults::MAIN)?;
+                let styled: Styled = defaults.styled(tendon, "tendon", defaults::MAIN)?;
                 let acts = |attribute: &&'static str| {
-                    Ok::<_, MjcfError>(styled.overlaid::<8>(attribute)?.iter().any(|x| *x != 0.0))
+                    Ok::<_, MjcfError>(styled.overlaid(attribute, [0.0; 8])?.iter().any(|x| *x != 0.0))
                 };
                 let reason = "tendons are not read";
                 let acting = OF_TENDONS.iter().map(acts).collect::<Result<Vec<_>, _>>()?;

@@ -28,7 +28,7 @@ impl<'a> Meshes<'a> {
                     .map(|file| file.rsplit(['/', '\\']).next().unwrap_or(file));
                 let stem = file.map(|file| file.rsplit_once('.').map_or(file, |(stem, _)| stem));
                 if let Some(name) = mesh.name.or(stem) {
-                    named.insert(name, defaults.styled(mesh, MAIN)?);
+                    named.insert(name, defaults.styled(mesh, "mesh", MAIN)?);
                 }
             }
         }

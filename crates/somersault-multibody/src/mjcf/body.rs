@@ -10,7 +10,7 @@ use super::library::Library;
 use super::report::Report;
 use crate::link::MassProperties;
 use crate::robot::document::Element;
-use nalgebra::{Matrix3, SymmetricEigen};
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 const READ: [&str; 10] =
     ["name", "childclass", "pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "mocap", "gravcomp"];
@@ -18,11 +18,16 @@ const WITHOUT_EFFECT: [&str; 5] = ["user", "sleep", "simple", "fuse", "expliciti
 const OF_INERTIAL: [&str; 9] =
     ["pos", "quat", "axisangle", "xyaxes", "zaxis", "euler", "mass", "diaginertia", "fullinertia"];
 
+/// Of principal moments, relative.
+const ROUNDING: f64 = 1e-14;
+
 pub(super) struct Body<'a> {
     pub(super) element: Element<'a>,
     /// Number of the body that carries it; none if that is the world.
     pub(super) parent: Option<usize>,
     pub(super) pose: Pose,
+    /// `pos`, without the frames around the body.
+    own_position: Vector3<f64>,
     pub(super) joints: Vec<BodyJoint<'a>>,
     inertial: Option<MassProperties>,
     pub(super) geoms: Vec<Geom<'a>>,
@@ -39,8 +44,6 @@ struct Open<'a> {
     element: Element<'a>,
     body: Option<usize>,
     frame: Pose,
-    /// Whether it stands in a `<frame>`.
-    framed: bool,
     class: usize,
 }
 
@@ -62,7 +65,7 @@ impl<'a> World<'a> {
         let mut open = Vec::new();
         for section in sections.iter().rev().filter(|section| section.tag() == "worldbody") {
             let class = settings.defaults.named(section, "childclass")?.unwrap_or(MAIN);
-            push(&mut open, section, None, Pose::identity(), false, class, settings);
+            push(&mut open, section, None, Pose::identity(), class, settings);
         }
         while let Some(next) = open.pop() {
             world.add(next, &mut open, settings, report)?;
@@ -77,7 +80,7 @@ impl<'a> World<'a> {
         settings: &Settings<'a, '_>,
         report: &mut Report<'a>,
     ) -> Result<(), MjcfError> {
-        let Open { element, body, frame, framed, class } = next;
+        let Open { element, body, frame, class } = next;
         let Settings { defaults, compiler, meshes, .. } = *settings;
         match element.tag() {
             "body" => {
@@ -89,21 +92,30 @@ impl<'a> World<'a> {
                     report.acts(&element, "a body that is moved from outside stands still here")?;
                 }
                 let class = defaults.named(&element, "childclass")?.unwrap_or(class);
-                let pose = frame.of(&compiler.pose(&Styled::plain(element))?);
+                let own = compiler.pose(&Styled::plain(element))?;
+                let (pose, own_position) = (frame.of(&own), own.position);
                 let number = self.bodies.len();
-                push(open, &element, Some(number), Pose::identity(), false, class, settings);
+                push(open, &element, Some(number), Pose::identity(), class, settings);
                 let (joints, geoms) = (Vec::new(), Vec::new());
-                self.bodies.push(Body { element, parent: body, pose, joints, inertial: None, geoms });
+                self.bodies.push(Body {
+                    element,
+                    parent: body,
+                    pose,
+                    own_position,
+                    joints,
+                    inertial: None,
+                    geoms,
+                });
             }
             "frame" => {
                 report.check_attributes(&element, &[&READ[..8]])?;
                 let class = defaults.named(&element, "childclass")?.unwrap_or(class);
                 let frame = frame.of(&compiler.pose(&Styled::plain(element))?);
-                push(open, &element, body, frame, true, class, settings);
+                push(open, &element, body, frame, class, settings);
             }
             "geom" => {
                 report.check_attributes(&element, &[&geom::READ, &geom::WITHOUT_EFFECT])?;
-                let found = Geom::read(defaults.styled(element, class)?, &frame, compiler, meshes)?;
+                let found = Geom::read(defaults.styled(element, "geom", class)?, &frame, compiler, meshes)?;
                 self.geoms_of(body).push(found);
             }
             "joint" | "freejoint" => {
@@ -112,22 +124,22 @@ impl<'a> World<'a> {
                 };
                 report.check_attributes(&element, &[&joint::READ, &joint::WITHOUT_EFFECT])?;
                 let styled = match element.tag() {
-                    "joint" => defaults.styled(element, class)?,
+                    "joint" => defaults.styled(element, "joint", class)?,
                     _ => Styled::plain(element),
                 };
                 let found = BodyJoint::read(styled, &frame, compiler, report)?;
                 self.bodies[body].add_joint(found)?;
             }
-            "inertial" => match body {
-                Some(body) if !framed => {
-                    report.check_attributes(&element, &[&OF_INERTIAL])?;
-                    let found = inertial(&element, compiler)?;
-                    if self.bodies[body].inertial.replace(found).is_some() {
-                        return Err(MjcfError::refused(&element, "its body has another <inertial>"));
-                    }
+            "inertial" => {
+                let Some(body) = body else {
+                    return Err(MjcfError::refused(&element, "the world has no inertia"));
+                };
+                report.check_attributes(&element, &[&OF_INERTIAL])?;
+                let found = inertial(&element, &frame, compiler)?;
+                if self.bodies[body].inertial.replace(found).is_some() {
+                    return Err(MjcfError::refused(&element, "its body has another <inertial>"));
                 }
-                Some(_) | None => return Err(MjcfError::unknown_element(&element, "frame or worldbody")),
-            },
+            }
             "site" | "camera" | "light" => {}
             "plugin" => report.acts(&element, "plugins are not read")?,
             "composite" | "flexcomp" | "replicate" | "attach" => {
@@ -176,12 +188,11 @@ fn push<'a>(
     parent: &Element<'a>,
     body: Option<usize>,
     frame: Pose,
-    framed: bool,
     class: usize,
     settings: &Settings<'a, '_>,
 ) {
     let children = settings.library.children(parent).into_iter().rev();
-    open.extend(children.map(|element| Open { element, body, frame, framed, class }));
+    open.extend(children.map(|element| Open { element, body, frame, class }));
 }
 
 impl<'a> Body<'a> {
@@ -218,7 +229,9 @@ impl<'a> Body<'a> {
         let heavy = self.geoms.iter().filter(|geom| from_geoms && (first..=last).contains(&geom.group));
         let heavy: Vec<&Geom> = heavy.collect();
         if heavy.is_empty() {
-            return Ok(self.inertial.unwrap_or(MassProperties::massless()));
+            // MuJoCo has the mass of `boundmass` at `pos`, as if that were in the body
+            let bound = if compiler.bound_mass > 0.0 { self.own_position } else { Vector3::zeros() };
+            return Ok(self.inertial.unwrap_or(MassProperties::point(0.0, bound)));
         }
         let mut parts = Vec::with_capacity(heavy.len());
         for geom in heavy {
@@ -238,22 +251,24 @@ impl<'a> Body<'a> {
     }
 }
 
-fn inertial(element: &Element, compiler: &Compiler) -> Result<MassProperties, MjcfError> {
-    let styled = Styled::plain(*element);
+fn inertial(element: &Element, frame: &Pose, compiler: &Compiler) -> Result<MassProperties, MjcfError> {
     let mass = element.number("mass")?;
-    let center = element.vector("pos")?.ok_or_else(|| element.missing("pos"))?;
-    let turn = compiler.rotation(&styled)?;
-    let inertia = match (element.vector("diaginertia")?, element.finite::<6>("fullinertia")?) {
-        (_, Some(_)) if turn.is_some() => {
-            return Err(MjcfError::refused(element, "`fullinertia` is in the axes of the body"));
+    let center = frame.place(&element.vector("pos")?.ok_or_else(|| element.missing("pos"))?);
+    let turn = compiler.rotation(&Styled::plain(*element))?;
+    let tensor = match (element.vector("diaginertia")?, element.finite::<6>("fullinertia")?) {
+        (None, Some([xx, yy, zz, xy, xz, yz])) if turn.is_none() => {
+            Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
         }
-        (_, Some([xx, yy, zz, xy, xz, yz])) => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-        (Some(moments), None) => {
-            let turn = turn.unwrap_or_default().to_rotation_matrix().into_inner();
-            turn * Matrix3::from_diagonal(&moments) * turn.transpose()
+        (_, Some(_)) => {
+            let reason = "`fullinertia` stands alone: in the axes of the body, without `diaginertia`";
+            return Err(MjcfError::refused(element, reason));
         }
+        (Some(moments), None) => Matrix3::from_diagonal(&moments),
         (None, None) => return Err(element.missing("diaginertia").into()),
     };
+    let turn = frame.orientation * turn.unwrap_or_default();
+    let turn = turn.to_rotation_matrix().into_inner();
+    let inertia = turn * tensor * turn.transpose();
     Ok(MassProperties { mass, center, inertia: (inertia + inertia.transpose()) * 0.5 })
 }
 
@@ -268,7 +283,7 @@ impl Compiler<'_> {
         let least = principal.eigenvalues.min();
         principal.eigenvalues.iter_mut().for_each(|moment| *moment = moment.max(self.bound_inertia));
         let moments = principal.eigenvalues;
-        if self.balance && 2.0 * moments.max() > moments.sum() {
+        if self.balance && 2.0 * moments.max() > moments.sum() * (1.0 + ROUNDING) {
             let inertia = Matrix3::from_diagonal_element(moments.mean());
             return MassProperties { mass, inertia, ..found };
         }

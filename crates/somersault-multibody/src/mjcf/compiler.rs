@@ -143,14 +143,12 @@ impl<'a> Compiler<'a> {
         }
     }
 
-    /// How an element is turned, if it is.
+    /// How an element is turned, if it or a default says so.
     pub(super) fn rotation(&self, element: &Styled) -> Result<Option<UnitQuaternion<f64>>, MjcfError> {
-        let mut given =
-            ["quat", "axisangle", "xyaxes", "zaxis", "euler"].into_iter().filter(|kind| element.has(kind));
-        let Some(kind) = given.next() else { return Ok(None) };
-        let at = element.at(kind);
-        if let Some(second) = given.next() {
-            let (element, line) = (element.own.to_string(), element.own.line());
+        let kinds = ["quat", "axisangle", "xyaxes", "zaxis", "euler"];
+        let Some((at, kind, second)) = element.first_of(&kinds) else { return Ok(None) };
+        if let Some(second) = second {
+            let (element, line) = (at.to_string(), at.line());
             return Err(MjcfError::TwoRotations { element, line, first: kind, second });
         }
         let zero = || at.bad_value(kind, "axes that are not zero or parallel");

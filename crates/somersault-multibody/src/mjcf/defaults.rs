@@ -14,7 +14,8 @@ const MAX_DEPTH: usize = 64;
 const MAX_ELEMENTS: usize = 256;
 
 struct Class<'a> {
-    parent: Option<usize>,
+    /// The class around it, and how many elements that had when this one was read: later ones do not reach it.
+    parent: Option<(usize, usize)>,
     depth: usize,
     /// What it says of each tag.
     elements: Vec<Element<'a>>,
@@ -45,7 +46,8 @@ impl<'a> Defaults<'a> {
                     if defaults.names.insert(name, defaults.classes.len()).is_some() {
                         return Err(element.called(name).duplicate().into());
                     }
-                    let depth = defaults.classes[outer].depth + 1;
+                    let around = &defaults.classes[outer];
+                    let (depth, parent) = (around.depth + 1, Some((outer, around.elements.len())));
                     if depth > MAX_DEPTH {
                         return Err(MjcfError::refused(&element, "classes are nested too deeply"));
                     }
@@ -86,10 +88,23 @@ impl<'a> Defaults<'a> {
         found.map(Some).ok_or_else(|| MjcfError::unknown_name(element, "class", name))
     }
 
-    /// An element with the defaults of its class, or of the class around it.
-    pub(super) fn styled(&'a self, own: Element<'a>, around: usize) -> Result<Styled<'a>, MjcfError> {
+    /// An element with what its class, or the class around it, says of a tag.
+    pub(super) fn styled(
+        &'a self,
+        own: Element<'a>,
+        tag: &'static str,
+        around: usize,
+    ) -> Result<Styled<'a>, MjcfError> {
         let class = self.named(&own, "class")?.unwrap_or(around);
-        Ok(Styled { own, defaults: Some((self, class)) })
+        Ok(Styled { own, tag, defaults: Some((self, class)) })
+    }
+
+    /// What a class and those around it say of a tag, from the innermost outwards.
+    fn inherited(&'a self, class: usize, tag: &'static str) -> impl Iterator<Item = Element<'a>> {
+        let first = Some((class, usize::MAX));
+        let classes = std::iter::successors(first, |&(class, _)| self.classes[class].parent);
+        let seen = classes.flat_map(|(class, count)| self.classes[class].elements.iter().take(count).rev());
+        seen.copied().filter(move |element| element.tag() == tag)
     }
 }
 
@@ -97,27 +112,38 @@ impl<'a> Defaults<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Styled<'a> {
     pub(super) own: Element<'a>,
+    tag: &'static str,
     defaults: Option<(&'a Defaults<'a>, usize)>,
 }
 
 impl<'a> Styled<'a> {
     /// An element that has no defaults.
     pub(super) fn plain(own: Element<'a>) -> Self {
-        Self { own, defaults: None }
+        Self { own, tag: "", defaults: None }
     }
 
-    /// The elements that have the attribute, from its own to the outermost default.
+    /// The innermost element that has one of the attributes, which one, and another that it has.
+    pub(super) fn first_of(
+        &self,
+        attributes: &[&'static str],
+    ) -> Option<(Element<'a>, &'static str, Option<&'static str>)> {
+        let said = |at: Element<'a>| {
+            let mut given = attributes.iter().copied().filter(|name| at.attribute_or_none(name).is_some());
+            given.next().map(|first| (at, first, given.next()))
+        };
+        self.layers().find_map(said)
+    }
+
+    /// The element and its defaults, from the innermost outwards.
+    fn layers(&self) -> impl Iterator<Item = Element<'a>> {
+        let tag = self.tag;
+        let inherited = self.defaults.into_iter().flat_map(move |(all, class)| all.inherited(class, tag));
+        std::iter::once(self.own).chain(inherited)
+    }
+
+    /// Those that have the attribute.
     fn sources(&self, attribute: &'static str) -> impl Iterator<Item = Element<'a>> {
-        let own = self.own;
-        let class_of = move |(defaults, class): (&'a Defaults<'a>, usize)| &defaults.classes[class];
-        let classes = std::iter::successors(self.defaults, move |&(defaults, class)| {
-            defaults.classes[class].parent.map(|parent| (defaults, parent))
-        });
-        let inherited = classes.flat_map(move |class| class_of(class).elements.iter().rev().copied());
-        let inherited = inherited.filter(move |element| element.tag() == own.tag());
-        std::iter::once(own)
-            .chain(inherited)
-            .filter(move |element| element.attribute_or_none(attribute).is_some())
+        self.layers().filter(move |element| element.attribute_or_none(attribute).is_some())
     }
 
     /// The element that says what the attribute is; its own if none does.
@@ -133,13 +159,13 @@ impl<'a> Styled<'a> {
         self.at(attribute).attribute_or_none(attribute)
     }
 
-    /// Numbers of which a default may give the last ones; zero where none gives any.
+    /// Numbers of which a default may give the last ones; those given where nothing says them.
     pub(super) fn overlaid<const N: usize>(
         &self,
         attribute: &'static str,
+        mut numbers: [f64; N],
     ) -> Result<[f64; N], DocumentError> {
         let sources: Vec<Element> = self.sources(attribute).collect();
-        let mut numbers = [0.0; N];
         for source in sources.iter().rev() {
             source.fill(attribute, &mut numbers)?;
             if numbers.iter().any(|x| x.is_infinite()) {

@@ -18,7 +18,7 @@ pub(super) fn couple<'a>(
 ) -> Result<(), MjcfError> {
     for section in sections.iter().filter(|section| section.tag() == "equality") {
         for element in library.children(section) {
-            let styled = defaults.styled(element, MAIN)?;
+            let styled = defaults.styled(element, "equality", MAIN)?;
             if styled.at("active").word("active", &["false", "true"])? == Some("false") {
                 continue;
             }
@@ -26,10 +26,7 @@ pub(super) fn couple<'a>(
                 report.acts(&element, "constraints other than of two joints are not read")?;
                 continue;
             }
-            let [a0, a1, higher @ ..] = match element.attribute_or_none("polycoef") {
-                Some(_) => styled.overlaid::<5>("polycoef")?,
-                None => [0.0, 1.0, 0.0, 0.0, 0.0],
-            };
+            let [a0, a1, higher @ ..] = styled.overlaid("polycoef", [0.0, 1.0, 0.0, 0.0, 0.0])?;
             let follower = parts.joint(&element, "joint1")?;
             let leader = match element.attribute_or_none("joint2") {
                 Some(_) => Some(parts.joint(&element, "joint2")?),

@@ -81,7 +81,7 @@ pub enum MjcfError {
         /// The name, at most 40 characters of it.
         name: String,
     },
-    /// A rotation is given twice, perhaps once by a default.
+    /// A rotation is given twice.
     #[error("{element} (line {line}) is turned by both `{first}` and `{second}`")]
     TwoRotations {
         /// The element.

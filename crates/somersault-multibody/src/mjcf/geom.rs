@@ -83,7 +83,7 @@ impl<'a> Geom<'a> {
         let types = ["sphere", "capsule", "ellipsoid", "cylinder", "box", "plane", "hfield", "mesh", "sdf"];
         let kind = element.at("type").word("type", &types)?.unwrap_or("sphere");
         let mut pose = compiler.pose(&element)?;
-        let mut size: [f64; 3] = element.overlaid("size")?;
+        let mut size: [f64; 3] = element.overlaid("size", [0.0; 3])?;
         let at = element.at("fromto");
         if let Some([a, b, c, d, e, f]) = at.finite::<6>("fromto")? {
             let (from, to) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
@@ -210,8 +210,11 @@ fn inertia(shape: &GeometryShape, mass: f64) -> Option<Result<Inertia, somersaul
     }
 }
 
-/// Bodies that move as one, as one body; without mass it is none.
+/// Bodies that move as one, as one body.
 pub(super) fn together(parts: &[MassProperties]) -> MassProperties {
+    if let [only] = parts {
+        return *only;
+    }
     let mass: f64 = parts.iter().map(|part| part.mass).sum();
     if mass == 0.0 {
         return MassProperties::massless();

@@ -83,7 +83,7 @@ impl<'a> BodyJoint<'a> {
         }
         let scalar = |attribute: &'static str| element.at(attribute).number_or_none(attribute);
         let unit = if kind == Kind::Hinge { compiler.angle() } else { 1.0 };
-        let [damping, higher @ ..] = element.overlaid::<8>("damping")?;
+        let [damping, higher @ ..] = element.overlaid("damping", [0.0; 8])?;
         if higher.iter().any(|x| *x != 0.0) {
             report.acts(own, "damping that is not linear is not read")?;
         }
@@ -93,7 +93,7 @@ impl<'a> BodyJoint<'a> {
             ("frictionloss", "dry friction of joints is not read"),
             ("armature", "the inertia of rotors is not read"),
         ] {
-            if element.overlaid::<8>(attribute)?.iter().any(|x| *x != 0.0) {
+            if element.overlaid(attribute, [0.0; 8])?.iter().any(|x| *x != 0.0) {
                 report.acts(own, reason)?;
             }
         }
