@@ -3,12 +3,12 @@
     cargo build --release -p somersault-testkit --example dump_robot
     python tests/python/compare_mjcf_with_mujoco.py target/release/examples/dump_robot tests/mjcf
 
-The last argument is a document or a folder of them. MuJoCo reads the same document; what `Robot.ignored` lists is switched
-off in its compiled model: springs, rotors, fluids, compensated gravity, tendons. With qvel = T v, where T turns the linear
-velocity of free joints into the axes of the world and lets followers follow, M = Tᵀ M' T and
-h = Tᵀ (M' dT/dt v + bias - passive). A row has the largest deviation of the mass matrix, of the bias, of the accelerations of
-forward dynamics and of the positions of named bodies in random states, each relative to its own largest number;
-fails above 1e-9.
+The last argument is a document or a folder of them. MuJoCo reads the same document; what `Robot.ignored`
+lists is switched off in its compiled model: springs, rotors, fluids, compensated gravity, tendons. With
+qvel = T v, where T turns the linear velocity of free joints into the axes of the world and lets followers
+follow, M = Tᵀ M' T and h = Tᵀ (M' dT/dt v + bias - passive). A row has the largest deviation of the mass
+matrix, of the bias, of the accelerations of forward dynamics and of the positions of named bodies in random
+states, each relative to its own largest number; fails above 1e-9.
 """
 
 import json
@@ -121,8 +121,10 @@ def compare(document, found):
 def main():
     dump, given = sys.argv[1], Path(sys.argv[2])
     documents = sorted(given.glob("*.xml")) if given.is_dir() else [given]
-    print("| Document | Degrees of freedom | Repaired | Ignored | Mass matrix | Bias | Accelerations | Positions |")
-    print("|---|---|---|---|---|---|---|---|")
+    head = (
+        "Document | Degrees of freedom | Repaired | Ignored | Mass matrix | Bias | Accelerations | Positions"
+    )
+    print(f"| {head} |\n|---|---|---|---|---|---|---|---|")
     failed = False
     for document in documents:
         command = [dump, N_STATES, "mjcf", document]

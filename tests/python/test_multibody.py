@@ -559,8 +559,9 @@ LEG = """<mujoco model="leg">
 </mujoco>"""
 
 
-def test_robots_are_read_from_mjcf(tmp_path: Path) -> None:
-    robot = Robot.from_mjcf(LEG.replace("STIFF", 'stiffness="2"'))
+def test_robots_are_read_from_mjcf() -> None:
+    sprung = LEG.replace("STIFF", 'stiffness="2"')
+    robot = Robot.from_mjcf(sprung)
     assert (robot.name, robot.model.n_velocities, robot.repairs) == ("leg", 9, ())
     assert robot.joints == {"root": "pelvis", "hip_x": "hip_x", "hip_y": "thigh", "knee": "shin"}
     assert robot.ignored == (
@@ -574,7 +575,7 @@ def test_robots_are_read_from_mjcf(tmp_path: Path) -> None:
     rock = robot.geometry[0]
     assert (rock.body, rock.shape, rock.size) == (None, "ellipsoid", (1.0, 2.0, 3.0))
     assert repr(rock) == "<Geometry: collision ellipsoid [1.0, 2.0, 3.0] of the world>"
-    raises(errors.ReadError, "springs of joints are not read", lambda: Model.from_mjcf(LEG.replace("STIFF", 'stiffness="2"')))
+    raises(errors.ReadError, "springs of joints are not read", lambda: Model.from_mjcf(sprung))
     plain = LEG.replace("STIFF", "")
     assert Model.from_mjcf(plain) == robot.model
     still = Model.from_mjcf(plain, gravity=(0, 0, 0))
