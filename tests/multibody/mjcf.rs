@@ -1,6 +1,6 @@
 //! Models from MJCF: what is read, what MuJoCo makes of it, and what is refused.
 
-use crate::urdf::mutated;
+use crate::urdf::{close, mutated};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault::multibody::mjcf::{self, MjcfError, MjcfFiles, MjcfOptions};
 use somersault::multibody::robot::{DocumentError, GeometryPurpose, GeometryShape, Robot};
@@ -34,6 +34,39 @@ fn mass_of(robot: &Robot, body: &str) -> MassProperties {
 fn humanoid() -> MjcfFiles {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/mjcf"));
     MjcfFiles::beside(HUMANOID.to_owned(), folder).unwrap()
+}
+
+/// Numbers by MuJoCo 4.0.0, which reads the same document; more states and documents in
+/// `tests/python/compare_mjcf_with_mujoco.py`.
+#[test]
+fn the_arm_has_the_dynamics_that_mujoco_gives_it() {
+    let robot = mjcf::read(ARM, &STRICT).unwrap();
+    let (model, mut data) = (&robot.model, Data::new(&robot.model));
+    let numbers = |start: f64, step: f64| (1..=7).map(|k| start + step * f64::from(k)).collect::<Vec<f64>>();
+    let (q, v) = (numbers(0.0, 0.1), numbers(-0.5, 0.2));
+    let diagonal = [
+        0.12379393611623626,
+        1.6261350405966235,
+        2.299999999999999,
+        0.06801586880926269,
+        0.0038256958745461946,
+        0.0005360741134808273,
+        0.0012299999999999776,
+    ];
+    let bias = [
+        1.4165964829769095,
+        8.87831220613556,
+        20.92039122179445,
+        0.8617337147949224,
+        0.06637532005992786,
+        -0.06292230646088903,
+        -0.04882131896911701,
+    ];
+    let hand = [0.027377061385355998, -0.21344450020511163, 1.6526092080889239];
+    close(model.mass_matrix(&mut data, &q).unwrap().diagonal().as_slice(), &diagonal, 1e-13);
+    close(model.bias(&mut data, &q, &v).unwrap(), &bias, 1e-13);
+    let pose = model.positions(&mut data, &q).unwrap().pose(model.body("hand").unwrap()).unwrap();
+    close(pose.translation.as_slice(), &hand, 1e-14);
 }
 
 #[test]
@@ -107,6 +140,23 @@ fn rotations_are_read_in_all_notations() {
     close(turn("", "xyaxes='0 2 0 -1 5 0'"), about(z, 90_f64.to_radians()));
     close(turn("", "zaxis='3 0 0'"), about(y, 90_f64.to_radians()));
     close(turn("", "zaxis='0 0 -1'"), about(x, std::f64::consts::PI));
+}
+
+#[test]
+fn the_innermost_rotation_counts_and_frames_move_what_they_hold() {
+    let text = "<mujoco><default><geom type='box' size='1 2 3' euler='90 0 0'/></default>
+      <worldbody><body name='b'><joint/>
+        <frame pos='1 0 0' euler='0 0 90'>
+          <inertial pos='0 2 0' mass='1' diaginertia='1 2 2.5'/>
+          <geom quat='1 0 0 0'/><geom/>
+        </frame></body></worldbody></mujoco>";
+    let robot = mjcf::read(text, &STRICT).unwrap();
+    let found = mass_of(&robot, "b");
+    assert!((found.center - Vector3::new(-1.0, 0.0, 0.0)).norm() < 1e-15);
+    assert!((found.inertia - Matrix3::from_diagonal(&Vector3::new(2.0, 1.0, 2.5))).amax() < 1e-15);
+    let angles: Vec<f64> = robot.geometry.iter().map(|geometry| geometry.orientation.angle()).collect();
+    assert!((angles[0] - 90_f64.to_radians()).abs() < 1e-15);
+    assert!((angles[1] - 120_f64.to_radians()).abs() < 1e-15);
 }
 
 #[test]
@@ -211,6 +261,9 @@ fn equal_joints_follow_and_others_are_listed() {
     let mimic = robot.model.mimic(robot.model.body("b").unwrap()).unwrap().clone();
     assert_eq!((mimic.leader.as_str(), mimic.multiplier, mimic.offset), ("a", -2.0, 0.625 + 0.5));
     assert_eq!(robot.reference, [0.25]);
+    // what a polynomial leaves out is 0 1 0 0 0
+    let robot = mjcf::read(&text("<joint joint1='two' joint2='one' polycoef='0.5'/>"), &STRICT).unwrap();
+    assert_eq!(robot.model.links()[2].mimic().map(|m| (m.multiplier, m.offset)), Some((1.0, 0.75)));
     let robot = mjcf::read(&text("<joint joint1='two' polycoef='0.125'/>"), &STRICT).unwrap();
     assert_eq!(robot.model.n_velocities(), 1);
     assert!((robot.model.links()[2].orientation().angle() - 0.125).abs() < 1e-15);

@@ -18,7 +18,7 @@ fn read(text: &str) -> Result<Model, UrdfError> {
     read_as(text, &UrdfOptions { strict: true, ..UrdfOptions::default() })
 }
 
-fn close(found: &[f64], expected: &[f64], tolerance: f64) {
+pub(crate) fn close(found: &[f64], expected: &[f64], tolerance: f64) {
     assert_eq!(found.len(), expected.len());
     let scale = expected.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     for (x, y) in found.iter().zip(expected) {
