@@ -40,8 +40,8 @@ _METADATA = {
 
 def run(path: Path) -> None:
     """Runs a notebook in a folder of its own, and writes it with its outputs."""
-    notebook: Any = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]
-    notebook.cells.insert(0, nbformat.v4.new_code_cell(_BEFORE))  # type: ignore[no-untyped-call]
+    notebook: Any = nbformat.read(path, as_version=4)
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(_BEFORE))
     with tempfile.TemporaryDirectory() as folder:
         resources = {"metadata": {"path": folder}}
         NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
@@ -57,7 +57,7 @@ def run(path: Path) -> None:
                     output.execution_count = None
                 if "metadata" in output:
                     output.metadata = {}
-    nbformat.write(notebook, path)  # type: ignore[no-untyped-call]
+    nbformat.write(notebook, path)
 
 
 def main() -> None:

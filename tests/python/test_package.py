@@ -91,7 +91,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 def test_the_command_line_prints_the_methods() -> None:
     shown = run("methods")
     assert shown.returncode == 0
-    assert shown.stdout.strip() == repr(somersault.methods())
+    assert shown.stdout.strip() == str(somersault.methods())
 
 
 def test_the_command_line_says_what_it_can_do() -> None:

@@ -7,6 +7,7 @@ use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, sequence, vector, vector_array, vector_or};
 use crate::core::error::Error;
+use crate::core::value::brief;
 use crate::integrators::bodies::State;
 use crate::integrators::forces::Reader;
 use pyo3::prelude::*;
@@ -230,7 +231,8 @@ impl Contact {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (surface, law) = (self.surface.bind(py).repr()?, normal_law_repr(py, self.contact.law())?);
+        let surface = brief(&self.surface.bind(py).repr()?.to_cow()?, 60);
+        let law = brief(&normal_law_repr(py, self.contact.law())?, 60);
         Ok(format!("Contact({:?}, {surface}, {law})", self.contact.shape().centre().as_slice()))
     }
 
@@ -307,8 +309,9 @@ impl SpherePair {
         Ok(Self { pair, bodies, radii, centers, law })
     }
 
-    fn __repr__(&self) -> String {
-        format!("<{:?}>", self.pair)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let ([i, k], [r, s]) = (self.bodies, self.radii);
+        Ok(format!("SpherePair(({i}, {k}), ({r:?}, {s:?}), {})", brief(&normal_law_repr(py, &self.law)?, 60)))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

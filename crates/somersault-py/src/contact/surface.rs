@@ -3,7 +3,7 @@
 use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{a_type, any_vector, vector, vector_array, vector_or};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::surface::{self, SignedDistance, Solid};
@@ -40,7 +40,7 @@ impl Surface {
     }
 
     fn __repr__(&self) -> String {
-        format!("<{:?}>", self.0)
+        format!("<Surface: {}>", brief(&format!("{:?}", self.0), 150))
     }
 }
 
@@ -117,6 +117,10 @@ impl HalfSpace {
         let surface = surface::HalfSpace::try_new(point, normal)?;
         Ok(build(surface, Self { surface, point, normal }))
     }
+
+    fn __repr__(&self) -> String {
+        format!("HalfSpace({:?}, {:?})", self.point.as_slice(), self.normal.as_slice())
+    }
 }
 
 /// A sphere.
@@ -155,6 +159,11 @@ impl SphericalSurface {
         let (center, solid) = (vector("center", center)?, solid_of(solid)?);
         let sphere = surface::SphericalSurface::try_new(center, radius, solid)?;
         Ok(build(sphere, Self { center, radius, solid }))
+    }
+
+    fn __repr__(&self) -> String {
+        let (center, solid) = (self.center.as_slice(), self.solid());
+        format!("SphericalSurface({center:?}, {:?}, solid='{solid}')", self.radius)
     }
 }
 
@@ -204,6 +213,11 @@ impl CylindricalSurface {
         let (center, axis, solid) = (vector("center", center)?, vector("axis", axis)?, solid_of(solid)?);
         let cylinder = surface::CylindricalSurface::try_new(center, axis, radius, solid)?;
         Ok(build(cylinder, Self { center, axis, radius, solid }))
+    }
+
+    fn __repr__(&self) -> String {
+        let (center, axis, solid) = (self.center.as_slice(), self.axis.as_slice(), self.solid());
+        format!("CylindricalSurface({center:?}, {axis:?}, {:?}, solid='{solid}')", self.radius)
     }
 }
 
@@ -264,7 +278,7 @@ impl SurfaceFunction {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let function = self.function.bind(py).repr()?;
+        let function = brief(&self.function.bind(py).repr()?.to_cow()?, 100);
         Ok(format!("SurfaceFunction({function}, lipschitz={}, concavity={})", self.lipschitz, self.concavity))
     }
 

@@ -8,7 +8,7 @@ use super::settings::limits_of;
 use super::watched::Watched;
 use crate::core::convert::{finite_all, positive, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, by_restore, few, value};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::ftla::flow;
@@ -267,7 +267,7 @@ impl Matching {
 
     fn __repr__(&self) -> String {
         let Self { horizon, match_time, corrections, .. } = self;
-        format!("<Matching: {horizon} s, at {match_time} s, corrections at {corrections:?} s>")
+        format!("<Matching: {horizon} s, at {match_time} s, corrections at [{}] s>", few(corrections))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

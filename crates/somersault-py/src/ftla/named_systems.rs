@@ -5,6 +5,7 @@ use super::dimension::MOST;
 use super::system::{GivenTree, Origin, System};
 use crate::core::convert::numbers_or_one;
 use crate::core::error::Error;
+use crate::core::value::few;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::ftla::system::{ArmMinimumTorque, TreeMinimumTorque};
@@ -64,7 +65,7 @@ pub(super) fn of_arm(arm: ArmMinimumTorque) -> System {
 
 fn limits_text(limits: &[f64]) -> String {
     if limits.iter().any(|limit| limit.is_finite()) {
-        format!(", torque_limits={limits:?}")
+        format!(", torque_limits=[{}]", few(limits))
     } else {
         String::new()
     }
@@ -152,8 +153,11 @@ pub(crate) fn tree(
     let limits = numbers("torque_limits", torque_limits, f64::INFINITY)?;
     check_limits(&limits)?;
     let limited = limits_text(&limits);
-    let description =
-        format!("tree of {n} degrees of freedom, weights={weights:?}, passive={passive:?}{limited}");
+    let description = format!(
+        "tree of {n} degrees of freedom, weights=[{}], passive=[{}]{limited}",
+        few(&weights),
+        few(&passive)
+    );
     let mut system = TreeMinimumTorque::try_new(tree, &weights)?.try_with_torque_limits(&limits)?;
     for &joint in &passive {
         system = system.try_with_passive(joint)?;

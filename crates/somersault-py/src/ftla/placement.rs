@@ -8,7 +8,7 @@ use super::settings::limits_of;
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
 use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, by_restore, few, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -197,8 +197,8 @@ impl Placement {
     fn __repr__(&self) -> String {
         let (SplittingDims { stable, center, unstable }, times) = (self.dims, self.schedule.times());
         format!(
-            "<Placement: {stable}/{center}/{unstable}, costates {:?} held, {} for {} times up to {} s>",
-            self.held,
+            "<Placement: {stable}/{center}/{unstable}, costates [{}] held, {} for {} times up to {} s>",
+            few(&self.held),
             self.method(),
             times.len(),
             times[times.len() - 1]

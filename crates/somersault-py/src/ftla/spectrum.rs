@@ -2,7 +2,7 @@
 
 use super::dimension::{dims_of, expect_square, matrix_array, vector};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, by_restore, few, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -69,7 +69,7 @@ value! {
 impl Spectrum {
     fn __repr__(&self) -> String {
         let exponents: Vec<_> = self.spectrum.exponents.iter().map(|mu| digits(*mu)).collect();
-        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time(), exponents.join(", "))
+        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time(), few(&exponents))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
@@ -174,7 +174,8 @@ impl Diagnosis {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Diagnosis: {}>", self.diagnosis)
+        let ((stable, center, unstable), horizon) = (self.dims(), self.horizon());
+        format!("<Diagnosis: {}, {stable}/{center}/{unstable}, horizon {horizon} s>", self.verdict())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

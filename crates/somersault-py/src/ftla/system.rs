@@ -8,7 +8,7 @@ use super::watched::{Callables, Source, Watched};
 use crate::core::callable::check_callable;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
-use crate::core::value::value;
+use crate::core::value::{brief, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::ftla::system::{
@@ -330,6 +330,6 @@ impl System {
     }
 
     fn __repr__(&self) -> String {
-        format!("<System: {}>", self.description)
+        format!("<System: {}>", brief(&self.description, 180))
     }
 }

@@ -4,7 +4,7 @@ use super::matrix::{count, matrices, matrix, matrix_array, numbers_array, same_l
 use super::motion_fit::MotionFit;
 use crate::core::convert::{a_type, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, few, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -221,7 +221,7 @@ impl GroupComparison {
     }
 
     fn __repr__(&self) -> String {
-        format!("<GroupComparison: {} of {}>", self.panel(), self.names.join(", "))
+        format!("<GroupComparison: {} of {}>", self.panel(), brief(&few(&self.names), 100))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::core::convert::{
     array, components, quaternions, real_numbers, vector_array, vector_or, with_shape,
 };
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_class, by_restore, value};
+use crate::core::value::{Pickled, brief, by_class, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple, PyType};
@@ -63,7 +63,7 @@ impl SkeletonJoint {
     }
 
     fn __repr__(&self) -> String {
-        format!("<SkeletonJoint: {}>", self.joint.name)
+        format!("<SkeletonJoint: {}>", brief(&self.joint.name, 40))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
@@ -147,7 +147,7 @@ impl Skeleton {
         format!(
             "<Skeleton: {} joints from '{}', {} turn, {} move>",
             s.joints().len(),
-            s.joints()[0].name,
+            brief(&s.joints()[0].name, 40),
             s.n_turning(),
             s.n_moving()
         )

@@ -107,7 +107,7 @@ impl Perturbation {
     }
 
     fn __repr__(&self) -> String {
-        let numbers = self.numbers().map(|(name, number)| format!("{name}={number}"));
+        let numbers = self.numbers().map(|(name, number)| format!("{name}={number:.4}"));
         format!("Perturbation({})", numbers.join(", "))
     }
 }

@@ -4,7 +4,7 @@ use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
 use crate::core::convert::{a_type, entries, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
@@ -86,7 +86,7 @@ impl Baseline {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Baseline: {}, rms error {:.3}>", self.baseline.name, self.baseline.rms_error)
+        format!("<Baseline: {}, rms error {:.3}>", brief(&self.baseline.name, 40), self.baseline.rms_error)
     }
 }
 

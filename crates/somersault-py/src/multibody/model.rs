@@ -3,7 +3,7 @@
 use crate::core::convert::{a_type, sequence, vector_array, vector_or};
 use crate::core::error::{Error, did_you_mean};
 use crate::core::rows::{self, Results, Rows, Workspaces};
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::multibody::link::Link;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyType};
@@ -368,7 +368,7 @@ impl Model {
 
     fn __repr__(&self) -> String {
         let (bodies, n) = (self.model.n_bodies(), self.model.n_velocities());
-        let root = self.model.name(0).unwrap_or_default();
+        let root = brief(self.model.name(0).unwrap_or_default(), 40);
         format!("<Model: {bodies} bodies from '{root}', {n} degrees of freedom, {} kg>", self.model.mass())
     }
 

@@ -2,7 +2,7 @@
 
 use crate::core::convert::{components, rotation, vector_array};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::multibody::model::Model;
 use crate::multibody::urdf::options;
 use pyo3::prelude::*;
@@ -145,7 +145,7 @@ impl Robot {
 
     fn __repr__(&self) -> String {
         let (n_bodies, n_repairs) = (self.model.get().model.n_bodies(), self.repairs.len());
-        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", self.name)
+        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", brief(&self.name, 40))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

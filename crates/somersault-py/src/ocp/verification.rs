@@ -54,9 +54,11 @@ impl Verifier {
     }
 }
 
-/// "confirmed", or what it is not, in the text that stands for a result.
+/// "confirmed", or what it is not, in the text that stands for a result; nothing is integrated for it.
 pub(crate) fn judgement(py: Python<'_>, verifier: &Verifier) -> PyResult<&'static str> {
-    Ok(if verifier.judge(py)?.0 { "confirmed" } else { "NOT confirmed by integration" })
+    let Some(found) = verifier.found.get(py) else { return Ok("not re-integrated yet") };
+    let confirmed: bool = found.bind(py).getattr("confirmed")?.extract()?;
+    Ok(if confirmed { "confirmed" } else { "NOT confirmed by integration" })
 }
 
 /// A motion re-integrated and accurately: from each node to the next one, and once from start to end.

@@ -14,7 +14,7 @@ use super::arguments::{count, limit, seed_of, tolerance};
 use super::solver::{Watcher, deadline};
 use crate::core::convert::{entries_or_none, finite_all, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, few, value};
 use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted};
 use crate::multibody::models::Diver;
 use plan::{Course, Plan};
@@ -419,7 +419,7 @@ impl Dive {
             "<Dive: {} somersaults, {} twists, postures {}, {} variables>",
             dive.somersaults,
             dive.twists,
-            self.plan.names.join(", "),
+            brief(&few(&self.plan.names), 80),
             self.n_variables()
         )
     }

@@ -305,7 +305,7 @@ impl DiveSolution {
         let end = self.motion.angles.last().copied().unwrap_or_default();
         Ok(format!(
             "<DiveSolution: {}, {}, {:.3} somersaults, {:.3} twists, L = {:.2} kg m²/s, {} times>",
-            self.status(py)?,
+            status_name(self.report.status),
             judgement(py, &self.verifier)?,
             end.somersault / TAU,
             end.twist / TAU,

@@ -65,6 +65,11 @@ impl Cost {
         Ok(Self { term, weights, target, nodes: place.nodes()?, place, linear })
     }
 
+    fn __repr__(&self) -> String {
+        let kind = if self.linear { "linear" } else { "squares" };
+        format!("<Cost: {kind} of {}, {}>", self.term.get().what(), self.place)
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let copy = |value: &Option<Py<PyAny>>| value.as_ref().map(|value| value.clone_ref(py));

@@ -56,6 +56,16 @@ impl Phase {
         Ok(Self { phase, motion: motion.clone().unbind() })
     }
 
+    fn __repr__(&self) -> String {
+        let shooting::Phase { n_steps, n_segments, motion, .. } = &self.phase;
+        let duration = match self.phase.duration {
+            Duration::Fixed(duration) => format!("{duration} s"),
+            Duration::Free { lower, upper } => format!("{lower} to {upper} s"),
+        };
+        let (n, plural) = (motion.n_parameters(), if *n_segments == 1 { "" } else { "s" });
+        format!("<Phase: {duration}, {n} parameters, {n_steps} steps in {n_segments} segment{plural}>")
+    }
+
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         let shooting::Phase { n_steps, duration, n_segments, .. } = own.phase;
