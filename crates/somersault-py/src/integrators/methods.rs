@@ -247,6 +247,13 @@ pub(crate) fn methods() -> MethodTable {
 /// ------
 /// InputError
 ///     If there is none; the message lists the names.
+///
+/// Examples
+/// --------
+/// >>> from somersault import integrators
+/// >>> rkmk = integrators.method("rkmk")
+/// >>> rkmk.evaluations, rkmk.orders["rotation"]
+/// (4, 4)
 #[pyfunction]
 pub(crate) fn method(name: &str) -> Result<MethodInfo, Error> {
     Ok(MethodInfo(parse(name)?))
