@@ -149,6 +149,15 @@ impl Verification {
     /// Returns
     /// -------
     /// str
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> problem = ocp.MotionProblem(multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"])
+    /// >>> problem.verify(np.zeros(problem.n_variables)).sentence(1e-3).partition(":")[0]
+    /// 'The motion holds when re-integrated'
     #[pyo3(signature = (allowed=1e-4))]
     fn sentence(&self, allowed: f64) -> Result<String, Error> {
         super::arguments::tolerance("allowed", Some(allowed))?;

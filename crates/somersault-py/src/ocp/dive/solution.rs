@@ -231,6 +231,13 @@ impl DiveSolution {
     /// Returns
     /// -------
     /// DiveVerification
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> found = ocp.dive_107b().solve()
+    /// >>> found.verify().confirmed
+    /// True
     fn verify(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
         self.verifier.get(py)
     }
@@ -286,6 +293,15 @@ impl DiveSolution {
     /// Returns
     /// -------
     /// ndarray, shape (n_steps + 1,)
+    ///
+    /// Examples
+    /// --------
+    /// Explicit Euler gains momentum that a diver in the air cannot gain:
+    ///
+    /// >>> from somersault import ocp
+    /// >>> momentum = ocp.dive_107b().solve().literal_momentum(200)
+    /// >>> bool(abs(momentum[-1] / momentum[0] - 1.0) > 0.01)
+    /// True
     #[pyo3(signature = (n_steps=200))]
     fn literal_momentum<'py>(
         &self,

@@ -22,6 +22,12 @@ use somersault::ocp::problem::At;
 ///     Which node, where `at` is ``'node'``; counted through all phases.
 /// phase : int, optional
 ///     Of which phase path, integral, start or finish are meant; of the whole motion unless given.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ocp.Constraint(ocp.entries("velocity"), 0.0, 0.0, at="finish")
+/// <Constraint: velocity from 0.0 to 0.0, at 'finish'>
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Constraint {
     pub(super) term: Py<Term>,

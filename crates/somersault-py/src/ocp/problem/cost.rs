@@ -26,6 +26,12 @@ use somersault::ocp::problem::{At, Loss};
 ///     Σ wᵢ rᵢ instead of squares.
 /// phase : int, optional
 ///     Of which phase path, start or finish are meant; of the whole motion unless given.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ocp.Cost(ocp.entries("torque", [0]), weights=0.5)
+/// <Cost: squares of torque, at 'path'>
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Cost {
     pub(super) term: Py<Term>,

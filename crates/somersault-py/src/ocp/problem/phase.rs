@@ -21,6 +21,13 @@ use somersault::ocp::shooting::{self, Duration};
 ///     Steps of equal length.
 /// n_segments : int, optional
 ///     1 for single shooting; more for multiple shooting, whose starts are variables.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ends = [("start", 0, 0.0), ("finish", 0, 1.0)]
+/// >>> ocp.Phase(ocp.SplineMotion(1, 8, ends), (0.5, 2.0), 40)
+/// <Phase: 0.5 to 2 s, 6 parameters, 40 steps in 1 segment>
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Phase {
     pub(super) phase: shooting::Phase,
