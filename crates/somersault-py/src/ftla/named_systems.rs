@@ -76,6 +76,13 @@ fn limits_text(limits: &[f64]) -> String {
 /// Returns
 /// -------
 /// System
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> ftla.linear_regulator().jacobian([1.0, 0.4])
+/// array([[-1., -1.],
+///        [-1.,  1.]])
 #[pyfunction]
 pub(crate) fn linear_regulator() -> System {
     System::made_from(2, 1, "linear regulator".to_owned(), Origin::LinearRegulator)
@@ -88,6 +95,14 @@ pub(crate) fn linear_regulator() -> System {
 /// Returns
 /// -------
 /// System
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> stable = [1.0, np.sqrt(2) - 1]
+/// >>> round(ftla.cubic_regulator().hamiltonian(stable), 9) + 0.0
+/// 0.0
 #[pyfunction]
 pub(crate) fn cubic_regulator() -> System {
     System::made_from(2, 1, "cubic regulator".to_owned(), Origin::CubicRegulator)
@@ -121,6 +136,13 @@ fn check_limits(limits: &[f64]) -> Result<(), Error> {
 /// Returns
 /// -------
 /// System
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla, multibody
+/// >>> system = ftla.tree(multibody.two_link_arm(), [1.0, 0.5])
+/// >>> system.dimension, system.n_controls
+/// (8, 2)
 #[pyfunction]
 #[pyo3(signature = (model, weights=None, *, torque_limits=None, passive=vec![]))]
 pub(crate) fn tree(

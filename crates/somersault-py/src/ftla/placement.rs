@@ -176,6 +176,15 @@ impl Placement {
     /// -------
     /// PlacementResult
     ///     The placed point, or the best one found; the status says which.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> placed = ftla.Placement((1, 0, 1), [], [2.0, 4.0, 8.0]).place(flow, [1.0, 0.0])
+    /// >>> placed.p.round(6), round(2**0.5 - 1, 6)
+    /// (array([1.      , 0.414214]), 0.414214)
     #[pyo3(signature = (flow, p, direction="forward", *, max_time=None, max_evaluations=None))]
     fn place(
         &self,

@@ -164,6 +164,14 @@ impl Diagnosis {
     /// Returns
     /// -------
     /// ndarray, shape (m,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> diagnosis = ftla.diagnose(flow.spectra([1.0, 0.4], [1.0, 2.0, 4.0]), 40.0)
+    /// >>> diagnosis.schedule().round(2)
+    /// array([0.49, 0.99, 1.48, 1.98, 2.47, 2.83])
     fn schedule<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyAny>, Error> {
         let schedule = Schedule::of_diagnosis(&self.diagnosis)?;
         Ok(PyArray1::from_slice(py, schedule.times()).into_any())

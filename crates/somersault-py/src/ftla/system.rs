@@ -273,6 +273,12 @@ impl System {
     /// Returns
     /// -------
     /// ndarray, shape (dimension,) or (m, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().field([1.0, 0.5])
+    /// array([-1.5, -0.5])
     fn field<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Field, p)
     }
@@ -286,6 +292,13 @@ impl System {
     /// Returns
     /// -------
     /// ndarray, shape (dimension, dimension) or (m, dimension, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.cubic_regulator().jacobian([1.0, 0.5])
+    /// array([[-3., -1.],
+    ///        [ 2.,  3.]])
     fn jacobian<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Jacobian, p)
     }
@@ -299,6 +312,12 @@ impl System {
     /// Returns
     /// -------
     /// float or ndarray, shape (m,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().hamiltonian([[1.0, 0.5], [0.0, 0.0]])
+    /// array([-0.125,  0.   ])
     fn hamiltonian<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Hamiltonian, p)
     }
@@ -312,6 +331,12 @@ impl System {
     /// Returns
     /// -------
     /// ndarray, shape (n_controls,) or (m, n_controls)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().control([1.0, 0.5])
+    /// array([-0.5])
     fn control<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Control, p)
     }
@@ -325,6 +350,12 @@ impl System {
     /// Returns
     /// -------
     /// float or ndarray, shape (m,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().running_cost([1.0, 0.5])
+    /// 0.625
     fn running_cost<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::RunningCost, p)
     }
