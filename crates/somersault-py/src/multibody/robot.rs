@@ -2,7 +2,7 @@
 
 use crate::core::convert::{components, rotation, vector_array};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::multibody::model::Model;
 use crate::multibody::urdf::options;
 use pyo3::prelude::*;
@@ -99,6 +99,19 @@ impl Robot {
     /// ------
     /// ReadError
     ///     If the document is not a tree of bodies; the message names the element and its line.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.multibody import Robot
+    /// >>> robot = Robot.from_urdf('''<robot name="door">
+    /// ...   <link name="frame"/>
+    /// ...   <joint name="hinge" type="revolute"><parent link="frame"/><child link="leaf"/>
+    /// ...     <axis xyz="0 0 1"/><limit lower="0" upper="1.6" effort="10" velocity="1"/></joint>
+    /// ...   <link name="leaf"><inertial><mass value="20"/>
+    /// ...     <inertia ixx="6" ixy="0" ixz="0" iyy="7" iyz="0" izz="1"/></inertial></link>
+    /// ... </robot>''')
+    /// >>> robot.name, robot.model.names, robot.repairs
+    /// ('door', ['frame', 'leaf'], ())
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
     fn from_urdf(
@@ -131,6 +144,15 @@ impl Robot {
     ///     If the document is not a tree of bodies.
     /// OSError
     ///     If the file cannot be read.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> from somersault import multibody
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "arm.urdf"
+    /// >>> _ = path.write_text(multibody.two_link_arm().to_urdf("arm"))
+    /// >>> multibody.Robot.read_urdf(path)
+    /// <Robot 'arm': 3 bodies, 0 repairs>
     #[staticmethod]
     #[pyo3(signature = (path, *, base="fixed", gravity=None))]
     fn read_urdf(
@@ -145,7 +167,7 @@ impl Robot {
 
     fn __repr__(&self) -> String {
         let (n_bodies, n_repairs) = (self.model.get().model.n_bodies(), self.repairs.len());
-        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", self.name)
+        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", brief(&self.name, 40))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

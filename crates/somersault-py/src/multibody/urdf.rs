@@ -52,6 +52,13 @@ impl Model {
     /// ------
     /// ReadError
     ///     If the document is not a tree of bodies that can be; the message names the element and its line.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> text = multibody.two_link_arm().to_urdf("arm")
+    /// >>> multibody.Model.from_urdf(text, base="free")
+    /// <Model: 3 bodies from 'world', 8 degrees of freedom, 1 kg>
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
     fn from_urdf(text: &str, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -79,6 +86,15 @@ impl Model {
     ///     If the document is not a tree of bodies.
     /// OSError
     ///     If the file cannot be read.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> from somersault import multibody
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "cart.urdf"
+    /// >>> _ = path.write_text(multibody.cart_pendulum().to_urdf())
+    /// >>> multibody.Model.read_urdf(path).names
+    /// ['world', 'cart', 'pendulum']
     #[staticmethod]
     #[pyo3(signature = (path, *, base="fixed", gravity=None))]
     fn read_urdf(path: PathBuf, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -101,6 +117,13 @@ impl Model {
     /// ------
     /// WriteError
     ///     If the tree has spherical joints, which URDF lacks.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> text = multibody.two_link_arm().to_urdf("arm")
+    /// >>> [line.strip() for line in text.splitlines() if "<joint" in line]
+    /// ['<joint name="upper" type="continuous">', '<joint name="lower" type="continuous">']
     #[pyo3(signature = (name="robot"))]
     fn to_urdf(&self, name: &str) -> Result<String, Error> {
         Ok(urdf::write(&self.model, name)?)

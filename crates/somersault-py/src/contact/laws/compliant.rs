@@ -60,6 +60,12 @@ impl CompliantLaw {
     ///     Natural frequency ωₙ, rad/s.
     /// damping_ratio : float
     ///     ζ ≥ 0.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.contact import CompliantLaw
+    /// >>> CompliantLaw.from_frequency(2.0, 100.0, 0.1)
+    /// CompliantLaw(20000.0, damping=40.0)
     #[staticmethod]
     fn from_frequency(mass: f64, frequency: f64, damping_ratio: f64) -> Result<Self, Error> {
         Ok(Self(compliant::CompliantLaw::from_frequency(mass, frequency, damping_ratio)?))
@@ -75,6 +81,13 @@ impl CompliantLaw {
     ///     k, N/m.
     /// restitution : float
     ///     0 < e ≤ 1.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.contact import CompliantLaw
+    /// >>> law = CompliantLaw.from_restitution(1.0, 1e4, 0.5)
+    /// >>> round(law.damping, 2)
+    /// 51.06
     #[staticmethod]
     fn from_restitution(effective_mass: f64, stiffness: f64, restitution: f64) -> Result<Self, Error> {
         Ok(Self(compliant::CompliantLaw::from_restitution(effective_mass, stiffness, restitution)?))
@@ -90,6 +103,12 @@ impl CompliantLaw {
     /// Returns
     /// -------
     /// float
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.contact import CompliantLaw
+    /// >>> round(CompliantLaw(1e4, damping=40.0).restitution(1.0), 4)
+    /// 0.5717
     fn restitution(&self, effective_mass: f64) -> Result<f64, Error> {
         Ok(self.0.restitution(effective_mass)?)
     }
@@ -99,7 +118,7 @@ impl CompliantLaw {
     }
 }
 
-normal_law_class!(CompliantLaw = "compliant": compliant::CompliantLaw);
+normal_law_class!(CompliantLaw = "compliant": compliant::CompliantLaw, "100.0", "0.5");
 
 /// Coefficient of restitution at a damping ratio ζ ≥ 0, where contact ends as the force returns to zero.
 ///
@@ -113,6 +132,12 @@ normal_law_class!(CompliantLaw = "compliant": compliant::CompliantLaw);
 /// Returns
 /// -------
 /// float
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> [round(contact.restitution(zeta), 3) for zeta in (0.0, 0.2, 1.0)]
+/// [1.0, 0.572, 0.135]
 #[pyfunction]
 pub(crate) fn restitution(damping_ratio: f64) -> Result<f64, Error> {
     Ok(compliant::restitution(damping_ratio)?)
@@ -128,6 +153,12 @@ pub(crate) fn restitution(damping_ratio: f64) -> Result<f64, Error> {
 /// Returns
 /// -------
 /// float
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> round(contact.damping_ratio(0.5), 4)
+/// 0.2553
 #[pyfunction]
 pub(crate) fn damping_ratio(restitution: f64) -> Result<f64, Error> {
     Ok(compliant::damping_ratio(restitution)?)

@@ -23,6 +23,13 @@ use somersault::contact::laws::{NormalLaw, hunt_crossley};
 /// ------
 /// InputError
 ///     If a constant is not one that the law can have.
+///
+/// Examples
+/// --------
+/// >>> from somersault.contact import HuntCrossley
+/// >>> law = HuntCrossley(1e6, damping=0.2)
+/// >>> round(law.force(-1e-3, 0.0), 3), round(law.restitution(1.0), 3)
+/// (31.623, 0.833)
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct HuntCrossley(hunt_crossley::HuntCrossley);
@@ -54,6 +61,15 @@ impl HuntCrossley {
     ///     R, m: 1/R = 1/R₁ + 1/R₂ for two spheres, the radius of a sphere on a plane.
     /// damping : float, optional
     ///     α, s/m.
+    ///
+    /// Examples
+    /// --------
+    /// A steel ball of 10 mm on a steel plate:
+    ///
+    /// >>> from somersault.contact import HuntCrossley
+    /// >>> law = HuntCrossley.from_materials((210e9, 210e9), (0.3, 0.3), 0.01)
+    /// >>> f"{law.stiffness:.3e}"
+    /// '1.538e+10'
     #[staticmethod]
     #[pyo3(signature = (young_moduli, poisson_ratios, effective_radius, damping=0.0))]
     fn from_materials(
@@ -77,6 +93,13 @@ impl HuntCrossley {
     ///     0 < e ≤ 1.
     /// speed : float
     ///     Speed of the impact, m/s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.contact import HuntCrossley
+    /// >>> law = HuntCrossley.from_restitution(1e6, 0.8, 2.0)
+    /// >>> round(law.restitution(2.0), 6)
+    /// 0.8
     #[staticmethod]
     fn from_restitution(stiffness: f64, restitution: f64, speed: f64) -> Result<Self, Error> {
         Ok(Self(hunt_crossley::HuntCrossley::from_restitution(stiffness, restitution, speed)?))
@@ -92,6 +115,15 @@ impl HuntCrossley {
     /// Returns
     /// -------
     /// float
+    ///
+    /// Examples
+    /// --------
+    /// The faster the impact, the more it loses:
+    ///
+    /// >>> from somersault.contact import HuntCrossley
+    /// >>> law = HuntCrossley(1e6, damping=0.2)
+    /// >>> [round(law.restitution(speed), 3) for speed in (0.01, 0.1, 1.0)]
+    /// [0.998, 0.98, 0.833]
     fn restitution(&self, speed: f64) -> Result<f64, Error> {
         Ok(self.0.restitution(speed)?)
     }
@@ -101,4 +133,4 @@ impl HuntCrossley {
     }
 }
 
-normal_law_class!(HuntCrossley = "hunt_crossley": hunt_crossley::HuntCrossley);
+normal_law_class!(HuntCrossley = "hunt_crossley": hunt_crossley::HuntCrossley, "10.0", "0.04");

@@ -14,6 +14,19 @@ use somersault::contact::laws::regularised;
 ///     μ ≥ 0.
 /// speed : float
 ///     v_ε > 0, m/s, over which the force builds up.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> friction = contact.RegularisedFriction(0.3, speed=1e-3)
+/// >>> slider = contact.Contact((0, 0, 0), contact.HalfSpace(), contact.CompliantLaw(1e4, 100.0), friction=friction)
+/// >>> start = somersault.State((0, 0, -9.81e-4), velocity=(1.0, 0, 0))
+/// >>> motion = somersault.integrate(
+/// ...     somersault.RigidBody.sphere(1.0, 0.1), start, (0.0, 0.2), dt=1e-3,
+/// ...     forces=somersault.forces.Gravity(), contacts=slider)
+/// >>> round(float(motion.velocity[-1, 0]), 4), round(1.0 - 0.3 * 9.81 * 0.2, 4)
+/// (0.4114, 0.4114)
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct RegularisedFriction(regularised::RegularisedFriction);
