@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint studies docs pictures public-names features deny bench bench-peers fuzz mutate wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures notebooks public-names features deny bench bench-peers fuzz mutate wheel package clean
 
 # This list.
 help:
@@ -57,6 +57,10 @@ docs: $(VENV)/.extension
 pictures: $(VENV)/.extension
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/crate_graph.py
+
+# The notebooks, run again with their outputs stored in them.
+notebooks: $(VENV)/.extension
+	$(BIN)/python docs/notebooks.py
 
 # Tests hold both against what there is, and so show what a change adds or removes.
 # The lists of public names, and the parts of stubs that follow from the extension, written anew.

@@ -1,4 +1,4 @@
-"""Calls of what has no example of its own, for `mutated_calls`."""
+"""More calls than the examples have, with arguments that those leave out, for `mutated_calls`."""
 
 import io
 import json

@@ -2,7 +2,7 @@
 
 use crate::core::convert::{components, rotation, vector_array};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::multibody::model::Model;
 use crate::multibody::source::{PickledSource, Source};
 use pyo3::prelude::*;
@@ -107,6 +107,19 @@ impl Robot {
     /// ------
     /// ReadError
     ///     If the document is not a tree of bodies; the message names the element and its line.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.multibody import Robot
+    /// >>> robot = Robot.from_urdf('''<robot name="door">
+    /// ...   <link name="frame"/>
+    /// ...   <joint name="hinge" type="revolute"><parent link="frame"/><child link="leaf"/>
+    /// ...     <axis xyz="0 0 1"/><limit lower="0" upper="1.6" effort="10" velocity="1"/></joint>
+    /// ...   <link name="leaf"><inertial><mass value="20"/>
+    /// ...     <inertia ixx="6" ixy="0" ixz="0" iyy="7" iyz="0" izz="1"/></inertial></link>
+    /// ... </robot>''')
+    /// >>> robot.name, robot.model.names, robot.repairs
+    /// ('door', ['frame', 'leaf'], ())
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
     fn from_urdf(
@@ -139,6 +152,15 @@ impl Robot {
     ///     If the document is not a tree of bodies.
     /// OSError
     ///     If the file cannot be read.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> from somersault import multibody
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "arm.urdf"
+    /// >>> _ = path.write_text(multibody.two_link_arm().to_urdf("arm"))
+    /// >>> multibody.Robot.read_urdf(path)
+    /// <Robot 'arm': 3 bodies, 0 repairs>
     #[staticmethod]
     #[pyo3(signature = (path, *, base="fixed", gravity=None))]
     fn read_urdf(
@@ -209,6 +231,18 @@ impl Robot {
     ///     If the document is not a tree of rigid bodies, or a file that it includes cannot be read.
     /// OSError
     ///     If the file cannot be read.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> from somersault import multibody
+    /// >>> folder = pathlib.Path(tempfile.mkdtemp())
+    /// >>> _ = (folder / "leg.xml").write_text('''<mujoco><body name="leg">
+    /// ...   <joint name="hip" axis="0 1 0"/><geom size="0.1" mass="2"/></body></mujoco>''')
+    /// >>> _ = (folder / "robot.xml").write_text('''<mujoco model="robot"><worldbody>
+    /// ...   <include file="leg.xml"/></worldbody></mujoco>''')
+    /// >>> multibody.Robot.read_mjcf(folder / "robot.xml")
+    /// <Robot 'robot': 1 bodies, 0 repairs>
     #[staticmethod]
     #[pyo3(signature = (path, *, gravity=None))]
     fn read_mjcf(py: Python<'_>, path: PathBuf, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -217,7 +251,7 @@ impl Robot {
 
     fn __repr__(&self) -> String {
         let (n_bodies, n_repairs) = (self.model.get().model.n_bodies(), self.repairs.len());
-        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", self.name)
+        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", brief(&self.name, 40))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

@@ -129,6 +129,13 @@ impl Model {
     /// ------
     /// ReadError
     ///     If the document is not a tree of bodies that can be; the message names the element and its line.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> text = multibody.two_link_arm().to_urdf("arm")
+    /// >>> multibody.Model.from_urdf(text, base="free")
+    /// <Model: 3 bodies from 'world', 8 degrees of freedom, 1 kg>
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
     fn from_urdf(text: String, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -156,6 +163,15 @@ impl Model {
     ///     If the document is not a tree of bodies.
     /// OSError
     ///     If the file cannot be read.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> from somersault import multibody
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "cart.urdf"
+    /// >>> _ = path.write_text(multibody.cart_pendulum().to_urdf())
+    /// >>> multibody.Model.read_urdf(path).names
+    /// ['world', 'cart', 'pendulum']
     #[staticmethod]
     #[pyo3(signature = (path, *, base="fixed", gravity=None))]
     fn read_urdf(path: PathBuf, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -182,6 +198,14 @@ impl Model {
     /// ------
     /// ReadError
     ///     If the document is not a tree of rigid bodies that can be; the message names the element and its line.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> ball = multibody.Model.from_mjcf('''<mujoco><worldbody><body name="ball">
+    /// ...   <freejoint/><geom size="0.1" mass="2"/></body></worldbody></mujoco>''')
+    /// >>> ball
+    /// <Model: 1 bodies from 'ball', 6 degrees of freedom, 2 kg>
     #[staticmethod]
     #[pyo3(signature = (text, *, gravity=None))]
     fn from_mjcf(text: String, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -208,6 +232,16 @@ impl Model {
     ///     If the document is not a tree of rigid bodies, or a file that it includes cannot be read.
     /// OSError
     ///     If the file cannot be read.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> from somersault import multibody
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "rod.xml"
+    /// >>> _ = path.write_text('''<mujoco><worldbody><body name="rod">
+    /// ...   <joint axis="0 1 0"/><geom size="0.1" pos="0 0 -1" mass="2"/></body></worldbody></mujoco>''')
+    /// >>> multibody.Model.read_mjcf(path).mass_matrix([0.0])
+    /// array([[2.008]])
     #[staticmethod]
     #[pyo3(signature = (path, *, gravity=None))]
     fn read_mjcf(path: PathBuf, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
@@ -230,6 +264,13 @@ impl Model {
     /// ------
     /// WriteError
     ///     If the tree has spherical joints, which URDF lacks.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> text = multibody.two_link_arm().to_urdf("arm")
+    /// >>> [line.strip() for line in text.splitlines() if "<joint" in line]
+    /// ['<joint name="upper" type="continuous">', '<joint name="lower" type="continuous">']
     #[pyo3(signature = (name="robot"))]
     fn to_urdf(&self, name: &str) -> Result<String, Error> {
         Ok(urdf::write(&self.model, name)?)
