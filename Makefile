@@ -79,7 +79,7 @@ bench:
 
 # The facade with each of its features alone, and with none.
 features:
-	for feature in "" contact dives ftla motion multibody nlp ocp rayon serde storage urdf; do \
+	for feature in "" contact dives ftla motion multibody nlp ocp rayon robots serde storage; do \
 		cargo check --package somersault --no-default-features --features "$$feature" || exit 1; done
 
 # The same problems solved by other packages, side by side.
@@ -88,8 +88,9 @@ bench-peers: $(VENV)/.peers
 
 # Hostile files for the readers, ten minutes for each format; needs nightly and cargo-fuzz.
 fuzz:
-	mkdir -p out/corpus/urdf out/corpus/judged out/corpus/recording
+	mkdir -p out/corpus/urdf out/corpus/mjcf out/corpus/judged out/corpus/recording
 	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
+	cargo +nightly fuzz run mjcf out/corpus/mjcf fuzz/corpus/mjcf -- -dict=fuzz/mjcf.dict -max_total_time=600 -max_len=4096
 	cargo +nightly fuzz run judged out/corpus/judged fuzz/corpus/judged -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024
 	cargo +nightly fuzz run recording out/corpus/recording fuzz/corpus/recording -- -max_total_time=3000 -max_len=4096 \
 		-rss_limit_mb=1024

@@ -29,7 +29,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`), or have a name in the
+//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`, `mjcf`), or have a name in the
 //! literature ([`models`]).
 //! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
 //! short way for a tree in the air whose joints move as prescribed. [`joint_motion`] has motions of joints with
@@ -60,14 +60,16 @@ pub mod joint_motion;
 mod kinematics;
 mod link;
 mod mimic;
+#[cfg(feature = "robots")]
+pub mod mjcf;
 mod model;
 pub mod models;
 pub mod motion;
 mod rnea;
-#[cfg(feature = "urdf")]
+#[cfg(feature = "robots")]
 pub mod robot;
 mod spatial;
-#[cfg(feature = "urdf")]
+#[cfg(feature = "robots")]
 pub mod urdf;
 
 pub use articulated::Split;

@@ -23,7 +23,7 @@
 //! |---|---|
 //! | `rayon` | batches of bodies, studies of energy and stability, on all processors |
 //! | `multibody` | trees of bodies |
-//! | `urdf` | reading and writing trees in URDF, with `multibody` |
+//! | `robots` | robots from URDF and MJCF, and URDF written, with `multibody` |
 //! | `contact` | compliant contact with located events |
 //! | `nlp` | nonlinear programs and their solvers |
 //! | `ocp` | optimal motions; brings `multibody` and `nlp` |
