@@ -37,6 +37,11 @@ def on_page_content(html: str, **_: Any) -> str:
     return _DASH.sub("\n", _FORMULA.sub(formula, html))
 
 
+def on_post_page(output: str, **_: Any) -> str:
+    """Leaves the link to the repository, and takes out that a script asks its host for figures."""
+    return output.replace('data-md-component="source"', "")
+
+
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Puts in what is computed: a line `<!-- insert: name -->` of its own."""
     return _INSERT.sub(lambda match: _inserts(match[1]), markdown)

@@ -21,7 +21,10 @@ from somersault.cli import main
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "python/README.md")),
+    *sorted(DOCS.rglob("*.md")),
+]
 NOTEBOOKS = sorted((ROOT / "python" / "notebooks").glob("*.ipynb"))
 
 _BLOCK = re.compile(r"^```(?: \{ \.)?(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -197,7 +200,7 @@ def test_commands_that_pages_name_are_there() -> None:
     benches = (ROOT / "benches" / "Cargo.toml").read_text("utf-8")
     tests = (ROOT / "tests" / "Cargo.toml").read_text("utf-8")
     count = 0
-    for page in [*PAGES, *ROOT.glob("*.md")]:
+    for page in [*PAGES, *ROOT.glob("*.md"), ROOT / "paper" / "paper.md"]:
         text = page.read_text("utf-8")
         for crate, example in re.findall(r"-p ([\w-]+) --example (\w+)", text):
             assert (ROOT / "crates" / crate / "examples" / f"{example}.rs").is_file(), (page, example)
