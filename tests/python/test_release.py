@@ -237,6 +237,23 @@ def test_workflows_run_what_is_there() -> None:
     assert count >= 10
 
 
+@pytest.mark.parametrize(
+    ("schema", "pattern"),
+    [
+        ("vendor.github-workflows", ".github/workflows/*.yml"),
+        ("vendor.github-issue-forms", ".github/ISSUE_TEMPLATE/*_*.yml"),
+        ("vendor.github-issue-config", ".github/ISSUE_TEMPLATE/config.yml"),
+        ("vendor.dependabot", ".github/dependabot.yml"),
+    ],
+)
+def test_workflows_and_forms_are_what_their_reader_takes(schema: str, pattern: str) -> None:
+    pytest.importorskip("check_jsonschema", reason="check-jsonschema is not installed")
+    files = [str(path) for path in ROOT.glob(pattern)]
+    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *files]
+    checked = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert files and checked.returncode == 0, checked.stdout
+
+
 def test_workflows_pin_their_actions_and_take_no_right_by_default() -> None:
     assert {path.name for path in WORKFLOWS} == {"checks.yml", "publish.yml", "wheels.yml"}
     for path in WORKFLOWS:
