@@ -50,7 +50,7 @@ docs: $(VENV)/.extension
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	rm -rf out/book/rust
 	cp -R $(or $(CARGO_TARGET_DIR),target)/doc out/book/rust
-	$(BIN)/python docs/rust_formulas.py out/book/rust
+	$(BIN)/python docs/formulas.py out/book/rust
 	$(BIN)/python docs/check_links.py out/book
 
 # The pictures of the README and the book.

@@ -1,6 +1,6 @@
 """What is published: metadata agree, packages have their files, workflows run what is there."""
 
-import importlib.util
+import importlib
 import os
 import re
 import subprocess
@@ -85,10 +85,7 @@ def test_docs_rs_draws_the_formulas_of_every_crate(crate: Path) -> None:
 
 def test_the_formulas_of_the_crates_become_mathml_in_the_book() -> None:
     pytest.importorskip("latex2mathml", reason="the extra `docs` is not installed")
-    spec = importlib.util.spec_from_file_location("rust_formulas", ROOT / "docs" / "rust_formulas.py")
-    assert spec is not None and spec.loader is not None
-    formulas = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(formulas)
+    formulas = importlib.import_module("formulas")
     count = 0
     for path in (ROOT / "crates").rglob("src/**/*.rs"):
         for block in re.findall(r"//! ```math\n((?://!.*\n)+?)//! ```", path.read_text("utf-8")):
@@ -96,7 +93,7 @@ def test_the_formulas_of_the_crates_become_mathml_in_the_book() -> None:
                 re.sub(r"^//! ?", "", block, flags=re.MULTILINE).replace("&", "&amp;").replace("<", "&lt;")
             )
             page = f'<div><pre class="language-math"><code>{latex}</code></pre></div>'
-            drawn = formulas.drawn(page)
+            drawn = formulas.with_mathml(page)
             assert drawn.startswith("<div><math") and "\\" not in drawn, path
             count += 1
     assert count >= 9
