@@ -83,5 +83,8 @@ if __name__ == "__main__":
     parser.add_argument("--book", help="where the book is, if not at the pages of the owner")
     given = parser.parse_args()
     repository = given.repository.rstrip("/").removesuffix(".git")
-    new = Address(repository, given.book.rstrip("/")) if given.book else Address.of(repository)
+    try:
+        new = Address(repository, given.book.rstrip("/")) if given.book else Address.of(repository)
+    except ValueError as fault:
+        parser.error(str(fault))
     print("\n".join(move(Address.now(), new)))

@@ -89,7 +89,9 @@ if __name__ == "__main__":
     given = parser.parse_args()
     if (given.version is None) == (given.check is None):
         parser.error("give a version to write or a tag to check")
-    if given.version:
-        write(given.version, given.date)
-    else:
+    if given.check:
         sys.exit("\n".join(faults(given.check)) or None)
+    try:
+        write(given.version, given.date)
+    except ValueError as fault:
+        parser.error(str(fault))
