@@ -28,7 +28,7 @@ DIVE = ocp.dive_107b(n_steps=60)
 POSTURES = np.array([DIVER.configuration(name) for name in DIVER.postures])
 
 N_THREADS = 8
-N_ROUNDS = 6
+N_ROUNDS = 20
 
 
 def at_once(work: Callable[[int], Any]) -> list[Any]:
