@@ -18,8 +18,10 @@ help:
 tour: $(VENV)/.extension $(VENV)/.tour
 	$(BIN)/python -m tour
 
-# Everything that must pass.
-test: lint test-rust test-python
+# Everything that must pass. What waits for the network or for one core leaves the other to the compiler.
+test:
+	$(MAKE) --jobs 2 lint test-rust
+	$(MAKE) test-python
 
 # Formatting, lints and types. The quick part of `test`.
 lint: $(VENV)/.extension-dev
