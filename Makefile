@@ -6,7 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint studies docs pictures notebooks public-names features deny bench bench-peers fuzz mutate wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures notebooks public-names features deny bench bench-peers fuzz \
+	mutate wheel package licences clean
 
 # This list.
 help:
@@ -26,7 +27,7 @@ test:
 lint: $(VENV)/.extension-dev
 	cargo fmt --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	$(BIN)/ruff check docs python tour tests/python benches/peers
+	$(BIN)/ruff check docs python release tour tests/python benches/peers
 	$(BIN)/mypy
 
 # Benchmarks hold none, and without them the tests and the extension share one build of what they depend on; examples hold
@@ -51,6 +52,7 @@ docs: $(VENV)/.extension
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	rm -rf out/book/rust
 	cp -R $(or $(CARGO_TARGET_DIR),target)/doc out/book/rust
+	$(BIN)/python docs/formulas.py out/book/rust
 	$(BIN)/python docs/check_links.py out/book
 
 # The pictures of the README and the book.
@@ -109,6 +111,10 @@ wheel: $(VENV)/.tools
 package:
 	cargo package --workspace --exclude somersault-benches --exclude somersault-py --exclude somersault-testkit \
 		--exclude somersault-tests
+
+# The licence texts of what the wheel links, LICENSE-THIRD-PARTY, written again after a change of dependencies.
+licences:
+	$(PYTHON) release/licences.py
 
 # Removes what was built.
 clean:

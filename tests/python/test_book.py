@@ -21,7 +21,10 @@ from somersault.cli import main
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "python/README.md")),
+    *sorted(DOCS.rglob("*.md")),
+]
 NOTEBOOKS = sorted((ROOT / "python" / "notebooks").glob("*.ipynb"))
 
 _BLOCK = re.compile(r"^```(?: \{ \.)?(\w*)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -216,7 +219,7 @@ def test_commands_that_pages_name_are_there() -> None:
     benches = (ROOT / "benches" / "Cargo.toml").read_text("utf-8")
     tests = (ROOT / "tests" / "Cargo.toml").read_text("utf-8")
     count = 0
-    for page in [*PAGES, *ROOT.glob("*.md")]:
+    for page in [*PAGES, *ROOT.glob("*.md"), ROOT / "paper" / "paper.md"]:
         text = page.read_text("utf-8")
         for crate, example in re.findall(r"-p ([\w-]+) --example (\w+)", text):
             assert (ROOT / "crates" / crate / "examples" / f"{example}.rs").is_file(), (page, example)
@@ -258,32 +261,3 @@ def test_pictures_are_small() -> None:
     for path in (DOCS / "images").iterdir():
         allowed = 800_000 if path.suffix == ".webp" else 150_000  # films, and still pictures
         assert path.stat().st_size < allowed, path.name
-
-
-@pytest.mark.parametrize(
-    ("schema", "pattern"),
-    [
-        ("vendor.github-workflows", ".github/workflows/*.yml"),
-        ("vendor.github-issue-forms", ".github/ISSUE_TEMPLATE/*_*.yml"),
-        ("vendor.github-issue-config", ".github/ISSUE_TEMPLATE/config.yml"),
-        ("vendor.dependabot", ".github/dependabot.yml"),
-    ],
-)
-def test_workflows_and_forms_are_what_their_reader_takes(schema: str, pattern: str) -> None:
-    pytest.importorskip("check_jsonschema", reason="check-jsonschema is not installed")
-    files = [str(path) for path in ROOT.glob(pattern)]
-    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", schema, *files]
-    checked = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert files and checked.returncode == 0, checked.stdout
-
-
-def test_workflows_pin_their_actions_to_commits() -> None:
-    used = [
-        line.partition("uses: ")[2]
-        for path in (ROOT / ".github" / "workflows").glob("*.yml")
-        for line in path.read_text("utf-8").splitlines()
-        if "uses: " in line
-    ]
-    assert used
-    for action in used:
-        assert re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action), action

@@ -1,5 +1,12 @@
-//! Dynamics of articulated rigid bodies.
+#![doc = include_str!("../README.md")]
 //!
+//! # How it works
+//!
+//! The equations of motion of a tree under joint forces τ and external wrenches are
+//!
+//! ```math
+//! M(q)\, a + h(q, v) = \tau + \sum_i J_i(q)^T f_i
+//! ```
 //! A [`Model`] is a tree of bodies, immutable; a [`Data`] is the workspace in which the algorithms
 //! leave their results. They cost O(n) or O(n × depth), the partials of forward dynamics O(n² × depth); they
 //! allocate nothing and are generic over the scalar, so that dual numbers go through them.
@@ -17,17 +24,6 @@
 //! Body velocities and wrenches are in body axes at the body's origin, which is the origin of its
 //! joint frame. SI units; angles in rad. Quaternions are stored x, y, z, w and must be of unit norm
 //! ([`Model::normalize`]).
-//!
-//! ```
-//! use somersault_multibody::{Data, models::CartPendulum};
-//!
-//! let model = CartPendulum::default().model()?;
-//! let mut data = Data::new(&model);
-//! // The pole at 0.1 rad from the upright, at rest, no force on the cart: it falls.
-//! let a = model.forward_dynamics(&mut data, &[0.0, 0.1], &[0.0, 0.0], &[0.0, 0.0], &[])?;
-//! assert!(a[1] > 0.0);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 //!
 //! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`, `mjcf`), or have a name in the
 //! literature ([`models`]).

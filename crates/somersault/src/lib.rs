@@ -1,18 +1,4 @@
-//! Simulate and optimise rigid and articulated bodies: Lie group integrators, contact events, multibody dynamics and
-//! trajectory optimisation.
-//!
-//! ```
-//! use somersault::prelude::*;
-//!
-//! // A box that tumbles freely for ten seconds.
-//! let body = RigidBody::try_box(1.0, Vector3::new(0.2, 0.4, 0.6))?;
-//! let system = RigidBodySystem::free(body);
-//! let start = RigidBodyState::spinning(Vector3::new(1.0, 2.0, 3.0));
-//! let grid = TimeGrid::try_new(0.0, 10.0, 0.01)?;
-//! let end = Run::new(&system, Method::Rkmk, grid).from(&start)?;
-//! assert_eq!(end.t, 10.0);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+#![doc = include_str!("../README.md")]
 //!
 //! # Features
 //!
